@@ -1,0 +1,20 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The three macros of the library and nothing else. No macro selects a feature: behaviour is chosen by types.
+#pragma once
+
+#include <cassert>
+
+#if defined(__FAST_MATH__)
+#error "compmark needs IEEE arithmetic (NaN tests, exact rounding): build without -ffast-math; -fno-math-errno -fno-trapping-math are fine"
+#endif
+
+/// Programmer errors only (a wrong shape, an index out of range). Data errors come back as Result or in a report.
+/// An embedding program may define it before the first include, for instance to throw.
+#ifndef COMPMARK_ASSERT
+#define COMPMARK_ASSERT(condition, message) assert((condition) && (message))
+#endif
+
+/// Kernels are written once as small functions and must be inlined into one loop to be fast.
+#define COMPMARK_INLINE inline __attribute__((always_inline))

@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Everything that trains lives in one arena: named blocks [rows, columns] of values and, in the same layout, their gradients.
+// Anchor blocks share one row count and are edited together (keep some rows, append others); network blocks keep their shape.
+// Handles survive row edits. Optimiser moments use the same ArenaLayout and the same move_rows, so they cannot fall out of step.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/config.hpp"
+#include "compmark/core/views.hpp"
+
+namespace compmark::inline v0 {
+
+/// Whether a block's rows are anchors (edited by growing and pruning) or fixed (a network's weights).
+enum class RowKind : std::uint8_t { anchor, fixed };
+
+/// Stable name of a block inside its arena.
+struct BlockHandle {
+  std::size_t index = static_cast<std::size_t>(-1);
+  [[nodiscard]] bool valid() const { return index != static_cast<std::size_t>(-1); }
+};
+
+/// Keep rows kept[0] < kept[1] < … of the old table, in that order, then append `appended` rows (zero until somebody writes them).
+struct RowEdit {
+  std::span<const std::uint32_t> kept;
+  std::size_t appended = 0;
+  [[nodiscard]] std::size_t rows() const { return kept.size() + appended; }
+};
+
+/// Shapes and offsets of the blocks, without memory: shared by values, gradients and moments.
+class ArenaLayout {
+ public:
+  struct Block {
+    std::string name;
+    std::size_t rows = 0;
+    std::size_t columns = 0;
+    RowKind kind = RowKind::fixed;
+    std::size_t offset = 0;  ///< in scalars, a multiple of 16 (64 bytes of float)
+    [[nodiscard]] std::size_t size() const { return rows * columns; }
+  };
+
+  BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind) {
+    COMPMARK_ASSERT(!find(name).valid(), "ArenaLayout: two blocks of one name");
+    blocks_.push_back({std::string(name), rows, columns, kind, 0});
+    place();
+    return {blocks_.size() - 1};
+  }
+  void set_anchor_rows(std::size_t rows) {
+    for (Block& block : blocks_) {
+      if (block.kind == RowKind::anchor) block.rows = rows;
+    }
+    place();
+  }
+
+  [[nodiscard]] const Block& block(BlockHandle handle) const { return blocks_[handle.index]; }
+  [[nodiscard]] std::span<const Block> blocks() const { return blocks_; }
+  [[nodiscard]] std::size_t size() const { return size_; }  ///< scalars, padding between blocks included
+  [[nodiscard]] BlockHandle find(std::string_view name) const {
+    for (std::size_t i = 0; i < blocks_.size(); ++i) {
+      if (blocks_[i].name == name) return {i};
+    }
+    return {};
+  }
+
+ private:
+  void place() {
+    size_ = 0;
+    for (Block& block : blocks_) {
+      block.offset = size_;
+      size_ += (block.size() + 15) / 16 * 16;
+    }
+  }
+  std::vector<Block> blocks_;
+  std::size_t size_ = 0;
+};
+
+/// Moves every block of `from` (old layout) into `to` (new layout) under one edit; appended rows and padding become zero.
+template <class T>
+void move_rows(const ArenaLayout& old_layout, const ArenaLayout& new_layout, const RowEdit& edit, std::span<const T> from, std::span<T> to) {
+  std::fill(to.begin(), to.end(), T{});
+  for (std::size_t b = 0; b < old_layout.blocks().size(); ++b) {
+    const ArenaLayout::Block& old_block = old_layout.blocks()[b];
+    const ArenaLayout::Block& new_block = new_layout.blocks()[b];
+    const T* source = from.data() + old_block.offset;
+    T* target = to.data() + new_block.offset;
+    if (old_block.kind == RowKind::fixed) {
+      std::copy_n(source, old_block.size(), target);
+      continue;
+    }
+    for (std::size_t row = 0; row < edit.kept.size(); ++row) {
+      std::copy_n(source + edit.kept[row] * old_block.columns, old_block.columns, target + row * old_block.columns);
+    }
+  }
+}
+
+/// Values and gradients of all blocks. Add all blocks first; spans stay valid until the next add or edit_rows.
+template <class T>
+class ParameterArena {
+ public:
+  BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind) {
+    const ArenaLayout old_layout = layout_;
+    const BlockHandle handle = layout_.add(name, rows, columns, kind);
+    Buffer<T> grown(layout_.size());
+    std::fill(grown.begin(), grown.end(), T{});
+    for (const ArenaLayout::Block& block : old_layout.blocks()) {
+      std::copy_n(values_.data() + block.offset, block.size(), grown.data() + layout_.block(layout_.find(block.name)).offset);
+    }
+    values_ = std::move(grown);
+    gradients_.resize(layout_.size(), T{});
+    return handle;
+  }
+
+  [[nodiscard]] const ArenaLayout& layout() const { return layout_; }
+  [[nodiscard]] MatrixView<T> values(BlockHandle handle) { return view(values_.data(), handle); }
+  [[nodiscard]] MatrixView<const T> values(BlockHandle handle) const { return view(values_.data(), handle); }
+  [[nodiscard]] MatrixView<T> gradients(BlockHandle handle) { return view(gradients_.data(), handle); }
+  [[nodiscard]] MatrixView<const T> gradients(BlockHandle handle) const { return view(gradients_.data(), handle); }
+  [[nodiscard]] std::span<T> all_values() { return values_.span(); }
+  [[nodiscard]] std::span<const T> all_values() const { return values_.span(); }
+  [[nodiscard]] std::span<T> all_gradients() { return gradients_.span(); }
+  [[nodiscard]] std::span<const T> all_gradients() const { return gradients_.span(); }
+  [[nodiscard]] std::size_t memory_bytes() const {
+    return values_.capacity_bytes() + gradients_.capacity_bytes() + spare_.capacity_bytes();
+  }
+
+  /// Row edit of all anchor blocks; gradients become zero (as in the published training loop). Cost: one copy of the arena.
+  void edit_rows(const RowEdit& edit) {
+    const ArenaLayout old_layout = layout_;
+    layout_.set_anchor_rows(edit.rows());
+    spare_.resize(layout_.size());
+    move_rows<T>(old_layout, layout_, edit, values_.span(), spare_.span());
+    std::swap(values_, spare_);
+    gradients_.resize(layout_.size(), T{});
+  }
+
+ private:
+  template <class U>
+  [[nodiscard]] MatrixView<U> view(U* base, BlockHandle handle) const {
+    const ArenaLayout::Block& block = layout_.block(handle);
+    return {base + block.offset, block.rows, block.columns};
+  }
+  ArenaLayout layout_;
+  Buffer<T> values_;
+  Buffer<T> gradients_;
+  Buffer<T> spare_;
+};
+
+}  // namespace compmark::inline v0

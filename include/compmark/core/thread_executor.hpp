@@ -1,0 +1,119 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A pool of std::threads. Chunks are handed out by an atomic counter: who runs a chunk varies, what a chunk is does not (law E2).
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/executor.hpp"
+
+namespace compmark::inline v0 {
+
+/// Persistent pool; the calling thread is worker 0. One loop runs at a time; loops do not nest (a nested call runs serially in place).
+/// Workers spin for a few microseconds before they sleep, because the loops of one training iteration follow each other closely.
+class ThreadExecutor {
+ public:
+  /// threads = 0 takes the hardware's number.
+  explicit ThreadExecutor(std::size_t threads = 0)
+      : concurrency_(threads != 0 ? threads : std::max<std::size_t>(1, std::thread::hardware_concurrency())) {
+    workers_.reserve(concurrency_ - 1);
+    for (std::size_t id = 1; id < concurrency_; ++id) workers_.emplace_back([this, id] { serve(id); });
+  }
+  ThreadExecutor(const ThreadExecutor&) = delete;
+  ThreadExecutor& operator=(const ThreadExecutor&) = delete;
+  ~ThreadExecutor() {
+    stopping_.store(true);
+    generation_.fetch_add(1);
+    generation_.notify_all();
+    for (std::thread& worker : workers_) worker.join();
+  }
+
+  [[nodiscard]] std::size_t concurrency() const { return concurrency_; }
+
+  template <class Body>
+  void for_chunks(std::size_t n, std::size_t grain, const Body& body) {
+    if (n == 0) return;
+    if (concurrency_ == 1 || n <= grain || busy_.exchange(true)) {
+      SerialExecutor{}.for_chunks(n, grain, body);
+      return;
+    }
+    job_ = Job{&body, [](const void* f, std::size_t begin, std::size_t end, std::size_t worker) {
+                 (*static_cast<const Body*>(f))(begin, end, worker);
+               },
+               n, grain};
+    next_.store(0, std::memory_order_relaxed);
+    pending_.store(concurrency_ - 1, std::memory_order_relaxed);
+    generation_.fetch_add(1, std::memory_order_release);
+    generation_.notify_all();
+    work(0);
+    for (int spin = 0; pending_.load(std::memory_order_acquire) != 0; ++spin) {
+      if (spin < spin_limit) continue;
+      const std::size_t left = pending_.load(std::memory_order_acquire);
+      if (left != 0) pending_.wait(left, std::memory_order_acquire);
+    }
+    std::exception_ptr failure;
+    std::swap(failure, failure_);
+    busy_.store(false);
+    if (failure) std::rethrow_exception(failure);
+  }
+
+ private:
+  struct Job {
+    const void* body = nullptr;
+    void (*call)(const void*, std::size_t, std::size_t, std::size_t) = nullptr;
+    std::size_t n = 0;
+    std::size_t grain = 1;
+  };
+
+  void work(std::size_t worker) {
+    try {
+      for (;;) {
+        const std::size_t begin = next_.fetch_add(1, std::memory_order_relaxed) * job_.grain;
+        if (begin >= job_.n) return;
+        job_.call(job_.body, begin, begin + job_.grain < job_.n ? begin + job_.grain : job_.n, worker);
+      }
+    } catch (...) {
+      const std::lock_guard lock(failure_mutex_);
+      if (!failure_) failure_ = std::current_exception();
+      next_.store(job_.n / job_.grain + 1, std::memory_order_relaxed);  // nothing more is handed out
+    }
+  }
+
+  void serve(std::size_t worker) {
+    std::uint64_t seen = 0;
+    for (;;) {
+      for (int spin = 0; generation_.load(std::memory_order_acquire) == seen; ++spin) {
+        if (spin >= spin_limit) generation_.wait(seen, std::memory_order_acquire);
+      }
+      seen = generation_.load(std::memory_order_acquire);
+      if (stopping_.load()) return;
+      work(worker);
+      if (pending_.fetch_sub(1, std::memory_order_acq_rel) == 1) pending_.notify_one();
+    }
+  }
+
+  static constexpr int spin_limit = 2000;
+
+  std::size_t concurrency_;
+  std::vector<std::thread> workers_;
+  Job job_;
+  std::atomic<std::size_t> next_{0};
+  std::atomic<std::size_t> pending_{0};
+  std::atomic<std::uint64_t> generation_{0};
+  std::atomic<bool> busy_{false};
+  std::atomic<bool> stopping_{false};
+  std::mutex failure_mutex_;
+  std::exception_ptr failure_;
+};
+
+}  // namespace compmark::inline v0
