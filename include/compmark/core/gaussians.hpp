@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstddef>
+#include <span>
 #include <type_traits>
 
 #include "compmark/core/buffer.hpp"
@@ -52,6 +53,7 @@ class GaussianBatch {
     for (T& value : storage_) value = T{};
   }
   [[nodiscard]] std::size_t size() const { return count_; }
+  [[nodiscard]] std::span<T> storage() { return storage_.span(); }  ///< all columns and their padding, to set them to zero
   [[nodiscard]] GaussianColumns<T> columns() { return make<T>(storage_.data()); }
   [[nodiscard]] GaussianColumns<const T> columns() const { return make<const T>(storage_.data()); }
 

@@ -1,0 +1,48 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A model is what a render needs and nothing of how it was trained: anchors, the decoder's networks, and the few numbers that belong to
+// them. Training state (moments, statistics, schedule) lives in the Trainer and in its checkpoint.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "compmark/anchor/table.hpp"
+#include "compmark/core/parameters.hpp"
+#include "compmark/pipeline/recipe.hpp"
+
+namespace compmark::inline v0 {
+
+/// Numbers of the render that were fixed in training; stored in the model file.
+struct RenderSettings {
+  double near_plane = 0.2;      ///< camera z below which nothing is drawn, world units
+  double blur_variance = 0.3;   ///< screen-space low-pass, pixels^2
+  std::array<double, 3> background{0, 0, 0};
+};
+
+template <Recipe R>
+struct Model {
+  using Scalar = typename R::Scalar;
+  using Decoder = typename R::GaussianDecoder;
+
+  ParameterArena<Scalar> arena;
+  AnchorHandles anchors;
+  typename Decoder::Handles decoder;
+  RenderSettings render;
+  double voxel_size = 0.001;   ///< world units; cell size of growing
+  std::size_t train_views = 0; ///< rows of the appearance table, if the recipe has one
+
+  /// Blocks for `rows` anchors, all values zero.
+  void create(std::size_t rows, std::size_t views) {
+    train_views = views;
+    arena = {};
+    anchors = add_anchor_blocks(arena, rows, R::AnchorModel::shape);
+    decoder = Decoder::add_parameters(arena, views);
+  }
+  [[nodiscard]] std::size_t anchor_count() const { return compmark::anchor_count(arena.layout(), anchors); }
+  [[nodiscard]] AnchorColumns<const Scalar> columns() const { return anchor_values(arena, anchors); }
+};
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,149 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The road of one view, forward and backward, written once (DESIGN: how data flows):
+//   anchors -> visible -> GaussianDecoder -> Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
+// Every stage adds into the gradient spans it is given; nothing here knows an iteration number, a file or a clock.
+// Stages a recipe leaves out are empty members and leave no branch.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+
+#include "compmark/anchor/visibility.hpp"
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/gaussians.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/loss/photometric.hpp"
+#include "compmark/loss/scale_volume.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/recipe.hpp"
+#include "compmark/scene/camera.hpp"
+
+namespace compmark::inline v0 {
+
+/// Weights of the base losses (method sheet, section 3.1).
+struct LossWeights {
+  double lambda_dssim = 0.2;
+  double lambda_volume = 0.01;
+};
+
+struct ForwardReport {
+  std::size_t visible_anchors = 0;
+  std::size_t gaussians = 0;  ///< with positive opacity, given to the rasterizer
+  RasterReport raster;
+};
+
+struct LossReport {
+  double total = 0;
+  double l1 = 0;
+  double ssim = 0;
+  double volume = 0;
+};
+
+template <Recipe R>
+class Pipeline {
+ public:
+  using Scalar = typename R::Scalar;
+
+  /// What one view needs between forward and backward; reused, so that nothing allocates after warm-up.
+  struct Context {
+    Buffer<std::uint32_t> visible;
+    VisibilityWorkspace visibility;
+    GaussianBatch<Scalar> gaussians;
+    GaussianBatch<Scalar> d_gaussians;
+    typename R::GaussianDecoder::Context decoder;
+    typename R::Rasterizer::Context raster;
+    typename PhotometricLoss<Scalar>::Context photometric;
+    Buffer<Scalar> image_storage;
+    Buffer<Scalar> d_image_storage;
+    Buffer<double> partial;
+    ImageView<Scalar> image;
+    ImageView<Scalar> d_image;
+  };
+
+  Pipeline() { check_recipe<R>(); }
+
+  /// Renders one view into context.image [3, height, width]. `view` selects the appearance row, if the recipe has one.
+  template <Executor E>
+  ForwardReport forward(const Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context, E& executor) const {
+    const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
+    const AnchorColumns<const Scalar> columns = model.columns();
+    context.image_storage.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+    context.image = {context.image_storage.data(), 3, camera.height, camera.width};
+
+    ForwardReport report;
+    const VisibilitySettings visibility{model.render.near_plane, model.render.blur_variance};
+    visible_anchors(columns, scalar_camera, visibility, context.visible, context.visibility, executor);
+    report.visible_anchors = context.visible.size();
+    report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena, model.decoder,
+                                        context.gaussians, context.decoder, executor);
+    report.raster = rasterizer(model.render).forward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render),
+                                                     context.image, context.raster, executor);
+    return report;
+  }
+
+  /// Loss of context.image against `target` and its gradient in context.d_image and context.d_gaussians (set, not added: the first links
+  /// of the way back). Call after forward.
+  template <Executor E>
+  LossReport loss(ImageView<const Scalar> target, const LossWeights& weights, Context& context, E& executor) const {
+    context.d_image_storage.resize(context.image.size());
+    context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
+    set_zero(context.d_image.flat(), executor);
+    context.d_gaussians.resize(context.gaussians.size());
+    set_zero(context.d_gaussians.storage(), executor);
+
+    LossReport report;
+    const PhotometricLoss<Scalar> photometric{{weights.lambda_dssim}};
+    const PhotometricReport image_loss =
+        photometric.forward_backward(context.image, target, Scalar(1), context.d_image, context.photometric, executor);
+    report.l1 = image_loss.l1;
+    report.ssim = image_loss.ssim;
+    report.total = image_loss.loss;
+    if (weights.lambda_volume != 0) {
+      report.volume = scale_volume(std::as_const(context.gaussians).columns(), static_cast<Scalar>(weights.lambda_volume),
+                                   context.d_gaussians.columns(), context.partial, executor);
+      report.total += weights.lambda_volume * report.volume;
+    }
+    return report;
+  }
+
+  /// Carries context.d_image and context.d_gaussians back into the gradients of the model's arena (adds).
+  template <Executor E>
+  void backward(Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context, E& executor) const {
+    const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
+    rasterizer(model.render).backward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render), context.d_image,
+                                      context.d_gaussians.columns(), context.raster, executor);
+    decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena, model.decoder,
+                      std::as_const(context.d_gaussians).columns(), anchor_gradients(model.arena, model.anchors), context.decoder, executor);
+  }
+
+  [[nodiscard]] const typename R::GaussianDecoder& decoder() const { return decoder_; }
+  [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
+    return typename R::Rasterizer{
+        typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane), static_cast<Scalar>(render.blur_variance)}};
+  }
+  [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render) {
+    return {static_cast<Scalar>(render.background[0]), static_cast<Scalar>(render.background[1]), static_cast<Scalar>(render.background[2])};
+  }
+
+ private:
+  template <Executor E>
+  static void set_zero(std::span<Scalar> values, E& executor) {
+    executor.for_chunks(values.size(), std::size_t{1} << 16, [values](std::size_t begin, std::size_t end, std::size_t) {
+      std::fill(values.begin() + static_cast<std::ptrdiff_t>(begin), values.begin() + static_cast<std::ptrdiff_t>(end), Scalar{});
+    });
+  }
+
+  [[no_unique_address]] typename R::GaussianDecoder decoder_;
+  [[no_unique_address]] typename R::Embedder embedder_;
+  [[no_unique_address]] typename R::DistortionLayer distortion_;
+  [[no_unique_address]] typename R::MessageDecoder message_decoder_;
+};
+
+}  // namespace compmark::inline v0

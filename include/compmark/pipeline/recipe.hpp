@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A recipe is a struct that names a stage for every axis. Inherit one from compmark::recipes and rename what you change; the reader sees
+// exactly the delta. check_recipe says in sentences what does not fit together.
+//
+//   alias                 concept                 default
+//   Scalar                floating point          float
+//   AnchorModel           AnchorModel             ScaffoldAnchors<Scalar>
+//   GaussianDecoder       (paired with the shape) MlpDecoder<Scalar, AnchorModel::shape>
+//   Rasterizer            Rasterizer              TileRasterizer<Scalar, accuracy::standard>
+//   DensityControl        DensityControl          GradientGrowth<Scalar>        (NoGrowth leaves it out)
+//   Optimizer             Optimizer               Adam<Scalar>
+//   Embedder              Embedder                NoEmbedder
+//   DistortionLayer       DistortionLayer         NoDistortion
+//   Quantizer             Quantizer               NoQuantizer
+//   MessageDecoder        MessageDecoder          NoMessageDecoder
+#pragma once
+
+#include <concepts>
+#include <type_traits>
+
+#include "compmark/core/absent.hpp"
+#include "compmark/mark/concept.hpp"
+#include "compmark/quant/concept.hpp"
+#include "compmark/raster/concept.hpp"
+
+namespace compmark::inline v0 {
+
+template <class R>
+concept Recipe = requires {
+  typename R::Scalar;
+  typename R::AnchorModel;
+  typename R::GaussianDecoder;
+  typename R::Rasterizer;
+  typename R::DensityControl;
+  typename R::Optimizer;
+  typename R::Embedder;
+  typename R::DistortionLayer;
+  typename R::Quantizer;
+  typename R::MessageDecoder;
+} && std::floating_point<typename R::Scalar>;
+
+/// Cross-stage facts, each a sentence. Called by Pipeline, so a wrong recipe is told at the door.
+template <Recipe R>
+consteval void check_recipe() {
+  static_assert(Rasterizer<typename R::Rasterizer>,
+                "Recipe: Rasterizer lacks forward, backward, screen, Settings or Context (see raster/concept.hpp)");
+  static_assert(std::is_same_v<typename R::Scalar, typename R::AnchorModel::Scalar>, "Recipe: AnchorModel has another Scalar than the recipe");
+  static_assert(std::is_same_v<typename R::Scalar, typename R::Rasterizer::Scalar>, "Recipe: Rasterizer has another Scalar than the recipe");
+  static_assert(std::is_same_v<typename R::Scalar, typename R::GaussianDecoder::Scalar>,
+                "Recipe: GaussianDecoder has another Scalar than the recipe");
+  static_assert(R::GaussianDecoder::shape == R::AnchorModel::shape, "Recipe: GaussianDecoder reads another shape than AnchorModel stores");
+  static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
+                "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Run-time numbers of a training run and the three named profiles (method sheet, section 0). Iterations are 1-based; every window is
+// written for a run of 30,000 and scales with the run, so --iterations 3000 is the same recipe, shorter.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace compmark::inline v0 {
+
+/// Initial and final learning rate; equal means constant. Log-linear in between (method sheet, section 3.2).
+struct LearningRate {
+  double initial = 0;
+  double final = 0;
+};
+
+struct TrainSettings {
+  std::string profile = "scaffold";
+  std::int64_t iterations = 30000;
+  std::uint64_t seed = 0;
+
+  // losses
+  double lambda_dssim = 0.2;
+  double lambda_volume = 0.01;
+
+  // learning rates; offsets are in units of the scene extent
+  LearningRate offset{0.01, 0.0001};
+  LearningRate feature{0.0075, 0.0075};
+  LearningRate scaling{0.007, 0.007};
+  LearningRate mlp_opacity{0.002, 0.00002};
+  LearningRate mlp_covariance{0.004, 0.004};
+  LearningRate mlp_color{0.008, 0.00005};
+  LearningRate feature_bank{0.01, 0.00001};
+  LearningRate appearance{0.05, 0.0005};
+
+  // anchors
+  double voxel_size = 0.001;  ///< world units; 0 or less: the median distance of nearest neighbours
+  int init_factor = 16;       ///< growing starts at cells of voxel_size * init_factor
+  std::size_t max_anchors = 0;  ///< 0: no limit
+
+  // density control; windows in iterations of a 30,000 run, scaled to this run
+  double gradient_threshold = 0.0002;
+  double success_threshold = 0.8;
+  double min_opacity = 0.005;
+  std::int64_t statistics_after = 500;
+  std::int64_t grow_after = 1500;
+  std::int64_t grow_until = 15000;
+  std::int64_t pause_from = 0, pause_until = 0;  ///< no adjustment for pause_from <= t < pause_until
+  std::int64_t grow_interval = 100;              ///< not scaled: it counts visits
+
+  // rendering
+  double near_plane = 0.2;
+  double blur_variance = 0.3;
+  std::array<float, 3> background{0, 0, 0};
+};
+
+/// "scaffold": Scaffold-GS defaults. "official": what the published CompMarkGS code does. "paper": what its paper says.
+[[nodiscard]] inline std::optional<TrainSettings> profile_settings(std::string_view profile) {
+  TrainSettings settings;
+  settings.profile = std::string(profile);
+  if (profile == "scaffold") return settings;
+  if (profile == "official") {
+    settings.seed = 42;
+    settings.lambda_dssim = 0.35;
+    settings.gradient_threshold = 0.0007;
+    settings.grow_after = 500;  // the published test of update_from was dropped: method sheet, section 4.2
+    settings.pause_from = 3000;
+    settings.pause_until = 4000;
+    return settings;
+  }
+  if (profile == "paper") {
+    settings.seed = 42;
+    settings.grow_after = 1599;
+    return settings;
+  }
+  return std::nullopt;
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,239 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The training loop: owns the model, the optimiser's moments, the growth statistics and the workspace. One iteration is, in the published
+// order (method sheet, sections 3.2 and 4): learning rates, view, render, losses, backward, statistics, growing and pruning, Adam.
+// Deterministic: the state after iteration t is a function of the settings, the data and t, whatever the executor's thread count.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "compmark/anchor/growth.hpp"
+#include "compmark/anchor/initialise.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/optim/phases.hpp"
+#include "compmark/optim/schedule.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/observer.hpp"
+#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/pipeline/settings.hpp"
+#include "compmark/pipeline/training_views.hpp"
+
+namespace compmark::inline v0 {
+
+template <Recipe R, Executor E>
+class Trainer {
+ public:
+  using Scalar = typename R::Scalar;
+  using Growth = typename R::DensityControl;
+  using Optimizer = typename R::Optimizer;
+
+  /// Everything that must be saved for a resumed run to continue bit for bit, beside the settings.
+  struct State {
+    Model<R> model;
+    typename Optimizer::State optimizer;
+    typename Growth::State growth;
+    std::int64_t iteration = 0;  ///< finished iterations
+  };
+
+  /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (method sheet, section 3.2).
+  Trainer(TrainSettings settings, std::size_t view_count, double scene_extent, E& executor)
+      : settings_(std::move(settings)),
+        scene_extent_(scene_extent),
+        executor_(&executor),
+        order_(settings_.seed, view_count),
+        view_count_(view_count),
+        schedule_(resolve_schedule(settings_)) {}
+
+  /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values.
+  [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points) {
+    InitialiseSettings initial;
+    initial.voxel_size = settings_.voxel_size;
+    auto anchors = initial_anchors<Scalar>(points, initial);
+    if (!anchors) return anchors.error();
+    const std::size_t rows = anchors->position.size() / 3;
+    if (settings_.max_anchors != 0 && rows > settings_.max_anchors) {
+      return Error{ErrorKind::exhausted, {}, "max_anchors", "the point cloud gives " + std::to_string(rows) + " anchors, more than the limit of " +
+                   std::to_string(settings_.max_anchors), "raise the limit or the voxel size"};
+    }
+    state_.model.create(rows, view_count_);
+    state_.model.voxel_size = anchors->voxel_size;
+    state_.model.render.near_plane = settings_.near_plane;
+    state_.model.render.blur_variance = settings_.blur_variance;
+    for (std::size_t c = 0; c < 3; ++c) state_.model.render.background[c] = static_cast<double>(settings_.background[c]);
+    const AnchorColumns<Scalar> columns = anchor_values(state_.model.arena, state_.model.anchors);
+    std::copy_n(anchors->position.begin(), rows * 3, columns.position.data);
+    std::copy_n(anchors->scaling.begin(), rows * 6, columns.scaling.data);
+    R::GaussianDecoder::initialise(state_.model.arena, state_.model.decoder, settings_.seed);
+    state_.iteration = 0;
+    optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
+    growth().prepare(rows, state_.growth);
+    return Done{};
+  }
+
+  /// Continues from a saved state (see pipeline/checkpoint.hpp).
+  void restore(State state) { state_ = std::move(state); }
+
+  /// One iteration. An Error comes from the views alone and leaves the state as it was.
+  template <class Views>
+    requires TrainingViews<Views, Scalar>
+  [[nodiscard]] Result<IterationReport> step(Views& views) {
+    const std::int64_t t = state_.iteration + 1;
+    IterationReport report;
+    report.iteration = t;
+    report.total = settings_.iterations;
+    report.view = order_.at(t);
+
+    const Camera<double> camera = views.camera(report.view);
+    target_storage_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+    target_ = {target_storage_.data(), 3, camera.height, camera.width};
+    if (Result<Done> loaded = views.load(report.view, target_); !loaded) return loaded.error();
+
+    Model<R>& model = state_.model;
+    report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);
+    report.loss = pipeline_.loss(target_, {settings_.lambda_dssim, settings_.lambda_volume}, context_, *executor_);
+    pipeline_.backward(model, camera, report.view, context_, *executor_);
+
+    if constexpr (present<Growth>) {
+      if (schedule_.statistics.contains(t)) {
+        const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(model.render).screen(context_.raster);
+        growth().observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm, state_.growth, *executor_);
+        if (schedule_.adjusts(t)) adjust(t, report);
+      }
+    }
+    if (t < settings_.iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
+      learning_rates(t);
+      report.skipped_blocks = optimizer_.step(model.arena, rates_, state_.optimizer, *executor_).skipped_blocks;
+    }
+    clear_gradients();
+    report.anchors = model.anchor_count();
+    state_.iteration = t;
+    return report;
+  }
+
+  /// Runs until the end, or until the observer says stop (checked after each iteration).
+  template <class Views, class O = NoObserver>
+  [[nodiscard]] Result<Done> run(Views& views, O&& observer = {}) {
+    while (!finished()) {
+      Result<IterationReport> report = step(views);
+      if (!report) return report.error();
+      if (!observer.on_iteration(std::as_const(*this), *report)) break;
+    }
+    return Done{};
+  }
+
+  [[nodiscard]] bool finished() const { return state_.iteration >= settings_.iterations; }
+  [[nodiscard]] const State& state() const { return state_; }
+  [[nodiscard]] const Model<R>& model() const { return state_.model; }
+  [[nodiscard]] const TrainSettings& settings() const { return settings_; }
+  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }    ///< render of the last iteration
+  [[nodiscard]] ImageView<const Scalar> target() const { return target_; }  ///< its ground truth
+
+ private:
+  struct ResolvedSchedule {
+    Window statistics;  ///< iterations that feed the growth statistics
+    Window growing;
+    Window pause;
+    std::int64_t interval = 100;
+    [[nodiscard]] bool adjusts(std::int64_t t) const { return t % interval == 0 && growing.contains(t) && !pause.contains(t); }
+  };
+  static ResolvedSchedule resolve_schedule(const TrainSettings& s) {
+    const auto scaled = [&](std::int64_t iteration) { return scale_iteration(iteration, s.iterations); };
+    ResolvedSchedule resolved;
+    resolved.statistics = {scaled(s.statistics_after) + 1, scaled(s.grow_until)};
+    resolved.growing = {scaled(s.grow_after) + 1, scaled(s.grow_until)};
+    resolved.pause = {scaled(s.pause_from), scaled(s.pause_until)};
+    resolved.interval = s.grow_interval;
+    return resolved;
+  }
+
+  [[nodiscard]] Growth growth() const {
+    typename Growth::Settings settings;
+    if constexpr (present<Growth>) {
+      settings.gradient_threshold = settings_.gradient_threshold;
+      settings.success_threshold = settings_.success_threshold;
+      settings.min_opacity = settings_.min_opacity;
+      settings.init_factor = settings_.init_factor;
+      settings.interval = settings_.grow_interval;
+      settings.max_anchors = settings_.max_anchors;
+      settings.offsets = R::AnchorModel::shape.offsets;
+    }
+    return Growth{settings};
+  }
+
+  /// Grows and prunes. The anchors' gradients of this iteration are lost, as in the published loop: its tensors are rebuilt.
+  void adjust(std::int64_t t, IterationReport& report) {
+    Model<R>& model = state_.model;
+    const auto grown = growth().adapt(model.arena, model.anchors, state_.growth,
+                                      {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size},
+                                      [&](const RowEdit& edit, const ArenaLayout& old_layout) {
+                                        optimizer_.edit_rows(edit, old_layout, model.arena.layout(), state_.optimizer);
+                                      });
+    report.grown = grown.grown;
+    report.pruned = grown.pruned;
+    report.adjusted = true;
+    adjusted_ = true;
+  }
+
+  /// Learning rate of every block of the arena for iteration t; 0 leaves a block out of the step.
+  void learning_rates(std::int64_t t) {
+    const ArenaLayout& layout = state_.model.arena.layout();
+    rates_.assign(layout.blocks().size(), 0.0);
+    for (std::size_t b = 0; b < rates_.size(); ++b) {
+      const std::string_view name = layout.blocks()[b].name;
+      const auto begins = [&](std::string_view prefix) { return name.substr(0, prefix.size()) == prefix; };
+      const auto rate = [&](const LearningRate& r) { return LogLinear{r.initial, r.final, settings_.iterations}.value(t); };
+      if (adjusted_ && layout.blocks()[b].kind == RowKind::anchor) continue;
+      if (name == "anchor.offset") {
+        rates_[b] = rate({settings_.offset.initial * scene_extent_, settings_.offset.final * scene_extent_});
+      } else if (name == "anchor.feature") {
+        rates_[b] = rate(settings_.feature);
+      } else if (name == "anchor.scaling") {
+        rates_[b] = rate(settings_.scaling);
+      } else if (begins("mlp_opacity")) {
+        rates_[b] = rate(settings_.mlp_opacity);
+      } else if (begins("mlp_covariance")) {
+        rates_[b] = rate(settings_.mlp_covariance);
+      } else if (begins("mlp_color")) {
+        rates_[b] = rate(settings_.mlp_color);
+      } else if (begins("feature_bank")) {
+        rates_[b] = rate(settings_.feature_bank);
+      } else if (begins("appearance")) {
+        rates_[b] = rate(settings_.appearance);
+      }
+    }
+    adjusted_ = false;
+  }
+
+  void clear_gradients() {
+    const std::span<Scalar> gradients = state_.model.arena.all_gradients();
+    executor_->for_chunks(gradients.size(), std::size_t{1} << 16, [gradients](std::size_t begin, std::size_t end, std::size_t) {
+      std::fill(gradients.begin() + static_cast<std::ptrdiff_t>(begin), gradients.begin() + static_cast<std::ptrdiff_t>(end), Scalar{});
+    });
+  }
+
+  TrainSettings settings_;
+  double scene_extent_ = 1;
+  E* executor_;
+  ViewOrder order_;
+  std::size_t view_count_ = 0;
+  ResolvedSchedule schedule_;
+  State state_;
+  Pipeline<R> pipeline_;
+  [[no_unique_address]] Optimizer optimizer_;
+  typename Pipeline<R>::Context context_;
+  Buffer<Scalar> target_storage_;
+  ImageView<Scalar> target_;
+  std::vector<double> rates_;
+  bool adjusted_ = false;
+};
+
+}  // namespace compmark::inline v0

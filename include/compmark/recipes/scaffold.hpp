@@ -1,0 +1,57 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The base recipes: plain anchor-based splatting, no watermark, no codec. Everything later inherits one of these and renames.
+#pragma once
+
+#include "compmark/anchor/growth.hpp"
+#include "compmark/anchor/mlp_decoder.hpp"
+#include "compmark/anchor/scaffold_anchors.hpp"
+#include "compmark/mark/concept.hpp"
+#include "compmark/optim/adam.hpp"
+#include "compmark/pipeline/recipe.hpp"
+#include "compmark/quant/concept.hpp"
+#include "compmark/raster/tile.hpp"
+
+namespace compmark::inline v0 {
+
+/// What every recipe inherits: nothing optional is in.
+template <class T = float, DecoderShape decoder_shape = DecoderShape{}, Accuracy raster_accuracy = accuracy::standard>
+struct DefaultRecipe {
+  using Scalar = T;
+  using AnchorModel = ScaffoldAnchors<T, decoder_shape>;
+  using GaussianDecoder = MlpDecoder<T, decoder_shape>;
+  using Rasterizer = TileRasterizer<T, raster_accuracy, RasterOutputs{.screen_statistics = true}>;
+  using DensityControl = GradientGrowth<T>;
+  using Optimizer = Adam<T>;
+  using Embedder = NoEmbedder;
+  using DistortionLayer = NoDistortion;
+  using Quantizer = NoQuantizer;
+  using MessageDecoder = NoMessageDecoder;
+};
+
+/// The five policy axes by position; the same type as a struct that inherits DefaultRecipe and renames them.
+template <AnchorModel Anchors, Rasterizer Raster, DistortionLayer Distortion = NoDistortion, Quantizer Quantization = NoQuantizer,
+          MessageDecoder Decoder = NoMessageDecoder>
+struct Policies : DefaultRecipe<typename Anchors::Scalar, Anchors::shape> {
+  using AnchorModel = Anchors;
+  using Rasterizer = Raster;
+  using DistortionLayer = Distortion;
+  using Quantizer = Quantization;
+  using MessageDecoder = Decoder;
+};
+
+namespace recipes {
+
+/// Scaffold-GS as its authors run it: D = 32, K = 10, no distance input (profile "scaffold").
+struct Scaffold : DefaultRecipe<float> {};
+
+/// The host of the published CompMarkGS code: D = 50 (profile "official").
+struct CompMarkHost : DefaultRecipe<float, DecoderShape{.feature_dim = 50}> {};
+
+/// The same with the distance input that its paper describes (profile "paper").
+struct CompMarkPaperHost : DefaultRecipe<float, DecoderShape{.feature_dim = 50, .distance = true}> {};
+
+}  // namespace recipes
+
+}  // namespace compmark::inline v0
