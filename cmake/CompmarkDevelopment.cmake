@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: 2026 The CompMark authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# What only our own tests, benchmarks and examples get: warnings, output folder, compiler cache. Nothing here reaches a consumer.
+if(PROJECT_IS_TOP_LEVEL)
+  set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/bin")
+  set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+  if(NOT DEFINED CMAKE_CXX_COMPILER_LAUNCHER)
+    find_program(COMPMARK_CCACHE ccache)
+    if(COMPMARK_CCACHE)
+      set(CMAKE_CXX_COMPILER_LAUNCHER "${COMPMARK_CCACHE}")
+    endif()
+  endif()
+  if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+    set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
+  endif()
+endif()
+
+add_library(compmark_warnings INTERFACE)
+if(CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+  target_compile_options(compmark_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+                         $<$<BOOL:${COMPMARK_WARNINGS_AS_ERRORS}>:-Werror>)
+endif()
+
+# The real data: beside the project where a developer has them; the environment variable COMPMARK_DATA_DIR wins at run time.
+set(COMPMARK_DATA_DIR "" CACHE PATH "Folder of the real data for the tests labelled real")
+set(compmark_data_dir "${COMPMARK_DATA_DIR}")
+if(NOT compmark_data_dir AND IS_DIRECTORY "${PROJECT_SOURCE_DIR}/../shared/data")
+  get_filename_component(compmark_data_dir "${PROJECT_SOURCE_DIR}/../shared/data" ABSOLUTE)
+endif()
+
+# compmark_program(<target> <sources...>): an executable of our own over all components that were found.
+function(compmark_program target)
+  add_executable(${target} ${ARGN})
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+  target_link_libraries(${target} PRIVATE compmark::io compmark_warnings)
+endfunction()

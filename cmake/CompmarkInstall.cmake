@@ -1,0 +1,33 @@
+# SPDX-FileCopyrightText: 2026 The CompMark authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# Install rules: headers, exported targets, config and version files, pkg-config file. Nothing installed names a path of this machine.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+get_property(components GLOBAL PROPERTY COMPMARK_COMPONENTS)
+set(package_dir "${CMAKE_INSTALL_DATADIR}/cmake/compmark")
+# A component whose dependency is missing here is not exported; its header is installed all the same.
+set(exported compmark)
+foreach(pair "compmark_io,compmark::stb" "compmark_tbb,TBB::tbb" "compmark_openmp,OpenMP::OpenMP_CXX")
+  string(REPLACE "," ";" pair "${pair}")
+  list(GET pair 0 component)
+  list(GET pair 1 needs)
+  if(TARGET ${needs})
+    list(APPEND exported ${component})
+  endif()
+endforeach()
+install(TARGETS ${exported} EXPORT compmark-targets FILE_SET HEADERS DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/compmark" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
+install(EXPORT compmark-targets NAMESPACE compmark:: DESTINATION "${package_dir}")
+
+configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/compmark-config.cmake.in"
+                              "${PROJECT_BINARY_DIR}/compmark-config.cmake" INSTALL_DESTINATION "${package_dir}")
+write_basic_package_version_file("${PROJECT_BINARY_DIR}/compmark-config-version.cmake"
+                                 COMPATIBILITY SameMinorVersion ARCH_INDEPENDENT)
+install(FILES "${PROJECT_BINARY_DIR}/compmark-config.cmake" "${PROJECT_BINARY_DIR}/compmark-config-version.cmake"
+        DESTINATION "${package_dir}")
+
+configure_file("${PROJECT_SOURCE_DIR}/cmake/compmark.pc.in" "${PROJECT_BINARY_DIR}/compmark.pc" @ONLY)
+install(FILES "${PROJECT_BINARY_DIR}/compmark.pc" DESTINATION "${CMAKE_INSTALL_DATADIR}/pkgconfig")
+install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/compmark")
