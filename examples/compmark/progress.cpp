@@ -1,0 +1,246 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "progress.hpp"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "svg_plot.hpp"
+
+namespace tool {
+
+using compmark::Error;
+using compmark::ErrorKind;
+using compmark::Result;
+
+namespace {
+
+std::atomic<int> interrupt_count{0};
+static_assert(std::atomic<int>::is_always_lock_free, "the signal handler needs a lock-free flag");
+
+extern "C" void on_interrupt(int signal) {
+  interrupt_count.store(1);
+  struct sigaction action {};
+  action.sa_handler = SIG_DFL;
+  sigaction(signal, &action, nullptr);  // async-signal-safe (POSIX.1-2008, 2.4.3)
+}
+
+double seconds_between(std::chrono::steady_clock::time_point from, std::chrono::steady_clock::time_point to) {
+  return std::chrono::duration<double>(to - from).count();
+}
+
+int terminal_columns(std::FILE* stream) {
+  winsize size{};
+  if (ioctl(fileno(stream), TIOCGWINSZ, &size) == 0 && size.ws_col > 0) return size.ws_col;
+  return 100;
+}
+
+nlohmann::ordered_json to_json(const ProgressLine& line) {
+  nlohmann::ordered_json json{{"iteration", line.iteration}, {"total", line.total},     {"seconds", line.seconds},
+                              {"loss", line.loss},           {"l1", line.l1},           {"ssim", line.ssim},
+                              {"psnr", line.psnr},           {"anchors", line.anchors}, {"gaussians", line.gaussians}};
+  if (line.test_psnr) json["test_psnr"] = *line.test_psnr;
+  return json;
+}
+
+std::string values_text(const ProgressLine& line) {
+  return format_text("loss %.4f  PSNR %.2f dB  anchors %llu", line.loss, line.psnr,
+                     static_cast<unsigned long long>(line.anchors));
+}
+
+}  // namespace
+
+void watch_interrupt() {
+  struct sigaction action {};
+  action.sa_handler = on_interrupt;
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+bool interrupted() { return interrupt_count.load(std::memory_order_relaxed) != 0; }
+
+std::string format_duration(double seconds) {
+  if (!std::isfinite(seconds) || seconds < 0 || seconds > 1e7) return "--:--";
+  const long whole = std::lround(seconds);
+  if (whole >= 3600) return format_text("%ld:%02ld:%02ld", whole / 3600, whole / 60 % 60, whole % 60);
+  return format_text("%ld:%02ld", whole / 60, whole % 60);
+}
+
+Result<Progress> Progress::open(ProgressSettings settings) {
+  Progress progress(std::move(settings));
+  const ProgressSettings& s = progress.settings_;
+  progress.terminal_ = s.terminal ? *s.terminal : isatty(fileno(s.stream)) == 1;
+  if (!s.json_log.empty()) {
+    progress.log_.reset(std::fopen(s.json_log.c_str(), s.append ? "ab" : "wb"));
+    if (!progress.log_) {
+      return Error{ErrorKind::unwritable, s.json_log.string(), "",
+                   std::string("cannot be written: ") + std::strerror(errno), "create its folder and make it writable"};
+    }
+  }
+  return progress;
+}
+
+void Progress::Mean::add(const ProgressLine& line) {
+  loss += line.loss;
+  l1 += line.l1;
+  ssim += line.ssim;
+  psnr += line.psnr;
+  ++count;
+}
+
+ProgressLine Progress::Mean::of(const ProgressLine& last) const {
+  ProgressLine line = last;
+  const double n = static_cast<double>(count);
+  line.loss = loss / n;
+  line.l1 = l1 / n;
+  line.ssim = ssim / n;
+  line.psnr = psnr / n;
+  return line;
+}
+
+void Progress::show(const ProgressLine& given) {
+  const Clock::time_point now = Clock::now();
+  ProgressLine line = given;
+  if (start_ == Clock::time_point{}) {
+    start_ = last_shown_ = rate_time_ = now;
+    first_ = rate_iteration_ = line.iteration - 1;
+  }
+  line.seconds = seconds_between(start_, now);
+  const bool last = line.iteration == line.total;
+
+  logged_.add(line);
+  if (line.iteration % settings_.log_every == 0 || line.iteration == 1 || last || line.test_psnr) {
+    history_.push_back(logged_.of(line));
+    logged_ = {};
+    if (log_) {
+      const std::string text = to_json(history_.back()).dump() + "\n";
+      std::fwrite(text.data(), 1, text.size(), log_.get());
+      std::fflush(log_.get());  // a killed run keeps its curve
+    }
+  }
+
+  const double since_rate = seconds_between(rate_time_, now);
+  if (since_rate >= 0.5 || rate_ == 0) {
+    const double current = static_cast<double>(line.iteration - rate_iteration_) / std::max(since_rate, 1e-6);
+    const double weight = rate_ == 0 || line.iteration - first_ < 3 ? 1 : 1 - std::exp(-since_rate / 10);
+    if (since_rate > 0) rate_ += weight * (current - rate_);
+    rate_time_ = now;
+    rate_iteration_ = line.iteration;
+  }
+
+  shown_.add(line);
+  pending_ = line;
+  if (settings_.quiet) return;
+  const double wait = terminal_ ? settings_.bar_seconds : settings_.line_seconds;
+  if (!last && line.iteration != first_ + 1 && seconds_between(last_shown_, now) < wait) return;
+  last_shown_ = now;
+  const ProgressLine mean = shown_.of(line);
+  shown_ = {};
+  pending_.reset();
+  terminal_ ? draw(mean) : print(mean);
+}
+
+void Progress::draw(const ProgressLine& line) {
+  const double done = line.total > 0 ? static_cast<double>(line.iteration) / static_cast<double>(line.total) : 0;
+  const double left = rate_ > 0 ? static_cast<double>(line.total - line.iteration) / rate_ : INFINITY;
+  const std::string head = format_text("%s %3d%% ", settings_.label.c_str(), static_cast<int>(100 * done));
+  const std::string tail = format_text(" %lld/%lld  %.1f it/s  ETA %s  ", static_cast<long long>(line.iteration),
+                                       static_cast<long long>(line.total), rate_, format_duration(left).c_str()) +
+                           values_text(line);
+  const int columns = terminal_columns(settings_.stream);
+  const int room = std::min(40, columns - static_cast<int>(head.size() + tail.size()) - 3);
+  std::string bar;
+  if (room >= 8) {
+    const int eighths = static_cast<int>(done * room * 8);
+    static constexpr const char* part[] = {"", "▏", "▎", "▍", "▌", "▋", "▊", "▉"};
+    for (int i = 0; i < eighths / 8; ++i) bar += "█";
+    int used = eighths / 8;
+    if (eighths % 8 != 0) bar += part[eighths % 8], ++used;
+    bar += std::string(static_cast<std::size_t>(room - used), ' ');
+    bar = "|" + bar + "|";
+  }
+  std::string text = head + bar + tail;
+  if (room < 8) text.resize(std::min(text.size(), static_cast<std::size_t>(std::max(columns - 1, 20))));
+  std::fprintf(settings_.stream, "\r%s\x1b[K", text.c_str());
+  std::fflush(settings_.stream);
+  bar_visible_ = true;
+}
+
+void Progress::print(const ProgressLine& line) {
+  const double left = rate_ > 0 ? static_cast<double>(line.total - line.iteration) / rate_ : INFINITY;
+  std::fprintf(settings_.stream, "%s %lld/%lld  %.1f it/s  ETA %s  %s\n", settings_.label.c_str(),
+               static_cast<long long>(line.iteration), static_cast<long long>(line.total), rate_,
+               format_duration(left).c_str(), values_text(line).c_str());
+  std::fflush(settings_.stream);
+}
+
+void Progress::note(const std::string& text) {
+  if (settings_.quiet) return;
+  std::fprintf(settings_.stream, "%s%s%s\n", bar_visible_ ? "\r" : "", text.c_str(), bar_visible_ ? "\x1b[K" : "");
+  std::fflush(settings_.stream);
+}
+
+void Progress::finish() {
+  if (pending_ && !settings_.quiet && shown_.count > 0) {
+    const ProgressLine mean = shown_.of(*pending_);
+    terminal_ ? draw(mean) : print(mean);
+  }
+  pending_.reset();
+  shown_ = {};
+  if (bar_visible_) std::fputc('\n', settings_.stream);
+  bar_visible_ = false;
+  log_.reset();
+}
+
+Result<std::vector<ProgressLine>> read_progress_log(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  if (!file) return Error{ErrorKind::not_found, path.string(), "", "cannot be read", "check the path"};
+  std::vector<ProgressLine> lines;
+  std::string text;
+  for (int number = 1; std::getline(file, text); ++number) {
+    if (text.empty()) continue;
+    const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+    if (json.is_discarded() && file.peek() == std::ifstream::traits_type::eof())
+      break;  // the run was killed while it wrote
+    if (!json.is_object() || !json.contains("iteration") || !json["iteration"].is_number_integer()) {
+      return Error{ErrorKind::malformed, path.string(), "line " + std::to_string(number),
+                   "is not a line of a training log", "check that this is the right file"};
+    }
+    const auto number_of = [&](const char* key) {
+      const auto found = json.find(key);
+      return found != json.end() && found->is_number() ? found->get<double>() : std::nan("");
+    };
+    const auto count_of = [&](const char* key) {
+      const auto found = json.find(key);
+      return found != json.end() && found->is_number_unsigned() ? found->get<std::uint64_t>() : 0;
+    };
+    ProgressLine line;
+    line.iteration = json["iteration"].get<std::int64_t>();
+    line.total = static_cast<std::int64_t>(count_of("total"));
+    line.seconds = number_of("seconds");
+    line.loss = number_of("loss");
+    line.l1 = number_of("l1");
+    line.ssim = number_of("ssim");
+    line.psnr = number_of("psnr");
+    line.anchors = count_of("anchors");
+    line.gaussians = count_of("gaussians");
+    if (json.contains("test_psnr")) line.test_psnr = number_of("test_psnr");
+    while (!lines.empty() && lines.back().iteration >= line.iteration) lines.pop_back();
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+}  // namespace tool

@@ -1,0 +1,70 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// report.html: one file to open or send. Curves, figures, settings and, for chosen test views, ground truth, render and five times their
+// difference side by side. Images are embedded PNGs, plots inline SVG; there is no script and nothing is loaded from elsewhere.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/core/views.hpp"
+#include "progress.hpp"
+
+namespace tool {
+
+/// An 8-bit image, interleaved red, green, blue.
+struct ReportImage {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> rgb;
+};
+/// Clamps to [0, 1] and rounds half up, as every metric of the library does.
+ReportImage make_report_image(compmark::ImageView<const float> image);
+
+struct ReportView {
+  std::string name;
+  ReportImage ground_truth;
+  ReportImage render;  ///< of the same size
+  double psnr = 0;
+  double ssim = 0;
+  std::optional<double> lpips;
+};
+
+/// A table of two columns.
+struct ReportTable {
+  std::string heading;
+  std::vector<std::pair<std::string, std::string>> rows;
+};
+
+/// A table with a header line (per-view figures, for instance). The first column is text, the others numbers.
+struct ReportGrid {
+  std::string heading;
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> rows;
+};
+
+struct ReportInput {
+  std::string title;     ///< e.g. "lego"
+  std::string subtitle;  ///< e.g. "recipe scaffold, profile scaffold, 30,000 iterations"
+  std::vector<std::pair<std::string, std::string>> headline;  ///< the few figures to see first: value, what it is
+  std::vector<ProgressLine> curve;                            ///< Progress::history() or read_progress_log()
+  std::vector<ReportTable> tables;                            ///< metrics, machine, settings …
+  std::vector<ReportGrid> grids;
+  std::vector<ReportView> views;
+  int difference_gain = 5;
+};
+
+/// The page as text, and written atomically. Cost: PNG compression of three images a view (~0.1 s each at 800 x 800).
+std::string make_report(const ReportInput& input);
+compmark::Result<compmark::Done> write_report(const std::filesystem::path& path, const ReportInput& input);
+
+/// Processor, cores, memory, compiler and instruction set of this build and machine, as rows of a table.
+ReportTable machine_table(int threads);
+
+}  // namespace tool

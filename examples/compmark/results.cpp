@@ -1,0 +1,110 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "results.hpp"
+
+#include <sys/resource.h>
+
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "compmark/io/json_file.hpp"
+
+namespace tool {
+
+using compmark::Done;
+using compmark::Error;
+using compmark::ErrorKind;
+using compmark::json_field;
+using compmark::Result;
+
+Result<Done> write_results(const std::filesystem::path& path, const Results& results) {
+  nlohmann::ordered_json test = nullptr;
+  if (results.test) {
+    test = {{"psnr", results.test->psnr}, {"ssim", results.test->ssim}};
+    test["lpips_alex"] =
+        results.test->lpips_alex ? nlohmann::ordered_json(*results.test->lpips_alex) : nlohmann::ordered_json(nullptr);
+    test["views"] = results.test->views;
+  }
+  const nlohmann::ordered_json json{{"schema", results_schema},
+                                    {"dataset", results.dataset},
+                                    {"recipe", results.recipe},
+                                    {"profile", results.profile},
+                                    {"iterations", results.iterations},
+                                    {"seed", results.seed},
+                                    {"threads", results.threads},
+                                    {"anchors", results.anchors},
+                                    {"gaussians_per_view", results.gaussians_per_view},
+                                    {"train_seconds", results.train_seconds},
+                                    {"peak_memory_mb", results.peak_memory_mb},
+                                    {"test", std::move(test)},
+                                    {"model_sha256", results.model_sha256},
+                                    {"effects", results.effects}};
+  return compmark::write_json(path, json);
+}
+
+Result<Results> read_results(const std::filesystem::path& path) {
+  const Result<nlohmann::json> json = compmark::read_json(path);
+  if (!json) return json.error();
+  Results results;
+  std::optional<Error> failure;
+  const auto read = [&](const nlohmann::json& object, const char* key, auto& value, const std::string& where) {
+    if (failure) return;
+    auto field = json_field<std::remove_reference_t<decltype(value)>>(object, key, path.string(), where);
+    if (field) {
+      value = std::move(*field);
+    } else {
+      failure = field.error();
+    }
+  };
+  int schema = 0;
+  read(*json, "schema", schema, "");
+  if (!failure && schema != results_schema) {
+    return Error{ErrorKind::unsupported, path.string(), "schema",
+                 "is " + std::to_string(schema) + ", this program reads " + std::to_string(results_schema),
+                 "use the program that wrote it"};
+  }
+  read(*json, "dataset", results.dataset, "");
+  read(*json, "recipe", results.recipe, "");
+  read(*json, "profile", results.profile, "");
+  read(*json, "iterations", results.iterations, "");
+  read(*json, "seed", results.seed, "");
+  read(*json, "threads", results.threads, "");
+  read(*json, "anchors", results.anchors, "");
+  read(*json, "gaussians_per_view", results.gaussians_per_view, "");
+  read(*json, "train_seconds", results.train_seconds, "");
+  read(*json, "peak_memory_mb", results.peak_memory_mb, "");
+  read(*json, "model_sha256", results.model_sha256, "");
+  if (failure) return *failure;
+  if (json->contains("test") && !(*json)["test"].is_null()) {
+    const nlohmann::json& object = (*json)["test"];
+    TestMetrics test;
+    read(object, "psnr", test.psnr, "test");
+    read(object, "ssim", test.ssim, "test");
+    read(object, "views", test.views, "test");
+    if (object.is_object() && object.contains("lpips_alex") && !object["lpips_alex"].is_null()) {
+      double lpips = 0;
+      read(object, "lpips_alex", lpips, "test");
+      test.lpips_alex = lpips;
+    }
+    results.test = test;
+  }
+  if (json->contains("effects") && (*json)["effects"].is_array()) {
+    for (const nlohmann::json& effect : (*json)["effects"]) {
+      if (effect.is_string()) results.effects.push_back(effect.get<std::string>());
+    }
+  }
+  if (failure) return *failure;
+  return results;
+}
+
+double peak_memory_mb() {
+  rusage usage{};
+  if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+#if defined(__APPLE__)
+  return static_cast<double>(usage.ru_maxrss) / 1e6;
+#else
+  return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
+#endif
+}
+
+}  // namespace tool

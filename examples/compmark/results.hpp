@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// results.json: what other programs read about a run. The names, their order and their types are a contract (docs/results.md); a change
+// of meaning raises `schema`.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+
+namespace tool {
+
+inline constexpr int results_schema = 1;
+
+/// Means over the test views, on images rounded to 8 bits.
+struct TestMetrics {
+  double psnr = 0;  ///< dB
+  double ssim = 0;
+  std::optional<double> lpips_alex;  ///< null in the file when no weights were given
+  int views = 0;
+};
+
+struct Results {
+  std::string dataset;  ///< path as given
+  std::string recipe;
+  std::string profile;
+  std::int64_t iterations = 0;  ///< finished
+  std::uint64_t seed = 0;
+  int threads = 0;
+  std::uint64_t anchors = 0;
+  double gaussians_per_view = 0;     ///< mean over the test views (training views where there are none)
+  double train_seconds = 0;          ///< wall clock, over all sessions of a resumed run
+  double peak_memory_mb = 0;         ///< resident, 10^6 bytes
+  std::optional<TestMetrics> test;   ///< null when the data set has no test views
+  std::string model_sha256;          ///< of RUN/model.safetensors
+  std::vector<std::string> effects;  ///< names of the scene effects that the recipe models
+};
+
+compmark::Result<compmark::Done> write_results(const std::filesystem::path& path, const Results& results);
+compmark::Result<Results> read_results(const std::filesystem::path& path);
+
+/// Largest resident size of this process so far, 10^6 bytes.
+[[nodiscard]] double peak_memory_mb();
+
+}  // namespace tool

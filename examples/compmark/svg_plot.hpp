@@ -1,0 +1,223 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Line and scatter plots as inline SVG, for pages that open anywhere without a script. Colours come from the page's style sheet
+// (plot_style), so that a plot follows the reader's light or dark theme.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace tool {
+
+struct PlotSeries {
+  std::string label;
+  std::vector<std::array<double, 2>>
+      points;                      ///< x, y; a point that is not finite (or not positive on a log axis) is left out
+  std::vector<std::string> names;  ///< text beside each point, may be shorter than points
+  int color = 0;                   ///< 0 … 5, see plot_style
+  bool line = true;
+  bool dots = false;
+};
+
+struct Plot {
+  std::string title;
+  std::string x_label;
+  std::string y_label;
+  std::vector<PlotSeries> series;
+  bool log_x = false;
+  bool log_y = false;
+  bool from_zero = false;  ///< the y axis starts at zero
+  int width = 560;
+  int height = 300;
+};
+
+/// Text for HTML and SVG.
+inline std::string escape_html(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      default:
+        result += c;
+    }
+  }
+  return result;
+}
+
+/// printf into a string.
+template <class... Arguments>
+std::string format_text(const char* pattern, Arguments... arguments) {
+  std::array<char, 512> text{};
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wformat-nonliteral"
+#pragma GCC diagnostic ignored "-Wformat-security"
+  const int size = std::snprintf(text.data(), text.size(), pattern, arguments...);
+#pragma GCC diagnostic pop
+  return {text.data(), size < 0 ? 0 : std::min(static_cast<std::size_t>(size), text.size() - 1)};
+}
+
+/// 1234567 as "1.23M": short enough for an axis.
+inline std::string format_short(double value) {
+  const double size = std::abs(value);
+  if (size >= 1e6) return format_text("%.3gM", value / 1e6);
+  if (size >= 1e4) return format_text("%.3gk", value / 1e3);
+  return format_text("%.4g", value);
+}
+
+inline constexpr std::string_view plot_style = R"(
+svg.plot{--c0:#2563eb;--c1:#dc6803;--c2:#0f9d6b;--c3:#9333ea;--c4:#c02655;--c5:#64748b;max-width:100%;height:auto;font:12px system-ui,sans-serif}
+svg.plot text{fill:var(--soft)} svg.plot .title{fill:var(--ink);font-size:13px;font-weight:600}
+svg.plot .grid{stroke:var(--line);stroke-width:1} svg.plot .axis{stroke:var(--soft);stroke-width:1}
+svg.plot polyline{fill:none;stroke-width:1.6;stroke-linejoin:round}
+@media(prefers-color-scheme:dark){svg.plot{--c0:#6ea8fe;--c1:#f5a95b;--c2:#4fd1a1;--c3:#c4a1ff;--c4:#ff86a5;--c5:#94a3b8}}
+)";
+
+namespace plot_detail {
+
+struct Axis {
+  double low = 0, high = 1;
+  bool logarithmic = false;
+  std::vector<double> ticks;
+  [[nodiscard]] double place(double value) const {  // 0 … 1 along the axis
+    if (logarithmic) return (std::log10(value) - std::log10(low)) / (std::log10(high) - std::log10(low));
+    return (value - low) / (high - low);
+  }
+};
+
+inline Axis make_axis(double low, double high, bool logarithmic, int wanted) {
+  Axis axis;
+  axis.logarithmic = logarithmic;
+  if (!(low <= high)) low = logarithmic ? 1 : 0, high = logarithmic ? 10 : 1;
+  if (logarithmic) {
+    if (high / low < 1.5) low /= 1.25, high *= 1.25;
+    axis.low = low / 1.06;
+    axis.high = high * 1.06;
+    const bool wide = high / low > 30;
+    for (int decade = static_cast<int>(std::floor(std::log10(axis.low))); decade <= 12; ++decade) {
+      for (const double digit : {1.0, 2.0, 5.0}) {
+        if (wide && digit != 1.0) continue;
+        const double tick = digit * std::pow(10.0, decade);
+        if (tick >= axis.low && tick <= axis.high) axis.ticks.push_back(tick);
+      }
+    }
+    return axis;
+  }
+  if (high - low <= 1e-12 * std::max(1.0, std::abs(high))) low -= 0.5, high += 0.5;
+  const double raw = (high - low) / wanted;
+  const double power = std::pow(10.0, std::floor(std::log10(raw)));
+  const double step = power * (raw / power > 5 ? 10 : (raw / power > 2 ? 5 : (raw / power > 1 ? 2 : 1)));
+  axis.low = std::floor(low / step + 1e-9) * step;
+  axis.high = std::ceil(high / step - 1e-9) * step;
+  for (int i = 0; axis.low + i * step <= axis.high + 0.5 * step; ++i) {
+    const double tick = axis.low + i * step;
+    axis.ticks.push_back(std::abs(tick) < 1e-9 * step ? 0 : tick);
+  }
+  return axis;
+}
+
+}  // namespace plot_detail
+
+/// The plot as one <svg> element; needs plot_style and the variables --ink, --soft and --line in the page.
+inline std::string svg(const Plot& plot) {
+  const auto usable = [&](const std::array<double, 2>& p) {
+    return std::isfinite(p[0]) && std::isfinite(p[1]) && (!plot.log_x || p[0] > 0) && (!plot.log_y || p[1] > 0);
+  };
+  double low_x = INFINITY, high_x = -INFINITY, low_y = INFINITY, high_y = -INFINITY;
+  for (const PlotSeries& series : plot.series) {
+    for (const std::array<double, 2>& p : series.points) {
+      if (!usable(p)) continue;
+      low_x = std::min(low_x, p[0]), high_x = std::max(high_x, p[0]);
+      low_y = std::min(low_y, p[1]), high_y = std::max(high_y, p[1]);
+    }
+  }
+  const bool empty = !(low_x <= high_x);
+  if (plot.from_zero && !empty) low_y = std::min(low_y, 0.0);
+  const plot_detail::Axis x = plot_detail::make_axis(low_x, high_x, plot.log_x, 6);
+  const plot_detail::Axis y = plot_detail::make_axis(low_y, high_y, plot.log_y, 5);
+  const double left = 58, right = 14, top = 30, bottom = 42;
+  const double wide = plot.width - left - right, tall = plot.height - top - bottom;
+  const auto at_x = [&](double value) { return left + wide * x.place(value); };
+  const auto at_y = [&](double value) { return top + tall * (1 - y.place(value)); };
+
+  std::string out = format_text("<svg class=\"plot\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\" role=\"img\">",
+                                plot.width, plot.height, plot.width, plot.height);
+  out += "<title>" + escape_html(plot.title) + "</title>";
+  out += format_text("<text class=\"title\" x=\"%.0f\" y=\"17\">", left) + escape_html(plot.title) + "</text>";
+  for (const double tick : y.ticks) {
+    out += format_text("<line class=\"grid\" x1=\"%.1f\" x2=\"%.1f\" y1=\"%.1f\" y2=\"%.1f\"/>", left, left + wide,
+                       at_y(tick), at_y(tick));
+    out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">", left - 6, at_y(tick) + 4) +
+           format_short(tick) + "</text>";
+  }
+  for (const double tick : x.ticks) {
+    out += format_text("<line class=\"grid\" x1=\"%.1f\" x2=\"%.1f\" y1=\"%.1f\" y2=\"%.1f\"/>", at_x(tick), at_x(tick),
+                       top, top + tall);
+    out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">", at_x(tick), top + tall + 16) +
+           format_short(tick) + "</text>";
+  }
+  out += format_text("<line class=\"axis\" x1=\"%.1f\" x2=\"%.1f\" y1=\"%.1f\" y2=\"%.1f\"/>", left, left + wide,
+                     top + tall, top + tall);
+  out += format_text("<text x=\"%.1f\" y=\"%d\" text-anchor=\"middle\">", left + wide / 2, plot.height - 6) +
+         escape_html(plot.x_label) + "</text>";
+  out += format_text("<text x=\"14\" y=\"%.1f\" text-anchor=\"middle\" transform=\"rotate(-90 14 %.1f)\">",
+                     top + tall / 2, top + tall / 2) +
+         escape_html(plot.y_label) + "</text>";
+  if (empty) {
+    out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">no data</text>", left + wide / 2,
+                       top + tall / 2);
+  }
+  double legend_x = plot.width - right;
+  for (std::size_t s = plot.series.size(); s-- > 0;) {  // right to left, above the frame
+    const PlotSeries& series = plot.series[s];
+    if (plot.series.size() < 2 || series.label.empty()) continue;
+    out += format_text("<text x=\"%.1f\" y=\"17\" text-anchor=\"end\" style=\"fill:var(--c%d)\">", legend_x,
+                       series.color) +
+           escape_html(series.label) + "</text>";
+    legend_x -= 7.0 * static_cast<double>(series.label.size()) + 16;
+  }
+  for (const PlotSeries& series : plot.series) {
+    if (series.line) {
+      out += format_text("<polyline style=\"stroke:var(--c%d)\" points=\"", series.color);
+      for (const std::array<double, 2>& p : series.points) {
+        if (usable(p)) out += format_text("%.1f,%.1f ", at_x(p[0]), at_y(p[1]));
+      }
+      out += "\"/>";
+    }
+    for (std::size_t i = 0; i < series.points.size(); ++i) {
+      const std::array<double, 2>& p = series.points[i];
+      if (!usable(p)) continue;
+      if (series.dots) {
+        out += format_text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3.2\" style=\"fill:var(--c%d)\"/>", at_x(p[0]),
+                           at_y(p[1]), series.color);
+      }
+      if (i < series.names.size() && !series.names[i].empty()) {
+        const bool near_right = at_x(p[0]) > left + 0.8 * wide;
+        out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", at_x(p[0]) + (near_right ? -6 : 6),
+                           at_y(p[1]) - 5, near_right ? "end" : "start") +
+               escape_html(series.names[i]) + "</text>";
+      }
+    }
+  }
+  return out + "</svg>";
+}
+
+}  // namespace tool
