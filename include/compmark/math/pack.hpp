@@ -449,7 +449,7 @@ template <class T, int W>
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
     if constexpr (std::is_same_v<T, float> && W == 16) {
       const __m512 x = (__m512)a.native;
-      const __m256 half = _mm256_add_ps(_mm512_castps512_ps256(x), _mm512_maskz_extractf32x8_ps(0xFF, x, 1));
+      const __m256 half = _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xFF, x, 0), _mm512_maskz_extractf32x8_ps(0xFF, x, 1));
       return reduce_add(Pack<T, 8>::from_native((typename Pack<T, 8>::Native)half));
     }
 #endif
