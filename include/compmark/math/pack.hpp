@@ -176,7 +176,7 @@ struct Pack {
     if constexpr (W == 1) {
       native = value;
     } else {
-      native = Native{} + value;
+      native = value - Native{};  // x - 0 is x for every x, so it folds to one broadcast; 0 + x is not (-0) and would cost an addition
     }
   }
   static COMPMARK_INLINE Pack from_native(Native native) {

@@ -1,0 +1,155 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Small dense products whose shape the compiler knows: C = start + A B, rows of C in registers, elements of A broadcast, rows of B in
+// packs. The networks of this library are tens of columns wide, so that a general matrix product spends its time on packing and edges;
+// here every stride is a constant, and the caller's `start` and `finish` fuse bias, activation and accumulation into the registers.
+// Sums run over `steps` in ascending order with one fused multiply-add each: the bits do not depend on the width of the packs.
+// Cost: rows * columns * steps multiply-adds; per step a tile loads Packs + Rows values for Packs * Rows packs of multiply-adds.
+#pragma once
+
+#include <cstddef>
+#include <type_traits>
+#include <utility>
+
+#include "compmark/math/pack.hpp"
+
+namespace compmark::inline v0 {
+
+/// C[rows, columns] += sum over steps of A[row, step] B[step, column]; columns is a multiple of the pack width.
+///   A(row, step) = a[row * a_row + step * a_step],  B(step, column) = b[step * b_step + column],  C(row, column) = c[row * c_row + column]
+struct ProductShape {
+  int rows = 0;
+  int columns = 0;
+  int steps = 0;
+  int a_row = 0;
+  int a_step = 1;
+  int b_step = 0;
+  int c_row = 0;
+};
+
+namespace detail {
+
+/// f(0), f(1), … with constant arguments: an unrolled loop at any optimisation level.
+template <int N, class F>
+COMPMARK_INLINE void unroll(const F& f) {
+  [&]<int... I>(std::integer_sequence<int, I...>) __attribute__((always_inline)) { (f(std::integral_constant<int, I>{}), ...); }
+  (std::make_integer_sequence<int, N>{});
+}
+
+/// Accumulators that fit the register file beside B and one element of A: 24 of 32 registers with AVX-512, 12 of 16 otherwise.
+template <class T, int W>
+inline constexpr int product_accumulators = uses_mask_register<T, W> ? 24 : 12;
+
+template <class T, int W, ProductShape shape, int Rows, int Packs, class Start, class Finish>
+COMPMARK_INLINE void product_tile(const T* a, const T* b, T* c, int row, int column, const Start& start, const Finish& finish) {
+  using P = Pack<T, W>;
+  P sum[Rows][Packs];
+  unroll<Rows>([&](auto r) __attribute__((always_inline)) {
+    unroll<Packs>([&](auto p) __attribute__((always_inline)) {
+      sum[r][p] = start(row + r, column + p * W, c + (row + r) * shape.c_row + column + p * W);
+    });
+  });
+  const T* a_tile = a + row * shape.a_row;
+  const T* b_tile = b + column;
+  for (int step = 0; step < shape.steps; ++step) {
+    P row_of_b[Packs];
+    unroll<Packs>([&](auto p) __attribute__((always_inline)) { row_of_b[p] = P::load(b_tile + p * W); });
+    unroll<Rows>([&](auto r) __attribute__((always_inline)) {
+      const P element(a_tile[r * shape.a_row]);
+      unroll<Packs>([&](auto p) __attribute__((always_inline)) { sum[r][p] = fma(element, row_of_b[p], sum[r][p]); });
+    });
+    a_tile += shape.a_step;
+    b_tile += shape.b_step;
+  }
+  unroll<Rows>([&](auto r) __attribute__((always_inline)) {
+    unroll<Packs>([&](auto p) __attribute__((always_inline)) {
+      T* const target = c + (row + r) * shape.c_row + column + p * W;
+      finish(row + r, column + p * W, sum[r][p]).store(target);
+    });
+  });
+}
+
+/// Rows in tiles of nearly equal height, at most `accumulators / Packs`: at most two tile kernels a product.
+template <class T, int W, ProductShape shape, int Packs, class Start, class Finish>
+COMPMARK_INLINE void product_strip(const T* a, const T* b, T* c, int column, const Start& start, const Finish& finish) {
+  constexpr int most = product_accumulators<T, W> / Packs;
+  constexpr int tiles = (shape.rows + most - 1) / most;
+  constexpr int small = shape.rows / tiles;
+  constexpr int larger_tiles = shape.rows - small * tiles;  // these have small + 1 rows
+  int row = 0;
+  if constexpr (larger_tiles > 0) {
+    for (int tile = 0; tile < larger_tiles; ++tile, row += small + 1) {
+      product_tile<T, W, shape, small + 1, Packs>(a, b, c, row, column, start, finish);
+    }
+  }
+  for (int tile = larger_tiles; tile < tiles; ++tile, row += small) {
+    product_tile<T, W, shape, small, Packs>(a, b, c, row, column, start, finish);
+  }
+}
+
+}  // namespace detail
+
+/// The product of ProductShape. start(row, column, c) gives the first value of a pack of C, finish(row, column, sum) the stored one.
+template <class T, int W, ProductShape shape, class Start, class Finish>
+inline void product(const T* a, const T* b, T* c, const Start& start, const Finish& finish) {
+  static_assert(shape.columns % W == 0, "product: pad the columns to whole packs");
+  constexpr int packs = shape.columns / W;
+  constexpr int strip = packs % 2 == 0 ? 2 : (packs == 3 ? 3 : 1);
+  for (int column = 0; column < shape.columns; column += strip * W) {
+    detail::product_strip<T, W, shape, strip>(a, b, c, column, start, finish);
+  }
+}
+
+/// Usual starts and finishes.
+template <class T, int W>
+struct StartZero {
+  COMPMARK_INLINE Pack<T, W> operator()(int /*row*/, int /*column*/, const T* /*c*/) const { return Pack<T, W>(T{}); }
+};
+template <class T, int W>
+struct StartAccumulate {
+  COMPMARK_INLINE Pack<T, W> operator()(int /*row*/, int /*column*/, const T* c) const { return Pack<T, W>::load(c); }
+};
+/// One bias a row.
+template <class T, int W>
+struct StartBias {
+  const T* bias;
+  COMPMARK_INLINE Pack<T, W> operator()(int row, int /*column*/, const T* /*c*/) const { return Pack<T, W>(bias[row]); }
+};
+template <class T, int W>
+struct FinishLinear {
+  COMPMARK_INLINE Pack<T, W> operator()(int /*row*/, int /*column*/, Pack<T, W> sum) const { return sum; }
+};
+/// x < 0 ? 0 : x. A NaN stays a NaN (numerics case ML4).
+template <class T, int W>
+struct FinishRelu {
+  COMPMARK_INLINE Pack<T, W> operator()(int /*row*/, int /*column*/, Pack<T, W> sum) const {
+    return select(sum < Pack<T, W>(T{}), Pack<T, W>(T{}), sum);
+  }
+};
+
+/// W packs, each a row of a W x W matrix, transposed in registers: log2(W) rounds of two-source shuffles.
+template <class T, int W>
+COMPMARK_INLINE void transpose(Pack<T, W> (&rows)[W]) {
+  if constexpr (W > 1) {
+    using P = Pack<T, W>;
+    const auto round = [&]<int Distance, int... Lane>(std::integral_constant<int, Distance>, std::integer_sequence<int, Lane...>)
+        __attribute__((always_inline)) {
+      detail::unroll<W>([&](auto i) __attribute__((always_inline)) {
+        if constexpr ((i & Distance) == 0) {
+          const auto x = rows[i].native;
+          const auto y = rows[i + Distance].native;
+          rows[i] = P::from_native(__builtin_shufflevector(x, y, ((Lane & Distance) == 0 ? Lane : W + Lane - Distance)...));
+          rows[i + Distance] = P::from_native(__builtin_shufflevector(x, y, ((Lane & Distance) == 0 ? Lane + Distance : W + Lane)...));
+        }
+      });
+    };
+    constexpr auto lanes = std::make_integer_sequence<int, W>{};
+    if constexpr (W > 8) round(std::integral_constant<int, 8>{}, lanes);
+    if constexpr (W > 4) round(std::integral_constant<int, 4>{}, lanes);
+    if constexpr (W > 2) round(std::integral_constant<int, 2>{}, lanes);
+    round(std::integral_constant<int, 1>{}, lanes);
+  }
+}
+
+}  // namespace compmark::inline v0
