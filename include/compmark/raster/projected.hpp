@@ -17,10 +17,11 @@ namespace compmark::inline v0 {
 /// The visible splats of one view. `splats[0 .. count)` is in depth order, front to back, ties by index of the input Gaussian.
 template <class T>
 struct ProjectedSplats {
-  Buffer<Splat<T>> splats;        ///< [count]
-  Buffer<std::uint32_t> source;   ///< [count] input Gaussian of splat i
-  Buffer<std::uint8_t> visible;   ///< [gaussians] 1 where the footprint overlaps the image
-  Buffer<std::uint32_t> place;    ///< [gaussians] index into splats, bit 31 set when the pivot axis is x; `nowhere` when not visible
+  Buffer<Splat<T>> splats;       ///< [count]
+  Buffer<std::uint32_t> source;  ///< [count] input Gaussian of splat i
+  Buffer<std::uint8_t> visible;  ///< [gaussians] 1 where the footprint overlaps the image
+  Buffer<std::uint32_t>
+      place;  ///< [gaussians] index into splats, bit 31 set when the pivot axis is x; `nowhere` when not visible
   std::size_t count = 0;
   std::size_t gaussians = 0;
 
@@ -33,10 +34,10 @@ struct ProjectedSplats {
 /// [first_slot[i], first_slot[i + 1]), in the same order at any thread count.
 struct TileLists {
   int tiles_x = 0, tiles_y = 0;
-  Buffer<std::size_t> begin;         ///< [tiles + 1] range of each tile in `splat` and `slot`
-  Buffer<std::uint32_t> splat;       ///< [pairs] index into ProjectedSplats::splats, ascending in each tile
-  Buffer<std::uint32_t> slot;        ///< [pairs]
-  Buffer<std::size_t> first_slot;    ///< [count + 1]
+  Buffer<std::size_t> begin;       ///< [tiles + 1] range of each tile in `splat` and `slot`
+  Buffer<std::uint32_t> splat;     ///< [pairs] index into ProjectedSplats::splats, ascending in each tile
+  Buffer<std::uint32_t> slot;      ///< [pairs]
+  Buffer<std::size_t> first_slot;  ///< [count + 1]
   std::size_t pairs = 0;
 };
 
@@ -46,7 +47,8 @@ inline constexpr double smooth_cutoff_width = 1e-3;
 /// The smallest alpha that contributes: alpha_min, or the foot of the ramp under CutoffRule::smooth. 0 means that nothing is cut.
 template <class T>
 [[nodiscard]] constexpr T cutoff_floor(const Accuracy& accuracy) {
-  const double floor = static_cast<double>(accuracy.alpha_min) - (accuracy.cutoff == CutoffRule::smooth ? smooth_cutoff_width / 2 : 0);
+  const double floor =
+      static_cast<double>(accuracy.alpha_min) - (accuracy.cutoff == CutoffRule::smooth ? smooth_cutoff_width / 2 : 0);
   return floor > 0 ? static_cast<T>(floor) : T(0);
 }
 
