@@ -1,0 +1,114 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Explicit Gaussians as the 3DGS file format stores them: log scales, opacity as a logit, quaternion w x y z (any norm), colour as spherical
+// harmonics. A table of named columns; nothing here trains. to_gaussians evaluates it for one camera: what a viewer does.
+//   colour = max(0, 1/2 + sum_i f_i Y_i(d)),  d = (mean - camera centre) normalised
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "compmark/core/executor.hpp"
+#include "compmark/core/gaussians.hpp"
+#include "compmark/math/spherical_harmonics.hpp"
+
+namespace compmark::inline v0 {
+
+/// Structure of arrays, every column `count` floats. Cost: 4 (11 + 3 (degree + 1)^2) bytes a Gaussian.
+struct SplatTable {
+  int degree = 0;  ///< of the spherical harmonics, 0 … 3
+  std::size_t count = 0;
+  std::array<std::vector<float>, 3> mean;  ///< world units
+  std::array<std::vector<float>, 3>
+      log_scale;  ///< natural logarithm of the standard deviation; -infinity is legal (flat)
+  std::array<std::vector<float>, 4> rotation;  ///< w x y z
+  std::vector<float> opacity;                  ///< logit; +infinity is legal (opaque)
+  std::vector<std::vector<float>> sh;          ///< [3 (degree + 1)^2] columns: channel * (degree + 1)^2 + coefficient
+
+  [[nodiscard]] std::size_t coefficients() const { return sh_count(degree); }
+  [[nodiscard]] std::vector<float>& color(std::size_t channel, std::size_t i) {
+    return sh[channel * coefficients() + i];
+  }
+  [[nodiscard]] const std::vector<float>& color(std::size_t channel, std::size_t i) const {
+    return sh[channel * coefficients() + i];
+  }
+
+  /// Sets shape; new values are zero, kept ones stay.
+  void resize(std::size_t rows, int sh_degree) {
+    degree = sh_degree;
+    count = rows;
+    sh.resize(3 * sh_count(sh_degree));
+    for_each_column([rows](std::vector<float>& column) { column.resize(rows); });
+  }
+  /// Calls f(std::vector<float>&) for every column.
+  template <class F>
+  void for_each_column(const F& f) {
+    for (std::vector<float>& column : mean) f(column);
+    for (std::vector<float>& column : log_scale) f(column);
+    for (std::vector<float>& column : rotation) f(column);
+    f(opacity);
+    for (std::vector<float>& column : sh) f(column);
+  }
+};
+
+/// The table seen from a camera centre, row i of the table is row i of the batch. A rotation of norm zero becomes the identity.
+template <class T, Executor E>
+void to_gaussians(const SplatTable& table, const std::array<double, 3>& camera_center, GaussianBatch<T>& batch,
+                  E& executor) {
+  batch.resize(table.count);
+  const GaussianColumns<T> out = batch.columns();
+  executor.for_chunks(table.count, 1024, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t i = begin; i < end; ++i) {
+      std::array<T, 3> direction{};
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        out.mean[axis][i] = static_cast<T>(table.mean[axis][i]);
+        out.scale[axis][i] = std::exp(static_cast<T>(table.log_scale[axis][i]));
+        direction[axis] = static_cast<T>(static_cast<double>(table.mean[axis][i]) - camera_center[axis]);
+      }
+      T norm = T(0);
+      for (std::size_t k = 0; k < 4; ++k)
+        norm += static_cast<T>(table.rotation[k][i]) * static_cast<T>(table.rotation[k][i]);
+      norm = std::sqrt(norm);
+      for (std::size_t k = 0; k < 4; ++k) {
+        out.rotation[k][i] = norm > T(0) ? static_cast<T>(table.rotation[k][i]) / norm : T(k == 0 ? 1 : 0);
+      }
+      out.opacity[i] = T(1) / (T(1) + std::exp(-static_cast<T>(table.opacity[i])));
+      const T length =
+          std::sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
+      for (T& component : direction) component = length > T(0) ? component / length : T(0);
+      const std::array<T, 16> basis = sh_basis(direction);
+      for (std::size_t channel = 0; channel < 3; ++channel) {
+        T value = T(0.5);
+        for (std::size_t k = 0; k < table.coefficients(); ++k)
+          value += basis[k] * static_cast<T>(table.color(channel, k)[i]);
+        out.color[channel][i] = value > T(0) ? value : T(0);
+      }
+    }
+  });
+}
+
+/// Explicit Gaussians of one view (colours as they are) as a table of degree 0: exact for that view, whatever the camera. Opacities are
+/// held below 1 - 1e-6 and scales above 1e-20, so that every stored number is finite.
+template <class T>
+[[nodiscard]] SplatTable to_splat_table(const GaussianColumns<const T>& gaussians) {
+  SplatTable table;
+  table.resize(gaussians.count, 0);
+  for (std::size_t i = 0; i < gaussians.count; ++i) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      table.mean[axis][i] = static_cast<float>(gaussians.mean[axis][i]);
+      table.log_scale[axis][i] =
+          static_cast<float>(std::log(std::fmax(static_cast<double>(gaussians.scale[axis][i]), 1e-20)));
+      table.color(axis, 0)[i] = static_cast<float>((static_cast<double>(gaussians.color[axis][i]) - 0.5) / sh_constant);
+    }
+    for (std::size_t k = 0; k < 4; ++k) table.rotation[k][i] = static_cast<float>(gaussians.rotation[k][i]);
+    const double opacity = std::fmin(std::fmax(static_cast<double>(gaussians.opacity[i]), 1e-6), 1 - 1e-6);
+    table.opacity[i] = static_cast<float>(std::log(opacity / (1 - opacity)));
+  }
+  return table;
+}
+
+}  // namespace compmark::inline v0
