@@ -29,9 +29,9 @@ if(NOT compmark_data_dir AND IS_DIRECTORY "${PROJECT_SOURCE_DIR}/../shared/data"
   get_filename_component(compmark_data_dir "${PROJECT_SOURCE_DIR}/../shared/data" ABSOLUTE)
 endif()
 
-# compmark_program(<target> <sources...>): an executable of our own over all components that were found.
+# compmark_program(<target> <sources...>): an executable of our own.
 function(compmark_program target)
   add_executable(${target} ${ARGN})
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
-  target_link_libraries(${target} PRIVATE compmark::io compmark_warnings)
+  target_link_libraries(${target} PRIVATE compmark::compmark compmark_warnings)
 endfunction()

@@ -9,7 +9,7 @@ get_property(components GLOBAL PROPERTY COMPMARK_COMPONENTS)
 set(package_dir "${CMAKE_INSTALL_DATADIR}/cmake/compmark")
 # A component whose dependency is missing here is not exported; its header is installed all the same.
 set(exported compmark)
-foreach(pair "compmark_io,compmark::stb" "compmark_tbb,TBB::tbb" "compmark_openmp,OpenMP::OpenMP_CXX")
+foreach(pair "compmark_tbb,TBB::tbb" "compmark_openmp,OpenMP::OpenMP_CXX")
   string(REPLACE "," ";" pair "${pair}")
   list(GET pair 0 component)
   list(GET pair 1 needs)

@@ -5,17 +5,10 @@
 # (configure with -DCMAKE_VERIFY_INTERFACE_HEADER_SETS=ON).
 file(GLOB_RECURSE compmark_headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/include/compmark/*.hpp")
 
-# Headers that need more than the core dependencies belong to a component.
-set(compmark_io_headers)
+# The executor adaptors are the only headers that need more than the package's own dependencies: each is a component.
 set(compmark_tbb_headers "${PROJECT_SOURCE_DIR}/include/compmark/core/tbb_executor.hpp")
 set(compmark_openmp_headers "${PROJECT_SOURCE_DIR}/include/compmark/core/openmp_executor.hpp")
-foreach(header IN LISTS compmark_headers)
-  file(STRINGS "${header}" needs_images REGEX "#include [<\"](stb_image|stb/stb_image|compmark/io/image_file)")
-  if(needs_images)
-    list(APPEND compmark_io_headers "${header}")
-  endif()
-endforeach()
-list(REMOVE_ITEM compmark_headers ${compmark_io_headers} ${compmark_tbb_headers} ${compmark_openmp_headers})
+list(REMOVE_ITEM compmark_headers ${compmark_tbb_headers} ${compmark_openmp_headers})
 
 # compmark_component(<name> <headers...>): target compmark_<name> (compmark for "compmark") with alias compmark::<name>.
 function(compmark_component name)
@@ -41,14 +34,8 @@ function(compmark_component name)
 endfunction()
 
 compmark_component(compmark ${compmark_headers})
-target_link_libraries(compmark INTERFACE Eigen3::Eigen nlohmann_json::nlohmann_json nanoflann::nanoflann Threads::Threads)
-
-compmark_component(io ${compmark_io_headers})
-if(TARGET compmark::stb)
-  target_link_libraries(compmark_io INTERFACE compmark::stb)
-else()
-  set_target_properties(compmark_io PROPERTIES VERIFY_INTERFACE_HEADER_SETS OFF)
-endif()
+target_link_libraries(compmark INTERFACE Eigen3::Eigen nlohmann_json::nlohmann_json nanoflann::nanoflann Threads::Threads
+                                         compmark::stb)
 
 compmark_component(tbb ${compmark_tbb_headers})
 if(TARGET TBB::tbb)
