@@ -196,9 +196,19 @@ struct Footprint {
   P slope, major, minor;
 };
 
+/// Fills slope, major and minor for the pivot axis that `pivot_x` names.
+template <class P>
+COMPMARK_INLINE void conditional_form(Footprint<P>& f) {
+  using T = typename P::Scalar;
+  const P pivot = select(f.pivot_x, f.variance_x, f.variance_y);
+  const P inverse = P(T(1)) / pivot;
+  f.slope = f.covariance * inverse;
+  f.minor = P(T(0.5)) * inverse;
+  f.major = P(T(0.5)) * pivot / f.determinant;
+}
+
 template <class P>
 [[nodiscard]] COMPMARK_INLINE Footprint<P> footprint_of(const std::array<P, 6>& v, typename P::Scalar blur_variance) {
-  using T = typename P::Scalar;
   const P e(blur_variance);
   const P m0 = v[1] * v[5] - v[2] * v[4], m1 = v[2] * v[3] - v[0] * v[5], m2 = v[0] * v[4] - v[1] * v[3];
   const P xx = fma(v[0], v[0], fma(v[1], v[1], v[2] * v[2]));
@@ -209,11 +219,7 @@ template <class P>
   f.variance_y = yy + e;
   f.determinant = fma(m0, m0, fma(m1, m1, m2 * m2)) + e * (xx + yy) + e * e;
   f.pivot_x = f.variance_x > f.variance_y;
-  const P pivot = max(f.variance_x, f.variance_y);
-  const P inverse = P(T(1)) / pivot;
-  f.slope = f.covariance * inverse;
-  f.minor = P(T(0.5)) * inverse;
-  f.major = P(T(0.5)) * pivot / f.determinant;
+  conditional_form(f);
   return f;
 }
 
