@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a rasterizer is asked for beyond the colour image, as a compile-time policy: an output that is not asked for has no buffer, no
+// branch and no instruction.
+#pragma once
+
+#include "compmark/core/views.hpp"
+
+namespace compmark::inline v0 {
+
+/// Structural, so that it can be a template argument.
+struct RasterOutputs {
+  bool alpha = false;              ///< 1 - final transmittance, per pixel
+  bool depth = false;              ///< sum of blend weight * camera z, per pixel (not divided by alpha; the background counts as 0)
+  bool screen_statistics = false;  ///< per Gaussian: norm of the gradient of its mean on the screen, for growing
+
+  friend constexpr bool operator==(const RasterOutputs&, const RasterOutputs&) = default;
+};
+
+/// Gradients of the extra planes, each [1, height, width]; an empty view (data == nullptr) counts as zero.
+template <class T>
+struct PlaneGradients {
+  ImageView<const T> alpha{};
+  ImageView<const T> depth{};
+};
+
+}  // namespace compmark::inline v0

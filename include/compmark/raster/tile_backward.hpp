@@ -1,0 +1,223 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The gradient of blending (numerics case BB1), one cell of 16 x 16 pixels at a time, chunks of 256 splats from the back:
+//   1. front to back, each block recomputes alpha and the blend weight w of the splats that blended in it and keeps both in scratch;
+//   2. back to front, splat by splat: with d = dot(colour, dL/dC) and A = dot(what lies behind, dL/dC), one scalar a pixel,
+//        dL/dalpha = T (d - A),  dlnalpha: g = w (d - A),  A <- A + alpha (d - A),  A starts with the background.
+// No division, no separate background term; where all colours equal the background d - A is exactly 0. Because the dot product is linear,
+// carrying dot(behind, dL/dC) instead of the colour behind saves six instructions of nine.
+//
+// The sums of SplatGradient are kept in registers over the blocks of a cell: relative to the middle of the block, where w and d_b are
+// scalars, so six multiply-adds do; the offsets inside the block are added once a cell. Then one transposing reduction writes the record.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "compmark/raster/tile_forward.hpp"
+
+namespace compmark::inline v0::detail {
+
+/// Scratch of one worker, ~0.6 MB in float: stays in the second-level cache.
+template <Accuracy accuracy, class T>
+struct BackwardScratch {
+  static constexpr int kept = stores_chain<accuracy> ? 3 : 2;
+  CellSplat<T> splats[chunk_splats];
+  ReachBits reach;
+  alignas(64) T image_gradient[3][cell_blocks][block_pixels];
+  alignas(64) T alpha_gradient[cell_blocks][block_pixels];
+  alignas(64) T depth_gradient[cell_blocks][block_pixels];
+  alignas(64) T behind[cell_blocks][block_pixels];
+  alignas(64) T pixel[chunk_splats][cell_blocks][kept][block_pixels];  // weight, alpha and, where needed, chain
+};
+
+/// Step 1 for one block.
+template <Accuracy accuracy, int W, class T>
+inline void recompute_block(const std::uint64_t (&blended)[chunk_words], std::size_t words, int block, const T (&start)[block_pixels],
+                            BackwardScratch<accuracy, T>& scratch) {
+  using P = Pack<T, W>;
+  constexpr int packs = block_pixels / W;
+  const T* x_at = cell_table<T>.at[0][block];
+  const T* y_at = cell_table<T>.at[1][block];
+  std::array<P, packs> x, y, transmittance;
+  for (int j = 0; j < packs; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    x[at] = P::load(x_at + j * W);
+    y[at] = P::load(y_at + j * W);
+    transmittance[at] = P::load(start + j * W);
+  }
+  for (std::size_t i = 0; i < words; ++i) {
+    for (std::uint64_t bits = blended[i]; bits != 0; bits &= bits - 1) {
+      const std::size_t k = 64 * i + static_cast<std::size_t>(std::countr_zero(bits));
+      const CellSplat<T>& splat = scratch.splats[k];
+      for (int j = 0; j < packs; ++j) {
+        const auto at = static_cast<std::size_t>(j);
+        const P raw = raw_alpha<accuracy, T, W>(splat, x[at], y[at], x_at + j * W);
+        const Blend<T, W> result = blend<accuracy, stores_chain<accuracy>>(raw, transmittance[at]);
+        result.weight.store(scratch.pixel[k][block][0] + j * W);
+        result.alpha.store(scratch.pixel[k][block][1] + j * W);
+        if constexpr (stores_chain<accuracy>) result.chain.store(scratch.pixel[k][block][2] + j * W);
+      }
+    }
+  }
+}
+
+/// Sums of all lanes of 16 packs: result[i] = reduce_add(sums[i]).
+template <class T, int W>
+COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* result) {
+  for (std::size_t i = 0; i < 10; ++i) result[i] = reduce_add(sums[i]);
+}
+
+/// Step 2 for one splat: adds into nothing, overwrites `record` with the sums over the blocks of `mask` (in whitened units).
+template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
+COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScratch<accuracy, T>& scratch, T* record) {
+  using P = Pack<T, W>;
+  constexpr int packs = block_pixels / W;
+  const CellTable<T>& table = cell_table<T>;
+  const CellSplat<T>& splat = scratch.splats[k];
+  const int pivot = splat.axis == 0 ? 0 : 1;
+  // w and b at the middle of each block, and their products.
+  alignas(64) T middle[5][cell_blocks];
+  for (int j = 0; j < cell_blocks; j += W) {
+    const P w = fma(P::load(table.middle[0] + j), P(splat.wx), fma(P::load(table.middle[1] + j), P(splat.wy), P(splat.w0)));
+    const P b = fma(P::load(table.middle[pivot] + j), P(splat.bd), P(splat.b0));
+    w.store(middle[0] + j);
+    b.store(middle[1] + j);
+    (w * w).store(middle[2] + j);
+    (w * b).store(middle[3] + j);
+    (b * b).store(middle[4] + j);
+  }
+  const P zero(T(0)), red(splat.red), green(splat.green), blue(splat.blue), depth(splat.depth);
+  std::array<P, packs> g0, gw, gb, gww, gwb, gbb;
+  g0.fill(zero);
+  gw.fill(zero);
+  gb.fill(zero);
+  gww.fill(zero);
+  gwb.fill(zero);
+  gbb.fill(zero);
+  P sum_red(zero), sum_green(zero), sum_blue(zero), sum_depth(zero);
+  for (unsigned bits = mask; bits != 0; bits &= bits - 1) {
+    const int block = std::countr_zero(bits);
+    for (int j = 0; j < packs; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      const P weight = P::load(scratch.pixel[k][block][0] + j * W), alpha = P::load(scratch.pixel[k][block][1] + j * W);
+      const P d_red = P::load(scratch.image_gradient[0][block] + j * W), d_green = P::load(scratch.image_gradient[1][block] + j * W),
+              d_blue = P::load(scratch.image_gradient[2][block] + j * W);
+      P here = fma(red, d_red, fma(green, d_green, blue * d_blue));
+      if constexpr (outputs.depth) {
+        const P d_depth = P::load(scratch.depth_gradient[block] + j * W);
+        here = fma(depth, d_depth, here);
+        sum_depth = fma(weight, d_depth, sum_depth);
+      }
+      if constexpr (outputs.alpha) here += P::load(scratch.alpha_gradient[block] + j * W);
+      const P behind = P::load(scratch.behind[block] + j * W);
+      const P difference = here - behind;
+      fma(alpha, difference, behind).store(scratch.behind[block] + j * W);
+      P g;
+      if constexpr (stores_chain<accuracy>) {
+        g = P::load(scratch.pixel[k][block][2] + j * W) * difference;
+      } else {
+        g = keep(alpha < P(static_cast<T>(accuracy.alpha_max)), weight * difference);  // the clamp stops the gradient (case BF3)
+      }
+      g0[at] += g;
+      gw[at] = fma(g, P(middle[0][block]), gw[at]);
+      gb[at] = fma(g, P(middle[1][block]), gb[at]);
+      gww[at] = fma(g, P(middle[2][block]), gww[at]);
+      gwb[at] = fma(g, P(middle[3][block]), gwb[at]);
+      gbb[at] = fma(g, P(middle[4][block]), gbb[at]);
+      sum_red = fma(weight, d_red, sum_red);
+      sum_green = fma(weight, d_green, sum_green);
+      sum_blue = fma(weight, d_blue, sum_blue);
+    }
+  }
+  // From the middles of the blocks to the pixels: w = middle + w_in, b = middle + b_in, the same for every block.
+  std::array<P, 10> sums{zero, zero, zero, zero, zero, zero, sum_red, sum_green, sum_blue, sum_depth};
+  for (int j = 0; j < packs; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const P w_in = fma(P::load(table.lane[0] + j * W), P(splat.wx), P::load(table.lane[1] + j * W) * P(splat.wy));
+    const P b_in = P::load(table.lane[pivot] + j * W) * P(splat.bd);
+    const P w = fma(w_in, g0[at], gw[at]), b = fma(b_in, g0[at], gb[at]);
+    sums[0] += g0[at];
+    sums[1] += w;
+    sums[2] += b;
+    sums[3] += fma(w_in, gw[at] + w, gww[at]);
+    sums[4] += fma(w_in, b, fma(b_in, gw[at], gwb[at]));
+    sums[5] += fma(b_in, gb[at] + b, gbb[at]);
+  }
+  reduce_columns<T, W>(sums, record);
+}
+
+/// Gradients of the planes; alpha and depth may be null (zero).
+template <class T>
+struct BackwardPlanes {
+  ImageView<const T> image;
+  const T* alpha = nullptr;
+  const T* depth = nullptr;
+};
+
+/// One cell: for each entry of the list, the sums of its pixels go to records[slots[entry]] (added to it when `add`).
+template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
+inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, std::span<const std::uint32_t> slots,
+                          const CellPlace& place, const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
+                          const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
+                          BackwardScratch<accuracy, T>& scratch) {
+  for (int c = 0; c < 3; ++c) load_cell(planes.image.plane(c), place, T(0), scratch.image_gradient[c]);
+  if constexpr (outputs.alpha) {
+    if (planes.alpha != nullptr) {
+      load_cell(planes.alpha, place, T(0), scratch.alpha_gradient);
+    } else {
+      std::memset(scratch.alpha_gradient, 0, sizeof(scratch.alpha_gradient));
+    }
+  }
+  if constexpr (outputs.depth) {
+    if (planes.depth != nullptr) {
+      load_cell(planes.depth, place, T(0), scratch.depth_gradient);
+    } else {
+      std::memset(scratch.depth_gradient, 0, sizeof(scratch.depth_gradient));
+    }
+  }
+  for (int b = 0; b < cell_blocks; ++b) {
+    for (int j = 0; j < block_pixels; j += W) {
+      using P = Pack<T, W>;
+      const P d_red = P::load(scratch.image_gradient[0][b] + j), d_green = P::load(scratch.image_gradient[1][b] + j),
+              d_blue = P::load(scratch.image_gradient[2][b] + j);
+      // The same operations in the same order as `here` in gradient_of_splat, so that equal colours cancel exactly.
+      fma(P(background[0]), d_red, fma(P(background[1]), d_green, P(background[2]) * d_blue)).store(scratch.behind[b] + j);
+    }
+  }
+  const T cell_x = static_cast<T>(place.x), cell_y = static_cast<T>(place.y);
+  const auto clear = [&](std::size_t entry) {
+    if (!add) records[slots[entry]] = SplatGradient<T>{};
+  };
+  for (std::size_t entry = opened * chunk_splats; entry < list.size(); ++entry) clear(entry);
+  for (std::size_t chunk = opened; chunk-- > 0;) {
+    const std::size_t first = chunk * chunk_splats, count = std::min(chunk_splats, list.size() - first), words = (count + 63) / 64;
+    const ChunkRecord<T>& record = chunks[chunk];
+    std::memcpy(scratch.reach.word, record.blended, sizeof(record.blended));
+    scratch.reach.by_splat(count);
+    constexpr std::size_t ahead = 8;
+    for (std::size_t k = 0; k < count; ++k) {
+      if (k + ahead < count) __builtin_prefetch(&splats[list[first + k + ahead]]);
+      if ((scratch.reach.low[k] | scratch.reach.high[k]) != 0) scratch.splats[k] = to_cell(splats[list[first + k]], cell_x, cell_y);
+    }
+    for (int b = 0; b < cell_blocks; ++b) recompute_block<accuracy, W>(record.blended[b], words, b, record.transmittance[b], scratch);
+    for (std::size_t k = count; k-- > 0;) {
+      const unsigned mask = scratch.reach.low[k] | static_cast<unsigned>(scratch.reach.high[k]) << 8;
+      if (mask == 0) {
+        clear(first + k);
+        continue;
+      }
+      alignas(64) T sums[16] = {};
+      gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, sums);
+      T* target = &records[slots[first + k]].g;
+      if (add) {
+        for (std::size_t i = 0; i < 10; ++i) target[i] += sums[i];
+      } else {
+        std::memcpy(target, sums, sizeof(sums));
+      }
+    }
+  }
+}
+
+}  // namespace compmark::inline v0::detail
