@@ -1,0 +1,100 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// One archetype per concept: it has what the concept requires and nothing more, and does as little as the laws allow. They prove that a
+// concept asks for no more than it says (an archetype that grows shows a concept that grew), and are the shortest policies to copy.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include "compmark/core/executor.hpp"
+#include "compmark/core/gaussians.hpp"
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/loss/concept.hpp"
+#include "compmark/optim/concept.hpp"
+#include "compmark/raster/concept.hpp"
+#include "compmark/scene/camera.hpp"
+
+namespace compmark::inline v0 {
+namespace testing {
+
+/// Executor: one worker, the calling thread.
+struct ExecutorArchetype {
+  [[nodiscard]] std::size_t concurrency() const { return 1; }
+  template <class Body>
+  void for_chunks(std::size_t n, std::size_t grain, const Body& body) {
+    for (std::size_t begin = 0; begin < n; begin += grain)
+      body(begin, begin + grain < n ? begin + grain : n, std::size_t{0});
+  }
+};
+
+/// Rasterizer: sees nothing; the image is the background and every gradient is zero.
+template <class T>
+struct RasterizerArchetype {
+  using Scalar = T;
+  struct Settings {
+    T near_plane = T(0.2);
+    T blur_variance = T(0.3);
+  };
+  struct Context {};
+
+  RasterizerArchetype() = default;
+  explicit RasterizerArchetype(const Settings& /*settings*/) {}
+
+  template <Executor E>
+  RasterReport forward(GaussianColumns<const T> /*gaussians*/, const Camera<T>& /*camera*/, std::array<T, 3> background,
+                       ImageView<T> image, Context& /*ctx*/, E& /*executor*/) const {
+    for (int c = 0; c < 3; ++c) {
+      for (std::size_t i = 0; i < image.plane_size(); ++i) image.plane(c)[i] = background[static_cast<std::size_t>(c)];
+    }
+    return {};
+  }
+  template <Executor E>
+  void backward(GaussianColumns<const T> /*gaussians*/, const Camera<T>& /*camera*/, std::array<T, 3> /*background*/,
+                ImageView<const T> /*d_image*/, GaussianColumns<T> /*d_gaussians*/, Context& /*ctx*/,
+                E& /*executor*/) const {}
+  [[nodiscard]] ScreenStatistics<T> screen(const Context& /*ctx*/) const { return {}; }
+};
+
+/// ImageLoss: zero everywhere.
+template <class T>
+struct ImageLossArchetype {
+  using Scalar = T;
+  struct Settings {};
+  struct Context {};
+  struct Report {
+    double loss = 0;
+  };
+  template <Executor E>
+  Report forward(ImageView<const T> /*rendered*/, ImageView<const T> /*target*/, Context& /*ctx*/,
+                 E& /*executor*/) const {
+    return {};
+  }
+  template <Executor E>
+  Report forward_backward(ImageView<const T> /*rendered*/, ImageView<const T> /*target*/, T /*weight*/,
+                          ImageView<T> /*d_rendered*/, Context& /*ctx*/, E& /*executor*/) const {
+    return {};
+  }
+};
+
+/// Optimizer: never moves.
+template <class T>
+struct OptimizerArchetype {
+  using Scalar = T;
+  struct Settings {};
+  struct State {};
+  void prepare(const ArenaLayout& /*layout*/, State& /*state*/) const {}
+  template <Executor E>
+  OptimizerReport step(ParameterArena<T>& /*arena*/, std::span<const double> /*rates*/, State& /*state*/,
+                       E& /*executor*/, StepOptions /*options*/ = {}) const {
+    return {};
+  }
+  void edit_rows(const RowEdit& /*edit*/, const ArenaLayout& /*old_layout*/, const ArenaLayout& /*new_layout*/,
+                 State& /*state*/) const {}
+};
+
+}  // namespace testing
+}  // namespace compmark::inline v0
