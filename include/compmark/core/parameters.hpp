@@ -107,6 +107,8 @@ void move_rows(const ArenaLayout& old_layout, const ArenaLayout& new_layout, con
 template <class T>
 class ParameterArena {
  public:
+  using Scalar = T;
+
   BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind) {
     const ArenaLayout old_layout = layout_;
     const BlockHandle handle = layout_.add(name, rows, columns, kind);

@@ -62,7 +62,7 @@ class Pipeline {
     typename PhotometricLoss<Scalar>::Context photometric;
     Buffer<Scalar> image_storage;
     Buffer<Scalar> d_image_storage;
-    Buffer<double> partial;
+    typename ScaleVolumeLoss<Scalar>::Context volume;
     ImageView<Scalar> image;
     ImageView<Scalar> d_image;
   };
@@ -99,15 +99,18 @@ class Pipeline {
     set_zero(context.d_gaussians.storage(), executor);
 
     LossReport report;
-    const PhotometricLoss<Scalar> photometric{{weights.lambda_dssim}};
+    const PhotometricLoss<Scalar> photometric({static_cast<Scalar>(weights.lambda_dssim)});
     const PhotometricReport image_loss =
         photometric.forward_backward(context.image, target, Scalar(1), context.d_image, context.photometric, executor);
     report.l1 = image_loss.l1;
     report.ssim = image_loss.ssim;
     report.total = image_loss.loss;
     if (weights.lambda_volume != 0) {
-      report.volume = scale_volume(std::as_const(context.gaussians).columns(), static_cast<Scalar>(weights.lambda_volume),
-                                   context.d_gaussians.columns(), context.partial, executor);
+      const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
+      report.volume = ScaleVolumeLoss<Scalar>{}
+                          .forward_backward(gaussians.scale, gaussians.count, static_cast<Scalar>(weights.lambda_volume),
+                                            context.d_gaussians.columns().scale, context.volume, executor)
+                          .loss;
       report.total += weights.lambda_volume * report.volume;
     }
     return report;

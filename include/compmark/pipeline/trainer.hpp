@@ -51,7 +51,7 @@ class Trainer {
         executor_(&executor),
         order_(settings_.seed, view_count),
         view_count_(view_count),
-        schedule_(resolve_schedule(settings_)) {}
+        phases_(resolve_phases(settings_)) {}
 
   /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values.
   [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points) {
@@ -103,17 +103,18 @@ class Trainer {
     pipeline_.backward(model, camera, report.view, context_, *executor_);
 
     if constexpr (present<Growth>) {
-      if (schedule_.statistics.contains(t)) {
+      if (phases_.observes(t)) {
         const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(model.render).screen(context_.raster);
         growth().observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm, state_.growth, *executor_);
-        if (schedule_.adjusts(t)) adjust(t, report);
+        if (phases_.adjusts(t)) adjust(t, report);
       }
     }
     if (t < settings_.iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
       learning_rates(t);
-      report.skipped_blocks = optimizer_.step(model.arena, rates_, state_.optimizer, *executor_).skipped_blocks;
+      // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the published loop.
+      const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
+      report.skipped_blocks = optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
     }
-    clear_gradients();
     report.anchors = model.anchor_count();
     state_.iteration = t;
     return report;
@@ -138,21 +139,9 @@ class Trainer {
   [[nodiscard]] ImageView<const Scalar> target() const { return target_; }  ///< its ground truth
 
  private:
-  struct ResolvedSchedule {
-    Window statistics;  ///< iterations that feed the growth statistics
-    Window growing;
-    Window pause;
-    std::int64_t interval = 100;
-    [[nodiscard]] bool adjusts(std::int64_t t) const { return t % interval == 0 && growing.contains(t) && !pause.contains(t); }
-  };
-  static ResolvedSchedule resolve_schedule(const TrainSettings& s) {
-    const auto scaled = [&](std::int64_t iteration) { return scale_iteration(iteration, s.iterations); };
-    ResolvedSchedule resolved;
-    resolved.statistics = {scaled(s.statistics_after) + 1, scaled(s.grow_until)};
-    resolved.growing = {scaled(s.grow_after) + 1, scaled(s.grow_until)};
-    resolved.pause = {scaled(s.pause_from), scaled(s.pause_until)};
-    resolved.interval = s.grow_interval;
-    return resolved;
+  static DensityPhases resolve_phases(const TrainSettings& s) {
+    return {open_window(s.statistics_after, s.grow_until, s.iterations), open_window(s.grow_after, s.grow_until, s.iterations),
+            closed_window(s.pause_from, s.pause_until, s.iterations), s.grow_interval};
   }
 
   [[nodiscard]] Growth growth() const {
@@ -169,7 +158,7 @@ class Trainer {
     return Growth{settings};
   }
 
-  /// Grows and prunes. The anchors' gradients of this iteration are lost, as in the published loop: its tensors are rebuilt.
+  /// Grows and prunes; the optimiser's moments follow every edit.
   void adjust(std::int64_t t, IterationReport& report) {
     Model<R>& model = state_.model;
     const auto grown = growth().adapt(model.arena, model.anchors, state_.growth,
@@ -180,7 +169,6 @@ class Trainer {
     report.grown = grown.grown;
     report.pruned = grown.pruned;
     report.adjusted = true;
-    adjusted_ = true;
   }
 
   /// Learning rate of every block of the arena for iteration t; 0 leaves a block out of the step.
@@ -191,7 +179,6 @@ class Trainer {
       const std::string_view name = layout.blocks()[b].name;
       const auto begins = [&](std::string_view prefix) { return name.substr(0, prefix.size()) == prefix; };
       const auto rate = [&](const LearningRate& r) { return LogLinear{r.initial, r.final, settings_.iterations}.value(t); };
-      if (adjusted_ && layout.blocks()[b].kind == RowKind::anchor) continue;
       if (name == "anchor.offset") {
         rates_[b] = rate({settings_.offset.initial * scene_extent_, settings_.offset.final * scene_extent_});
       } else if (name == "anchor.feature") {
@@ -210,14 +197,6 @@ class Trainer {
         rates_[b] = rate(settings_.appearance);
       }
     }
-    adjusted_ = false;
-  }
-
-  void clear_gradients() {
-    const std::span<Scalar> gradients = state_.model.arena.all_gradients();
-    executor_->for_chunks(gradients.size(), std::size_t{1} << 16, [gradients](std::size_t begin, std::size_t end, std::size_t) {
-      std::fill(gradients.begin() + static_cast<std::ptrdiff_t>(begin), gradients.begin() + static_cast<std::ptrdiff_t>(end), Scalar{});
-    });
   }
 
   TrainSettings settings_;
@@ -225,7 +204,7 @@ class Trainer {
   E* executor_;
   ViewOrder order_;
   std::size_t view_count_ = 0;
-  ResolvedSchedule schedule_;
+  DensityPhases phases_;
   State state_;
   Pipeline<R> pipeline_;
   [[no_unique_address]] Optimizer optimizer_;
@@ -233,7 +212,6 @@ class Trainer {
   Buffer<Scalar> target_storage_;
   ImageView<Scalar> target_;
   std::vector<double> rates_;
-  bool adjusted_ = false;
 };
 
 }  // namespace compmark::inline v0

@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// One function a subcommand: add_… declares its options and returns what runs it.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace tool {
+
+using Command = std::function<int()>;
+
+Command add_scene(CLI::App& app);
+Command add_train(CLI::App& app);
+Command add_render(CLI::App& app);
+Command add_evaluate(CLI::App& app);
+Command add_export(CLI::App& app);
+Command add_info(CLI::App& app);
+
+}  // namespace tool

@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "common.hpp"
+
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/io/sha256.hpp>
+#include <cstdio>
+#include <system_error>
+
+namespace tool {
+
+int fail(const compmark::Error& error) {
+  std::fprintf(stderr, "compmark: error: %s\n", error.line().c_str());
+  return failure;
+}
+
+std::string default_recipe(std::string_view profile) {
+  if (profile == "official") return "compmark-host";
+  if (profile == "paper") return "compmark-paper-host";
+  return "scaffold";
+}
+
+compmark::Result<compmark::Done> DatasetViews::load(std::size_t i, compmark::ImageView<float> image) {
+  return store->load(dataset->views[index[i]], image);
+}
+
+compmark::Result<std::string> file_sha256(const std::filesystem::path& path) {
+  const compmark::Result<std::vector<std::byte>> bytes = compmark::read_file(path);
+  if (!bytes) return bytes.error();
+  return compmark::Sha256{}.update(*bytes).hex();
+}
+
+compmark::Result<compmark::Done> make_folder(const std::filesystem::path& path) {
+  std::error_code status;
+  std::filesystem::create_directories(path, status);
+  if (status || !std::filesystem::is_directory(path)) {
+    return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out", "the folder cannot be created: " + status.message(),
+                           "choose a place you may write to"};
+  }
+  const std::filesystem::path probe = path / ".compmark-probe";
+  if (compmark::Result<compmark::Done> written = compmark::write_file(probe, std::string_view("probe")); !written) {
+    return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out", "no file can be written in this folder",
+                           "change its permissions or choose another"};
+  }
+  std::filesystem::remove(probe, status);
+  return compmark::Done{};
+}
+
+}  // namespace tool

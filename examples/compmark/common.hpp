@@ -1,0 +1,61 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the subcommands of the tool share: one error line, the closed list of recipes, a dataset as training views.
+#pragma once
+
+#include <compmark/core/result.hpp>
+#include <compmark/core/views.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <compmark/scene/dataset.hpp>
+#include <compmark/scene/image_store.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace tool {
+
+/// Exit codes of the tool.
+enum : int { success = 0, failure = 2, interrupted_exit = 130 };
+
+/// Prints "compmark: error: <line>" and returns the exit code.
+int fail(const compmark::Error& error);
+
+/// The recipes that this tool is built with. One place maps strings to types.
+template <class R>
+struct Tag {
+  using Recipe = R;
+};
+template <class F>
+int with_recipe(std::string_view name, F&& f) {
+  if (name == "scaffold") return f(Tag<compmark::recipes::Scaffold>{});
+  if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
+  if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
+  return fail({compmark::ErrorKind::invalid, {}, "--recipe", "unknown recipe \"" + std::string(name) + "\"",
+               "choose scaffold, compmark-host or compmark-paper-host"});
+}
+
+/// Recipe that a profile runs with unless --recipe says otherwise.
+std::string default_recipe(std::string_view profile);
+
+/// Some views of a dataset, decoded on demand by the store.
+struct DatasetViews {
+  const compmark::Dataset* dataset = nullptr;
+  compmark::ImageStore* store = nullptr;
+  std::vector<std::size_t> index;
+
+  [[nodiscard]] std::size_t size() const { return index.size(); }
+  [[nodiscard]] compmark::Camera<double> camera(std::size_t i) const { return dataset->views[index[i]].camera; }
+  [[nodiscard]] compmark::Result<compmark::Done> load(std::size_t i, compmark::ImageView<float> image);
+};
+
+/// SHA-256 of a file, 64 hexadecimal digits.
+compmark::Result<std::string> file_sha256(const std::filesystem::path& path);
+/// Creates a folder and checks that files can be written in it.
+compmark::Result<compmark::Done> make_folder(const std::filesystem::path& path);
+
+}  // namespace tool

@@ -1,0 +1,51 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The command-line tool: train, render and evaluate anchor-based splats on the CPU. Exit codes: 0 done, 2 error (one line says what, where
+// and what to do), 130 interrupted (a checkpoint was written).
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <utility>
+#include <vector>
+
+#include "commands.hpp"
+#include "common.hpp"
+
+int main(int argc, char** argv) {
+  CLI::App app{"compmark: train, protect and ship 3D Gaussian splats on the CPU"};
+  app.require_subcommand(1);
+  app.set_help_all_flag("--help-all", "help of all subcommands");
+
+  struct Entry {
+    CLI::App* app;
+    tool::Command run;
+  };
+  std::vector<Entry> entries;
+  const auto add = [&](const char* name, const char* text, tool::Command (*declare)(CLI::App&)) {
+    CLI::App* sub = app.add_subcommand(name, text);
+    entries.push_back({sub, declare(*sub)});
+  };
+  add("scene", "write the built-in procedural scene as a dataset", tool::add_scene);
+  add("train", "train a splat from a dataset", tool::add_train);
+  add("render", "render views of a model to PNG", tool::add_render);
+  add("evaluate", "measure a model against a dataset's test views", tool::add_evaluate);
+  add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);
+  add("info", "say what a model file holds", tool::add_info);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int code = app.exit(error);
+    return code == 0 ? tool::success : tool::failure;
+  }
+  try {
+    for (const Entry& entry : entries) {
+      if (entry.app->parsed()) return entry.run();
+    }
+  } catch (const std::bad_alloc&) {
+    return tool::fail({compmark::ErrorKind::exhausted, {}, {}, "out of memory", "use --downscale, --memory-budget or --max-anchors"});
+  } catch (const std::exception& error) {
+    return tool::fail({compmark::ErrorKind::invalid, {}, {}, std::string("unexpected: ") + error.what(), "please report this"});
+  }
+  return tool::failure;
+}

@@ -1,0 +1,108 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark render: PNG images of a model, from the cameras it was trained with (stored in the model) or from those of a dataset.
+#include <algorithm>
+#include <chrono>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/io/image_file.hpp>
+#include <compmark/metric/rounding.hpp>
+#include <compmark/scene/open.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "commands.hpp"
+#include "common.hpp"
+#include "evaluation.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct RenderOptions {
+  std::filesystem::path model;
+  std::filesystem::path out;
+  std::filesystem::path data;
+  std::string split = "test";
+  std::vector<std::string> names;
+  double downscale = 1;
+  std::size_t threads = 0;
+};
+
+std::string file_name(std::string name) {
+  for (char& c : name) {
+    if (c == '/' || c == '\\' || c == ':') c = '_';
+  }
+  const std::size_t dot = name.find_last_of('.');
+  if (dot != std::string::npos && dot + 5 >= name.size()) name.resize(dot);
+  while (!name.empty() && (name.front() == '.' || name.front() == '_')) name.erase(name.begin());
+  return name.empty() ? "view" : name;
+}
+
+template <class R>
+int run(const RenderOptions& options) {
+  Result<LoadedModel<R>> loaded = read_model<R>(options.model);
+  if (!loaded) return fail(loaded.error());
+  std::vector<StoredView> views = loaded->info.views;
+  if (!options.data.empty()) {
+    DatasetSettings settings;
+    settings.downscale = options.downscale;
+    Result<Dataset> dataset = open_dataset(options.data, settings);
+    if (!dataset) return fail(dataset.error());
+    views.clear();
+    for (const View& view : dataset->views) views.push_back({view.name, view.split == Split::test, view.camera});
+  } else if (options.downscale != 1) {
+    for (StoredView& view : views) {
+      view.camera = view.camera.resized(std::max(1, static_cast<int>(view.camera.width / options.downscale)),
+                                        std::max(1, static_cast<int>(view.camera.height / options.downscale)));
+    }
+  }
+  std::erase_if(views, [&](const StoredView& view) {
+    if (!options.names.empty()) return std::find(options.names.begin(), options.names.end(), view.name) == options.names.end();
+    return options.split == "test" ? !view.test : options.split == "train" ? view.test : false;
+  });
+  if (views.empty()) {
+    return fail({ErrorKind::invalid, options.model.string(), options.names.empty() ? "--split" : "--view", "selects no view",
+                 "see the names with compmark info"});
+  }
+  if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
+
+  ThreadExecutor executor(options.threads);
+  const Pipeline<R> pipeline;
+  typename Pipeline<R>::Context context;
+  std::vector<double> milliseconds;
+  for (const StoredView& view : views) {
+    const auto begin = std::chrono::steady_clock::now();
+    static_cast<void>(pipeline.forward(loaded->model, view.camera, 0, context, executor));
+    milliseconds.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+    round_to_8bit<float>(context.image, context.image);
+    const std::filesystem::path path = options.out / (file_name(view.name) + ".png");
+    if (Result<Done> written = write_png(path, context.image); !written) return fail(written.error());
+  }
+  std::sort(milliseconds.begin(), milliseconds.end());
+  std::printf("%zu views in %s, median %.1f ms a view\n", views.size(), options.out.string().c_str(), milliseconds[milliseconds.size() / 2]);
+  return success;
+}
+
+}  // namespace
+
+Command add_render(CLI::App& app) {
+  auto options = std::make_shared<RenderOptions>();
+  app.add_option("--model", options->model, "model.safetensors of a run")->required();
+  app.add_option("--out", options->out, "folder for the PNG images")->required();
+  app.add_option("--data", options->data, "take the cameras from this dataset instead of from the model");
+  app.add_option("--split", options->split, "test, train or all")->capture_default_str()->check(CLI::IsMember({"test", "train", "all"}));
+  app.add_option("--view", options->names, "names of the views to render (default: the whole split)");
+  app.add_option("--downscale", options->downscale, "divide the images' size by this")->capture_default_str()->check(CLI::Range(1.0, 64.0));
+  app.add_option("--threads", options->threads, "0: all")->capture_default_str();
+  return [options]() -> int {
+    Result<SafetensorsFile> file = read_safetensors(options->model);
+    if (!file) return fail(file.error());
+    Result<std::string> recipe = model_recipe(*file);
+    if (!recipe) return fail(recipe.error());
+    return with_recipe(*recipe, [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options); });
+  };
+}
+
+}  // namespace tool

@@ -1,0 +1,298 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark train: a dataset in, a model, its measurements and a page to look at out. Ctrl-C writes a checkpoint; --resume continues from
+// it to the same bits as an uninterrupted run.
+#include <algorithm>
+#include <chrono>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/metric/psnr.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/pipeline/trainer.hpp>
+#include <compmark/scene/extent.hpp>
+#include <compmark/scene/open.hpp>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <memory>
+#include <thread>
+
+#include "commands.hpp"
+#include "common.hpp"
+#include "evaluation.hpp"
+#include "progress.hpp"
+#include "report.hpp"
+#include "results.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct TrainOptions {
+  std::filesystem::path data;
+  std::filesystem::path out;
+  std::string recipe;
+  std::string profile = "scaffold";
+  std::int64_t iterations = 30000;
+  double downscale = 1;
+  std::optional<std::uint64_t> seed;
+  std::size_t threads = 0;
+  std::size_t max_anchors = 0;
+  std::size_t memory_budget_mb = 0;
+  std::int64_t checkpoint_every = 1000;
+  double voxel_size = 0;
+  bool voxel_size_given = false;
+  std::string background;
+  bool resume = false;
+  std::filesystem::path json_log;
+  LpipsFiles lpips;
+};
+
+std::string base_name(const std::filesystem::path& path) {
+  std::filesystem::path clean = path.lexically_normal();
+  if (!clean.has_filename()) clean = clean.parent_path();
+  return clean.filename().string();
+}
+
+/// Shows progress, writes checkpoints, listens to Ctrl-C.
+struct TrainObserver {
+  Progress* progress = nullptr;
+  const ModelInfo* info = nullptr;
+  std::int64_t checkpoint_every = 1000;
+  std::filesystem::path checkpoint;
+  double seconds_before = 0;
+  std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
+  std::optional<Error> failure;
+  double last_psnr = 0;
+
+  [[nodiscard]] double seconds() const {
+    return seconds_before + std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+
+  template <class TrainerType>
+  bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
+    // The PSNR of a training view costs a pass over the image: measured for every tenth iteration, the rate of the log.
+    if (report.iteration % 10 == 1 || report.iteration == report.total) last_psnr = psnr(trainer.image(), trainer.target());
+    ProgressLine line;
+    line.iteration = report.iteration;
+    line.total = report.total;
+    line.loss = report.loss.total;
+    line.l1 = report.loss.l1;
+    line.ssim = report.loss.ssim;
+    line.psnr = last_psnr;
+    line.anchors = report.anchors;
+    line.gaussians = report.forward.gaussians;
+    progress->show(line);
+    if (report.skipped_blocks != 0) {
+      progress->note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
+                     " parameter blocks had a gradient that is not finite; their step was skipped");
+    }
+    const bool stop = interrupted();
+    if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
+      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds()); !written) {
+        failure = written.error();
+        return false;
+      }
+    }
+    return !stop;
+  }
+};
+
+std::string rounded(double value, int digits) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f", digits, value);
+  return text;
+}
+
+template <class R>
+int run(const TrainOptions& options, TrainSettings settings) {
+  const std::size_t threads = options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+  ThreadExecutor executor(threads);
+
+  DatasetSettings data_settings;
+  data_settings.downscale = options.downscale;
+  data_settings.background = settings.background;
+  data_settings.seed = settings.seed;
+  Result<Dataset> opened = open_dataset(options.data, data_settings);
+  if (!opened) return fail(opened.error());
+  const Dataset& dataset = *opened;
+  for (const std::string& warning : dataset.warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
+  if (dataset.kind == "blender") settings.init_factor = 4;  // as all published scripts do for these scenes (method sheet, section 3.5)
+  if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
+
+  ImageStoreSettings store_settings;
+  if (options.memory_budget_mb != 0) store_settings.memory_budget_bytes = options.memory_budget_mb << 20;
+  ImageStore store(dataset, data_settings, store_settings);
+  DatasetViews train{&dataset, &store, dataset.indices(Split::train)};
+  DatasetViews test{&dataset, &store, dataset.indices(Split::test)};
+  if (train.size() == 0) {
+    return fail({ErrorKind::invalid, options.data.string(), "train split", "holds no view", "give at least one training image"});
+  }
+  for (std::size_t i = 0; i < train.size(); ++i) {  // every image is decoded once now: a bad one is named before hours of work
+    const Camera<double> camera = train.camera(i);
+    Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+    if (Result<Done> loaded = train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded) return fail(loaded.error());
+  }
+
+  ModelInfo info;
+  info.recipe = options.recipe;
+  info.profile = settings.profile;
+  info.iterations = settings.iterations;
+  info.seed = settings.seed;
+  for (const View& view : dataset.views) info.views.push_back({view.name, view.split == Split::test, view.camera});
+
+  const SceneExtent extent = scene_extent(dataset);
+  Trainer<R, ThreadExecutor> trainer(settings, train.size(), extent.radius, executor);
+  const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
+  double seconds_before = 0;
+  if (options.resume && std::filesystem::exists(checkpoint)) {
+    Result<Checkpoint<R, ThreadExecutor>> restored = read_checkpoint<R, ThreadExecutor>(checkpoint, settings, info);
+    if (!restored) return fail(restored.error());
+    seconds_before = restored->seconds;
+    trainer.restore(std::move(restored->state));
+    std::fprintf(stderr, "compmark: resuming after iteration %lld\n", static_cast<long long>(trainer.state().iteration));
+  } else {
+    if (!options.resume && std::filesystem::exists(checkpoint)) {
+      return fail({ErrorKind::invalid, checkpoint.string(), {}, "an unfinished run is in this folder",
+                   "continue it with --resume, or remove the file to start over"});
+    }
+    if (Result<Done> ready = trainer.initialise(dataset.points.position); !ready) return fail(ready.error());
+  }
+
+  ProgressSettings progress_settings;
+  progress_settings.json_log = options.json_log.empty() ? options.out / "log.jsonl" : options.json_log;
+  progress_settings.append = options.resume;
+  Result<Progress> progress = Progress::open(progress_settings);
+  if (!progress) return fail(progress.error());
+  watch_interrupt();
+  TrainObserver observer{&*progress, &info, options.checkpoint_every, checkpoint, seconds_before};
+  const Result<Done> done = trainer.run(train, observer);
+  progress->finish();
+  if (!done) return fail(done.error());
+  if (observer.failure) return fail(*observer.failure);
+  if (!trainer.finished()) {
+    std::fprintf(stderr, "compmark: interrupted after iteration %lld; continue with --resume\n",
+                 static_cast<long long>(trainer.state().iteration));
+    return interrupted_exit;
+  }
+  const double train_seconds = observer.seconds();
+  const double peak_mb = peak_memory_mb();
+
+  const std::filesystem::path model_path = options.out / "model.safetensors";
+  if (Result<Done> written = write_model(model_path, trainer.model(), info); !written) return fail(written.error());
+  Result<std::string> digest = file_sha256(model_path);
+  if (!digest) return fail(digest.error());
+
+  const bool has_test = test.size() != 0;
+  const DatasetViews measured = has_test ? test : train;
+  const std::size_t shown = std::min<std::size_t>(3, measured.size());
+  ReportInput report;
+  Result<Evaluation> evaluation =
+      evaluate_views(trainer.model(), measured, options.lpips, executor,
+                     [&](std::size_t i, const ViewResult& view, ImageView<const float> render, ImageView<const float> truth) {
+                       for (std::size_t s = 0; s < shown; ++s) {
+                         if (i != s * measured.size() / shown) continue;
+                         report.views.push_back({view.name, make_report_image(truth), make_report_image(render), view.psnr, view.ssim, view.lpips_alex});
+                       }
+                     });
+  if (!evaluation) return fail(evaluation.error());
+  const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
+  const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
+  const double milliseconds = evaluation->mean([](const ViewResult& v) { return v.milliseconds; });
+
+  Results results;
+  results.dataset = base_name(options.data);
+  results.recipe = options.recipe;
+  results.profile = settings.profile;
+  results.iterations = settings.iterations;
+  results.seed = settings.seed;
+  results.threads = static_cast<int>(threads);
+  results.anchors = trainer.model().anchor_count();
+  results.gaussians_per_view = evaluation->mean([](const ViewResult& v) { return static_cast<double>(v.gaussians); });
+  results.train_seconds = train_seconds;
+  results.peak_memory_mb = peak_mb;
+  if (has_test) {
+    TestMetrics metrics{mean_psnr, mean_ssim, {}, static_cast<int>(measured.size())};
+    if (!options.lpips.alex.empty()) metrics.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
+    results.test = metrics;
+  }
+  results.model_sha256 = *digest;
+  if (Result<Done> written = write_results(options.out / "results.json", results); !written) return fail(written.error());
+
+  const char* split = has_test ? "test" : "training";
+  report.title = results.dataset;
+  report.subtitle = "recipe " + options.recipe + ", profile " + settings.profile + ", " + std::to_string(settings.iterations) + " iterations";
+  report.headline = {{rounded(mean_psnr, 2) + " dB", std::string("PSNR, mean over the ") + split + " views"},
+                     {rounded(mean_ssim, 4), "SSIM"},
+                     {std::to_string(results.anchors), "anchors"},
+                     {format_duration(train_seconds), "training time"},
+                     {rounded(milliseconds, 1) + " ms", "render of a view"}};
+  if (Result<std::vector<ProgressLine>> log = read_progress_log(progress_settings.json_log); log) report.curve = std::move(*log);
+  report.tables = {machine_table(static_cast<int>(threads)),
+                   {"Settings",
+                    {{"seed", std::to_string(settings.seed)},
+                     {"lambda (1 - SSIM)", rounded(settings.lambda_dssim, 3)},
+                     {"voxel size", rounded(trainer.model().voxel_size, 6)},
+                     {"growing threshold", rounded(settings.gradient_threshold, 6)},
+                     {"scene extent", rounded(extent.radius, 4)},
+                     {"background", options.background.empty() ? "black" : options.background},
+                     {"model sha256", *digest}}}};
+  ReportGrid grid{std::string("Every ") + split + " view", {"view", "PSNR dB", "SSIM", "ms", "Gaussians"}, {}};
+  for (const ViewResult& view : evaluation->views) {
+    grid.rows.push_back({view.name, rounded(view.psnr, 2), rounded(view.ssim, 4), rounded(view.milliseconds, 1), std::to_string(view.gaussians)});
+  }
+  report.grids.push_back(std::move(grid));
+  if (Result<Done> written = write_report(options.out / "report.html", report); !written) return fail(written.error());
+  std::error_code ignored;
+  std::filesystem::remove(checkpoint, ignored);
+
+  std::printf("%s: %lld iterations in %.0f s, %zu anchors, %s PSNR %.2f dB, SSIM %.4f over %zu views\nmodel %s\nsha256 %s\nreport %s\n",
+              results.dataset.c_str(), static_cast<long long>(settings.iterations), train_seconds, trainer.model().anchor_count(), split, mean_psnr,
+              mean_ssim, measured.size(), model_path.string().c_str(), digest->c_str(), (options.out / "report.html").string().c_str());
+  return success;
+}
+
+}  // namespace
+
+Command add_train(CLI::App& app) {
+  auto options = std::make_shared<TrainOptions>();
+  app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
+  app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
+  app.add_option("--recipe", options->recipe, "scaffold, compmark-host or compmark-paper-host (default: the profile's)");
+  app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
+  app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")->capture_default_str()->check(CLI::PositiveNumber);
+  app.add_option("--downscale", options->downscale, "divide the images' size by this")->capture_default_str()->check(CLI::Range(1.0, 64.0));
+  app.add_option("--seed", options->seed, "seed of every random number (default: the profile's)");
+  app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
+  app.add_option("--max-anchors", options->max_anchors, "never more anchors than this; 0: no limit")->capture_default_str();
+  app.add_option("--memory-budget", options->memory_budget_mb, "MiB for decoded images; 0: a default that suits most scenes")->capture_default_str();
+  app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")->capture_default_str()->check(CLI::PositiveNumber);
+  app.add_option("--voxel-size", options->voxel_size, "world units; 0 or less: median nearest-neighbour distance (default: the profile's)")
+      ->each([options](const std::string&) { options->voxel_size_given = true; });
+  app.add_option("--background", options->background, "black or white (default black), behind transparent images");
+  app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
+  app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
+  app.add_option("--lpips-squeeze", options->lpips.squeeze, "LPIPS weights (safetensors) to report lpips_squeeze");
+  app.add_flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
+  return [options]() -> int {
+    std::optional<TrainSettings> settings = profile_settings(options->profile);
+    if (!settings) {
+      return fail({ErrorKind::invalid, {}, "--profile", "unknown profile \"" + options->profile + "\"", "choose scaffold, official or paper"});
+    }
+    if (options->recipe.empty()) options->recipe = default_recipe(options->profile);
+    settings->iterations = options->iterations;
+    settings->max_anchors = options->max_anchors;
+    if (options->seed) settings->seed = *options->seed;
+    if (options->voxel_size_given) settings->voxel_size = options->voxel_size;
+    if (options->background == "white") {
+      settings->background = {1, 1, 1};
+    } else if (!options->background.empty() && options->background != "black") {
+      return fail({ErrorKind::invalid, {}, "--background", "unknown colour \"" + options->background + "\"", "choose black or white"});
+    }
+    return with_recipe(options->recipe, [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); });
+  };
+}
+
+}  // namespace tool

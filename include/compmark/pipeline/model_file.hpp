@@ -1,0 +1,246 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A model on disk: one safetensors file with every tensor and every number that a render needs, and the cameras it was trained with, so
+// that nothing else is. The same model gives the same bytes; no path, date, machine or thread count is in it.
+//
+//   metadata  format = "compmark.model", version = "1", info = JSON (ModelInfo without the cameras, decoder shape, render settings)
+//   tensors   the blocks of the arena by name, [rows, columns] F32; camera.* F64, one row a view
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/safetensors.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/scene/camera.hpp"
+
+namespace compmark::inline v0 {
+
+/// A view that the model knows: enough to render it again without the dataset.
+struct StoredView {
+  std::string name;
+  bool test = false;
+  Camera<double> camera;
+};
+
+/// Where a model comes from.
+struct ModelInfo {
+  std::string recipe;
+  std::string profile;
+  std::int64_t iterations = 0;
+  std::uint64_t seed = 0;
+  std::vector<std::string> effects;
+  std::vector<StoredView> views;
+};
+
+template <Recipe R>
+struct LoadedModel {
+  Model<R> model;
+  ModelInfo info;
+};
+
+namespace detail {
+
+inline constexpr const char* model_format = "compmark.model";
+
+[[nodiscard]] inline nlohmann::json shape_json(const DecoderShape& shape) {
+  return {{"feature_dim", shape.feature_dim},   {"offsets", shape.offsets},
+          {"distance", shape.distance},         {"feature_bank", shape.feature_bank},
+          {"appearance_dim", shape.appearance_dim}};
+}
+
+template <Recipe R>
+[[nodiscard]] nlohmann::json info_json(const Model<R>& model, const ModelInfo& info) {
+  nlohmann::json views = nlohmann::json::array();
+  for (const StoredView& view : info.views) views.push_back({{"name", view.name}, {"test", view.test}});
+  return {{"recipe", info.recipe},
+          {"profile", info.profile},
+          {"iterations", info.iterations},
+          {"seed", info.seed},
+          {"effects", info.effects},
+          {"shape", shape_json(R::AnchorModel::shape)},
+          {"voxel_size", model.voxel_size},
+          {"train_views", model.train_views},
+          {"near_plane", model.render.near_plane},
+          {"blur_variance", model.render.blur_variance},
+          {"background", model.render.background},
+          {"views", views}};
+}
+
+/// Adds a buffer that the writer keeps until write().
+template <class T>
+void add_block_tensors(SafetensorsWriter& writer, const ParameterArena<T>& arena, const std::string& prefix = {}) {
+  const std::span<const T> values = arena.all_values();
+  for (const ArenaLayout::Block& block : arena.layout().blocks()) {
+    writer.template add_values<T>(prefix + block.name, {static_cast<std::int64_t>(block.rows), static_cast<std::int64_t>(block.columns)},
+                                  values.subspan(block.offset, block.size()));
+  }
+}
+
+inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<StoredView>& views) {
+  if (views.empty()) return;
+  std::vector<double> table;  // width height fx fy cx cy, rotation[9], center[3]
+  for (const StoredView& view : views) {
+    const Camera<double>& c = view.camera;
+    table.insert(table.end(), {static_cast<double>(c.width), static_cast<double>(c.height), c.fx, c.fy, c.cx, c.cy});
+    table.insert(table.end(), c.rotation_camera_world.begin(), c.rotation_camera_world.end());
+    table.insert(table.end(), c.center_world.begin(), c.center_world.end());
+  }
+  writer.add_copy<double>("camera.table", {static_cast<std::int64_t>(views.size()), 18}, table);
+}
+
+[[nodiscard]] inline Error model_error(const SafetensorsFile& file, std::string field, std::string problem) {
+  return {ErrorKind::invalid, file.path, std::move(field), std::move(problem), "check that this is a model file written by this version or an older one"};
+}
+
+/// Reads the cameras and the info; every number is checked to be finite and in range.
+[[nodiscard]] inline Result<ModelInfo> read_info(const SafetensorsFile& file, const nlohmann::json& json) {
+  ModelInfo info;
+  try {
+    info.recipe = json.at("recipe").get<std::string>();
+    info.profile = json.at("profile").get<std::string>();
+    info.iterations = json.at("iterations").get<std::int64_t>();
+    info.seed = json.at("seed").get<std::uint64_t>();
+    info.effects = json.at("effects").get<std::vector<std::string>>();
+    for (const nlohmann::json& view : json.at("views")) {
+      StoredView stored;
+      stored.name = view.at("name").get<std::string>();
+      stored.test = view.at("test").get<bool>();
+      info.views.push_back(std::move(stored));
+    }
+  } catch (const nlohmann::json::exception& problem) {
+    return model_error(file, "__metadata__.info", problem.what());
+  }
+  if (info.views.empty()) return info;
+  const Result<std::vector<double>> table = file.values<double>("camera.table");
+  if (!table) return table.error();
+  if (table->size() != info.views.size() * 18) return model_error(file, "camera.table", "does not have 18 numbers a view");
+  for (std::size_t i = 0; i < info.views.size(); ++i) {
+    const double* row = table->data() + 18 * i;
+    for (std::size_t j = 0; j < 18; ++j) {
+      if (!std::isfinite(row[j])) return model_error(file, "camera.table", "view " + info.views[i].name + " has a number that is not finite");
+    }
+    if (!(row[0] >= 1 && row[0] <= 65536 && row[1] >= 1 && row[1] <= 65536 && row[2] > 0 && row[3] > 0)) {
+      return model_error(file, "camera.table", "view " + info.views[i].name + " has an impossible size or focal length");
+    }
+    Camera<double>& camera = info.views[i].camera;
+    camera.width = static_cast<int>(row[0]);
+    camera.height = static_cast<int>(row[1]);
+    camera.fx = row[2];
+    camera.fy = row[3];
+    camera.cx = row[4];
+    camera.cy = row[5];
+    for (std::size_t j = 0; j < 9; ++j) camera.rotation_camera_world[j] = row[6 + j];
+    for (std::size_t j = 0; j < 3; ++j) camera.center_world[j] = row[15 + j];
+  }
+  return info;
+}
+
+/// Fills every block of the arena from the file's tensors (prefix + name), checking shapes and finiteness.
+template <class T>
+[[nodiscard]] Result<Done> read_blocks(const SafetensorsFile& file, ParameterArena<T>& arena, const std::string& prefix = {}) {
+  for (const ArenaLayout::Block& block : arena.layout().blocks()) {
+    const std::array<std::int64_t, 2> shape{static_cast<std::int64_t>(block.rows), static_cast<std::int64_t>(block.columns)};
+    const Result<SafetensorsTensor> tensor = file.tensor(prefix + block.name, shape);
+    if (!tensor) return tensor.error();
+    const Result<std::vector<T>> values = file.values<T>(prefix + block.name);
+    if (!values) return values.error();
+    for (const T value : *values) {
+      if (!std::isfinite(value)) return model_error(file, prefix + block.name, "holds a value that is not finite");
+    }
+    std::copy(values->begin(), values->end(), arena.all_values().begin() + static_cast<std::ptrdiff_t>(block.offset));
+  }
+  return Done{};
+}
+
+/// Creates the model's blocks from the file's shape and fills them.
+template <Recipe R>
+[[nodiscard]] Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
+  const Result<std::string> text = file.text_of("info");
+  if (!text) return text.error();
+  const nlohmann::json json = nlohmann::json::parse(*text, nullptr, false);
+  if (json.is_discarded() || !json.is_object()) return model_error(file, "__metadata__.info", "is not a JSON object");
+  Result<ModelInfo> info = read_info(file, json);
+  if (!info) return info.error();
+  if (!json.contains("shape") || json["shape"] != shape_json(R::AnchorModel::shape)) {
+    return model_error(file, "__metadata__.info.shape", "is not the shape of recipe " + info->recipe);
+  }
+  LoadedModel<R> loaded;
+  loaded.info = std::move(*info);
+  std::size_t train_views = 0;
+  RenderSettings render;
+  double voxel_size = 0;
+  try {
+    train_views = json.at("train_views").get<std::size_t>();
+    voxel_size = json.at("voxel_size").get<double>();
+    render.near_plane = json.at("near_plane").get<double>();
+    render.blur_variance = json.at("blur_variance").get<double>();
+    render.background = json.at("background").get<std::array<double, 3>>();
+  } catch (const nlohmann::json::exception& problem) {
+    return model_error(file, "__metadata__.info", problem.what());
+  }
+  if (!(voxel_size > 0) || !(render.near_plane > 0) || !(render.blur_variance >= 0) || train_views > (std::size_t{1} << 24)) {
+    return model_error(file, "__metadata__.info", "has a number out of range");
+  }
+  const Result<SafetensorsTensor> position = file.tensor("anchor.position");
+  if (!position) return position.error();
+  if (position->shape.size() != 2 || position->shape[1] != 3) return model_error(file, "anchor.position", "is not of shape [N, 3]");
+  const auto rows = static_cast<std::size_t>(position->shape[0]);  // the file's bytes back this count, so the blocks fit in memory
+  const Result<SafetensorsTensor> feature = file.tensor("anchor.feature");
+  if (!feature) return feature.error();
+  if (feature->shape.size() != 2 || static_cast<std::size_t>(feature->shape[0]) != rows) {
+    return model_error(file, "anchor.feature", "has another number of rows than anchor.position");
+  }
+  loaded.model.create(rows, train_views);
+  loaded.model.voxel_size = voxel_size;
+  loaded.model.render = render;
+  if (Result<Done> filled = read_blocks(file, loaded.model.arena); !filled) return filled.error();
+  return loaded;
+}
+
+}  // namespace detail
+
+/// Writes the model under a temporary name and renames.
+template <Recipe R>
+[[nodiscard]] Result<Done> write_model(const std::filesystem::path& path, const Model<R>& model, const ModelInfo& info) {
+  SafetensorsWriter writer;
+  writer.metadata = {{"format", detail::model_format}, {"version", "1"}, {"info", detail::info_json(model, info).dump()}};
+  detail::add_block_tensors(writer, model.arena);
+  detail::add_camera_tensors(writer, info.views);
+  return writer.write(path);
+}
+
+/// Name of the recipe that a model file was written with, to choose the type to read it with.
+[[nodiscard]] inline Result<std::string> model_recipe(const SafetensorsFile& file) {
+  const Result<std::string> format = file.text_of("format");
+  if (!format) return format.error();
+  if (*format != detail::model_format) return detail::model_error(file, "__metadata__.format", "is \"" + *format + "\"");
+  const Result<std::string> text = file.text_of("info");
+  if (!text) return text.error();
+  const nlohmann::json json = nlohmann::json::parse(*text, nullptr, false);
+  if (json.is_discarded() || !json.contains("recipe") || !json["recipe"].is_string()) {
+    return detail::model_error(file, "__metadata__.info.recipe", "is missing");
+  }
+  return json["recipe"].get<std::string>();
+}
+
+/// Reads a model of recipe R: every count and shape is checked against the file before it is believed.
+template <Recipe R>
+[[nodiscard]] Result<LoadedModel<R>> read_model(const std::filesystem::path& path) {
+  const Result<SafetensorsFile> file = read_safetensors(path);
+  if (!file) return file.error();
+  if (const Result<std::string> recipe = model_recipe(*file); !recipe) return recipe.error();
+  return detail::model_from<R>(*file);
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,252 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <compmark/pipeline/trainer.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <new>
+#include <vector>
+
+#include "small_scene.hpp"
+
+// Counts every allocation of this program: "nothing allocates after warm-up" is a test, not a hope.
+namespace {
+std::atomic<std::size_t> allocations{0};
+}
+void* operator new(std::size_t size) {
+  allocations.fetch_add(1, std::memory_order_relaxed);
+  if (void* p = std::malloc(size != 0 ? size : 1)) return p;
+  throw std::bad_alloc();
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  allocations.fetch_add(1, std::memory_order_relaxed);
+  const auto a = static_cast<std::size_t>(alignment);
+  if (void* p = std::aligned_alloc(a, (size + a - 1) / a * a)) return p;
+  throw std::bad_alloc();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::BlobViews;
+using compmark::testing::cloud;
+
+struct Small : DefaultRecipe<float, DecoderShape{.feature_dim = 16, .offsets = 5}> {};
+
+/// A short run in which growing and pruning happen many times: every window of the 30,000 is there, 50 times shorter.
+TrainSettings short_run() {
+  TrainSettings settings;
+  settings.iterations = 300;
+  settings.seed = 5;
+  settings.grow_interval = 10;
+  settings.statistics_after = 1000;
+  settings.grow_after = 2000;
+  settings.grow_until = 25000;
+  settings.gradient_threshold = 1e-5;
+  settings.voxel_size = 0.05;
+  settings.init_factor = 4;
+  return settings;
+}
+
+template <class E>
+struct Run {
+  E executor;
+  BlobViews views;
+  TrainSettings settings = short_run();
+  Trainer<Small, E> trainer;
+
+  template <class... Args>
+  explicit Run(Args... args) : executor(args...), trainer(settings, views.size(), 3.3, executor) {
+    const auto points = cloud(300, 1);
+    REQUIRE(trainer.initialise(points).ok());
+  }
+};
+
+std::vector<float> values(const Model<Small>& model) { return {model.arena.all_values().begin(), model.arena.all_values().end()}; }
+bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
+  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](float x, float y) {
+           return std::bit_cast<std::uint32_t>(x) == std::bit_cast<std::uint32_t>(y);
+         });
+}
+
+}  // namespace
+
+TEST_CASE("pipeline/trainer: the loss falls, anchors grow and are pruned, and everything stays finite") {
+  Run<ThreadExecutor> run(std::size_t{2});
+  double first = 0, last = 0;
+  std::size_t grown = 0, pruned = 0;
+  while (!run.trainer.finished()) {
+    const Result<IterationReport> report = run.trainer.step(run.views);
+    REQUIRE(report.ok());
+    if (report->iteration <= 20) first += report->loss.total;
+    if (report->iteration > 280) last += report->loss.total;
+    grown += report->grown;
+    pruned += report->pruned;
+    CHECK(report->skipped_blocks == 0);
+  }
+  MESSAGE("mean loss ", first / 20, " -> ", last / 20, ", anchors ", run.trainer.model().anchor_count(), ", grown ", grown, ", pruned ", pruned);
+  CHECK(last < 0.5 * first);
+  CHECK(grown > 0);
+  CHECK(pruned > 0);
+  for (const float value : values(run.trainer.model())) REQUIRE(std::isfinite(value));
+}
+
+TEST_CASE("pipeline/trainer: same seed, same bits, for 1, 2 and 4 threads; another seed, other bits") {
+  const auto train = [](std::size_t threads, std::uint64_t seed) {
+    ThreadExecutor executor(threads);
+    BlobViews views;
+    TrainSettings settings = short_run();
+    settings.iterations = 150;
+    settings.seed = seed;
+    Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
+    REQUIRE(trainer.initialise(cloud(300, 1)).ok());
+    REQUIRE(trainer.run(views).ok());
+    return values(trainer.model());
+  };
+  const std::vector<float> reference = train(1, 5);
+  CHECK(same_bits(reference, train(1, 5)));
+  CHECK(same_bits(reference, train(2, 5)));
+  CHECK(same_bits(reference, train(4, 5)));
+  CHECK(!same_bits(reference, train(1, 6)));
+}
+
+TEST_CASE("pipeline/checkpoint: a run stopped anywhere and resumed ends in the bits of an uninterrupted run") {
+  Run<SerialExecutor> uninterrupted;
+  REQUIRE(uninterrupted.trainer.run(uninterrupted.views).ok());
+  const std::vector<float> reference = values(uninterrupted.trainer.model());
+  const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark-checkpoint-test.safetensors";
+  // before, at and after adjustments, first and last iteration
+  for (const std::int64_t stop : {1, 29, 30, 31, 100, 147, 299}) {
+    Run<SerialExecutor> first;
+    while (first.trainer.state().iteration < stop) REQUIRE(first.trainer.step(first.views).ok());
+    ModelInfo info;
+    info.recipe = "small";
+    REQUIRE(write_checkpoint(path, first.trainer.state(), first.settings, info, 12.5).ok());
+
+    Run<SerialExecutor> second;
+    Result<Checkpoint<Small, SerialExecutor>> loaded = read_checkpoint<Small, SerialExecutor>(path, second.settings, info);
+    REQUIRE(loaded.ok());
+    CHECK(loaded->seconds == 12.5);
+    second.trainer.restore(std::move(loaded->state));
+    CHECK(second.trainer.state().iteration == stop);
+    REQUIRE(second.trainer.run(second.views).ok());
+    CHECK(same_bits(reference, values(second.trainer.model())));
+  }
+  std::filesystem::remove(path);
+}
+
+TEST_CASE("pipeline/checkpoint: other settings and broken files are refused with the field's name") {
+  const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark-checkpoint-refuse.safetensors";
+  Run<SerialExecutor> run;
+  for (int i = 0; i < 40; ++i) REQUIRE(run.trainer.step(run.views).ok());
+  ModelInfo info;
+  info.recipe = "small";
+  REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
+  TrainSettings other = run.settings;
+  other.lambda_dssim = 0.3;
+  const auto refused = read_checkpoint<Small, SerialExecutor>(path, other, info);
+  REQUIRE(!refused.ok());
+  CHECK(refused.error().problem.find("lambda_dssim") != std::string::npos);
+  const std::vector<std::byte> bytes = *read_file(path);
+  for (std::size_t size = 0; size < bytes.size(); size += bytes.size() / 60) {
+    REQUIRE(write_file(path, std::span<const std::byte>(bytes).first(size)).ok());
+    CHECK(!read_checkpoint<Small, SerialExecutor>(path, run.settings, info).ok());
+  }
+  std::filesystem::remove(path);
+}
+
+TEST_CASE("pipeline/trainer: nothing allocates after warm-up, between adjustments") {
+  ThreadExecutor executor(2);
+  BlobViews views;
+  TrainSettings settings = short_run();
+  settings.grow_after = 30000;  // no adjustments: the steady state
+  settings.grow_until = 30000;
+  Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
+  REQUIRE(trainer.initialise(cloud(300, 1)).ok());
+  // Warm-up is over when the largest view has been seen with the model as large as it will get: footprints still vary from view to view.
+  for (int i = 0; i < 120; ++i) REQUIRE(trainer.step(views).ok());
+  const std::size_t before = allocations.load();
+  std::size_t quiet = 0;
+  for (int i = 0; i < 60; ++i) {
+    const std::size_t start = allocations.load();
+    REQUIRE(trainer.step(views).ok());
+    quiet += allocations.load() == start ? 1 : 0;
+  }
+  MESSAGE(allocations.load() - before, " allocations in 60 iterations, ", quiet, " iterations without any");
+  CHECK(quiet >= 55);  // a buffer may still grow by half when a view shows more pairs than any before
+}
+
+TEST_CASE("pipeline/trainer: the anchor limit holds and is reported when the cloud alone exceeds it") {
+  ThreadExecutor executor(1);
+  BlobViews views;
+  TrainSettings settings = short_run();
+  settings.max_anchors = 320;
+  Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
+  REQUIRE(trainer.initialise(cloud(300, 1)).ok());
+  while (!trainer.finished()) {
+    const Result<IterationReport> report = trainer.step(views);
+    REQUIRE(report.ok());
+    REQUIRE(report->anchors <= 320);
+  }
+  settings.max_anchors = 100;
+  Trainer<Small, ThreadExecutor> refused(settings, views.size(), 3.3, executor);
+  const Result<Done> result = refused.initialise(cloud(300, 1));
+  REQUIRE(!result.ok());
+  CHECK(result.error().field == "max_anchors");
+}
+
+TEST_CASE("pipeline: poison in any parameter slot gives no crash, no NaN in the image, and no poisoned neighbour") {
+  constexpr float poison[] = {std::numeric_limits<float>::quiet_NaN(),
+                              std::numeric_limits<float>::infinity(),
+                              -std::numeric_limits<float>::infinity(),
+                              0.0f,
+                              -0.0f,
+                              std::numeric_limits<float>::denorm_min(),
+                              1e38f,
+                              -1e38f,
+                              1e-38f,
+                              1.0f / 255.0f,
+                              16.0f,
+                              -16.0f,
+                              40.0f,
+                              -40.0f,
+                              1e20f};
+  Run<SerialExecutor> run;
+  for (int i = 0; i < 25; ++i) REQUIRE(run.trainer.step(run.views).ok());
+  const Model<Small> clean = run.trainer.model();
+  const Pipeline<Small> pipeline;
+  Pipeline<Small>::Context context;
+  SerialExecutor executor;
+  Buffer<float> target(3 * 48 * 40);
+  REQUIRE(run.views.load(0, ImageView<float>{target.data(), 3, 40, 48}).ok());
+  std::size_t cases = 0;
+  for (const ArenaLayout::Block& block : clean.arena.layout().blocks()) {
+    if (block.kind != RowKind::anchor) continue;
+    for (std::size_t column = 0; column < block.columns; ++column) {
+      for (const float value : poison) {
+        Model<Small> model = clean;
+        model.arena.all_values()[block.offset + 7 * block.columns + column] = value;
+        static_cast<void>(pipeline.forward(model, run.views.camera(0), 0, context, executor));
+        for (const float pixel : context.image.flat()) REQUIRE(std::isfinite(pixel));
+        static_cast<void>(pipeline.loss(ImageView<const float>{target.data(), 3, 40, 48}, {}, context, executor));
+        pipeline.backward(model, run.views.camera(0), 0, context, executor);
+        ++cases;
+      }
+    }
+  }
+  MESSAGE(cases, " poisoned renders");
+}
