@@ -15,7 +15,9 @@ struct Image {
   std::vector<float> values;
   int height, width;
   Image(int h, int w, float value)
-      : values(3 * static_cast<std::size_t>(h) * static_cast<std::size_t>(w), value), height(h), width(w) {}
+      : values(3 * static_cast<std::size_t>(h) * static_cast<std::size_t>(w), value),
+        height(h),
+        width(w) {}
   [[nodiscard]] ImageView<const float> view() const { return {values.data(), 3, height, width}; }
 };
 

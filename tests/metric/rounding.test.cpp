@@ -44,7 +44,8 @@ TEST_CASE("metric/rounding: rounding alone is 58.92 dB and at most half a level"
   for (std::size_t i = 0; i < a.size(); ++i) worst = std::max(worst, std::abs(a[i] - b[i]));
   CHECK(worst <= 0.5f / 255 + 1e-7f);
   CHECK(worst > 0.499f / 255);
-  CHECK(psnr({a.data(), 3, size, size}, {b.data(), 3, size, size}) == doctest::Approx(58.92).epsilon(0.02 / 58.92));  // 10 log10(12 * 255^2)
+  CHECK(psnr({a.data(), 3, size, size}, {b.data(), 3, size, size}) ==
+        doctest::Approx(58.92).epsilon(0.02 / 58.92));  // 10 log10(12 * 255^2)
   std::vector<float> c = b;
   round_to_8bit<float>({c.data(), 3, size, size}, {c.data(), 3, size, size});
   CHECK(c == b);  // idempotent, in place

@@ -27,7 +27,8 @@ TEST_CASE("metric/ssim: equals the reference on noise, on bright flat images and
     int height, width;
     double base, noise;
   };
-  for (const Case& c : {Case{24, 31, 0, 1}, Case{16, 16, 0.999, 0.001}, Case{5, 7, 0.1, 0.8}, Case{1, 1, 0.5, 0.1}, Case{40, 3, 0, 0.01}}) {
+  for (const Case& c : {Case{24, 31, 0, 1}, Case{16, 16, 0.999, 0.001}, Case{5, 7, 0.1, 0.8}, Case{1, 1, 0.5, 0.1},
+                        Case{40, 3, 0, 0.01}}) {
     const Random random(7, 0, random_stage("test"));
     std::vector<float> a(3 * static_cast<std::size_t>(c.height * c.width));
     std::vector<float> b(a.size());

@@ -34,7 +34,8 @@ class AtomicFile {
   [[nodiscard]] static Result<AtomicFile> create(const std::filesystem::path& path) {
     AtomicFile file(path);
     std::error_code status;
-    if (std::filesystem::is_directory(path, status)) return file.error("is a folder, not a file", "give the name of a file");
+    if (std::filesystem::is_directory(path, status))
+      return file.error("is a folder, not a file", "give the name of a file");
     file.stream_.reset(std::fopen(file.partial_.c_str(), "wb"));
     if (!file.stream_) {
       const std::string reason = std::strerror(errno);
@@ -134,16 +135,20 @@ class AtomicFile {
     return fail(ErrorKind::unreadable, "is not a regular file", "give the name of a file");
   }
   const std::uintmax_t size = std::filesystem::file_size(path, status);
-  if (status) return fail(ErrorKind::unreadable, "its size cannot be read: " + status.message(), "check its permissions");
+  if (status)
+    return fail(ErrorKind::unreadable, "its size cannot be read: " + status.message(), "check its permissions");
   if (size > limit) {
-    return fail(ErrorKind::exhausted, "has " + std::to_string(size) + " bytes, more than the limit of " + std::to_string(limit),
+    return fail(ErrorKind::exhausted,
+                "has " + std::to_string(size) + " bytes, more than the limit of " + std::to_string(limit),
                 "check that this is the right file");
   }
   struct Close {
     void operator()(std::FILE* stream) const { std::fclose(stream); }
   };
   const std::unique_ptr<std::FILE, Close> stream(std::fopen(path.c_str(), "rb"));
-  if (!stream) return fail(ErrorKind::unreadable, std::string("cannot be opened: ") + std::strerror(errno), "check its permissions");
+  if (!stream)
+    return fail(ErrorKind::unreadable, std::string("cannot be opened: ") + std::strerror(errno),
+                "check its permissions");
   std::vector<std::byte> bytes(static_cast<std::size_t>(size));
   if (!bytes.empty() && std::fread(bytes.data(), 1, bytes.size(), stream.get()) != bytes.size()) {
     return fail(ErrorKind::truncated, "ended before its " + std::to_string(size) + " bytes", "copy it again");

@@ -48,7 +48,8 @@ template <class Json>
 
 /// Field `key` of an object as T (a finite number, a string, a bool); `file` and `where` (path of the object) are for the message.
 template <class T>
-[[nodiscard]] Result<T> json_field(const nlohmann::json& object, const std::string& key, const std::string& file, const std::string& where = {}) {
+[[nodiscard]] Result<T> json_field(const nlohmann::json& object, const std::string& key, const std::string& file,
+                                   const std::string& where = {}) {
   const std::string field = where.empty() ? key : where + "." + key;
   const auto fail = [&](ErrorKind kind, std::string problem, std::string remedy) {
     return Error{kind, file, field, std::move(problem), std::move(remedy)};
@@ -61,7 +62,8 @@ template <class T>
   } else if constexpr (std::is_integral_v<T>) {
     const bool fits = value.is_number_integer() && (std::is_signed_v<T> || value.is_number_unsigned());
     if (!fits) return fail(ErrorKind::malformed, "is not a whole number", "correct it");
-    const bool in_range = value.is_number_unsigned() ? std::in_range<T>(value.get<std::uint64_t>()) : std::in_range<T>(value.get<std::int64_t>());
+    const bool in_range = value.is_number_unsigned() ? std::in_range<T>(value.get<std::uint64_t>())
+                                                     : std::in_range<T>(value.get<std::int64_t>());
     if (!in_range) return fail(ErrorKind::invalid, "is out of range", "correct it");
     return value.get<T>();
   } else if constexpr (std::is_floating_point_v<T>) {

@@ -45,8 +45,10 @@ template <class T>
   if constexpr (std::is_same_v<T, float>) return "F32";
   if constexpr (std::is_same_v<T, double>) return "F64";
   if constexpr (std::is_same_v<T, bool>) return "BOOL";
-  if constexpr (std::is_integral_v<T> && std::is_signed_v<T>) return sizeof(T) == 8 ? "I64" : sizeof(T) == 4 ? "I32" : sizeof(T) == 2 ? "I16" : "I8";
-  if constexpr (std::is_integral_v<T> && !std::is_signed_v<T>) return sizeof(T) == 8 ? "U64" : sizeof(T) == 4 ? "U32" : sizeof(T) == 2 ? "U16" : "U8";
+  if constexpr (std::is_integral_v<T> && std::is_signed_v<T>)
+    return sizeof(T) == 8 ? "I64" : sizeof(T) == 4 ? "I32" : sizeof(T) == 2 ? "I16" : "I8";
+  if constexpr (std::is_integral_v<T> && !std::is_signed_v<T>)
+    return sizeof(T) == 8 ? "U64" : sizeof(T) == 4 ? "U32" : sizeof(T) == 2 ? "U16" : "U8";
 }
 
 namespace detail {
@@ -92,7 +94,8 @@ class SafetensorsFile {
   /// The tensor, if it is there.
   [[nodiscard]] Result<SafetensorsTensor> tensor(const std::string& name) const {
     const auto found = tensors.find(name);
-    if (found == tensors.end()) return error(ErrorKind::invalid, name, "no such tensor", "check that this is the right kind of file");
+    if (found == tensors.end())
+      return error(ErrorKind::invalid, name, "no such tensor", "check that this is the right kind of file");
     return found->second;
   }
   /// The tensor, if it is there and has this shape.
@@ -110,7 +113,8 @@ class SafetensorsFile {
     if (!found) return found.error();
     return to_floats(name, *found);
   }
-  [[nodiscard]] Result<std::vector<float>> floats(const std::string& name, std::initializer_list<std::int64_t> shape) const {
+  [[nodiscard]] Result<std::vector<float>> floats(const std::string& name,
+                                                  std::initializer_list<std::int64_t> shape) const {
     const Result<SafetensorsTensor> found = tensor(name, std::span<const std::int64_t>(shape.begin(), shape.size()));
     if (!found) return found.error();
     return to_floats(name, *found);
@@ -121,7 +125,8 @@ class SafetensorsFile {
     const Result<SafetensorsTensor> found = tensor(name);
     if (!found) return found.error();
     if (found->dtype != safetensors_dtype<T>()) {
-      return error(ErrorKind::invalid, name, "has dtype " + found->dtype + ", expected " + std::string(safetensors_dtype<T>()),
+      return error(ErrorKind::invalid, name,
+                   "has dtype " + found->dtype + ", expected " + std::string(safetensors_dtype<T>()),
                    "check that this is the right kind of file");
     }
     std::vector<T> result(found->count());
@@ -131,7 +136,9 @@ class SafetensorsFile {
   /// A string of the metadata, if it is there.
   [[nodiscard]] Result<std::string> text_of(const std::string& key) const {
     const auto found = metadata.find(key);
-    if (found == metadata.end()) return error(ErrorKind::invalid, "__metadata__." + key, "is missing", "check that this is the right kind of file");
+    if (found == metadata.end())
+      return error(ErrorKind::invalid, "__metadata__." + key, "is missing",
+                   "check that this is the right kind of file");
     return found->second;
   }
 
@@ -164,9 +171,11 @@ class SafetensorsFile {
     } else if (tensor.dtype == "F16") {
       convert(std::uint16_t{}, [](std::uint16_t value) { return detail::half_to_float(value); });
     } else if (tensor.dtype == "BF16") {
-      convert(std::uint16_t{}, [](std::uint16_t value) { return std::bit_cast<float>(static_cast<std::uint32_t>(value) << 16); });
+      convert(std::uint16_t{},
+              [](std::uint16_t value) { return std::bit_cast<float>(static_cast<std::uint32_t>(value) << 16); });
     } else {
-      return error(ErrorKind::invalid, name, "has dtype " + tensor.dtype + ", expected a float type", "check that this is the right kind of file");
+      return error(ErrorKind::invalid, name, "has dtype " + tensor.dtype + ", expected a float type",
+                   "check that this is the right kind of file");
     }
     return result;
   }
@@ -181,12 +190,17 @@ class SafetensorsFile {
     return Error{kind, path, std::move(field), std::move(problem), remedy};
   };
   constexpr std::uint64_t header_limit = 100'000'000;  // the format's own limit
-  if (bytes.size() < 8) return fail(ErrorKind::truncated, "header length", "the file has " + std::to_string(bytes.size()) + " bytes, fewer than 8");
+  if (bytes.size() < 8)
+    return fail(ErrorKind::truncated, "header length",
+                "the file has " + std::to_string(bytes.size()) + " bytes, fewer than 8");
   std::uint64_t header_size = 0;
   std::memcpy(&header_size, bytes.data(), 8);
-  if (header_size > header_limit) return fail(ErrorKind::malformed, "header length", std::to_string(header_size) + " is above the limit of 100000000");
+  if (header_size > header_limit)
+    return fail(ErrorKind::malformed, "header length",
+                std::to_string(header_size) + " is above the limit of 100000000");
   if (header_size > bytes.size() - 8) {
-    return fail(ErrorKind::truncated, "header length", std::to_string(header_size) + " bytes announced, " + std::to_string(bytes.size() - 8) + " left");
+    return fail(ErrorKind::truncated, "header length",
+                std::to_string(header_size) + " bytes announced, " + std::to_string(bytes.size() - 8) + " left");
   }
 
   // nlohmann keeps the last of two equal keys; the format forbids them, so names are watched while parsing.
@@ -206,7 +220,8 @@ class SafetensorsFile {
   SafetensorsFile file;
   file.path = path;
   file.blob_ = std::move(bytes);
-  const std::span<const std::byte> data = std::span<const std::byte>(file.blob_).subspan(8 + static_cast<std::size_t>(header_size));
+  const std::span<const std::byte> data =
+      std::span<const std::byte>(file.blob_).subspan(8 + static_cast<std::size_t>(header_size));
   std::vector<std::pair<std::uint64_t, std::uint64_t>> extents;
   for (const auto& [name, entry] : header.items()) {
     if (name == "__metadata__") {
@@ -224,18 +239,23 @@ class SafetensorsFile {
     const nlohmann::json& shape = entry["shape"];
     const nlohmann::json& offsets = entry["data_offsets"];
     const std::size_t element = dtype.is_string() ? safetensors_element_size(dtype.get<std::string>()) : 0;
-    if (element == 0) return fail(ErrorKind::unsupported, name + ".dtype", (dtype.is_string() ? dtype.get<std::string>() : std::string("the value")) + " is not a known type");
+    if (element == 0)
+      return fail(ErrorKind::unsupported, name + ".dtype",
+                  (dtype.is_string() ? dtype.get<std::string>() : std::string("the value")) + " is not a known type");
     if (!shape.is_array()) return fail(ErrorKind::malformed, name + ".shape", "is not an array");
-    if (!offsets.is_array() || offsets.size() != 2 || !offsets[0].is_number_unsigned() || !offsets[1].is_number_unsigned()) {
+    if (!offsets.is_array() || offsets.size() != 2 || !offsets[0].is_number_unsigned() ||
+        !offsets[1].is_number_unsigned()) {
       return fail(ErrorKind::malformed, name + ".data_offsets", "is not a pair of non-negative integers");
     }
     SafetensorsTensor tensor;
     tensor.dtype = dtype.get<std::string>();
     std::uint64_t wanted = element;
     for (const nlohmann::json& extent : shape) {
-      if (!extent.is_number_unsigned()) return fail(ErrorKind::malformed, name + ".shape", "an extent is not a non-negative integer");
+      if (!extent.is_number_unsigned())
+        return fail(ErrorKind::malformed, name + ".shape", "an extent is not a non-negative integer");
       const std::uint64_t n = extent.get<std::uint64_t>();
-      if (n > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max()) || __builtin_mul_overflow(wanted, n, &wanted)) {
+      if (n > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max()) ||
+          __builtin_mul_overflow(wanted, n, &wanted)) {
         return fail(ErrorKind::malformed, name + ".shape", "its product overflows");
       }
       tensor.shape.push_back(static_cast<std::int64_t>(n));
@@ -244,10 +264,12 @@ class SafetensorsFile {
     const std::uint64_t end = offsets[1].get<std::uint64_t>();
     if (begin > end) return fail(ErrorKind::malformed, name + ".data_offsets", "the end lies before the begin");
     if (end > data.size()) {
-      return fail(ErrorKind::truncated, name + ".data_offsets", "ends at byte " + std::to_string(end) + " of " + std::to_string(data.size()) + " data bytes");
+      return fail(ErrorKind::truncated, name + ".data_offsets",
+                  "ends at byte " + std::to_string(end) + " of " + std::to_string(data.size()) + " data bytes");
     }
     if (end - begin != wanted) {
-      return fail(ErrorKind::malformed, name + ".shape", "needs " + std::to_string(wanted) + " bytes, data_offsets hold " + std::to_string(end - begin));
+      return fail(ErrorKind::malformed, name + ".shape",
+                  "needs " + std::to_string(wanted) + " bytes, data_offsets hold " + std::to_string(end - begin));
     }
     tensor.data = data.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin));
     extents.emplace_back(begin, end);
@@ -256,10 +278,14 @@ class SafetensorsFile {
   std::sort(extents.begin(), extents.end());
   std::uint64_t reached = 0;
   for (const auto& [begin, end] : extents) {
-    if (begin != reached) return fail(ErrorKind::malformed, "data_offsets", "tensors overlap or leave a gap at byte " + std::to_string(reached));
+    if (begin != reached)
+      return fail(ErrorKind::malformed, "data_offsets",
+                  "tensors overlap or leave a gap at byte " + std::to_string(reached));
     reached = end;
   }
-  if (reached != data.size()) return fail(ErrorKind::malformed, "data_offsets", std::to_string(data.size() - reached) + " bytes behind the last tensor");
+  if (reached != data.size())
+    return fail(ErrorKind::malformed, "data_offsets",
+                std::to_string(data.size() - reached) + " bytes behind the last tensor");
   return file;
 }
 
@@ -288,7 +314,8 @@ class SafetensorsWriter {
   template <class T>
   void add_copy(std::string name, std::vector<std::int64_t> shape, std::span<const T> values) {
     const std::span<const std::byte> bytes = std::as_bytes(values);
-    entries_.push_back({std::move(name), std::string(safetensors_dtype<T>()), std::move(shape), {}, {bytes.begin(), bytes.end()}});
+    entries_.push_back(
+        {std::move(name), std::string(safetensors_dtype<T>()), std::move(shape), {}, {bytes.begin(), bytes.end()}});
     entries_.back().bytes = entries_.back().owned;  // a vector's storage does not move with its entry
   }
 

@@ -20,12 +20,15 @@
 namespace compmark::inline v0 {
 
 template <class L>
-concept ImageLoss = requires(const L& loss, ImageView<const typename L::Scalar> rendered, ImageView<const typename L::Scalar> target,
-                             typename L::Scalar weight, ImageView<typename L::Scalar> d_rendered, typename L::Context& context,
+concept ImageLoss = requires(const L& loss, ImageView<const typename L::Scalar> rendered,
+                             ImageView<const typename L::Scalar> target, typename L::Scalar weight,
+                             ImageView<typename L::Scalar> d_rendered, typename L::Context& context,
                              SerialExecutor& executor) {
   typename L::Settings;
   { loss.forward(rendered, target, context, executor).loss } -> std::convertible_to<double>;
-  { loss.forward_backward(rendered, target, weight, d_rendered, context, executor).loss } -> std::convertible_to<double>;
+  {
+    loss.forward_backward(rendered, target, weight, d_rendered, context, executor).loss
+    } -> std::convertible_to<double>;
 };
 
 }  // namespace compmark::inline v0

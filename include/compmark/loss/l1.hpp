@@ -34,8 +34,8 @@ class L1Loss {
   }
   /// ADDS weight dloss/drendered.
   template <Executor E>
-  L1Report forward_backward(ImageView<const T> rendered, ImageView<const T> target, T weight, ImageView<T> d_rendered, Context& context,
-                            E& executor) const {
+  L1Report forward_backward(ImageView<const T> rendered, ImageView<const T> target, T weight, ImageView<T> d_rendered,
+                            Context& context, E& executor) const {
     COMPMARK_ASSERT(d_rendered.size() == rendered.size(), "L1Loss: gradient and image differ in size");
     return run<true>(rendered, target, weight, d_rendered, context, executor);
   }
@@ -45,32 +45,34 @@ class L1Loss {
   static constexpr std::size_t grain = 16384;
 
   template <bool Backward, class E>
-  L1Report run(ImageView<const T> x, ImageView<const T> y, T weight, ImageView<T> d_x, Context& context, E& executor) const {
+  L1Report run(ImageView<const T> x, ImageView<const T> y, T weight, ImageView<T> d_x, Context& context,
+               E& executor) const {
     COMPMARK_ASSERT(x.channels == y.channels && x.height == y.height && x.width == y.width, "L1Loss: two shapes");
     const std::size_t count = x.size();
     if (count == 0) return {};
     context.partial.resize(chunk_count(count, grain));
     const P slope(weight / static_cast<T>(count));
     const P zero(T(0));
-    const double sum = ordered_sum<double>(executor, count, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
-      double total = 0;
-      // Blocks of 64 packs: a float sum of that length keeps its digits, then goes to double.
-      for (std::size_t block = begin; block < end; block += 64 * P::width) {
-        const std::size_t block_end = block + 64 * P::width < end ? block + 64 * P::width : end;
-        P l1 = zero;
-        for (std::size_t i = block; i < block_end; i += P::width) {
-          const auto mask = P::MaskType::first(static_cast<std::ptrdiff_t>(block_end - i));
-          const P d = P::load(x.data + i, mask) - P::load(y.data + i, mask);
-          l1 += abs(d);
-          if constexpr (Backward) {
-            const P step = select(d > zero, slope, select(d < zero, -slope, zero));
-            (P::load(d_x.data + i, mask) + step).store(d_x.data + i, mask);
+    const double sum =
+        ordered_sum<double>(executor, count, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
+          double total = 0;
+          // Blocks of 64 packs: a float sum of that length keeps its digits, then goes to double.
+          for (std::size_t block = begin; block < end; block += 64 * P::width) {
+            const std::size_t block_end = block + 64 * P::width < end ? block + 64 * P::width : end;
+            P l1 = zero;
+            for (std::size_t i = block; i < block_end; i += P::width) {
+              const auto mask = P::MaskType::first(static_cast<std::ptrdiff_t>(block_end - i));
+              const P d = P::load(x.data + i, mask) - P::load(y.data + i, mask);
+              l1 += abs(d);
+              if constexpr (Backward) {
+                const P step = select(d > zero, slope, select(d < zero, -slope, zero));
+                (P::load(d_x.data + i, mask) + step).store(d_x.data + i, mask);
+              }
+            }
+            total += static_cast<double>(reduce_add(l1));
           }
-        }
-        total += static_cast<double>(reduce_add(l1));
-      }
-      return total;
-    });
+          return total;
+        });
     return {sum / static_cast<double>(count)};
   }
 };

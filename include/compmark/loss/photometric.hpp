@@ -48,13 +48,14 @@ class PhotometricLoss {
   explicit PhotometricLoss(const Settings& chosen) : settings(chosen) {}
 
   template <Executor E>
-  PhotometricReport forward(ImageView<const T> rendered, ImageView<const T> target, Context& context, E& executor) const {
+  PhotometricReport forward(ImageView<const T> rendered, ImageView<const T> target, Context& context,
+                            E& executor) const {
     return run<false>(rendered, target, T(0), {}, context, executor);
   }
   /// ADDS weight dloss/drendered to d_rendered. Neither image is clamped (the published loss is not).
   template <Executor E>
-  PhotometricReport forward_backward(ImageView<const T> rendered, ImageView<const T> target, T weight, ImageView<T> d_rendered,
-                                     Context& context, E& executor) const {
+  PhotometricReport forward_backward(ImageView<const T> rendered, ImageView<const T> target, T weight,
+                                     ImageView<T> d_rendered, Context& context, E& executor) const {
     COMPMARK_ASSERT(d_rendered.size() == rendered.size(), "PhotometricLoss: gradient and image differ in size");
     return run<true>(rendered, target, weight, d_rendered, context, executor);
   }
@@ -74,7 +75,8 @@ class PhotometricLoss {
     T* base;
     std::size_t stride;
     static constexpr std::size_t margin = 16;
-    static constexpr std::size_t rows = 1 + (detail::ssim_blurs + detail::ssim_maps) * step + detail::ssim_maps * ring_rows;
+    static constexpr std::size_t rows =
+        1 + (detail::ssim_blurs + detail::ssim_maps) * step + detail::ssim_maps * ring_rows;
 
     [[nodiscard]] T* at(int row) const { return base + margin + static_cast<std::size_t>(row) * stride; }
     [[nodiscard]] T* zeros() const { return at(0); }
@@ -90,8 +92,10 @@ class PhotometricLoss {
   };
 
   template <bool Backward, class E>
-  PhotometricReport run(ImageView<const T> x, ImageView<const T> y, T weight, ImageView<T> d_x, Context& context, E& executor) const {
-    COMPMARK_ASSERT(x.channels == y.channels && x.height == y.height && x.width == y.width, "PhotometricLoss: two shapes");
+  PhotometricReport run(ImageView<const T> x, ImageView<const T> y, T weight, ImageView<T> d_x, Context& context,
+                        E& executor) const {
+    COMPMARK_ASSERT(x.channels == y.channels && x.height == y.height && x.width == y.width,
+                    "PhotometricLoss: two shapes");
     if (x.size() == 0) return {0, 1, 0};
     const std::size_t padded = (static_cast<std::size_t>(x.width) + lanes - 1) / lanes * lanes;
     const std::size_t stride = padded + 2 * Scratch::margin;
@@ -104,7 +108,8 @@ class PhotometricLoss {
       const int channel = static_cast<int>(chunk / bands);
       const int begin = static_cast<int>(chunk % bands) * band_rows;
       const Scratch scratch{context.scratch.data() + worker * stride * Scratch::rows, stride};
-      const Sums sums = band<Backward>(x, y, scale, d_x, channel, begin, std::min(begin + band_rows, x.height), scratch);
+      const Sums sums =
+          band<Backward>(x, y, scale, d_x, channel, begin, std::min(begin + band_rows, x.height), scratch);
       context.partial[2 * chunk] = sums.l1;
       context.partial[2 * chunk + 1] = sums.distance;
     });
@@ -154,7 +159,8 @@ class PhotometricLoss {
       std::fill_n(row + scratch.stride - 2 * Scratch::margin, Scratch::margin, value);
     };
     for (int row = 0; row < step; ++row) {
-      for (int map = 0; map < detail::ssim_blurs; ++map) set_margins(scratch.blurred(map, row), outside[static_cast<std::size_t>(map)]);
+      for (int map = 0; map < detail::ssim_blurs; ++map)
+        set_margins(scratch.blurred(map, row), outside[static_cast<std::size_t>(map)]);
       for (int map = 0; map < detail::ssim_maps; ++map) set_margins(scratch.blurred_back(map, row), T(0));
     }
     for (int map = 0; map < detail::ssim_maps; ++map) {
@@ -189,23 +195,25 @@ class PhotometricLoss {
       x_rows[static_cast<std::size_t>(i)] = inside ? x.row(channel, source) : scratch.zeros();
       y_rows[static_cast<std::size_t>(i)] = inside ? y.row(channel, source) : scratch.zeros();
     }
-    for_packs(x.width, [&](int column, auto full, M mask) __attribute__((always_inline)) {
-      P sum[detail::ssim_blurs][step];
-      detail::ssim_blur_columns<step>(
-          taps,
-          [&](int i, P& x_pack, P& y_pack) __attribute__((always_inline)) {
-            x_pack = load<decltype(full)::value>(x_rows[static_cast<std::size_t>(i)] + column, mask);
-            y_pack = load<decltype(full)::value>(y_rows[static_cast<std::size_t>(i)] + column, mask);
-          },
-          sum);
-      for (int map = 0; map < detail::ssim_blurs; ++map) {
-        for (int r = 0; r < step; ++r) sum[map][r].store(scratch.blurred(map, r) + column);
-      }
-    });
+    for_packs(
+        x.width, [&](int column, auto full, M mask) __attribute__((always_inline)) {
+          P sum[detail::ssim_blurs][step];
+          detail::ssim_blur_columns<step>(
+              taps,
+              [&](int i, P& x_pack, P& y_pack) __attribute__((always_inline)) {
+                x_pack = load<decltype(full)::value>(x_rows[static_cast<std::size_t>(i)] + column, mask);
+                y_pack = load<decltype(full)::value>(y_rows[static_cast<std::size_t>(i)] + column, mask);
+              },
+              sum);
+          for (int map = 0; map < detail::ssim_blurs; ++map) {
+            for (int r = 0; r < step; ++r) sum[map][r].store(scratch.blurred(map, r) + column);
+          }
+        });
   }
 
   template <bool Backward>
-  void make_maps(const T* x_row, const T* y_row, int width, int y, int r, bool own, Sums& sums, const Scratch& scratch) const {
+  void make_maps(const T* x_row, const T* y_row, int width, int y, int r, bool own, Sums& sums,
+                 const Scratch& scratch) const {
     const Taps taps;
     const T* mean_x = scratch.blurred(detail::blur_x, r);
     const T* mean_d = scratch.blurred(detail::blur_d, r);
@@ -216,35 +224,38 @@ class PhotometricLoss {
     T* p = scratch.ring(detail::map_p, y);
     P l1(T(0));
     P distance(T(0));
-    for_packs(width, [&](int column, auto full, M mask) __attribute__((always_inline)) {
-      detail::SsimPoint<P> point =
-          detail::ssim_point(detail::ssim_blur_row(taps, mean_x + column), detail::ssim_blur_row(taps, mean_d + column),
-                             detail::ssim_blur_row(taps, mean_xy + column), detail::ssim_blur_row(taps, mean_dd + column));
-      if constexpr (!decltype(full)::value) {
-        point = {keep(mask, point.distance), keep(mask, point.u), keep(mask, point.q), keep(mask, point.p)};
-      }
-      distance += point.distance;
-      l1 += abs(load<decltype(full)::value>(x_row + column, mask) - load<decltype(full)::value>(y_row + column, mask));
-      if constexpr (Backward) {
-        point.u.store(u + column);
-        point.q.store(q + column);
-        point.p.store(p + column);
-      }
-    });
+    for_packs(
+        width, [&](int column, auto full, M mask) __attribute__((always_inline)) {
+          detail::SsimPoint<P> point = detail::ssim_point(
+              detail::ssim_blur_row(taps, mean_x + column), detail::ssim_blur_row(taps, mean_d + column),
+              detail::ssim_blur_row(taps, mean_xy + column), detail::ssim_blur_row(taps, mean_dd + column));
+          if constexpr (!decltype(full)::value) {
+            point = {keep(mask, point.distance), keep(mask, point.u), keep(mask, point.q), keep(mask, point.p)};
+          }
+          distance += point.distance;
+          l1 += abs(load<decltype(full)::value>(x_row + column, mask) -
+                    load<decltype(full)::value>(y_row + column, mask));
+          if constexpr (Backward) {
+            point.u.store(u + column);
+            point.q.store(q + column);
+            point.p.store(p + column);
+          }
+        });
     if (own) {
       sums.l1 += static_cast<double>(reduce_add(l1));
       sums.distance += static_cast<double>(reduce_add(distance));
     }
   }
 
-  void add_gradient(ImageView<const T> x, ImageView<const T> y, T scale, ImageView<T> d_x, int channel, int begin, int end, int map_end,
-                    const Scratch& scratch) const {
+  void add_gradient(ImageView<const T> x, ImageView<const T> y, T scale, ImageView<T> d_x, int channel, int begin,
+                    int end, int map_end, const Scratch& scratch) const {
     const Taps taps;
     for (int map = 0; map < detail::ssim_maps; ++map) {
       std::array<const T*, window_rows> rows;
       for (int i = 0; i < window_rows; ++i) {
         const int source = begin + i - ssim_radius;
-        rows[static_cast<std::size_t>(i)] = source >= 0 && source < map_end ? scratch.ring(map, source) : scratch.zeros();
+        rows[static_cast<std::size_t>(i)] =
+            source >= 0 && source < map_end ? scratch.ring(map, source) : scratch.zeros();
       }
       for (int column = 0; column < x.width; column += lanes) {
         P sum[step];
@@ -268,23 +279,25 @@ class PhotometricLoss {
       const T* x_row = x.row(channel, row);
       const T* y_row = y.row(channel, row);
       T* d_row = d_x.row(channel, row);
-      for_packs(x.width, [&](int column, auto full, M mask) __attribute__((always_inline)) {
-        const P x_pack = load<decltype(full)::value>(x_row + column, mask);
-        const P d = x_pack - load<decltype(full)::value>(y_row + column, mask);
-        const P blurred_u = detail::ssim_blur_row(taps, u + column);
-        const P blurred_q = detail::ssim_blur_row(taps, q + column);
-        const P blurred_p = detail::ssim_blur_row(taps, p + column);
-        const P slope = fma(x_pack - P(T(0.5)), blurred_q, blurred_u) - d * blurred_p;
-        const P zero(T(0));
-        const P sign = select(d > zero, P(T(1)), select(d < zero, P(T(-1)), zero));  // 0 at 0, unlike copysign (case LS9)
-        const P old = load<decltype(full)::value>(d_row + column, mask);
-        const P sum = fma(weight_l1, sign, fma(weight_ssim, slope, old));
-        if constexpr (decltype(full)::value) {
-          sum.store(d_row + column);
-        } else {
-          sum.store(d_row + column, mask);
-        }
-      });
+      for_packs(
+          x.width, [&](int column, auto full, M mask) __attribute__((always_inline)) {
+            const P x_pack = load<decltype(full)::value>(x_row + column, mask);
+            const P d = x_pack - load<decltype(full)::value>(y_row + column, mask);
+            const P blurred_u = detail::ssim_blur_row(taps, u + column);
+            const P blurred_q = detail::ssim_blur_row(taps, q + column);
+            const P blurred_p = detail::ssim_blur_row(taps, p + column);
+            const P slope = fma(x_pack - P(T(0.5)), blurred_q, blurred_u) - d * blurred_p;
+            const P zero(T(0));
+            const P sign =
+                select(d > zero, P(T(1)), select(d < zero, P(T(-1)), zero));  // 0 at 0, unlike copysign (case LS9)
+            const P old = load<decltype(full)::value>(d_row + column, mask);
+            const P sum = fma(weight_l1, sign, fma(weight_ssim, slope, old));
+            if constexpr (decltype(full)::value) {
+              sum.store(d_row + column);
+            } else {
+              sum.store(d_row + column, mask);
+            }
+          });
     }
   }
 };

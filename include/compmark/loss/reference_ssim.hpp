@@ -27,13 +27,16 @@ struct ReferenceSsim {
 /// Similarity of two images of one shape; outside the image both are 0, as published ("zero padding 5"). With `d_x` the gradient of the mean
 /// times `weight` is added to it: dL/dx = G*(u) + 2 x G*(r) + y G*(p) of the method sheet.
 template <class T>
-[[nodiscard]] ReferenceSsim<T> reference_ssim(ImageView<const T> x, ImageView<const T> y, T weight = T(0), ImageView<T> d_x = {}) {
+[[nodiscard]] ReferenceSsim<T> reference_ssim(ImageView<const T> x, ImageView<const T> y, T weight = T(0),
+                                              ImageView<T> d_x = {}) {
   COMPMARK_ASSERT(x.channels == y.channels && x.height == y.height && x.width == y.width, "reference_ssim: two shapes");
   const std::array<T, ssim_radius + 1> window = ssim_window<T>();
   const T c1 = static_cast<T>(0.0001L);
   const T c2 = static_cast<T>(0.0009L);
   const auto tap = [&](int i) { return window[static_cast<std::size_t>(std::abs(i))]; };
-  const auto inside = [&](int row, int column) { return row >= 0 && row < x.height && column >= 0 && column < x.width; };
+  const auto inside = [&](int row, int column) {
+    return row >= 0 && row < x.height && column >= 0 && column < x.width;
+  };
 
   ReferenceSsim<T> result;
   result.map.resize(x.size());
@@ -86,8 +89,8 @@ template <class T>
         for (int i = -ssim_radius; i <= ssim_radius; ++i) {
           for (int j = -ssim_radius; j <= ssim_radius; ++j) {
             if (!inside(row + i, column + j)) continue;
-            const std::size_t at =
-                plane + static_cast<std::size_t>(row + i) * static_cast<std::size_t>(x.width) + static_cast<std::size_t>(column + j);
+            const std::size_t at = plane + static_cast<std::size_t>(row + i) * static_cast<std::size_t>(x.width) +
+                                   static_cast<std::size_t>(column + j);
             sum += tap(i) * tap(j) * (u[at] + 2 * x(c, row, column) * r[at] + y(c, row, column) * p[at]);
           }
         }

@@ -29,13 +29,14 @@ class ScaleVolumeLoss {
   };
 
   template <Executor E>
-  ScaleVolumeReport forward(const std::array<const T*, 3>& scale, std::size_t count, Context& context, E& executor) const {
+  ScaleVolumeReport forward(const std::array<const T*, 3>& scale, std::size_t count, Context& context,
+                            E& executor) const {
     return run<false>(scale, count, T(0), {}, context, executor);
   }
   /// ADDS weight dloss/dscale into the three columns of `d_scale`.
   template <Executor E>
-  ScaleVolumeReport forward_backward(const std::array<const T*, 3>& scale, std::size_t count, T weight, const std::array<T*, 3>& d_scale,
-                                     Context& context, E& executor) const {
+  ScaleVolumeReport forward_backward(const std::array<const T*, 3>& scale, std::size_t count, T weight,
+                                     const std::array<T*, 3>& d_scale, Context& context, E& executor) const {
     return run<true>(scale, count, weight, d_scale, context, executor);
   }
 
@@ -44,29 +45,31 @@ class ScaleVolumeLoss {
   static constexpr std::size_t grain = 8192;
 
   template <bool Backward, class E>
-  ScaleVolumeReport run(const std::array<const T*, 3>& scale, std::size_t count, T weight, const std::array<T*, 3>& d_scale, Context& context,
-                        E& executor) const {
+  ScaleVolumeReport run(const std::array<const T*, 3>& scale, std::size_t count, T weight,
+                        const std::array<T*, 3>& d_scale, Context& context, E& executor) const {
     if (count == 0) return {};
     context.partial.resize(chunk_count(count, grain));
     const P slope(weight / static_cast<T>(count));
-    const double sum = ordered_sum<double>(executor, count, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
-      double total = 0;
-      for (std::size_t i = begin; i < end; i += P::width) {
-        const auto mask = P::MaskType::first(static_cast<std::ptrdiff_t>(end - i));
-        const P a = P::load(scale[0] + i, mask);
-        const P b = P::load(scale[1] + i, mask);
-        const P c = P::load(scale[2] + i, mask);
-        const P bc = b * c;
-        total += static_cast<double>(reduce_add(a * bc));  // volumes span ten orders of magnitude: add them up in double
-        if constexpr (Backward) {
-          const P step = slope * a;
-          fma(slope, bc, P::load(d_scale[0] + i, mask)).store(d_scale[0] + i, mask);
-          fma(step, c, P::load(d_scale[1] + i, mask)).store(d_scale[1] + i, mask);
-          fma(step, b, P::load(d_scale[2] + i, mask)).store(d_scale[2] + i, mask);
-        }
-      }
-      return total;
-    });
+    const double sum =
+        ordered_sum<double>(executor, count, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
+          double total = 0;
+          for (std::size_t i = begin; i < end; i += P::width) {
+            const auto mask = P::MaskType::first(static_cast<std::ptrdiff_t>(end - i));
+            const P a = P::load(scale[0] + i, mask);
+            const P b = P::load(scale[1] + i, mask);
+            const P c = P::load(scale[2] + i, mask);
+            const P bc = b * c;
+            total +=
+                static_cast<double>(reduce_add(a * bc));  // volumes span ten orders of magnitude: add them up in double
+            if constexpr (Backward) {
+              const P step = slope * a;
+              fma(slope, bc, P::load(d_scale[0] + i, mask)).store(d_scale[0] + i, mask);
+              fma(step, c, P::load(d_scale[1] + i, mask)).store(d_scale[1] + i, mask);
+              fma(step, b, P::load(d_scale[2] + i, mask)).store(d_scale[2] + i, mask);
+            }
+          }
+          return total;
+        });
     return {sum / static_cast<double>(count)};
   }
 };

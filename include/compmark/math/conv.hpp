@@ -39,8 +39,7 @@ struct FeatureView {
     return {row(first, 0), count, height, width, row_stride, plane_stride};
   }
   operator FeatureView<const T>() const  // NOLINT(google-explicit-constructor): a view to const is always safe
-    requires(!std::is_const_v<T>)
-  {
+      requires(!std::is_const_v<T>) {
     return {data, channels, height, width, row_stride, plane_stride};
   }
 };
@@ -72,7 +71,9 @@ struct ConvShape {
   int stride = 1;
   int padding = 1;
 
-  [[nodiscard]] constexpr int output_size(int input_size) const { return (input_size + 2 * padding - kernel) / stride + 1; }
+  [[nodiscard]] constexpr int output_size(int input_size) const {
+    return (input_size + 2 * padding - kernel) / stride + 1;
+  }
   [[nodiscard]] constexpr std::size_t taps() const {
     return static_cast<std::size_t>(in) * static_cast<std::size_t>(kernel) * static_cast<std::size_t>(kernel);
   }
@@ -111,14 +112,16 @@ struct ConvInput {
       for (int y = 0; y < height; ++y) {
         const T* row = source.row(static_cast<int>(c), y);
         const int py = y + padding;
-        T* phase_row = channel + static_cast<std::size_t>(py % stride * stride) * plane_stride + static_cast<std::size_t>(py / stride) * row_stride;
+        T* phase_row = channel + static_cast<std::size_t>(py % stride * stride) * plane_stride +
+                       static_cast<std::size_t>(py / stride) * row_stride;
         if (stride == 1) {
           std::copy_n(row, width, phase_row + padding);
           continue;
         }
         for (int x = 0; x < width; ++x) {
           const int px = x + padding;
-          phase_row[static_cast<std::size_t>(px % stride) * plane_stride + static_cast<std::size_t>(px / stride)] = row[x];
+          phase_row[static_cast<std::size_t>(px % stride) * plane_stride + static_cast<std::size_t>(px / stride)] =
+              row[x];
         }
       }
     });
@@ -147,7 +150,8 @@ class Convolution {
     bias_.resize(blocks() * channel_block, T(0));
     for (std::size_t o = 0; o < static_cast<std::size_t>(shape.out); ++o) {
       bias_[o] = bias[o];
-      for (std::size_t k = 0; k < taps; ++k) weights_[(o / channel_block * taps + k) * channel_block + o % channel_block] = weight[o * taps + k];
+      for (std::size_t k = 0; k < taps; ++k)
+        weights_[(o / channel_block * taps + k) * channel_block + o % channel_block] = weight[o * taps + k];
     }
   }
 
@@ -157,13 +161,16 @@ class Convolution {
   void resize_output(const ConvInput<T>& input, FeatureMaps<T>& output, int channels = 0) const {
     const int rows = shape_.output_size(input.height);
     const std::size_t positions = static_cast<std::size_t>(rows) * input.row_stride;
-    output.resize(channels == 0 ? shape_.out : channels, rows, shape_.output_size(input.width), input.row_stride, (positions + tile - 1) / tile * tile);
+    output.resize(channels == 0 ? shape_.out : channels, rows, shape_.output_size(input.width), input.row_stride,
+                  (positions + tile - 1) / tile * tile);
   }
 
   /// Fills `output` (shaped by resize_output, or a channel range of it) with finish(sum + bias). Columns behind output.width are scratch.
   template <Executor E, class Finish>
-  void forward(const ConvInput<T>& input, FeatureView<T> output, Buffer<std::ptrdiff_t>& offsets, E& executor, const Finish& finish) const {
-    COMPMARK_ASSERT(input.channels == shape_.in && input.stride == shape_.stride && input.padding >= shape_.padding, "Convolution: input");
+  void forward(const ConvInput<T>& input, FeatureView<T> output, Buffer<std::ptrdiff_t>& offsets, E& executor,
+               const Finish& finish) const {
+    COMPMARK_ASSERT(input.channels == shape_.in && input.stride == shape_.stride && input.padding >= shape_.padding,
+                    "Convolution: input");
     COMPMARK_ASSERT(output.channels == shape_.out && output.row_stride == input.row_stride, "Convolution: output");
     fill_offsets(input, offsets);
     const std::size_t positions = static_cast<std::size_t>(output.height) * input.row_stride;
@@ -178,7 +185,9 @@ class Convolution {
  private:
   using P = Pack<T, native_width<T>>;
 
-  [[nodiscard]] std::size_t blocks() const { return (static_cast<std::size_t>(shape_.out) + channel_block - 1) / channel_block; }
+  [[nodiscard]] std::size_t blocks() const {
+    return (static_cast<std::size_t>(shape_.out) + channel_block - 1) / channel_block;
+  }
 
   void fill_offsets(const ConvInput<T>& input, Buffer<std::ptrdiff_t>& offsets) const {
     offsets.resize(shape_.taps());
@@ -191,17 +200,18 @@ class Convolution {
           const int y = ky + shift;
           const int x = kx + shift;
           const std::size_t phase = static_cast<std::size_t>(y % input.stride * input.stride + x % input.stride);
-          offsets[k++] = static_cast<std::ptrdiff_t>((static_cast<std::size_t>(c) * phases + phase) * input.plane_stride +
-                                                     static_cast<std::size_t>(y / input.stride) * input.row_stride +
-                                                     static_cast<std::size_t>(x / input.stride));
+          offsets[k++] =
+              static_cast<std::ptrdiff_t>((static_cast<std::size_t>(c) * phases + phase) * input.plane_stride +
+                                          static_cast<std::size_t>(y / input.stride) * input.row_stride +
+                                          static_cast<std::size_t>(x / input.stride));
         }
       }
     }
   }
 
   template <class Finish>
-  void compute_tile(const ConvInput<T>& input, FeatureView<T> output, const std::ptrdiff_t* offsets, std::size_t block, std::size_t n,
-                    const Finish& finish) const {
+  void compute_tile(const ConvInput<T>& input, FeatureView<T> output, const std::ptrdiff_t* offsets, std::size_t block,
+                    std::size_t n, const Finish& finish) const {
     constexpr int lanes = P::width;
     const std::size_t taps = shape_.taps();
     const T* source = input.planes.data() + n;
@@ -210,7 +220,8 @@ class Convolution {
 #pragma GCC unroll 8
     for (int m = 0; m < channel_block; ++m) {
 #pragma GCC unroll 3
-      for (int j = 0; j < position_packs; ++j) sum[m][j] = P(bias_[block * channel_block + static_cast<std::size_t>(m)]);
+      for (int j = 0; j < position_packs; ++j)
+        sum[m][j] = P(bias_[block * channel_block + static_cast<std::size_t>(m)]);
     }
     for (std::size_t k = 0; k < taps; ++k, weight += channel_block) {
       const T* place = source + offsets[k];

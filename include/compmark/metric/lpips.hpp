@@ -62,7 +62,8 @@ class Lpips {
         if (!*part && !failed) {
           failed = true;
           error = part->error();
-          error.remedy = "give an LPIPS v0.1 file: AlexNet or SqueezeNet 1.1 features and lin weights as safetensors, layout OIHW";
+          error.remedy =
+              "give an LPIPS v0.1 file: AlexNet or SqueezeNet 1.1 features and lin weights as safetensors, layout OIHW";
         }
       }
       if (!failed) net.convolutions_.emplace_back(shape, *weight, *bias);
@@ -103,9 +104,11 @@ class Lpips {
 
   /// Distance of two RGB images in [0, 1] of one shape (round them first, rounding.hpp). 0 for identical images.
   template <Executor E>
-  [[nodiscard]] Result<LpipsReport> distance(ImageView<const float> image, ImageView<const float> reference, Context& context, E& executor,
+  [[nodiscard]] Result<LpipsReport> distance(ImageView<const float> image, ImageView<const float> reference,
+                                             Context& context, E& executor,
                                              LpipsRange range = LpipsRange::signed_unit) const {
-    COMPMARK_ASSERT(image.channels == 3 && reference.channels == 3 && image.height == reference.height && image.width == reference.width,
+    COMPMARK_ASSERT(image.channels == 3 && reference.channels == 3 && image.height == reference.height &&
+                        image.width == reference.width,
                     "Lpips: two RGB images of one shape");
     if (std::min(image.height, image.width) < smallest_image()) {
       return Error{ErrorKind::invalid, "", "image size",
@@ -167,7 +170,8 @@ class Lpips {
   }
   template <class E>
   static void apply(const Convolution<float>& convolution, Maps& maps, Context& context, E& executor) {
-    context.packed.pack(std::as_const(maps[0]).view(), convolution.shape().stride, convolution.shape().padding, executor);
+    context.packed.pack(std::as_const(maps[0]).view(), convolution.shape().stride, convolution.shape().padding,
+                        executor);
     convolution.resize_output(context.packed, maps[1]);
     convolution.forward(context.packed, maps[1].view(), context.offsets, executor, ReluFinish{});
     std::swap(maps[0], maps[1]);
@@ -184,8 +188,10 @@ class Lpips {
     context.packed.pack(std::as_const(context.squeezed).view(), 1, 1, executor);
     wide.resize_output(context.packed, maps[1], narrow.shape().out + wide.shape().out);
     const FeatureView<float> output = maps[1].view();
-    narrow.forward(context.packed, output.channel_range(0, narrow.shape().out), context.offsets, executor, ReluFinish{});
-    wide.forward(context.packed, output.channel_range(narrow.shape().out, wide.shape().out), context.offsets, executor, ReluFinish{});
+    narrow.forward(context.packed, output.channel_range(0, narrow.shape().out), context.offsets, executor,
+                   ReluFinish{});
+    wide.forward(context.packed, output.channel_range(narrow.shape().out, wide.shape().out), context.offsets, executor,
+                 ReluFinish{});
     std::swap(maps[0], maps[1]);
   }
 

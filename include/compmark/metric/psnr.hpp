@@ -20,7 +20,8 @@ inline constexpr double psnr_of_identical_images = 99.99;
 /// Mean squared error over all channels and pixels.
 template <class T>
 [[nodiscard]] double mean_squared_error(ImageView<const T> a, ImageView<const T> b) {
-  COMPMARK_ASSERT(a.channels == b.channels && a.height == b.height && a.width == b.width, "mean_squared_error: two shapes");
+  COMPMARK_ASSERT(a.channels == b.channels && a.height == b.height && a.width == b.width,
+                  "mean_squared_error: two shapes");
   double sum = 0;
   for (int c = 0; c < a.channels; ++c) {
     for (int y = 0; y < a.height; ++y) {

@@ -21,8 +21,9 @@ namespace compmark::inline v0 {
 
 /// SSIM of two images in [0, 1] of one shape, any size. 1 for identical images.
 [[nodiscard]] inline double ssim(ImageView<const float> image, ImageView<const float> reference) {
-  COMPMARK_ASSERT(image.channels == reference.channels && image.height == reference.height && image.width == reference.width,
-                  "ssim: two shapes");
+  COMPMARK_ASSERT(
+      image.channels == reference.channels && image.height == reference.height && image.width == reference.width,
+      "ssim: two shapes");
   if (image.size() == 0) return 1;
   const std::array<double, ssim_radius + 1> window = ssim_window<double>();
   const int height = image.height;
@@ -58,7 +59,8 @@ namespace compmark::inline v0 {
         for (std::size_t map = 0; map < m.size(); ++map) {
           const double* center = blurred[map].data() + ssim_radius + x;
           double value = window[0] * center[0];
-          for (int k = 1; k <= ssim_radius; ++k) value += window[static_cast<std::size_t>(k)] * (center[-k] + center[k]);
+          for (int k = 1; k <= ssim_radius; ++k)
+            value += window[static_cast<std::size_t>(k)] * (center[-k] + center[k]);
           m[map] = value;
         }
         const double mean_d = m[0] - m[1];
