@@ -171,7 +171,7 @@ TEST_CASE("optim/adam: the same bits at every pack width and at 1, 2, 3 and 4 th
   check(run(Adam<float, 1>(), 1, other), other);
   check(run(Adam<float, 4>(), 1, other), other);
   check(run(Adam<float, 8>(), 1, other), other);
-  for (const std::size_t threads : {2, 3, 4}) check(run(Adam<float>(), threads, other), other);
+  for (const std::size_t threads : {2u, 3u, 4u}) check(run(Adam<float>(), threads, other), other);
 }
 
 TEST_CASE("optim/adam: the first step is lr sign(g), for float too (numerics OP3)") {
