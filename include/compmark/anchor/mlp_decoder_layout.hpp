@@ -1,0 +1,169 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Constants, scratch memory and row movers of the fused decoder: how a block of 16 visible anchors gets from the rows of the table into
+// lanes and back. Lanes are anchors in the forward pass and in everything that touches Gaussians; lanes are hidden units in the backward
+// pass, because sums over anchors (weight gradients) then need no transposition at all.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "compmark/anchor/decoder_parameters.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/math/dense.hpp"
+#include "compmark/math/functions.hpp"
+
+namespace compmark::inline v0::detail {
+
+/// Sizes that follow from the shape. A block (16 anchors) is the unit of the order of Gaussians, a panel (64) that of the products.
+template <class T, int W, DecoderShape shape>
+struct DecoderLayout {
+  static_assert(16 % W == 0, "the decoder's blocks have 16 lanes");
+  static constexpr int round_up(int n) { return (n + W - 1) / W * W; }
+  static constexpr int block = 16;
+  static constexpr int panel = 64;
+  static constexpr int panel_capacity = panel + block;  // one more block may be appended before a panel is worked off
+  static constexpr int width = shape.feature_dim;
+  static constexpr int offsets = shape.offsets;
+  static constexpr int view_inputs = shape.distance ? 4 : 3;
+  static constexpr int inputs = shape.head_inputs();
+  static constexpr int input_row = inputs + 1;         // row-major inputs end with a one, so that biases are a row of the weights
+  static constexpr int head_hidden = round_up(width);  // padded with zeros to whole packs
+  static constexpr int hidden = 3 * head_hidden;       // the three heads side by side: opacity, covariance, colour
+  static constexpr int feature_row = round_up(width);
+  static constexpr int outputs = 11 * offsets;  // opacity K, covariance 7 K, colour 3 K
+  static constexpr int output_begin(int head) { return head == 0 ? 0 : (head == 1 ? offsets : 8 * offsets); }
+  static constexpr int output_count(int head) { return head == 0 ? offsets : (head == 1 ? 7 * offsets : 3 * offsets); }
+
+  // What forward leaves of each Gaussian beside its opacity: color 3, sigmoid of the scale logits 3, quaternion 4, 1 / norm of its logits.
+  static constexpr int saved_color = 0, saved_sigmoid = 3, saved_rotation = 6, saved_inverse_norm = 10, saved_columns = 11;
+
+  // One chunk's gradients of the networks.
+  static constexpr int bank_parameters = [] {
+    if constexpr (shape.feature_bank) {
+      return FeatureBank<T, shape.feature_dim>::parameter_count;
+    } else {
+      return 0;
+    }
+  }();
+  static constexpr int d_weight2 = 0;                                // [outputs, head_hidden]
+  static constexpr int d_weight1 = d_weight2 + outputs * head_hidden;  // [input_row, hidden], last row: biases
+  static constexpr int d_bias2 = d_weight1 + input_row * hidden;     // [outputs]
+  static constexpr int d_bank = d_bias2 + outputs;
+  static constexpr int gradient_count = (d_bank + bank_parameters + 15) / 16 * 16;
+
+  // The networks' values as the backward pass wants them.
+  static constexpr int packed_weight1 = 0;                                              // [input_row, hidden], last row: biases
+  static constexpr int packed_feature = packed_weight1 + input_row * hidden;            // [hidden, feature_row]
+  static constexpr int packed_view = packed_feature + hidden * feature_row;             // [view_inputs, hidden]
+  static constexpr int packed_weight2 = packed_view + view_inputs * hidden;             // [outputs, head_hidden]
+  static constexpr int packed_count = packed_weight2 + outputs * head_hidden;
+};
+
+/// The camera centre as two scalars a coordinate, so that position - centre keeps its digits far from the origin (numerics case PR7).
+template <class T>
+struct ViewPoint {
+  T high[3];
+  T low[3];
+  T min_distance;
+};
+
+/// Unit direction and distance of W anchors seen from the view point; (0, 0, 1) and 0 where the anchor is at the camera (case PR9).
+template <class T, int W>
+struct ViewLanes {
+  Pack<T, W> direction[3];
+  Pack<T, W> distance;
+  Mask<T, W> regular;
+
+  COMPMARK_INLINE ViewLanes(const ViewPoint<T>& from, const Pack<T, W> (&position)[3]) {
+    using P = Pack<T, W>;
+    P v[3];
+    for (int i = 0; i < 3; ++i) v[i] = (position[i] - P(from.high[i])) - P(from.low[i]);
+    const P largest = max(max(abs(v[0]), abs(v[1])), abs(v[2]));
+    const P x = v[0] / largest, y = v[1] / largest, z = v[2] / largest;  // no square overflows or vanishes
+    const P norm = sqrt(fma(x, x, fma(y, y, z * z)));
+    distance = largest * norm;
+    regular = distance > P(from.min_distance);
+    direction[0] = keep(regular, x / norm);
+    direction[1] = keep(regular, y / norm);
+    direction[2] = select(regular, z / norm, P(T(1)));
+    distance = keep(regular, distance);
+  }
+};
+
+/// target[column * Stride + lane] = table(rows[lane], column); lanes beyond `valid` become zero. Reads inside the rows only.
+template <int Columns, int Stride, int W, class T>
+inline void gather_transposed(MatrixView<const T> table, const std::uint32_t* rows, int valid, T* target) {
+  using P = Pack<T, W>;
+  constexpr int groups = (Columns + W - 1) / W;
+  for (int first = 0; first < 16; first += W) {
+    unroll<groups>([&](auto group) __attribute__((always_inline)) {
+      constexpr int column = group * W;
+      constexpr int count = Columns - column < W ? Columns - column : W;
+      P lines[W];
+      unroll<W>([&](auto i) __attribute__((always_inline)) {
+        lines[i] = P(T{});
+        if (first + i < valid) {
+          const T* const source = table.row(rows[first + i]) + column;
+          if constexpr (count == W) {
+            lines[i] = P::load(source);
+          } else {
+            lines[i] = P::load(source, Mask<T, W>::first(count));
+          }
+        }
+      });
+      transpose(lines);
+      unroll<count>([&](auto j) __attribute__((always_inline)) { lines[j].store(target + (column + j) * Stride + first); });
+    });
+  }
+}
+
+/// table(rows[lane], column) += source[column * 16 + lane] for the lanes whose bit is set. Writes inside the rows only.
+template <int Columns, int W, class T>
+inline void scatter_add_transposed(const T* source, const std::uint32_t* rows, unsigned lanes, MatrixView<T> table) {
+  using P = Pack<T, W>;
+  constexpr int groups = (Columns + W - 1) / W;
+  for (int first = 0; first < 16; first += W) {
+    if ((lanes >> first & ((1u << W) - 1u)) == 0) continue;
+    unroll<groups>([&](auto group) __attribute__((always_inline)) {
+      constexpr int column = group * W;
+      constexpr int count = Columns - column < W ? Columns - column : W;
+      P lines[W];
+      unroll<W>([&](auto j) __attribute__((always_inline)) {
+        if constexpr (j < count) {
+          lines[j] = P::load(source + (column + j) * 16 + first);
+        } else {
+          lines[j] = P(T{});
+        }
+      });
+      transpose(lines);
+      unroll<W>([&](auto i) __attribute__((always_inline)) {
+        if ((lanes >> (first + i) & 1u) != 0) {
+          T* const target = table.row(rows[first + i]) + column;
+          if constexpr (count == W) {
+            (P::load(target) + lines[i]).store(target);
+          } else {
+            const auto mask = Mask<T, W>::first(count);
+            (P::load(target, mask) + lines[i]).store(target, mask);
+          }
+        }
+      });
+    });
+  }
+}
+
+/// Position (3 rows) and log scaling (6 rows) of a block as lanes, target[column * 16 + lane]; too narrow for register transposition.
+template <class T>
+inline void gather_geometry(const AnchorColumns<const T>& anchors, const std::uint32_t* rows, int valid, T* position, T* scaling) {
+  for (int lane = 0; lane < 16; ++lane) {
+    const bool real = lane < valid;
+    const T* const x = real ? anchors.position.row(rows[lane]) : nullptr;
+    for (int i = 0; i < 3; ++i) position[i * 16 + lane] = real ? x[i] : T(0);
+    if (scaling == nullptr) continue;
+    const T* const s = real ? anchors.scaling.row(rows[lane]) : nullptr;
+    for (int i = 0; i < 6; ++i) scaling[i * 16 + lane] = real ? s[i] : T(0);
+  }
+}
+
+}  // namespace compmark::inline v0::detail
