@@ -95,7 +95,7 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
       const bool here = place != ProjectedSplats<T>::nowhere;
       bits |= here ? 1u << lane : 0u;
       pivots |= here && (place & ProjectedSplats<T>::pivot_bit) != 0 ? 1u << lane : 0u;
-      record[lane] = here ? &sums[place & ~ProjectedSplats<T>::pivot_bit].g : &sums[0].g;
+      record[lane] = reinterpret_cast<const T*>(sums.data() + (here ? place & ~ProjectedSplats<T>::pivot_bit : 0u));
     }
     const Mask<T, W> live = Mask<T, W>::from_bits(bits), inside = Mask<T, W>::first(static_cast<std::ptrdiff_t>(lanes));
     if (bits == 0) {
