@@ -44,8 +44,8 @@ class MlpDecoder {
     Buffer<T> opacity, opacity_sum, saved, color_bias1, bank, packed, chunk_gradients, total_gradients;
     Buffer<std::uint16_t> mask;
     Buffer<std::uint32_t> block_count, block_bad, block_row, slot;
-    Buffer<detail::ForwardScratch<T, W, shape>> forward_scratch;    // one a worker
-    Buffer<detail::BackwardScratch<T, W, shape>> backward_scratch;  // one a worker
+    Buffer<detail::DecodeForwardScratch<T, W, shape>> forward_scratch;    // one a worker
+    Buffer<detail::DecodeBackwardScratch<T, W, shape>> backward_scratch;  // one a worker
     [[nodiscard]] std::size_t memory_bytes() const {
       return opacity.capacity_bytes() + opacity_sum.capacity_bytes() + saved.capacity_bytes() + color_bias1.capacity_bytes() +
              bank.capacity_bytes() + packed.capacity_bytes() + chunk_gradients.capacity_bytes() + total_gradients.capacity_bytes() +

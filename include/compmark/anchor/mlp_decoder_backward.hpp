@@ -22,7 +22,7 @@ namespace compmark::inline v0::detail {
 
 /// One worker's memory in the backward pass.
 template <class T, int W, DecoderShape shape>
-struct BackwardScratch {
+struct DecodeBackwardScratch {
   using L = DecoderLayout<T, W, shape>;
   // Panel, one row an anchor.
   alignas(64) T input[L::panel_capacity * L::input_row];
@@ -65,7 +65,7 @@ struct BackwardKernels {
   using P = Pack<T, W>;
   using M = Mask<T, W>;
   using Arguments = BackwardArguments<T, shape>;
-  using Scratch = BackwardScratch<T, W, shape>;
+  using Scratch = DecodeBackwardScratch<T, W, shape>;
 
   /// Blocks [begin, end) into `gradients`, one chunk's DecoderLayout::gradient_count values.
   static void run_chunk(const Arguments& a, std::size_t begin, std::size_t end, T* gradients, Scratch& s) {

@@ -20,7 +20,7 @@ namespace compmark::inline v0::detail {
 
 /// One worker's memory in the forward pass.
 template <class T, int W, DecoderShape shape>
-struct ForwardScratch {
+struct DecodeForwardScratch {
   using L = DecoderLayout<T, W, shape>;
   alignas(64) T input[L::inputs * L::panel];
   alignas(64) T hidden[L::width * L::panel];
@@ -57,7 +57,7 @@ struct ForwardKernels {
   using P = Pack<T, W>;
   using M = Mask<T, W>;
   using Arguments = ForwardArguments<T, shape>;
-  using Scratch = ForwardScratch<T, W, shape>;
+  using Scratch = DecodeForwardScratch<T, W, shape>;
 
   static int valid_lanes(std::size_t visible, std::size_t block) {
     const std::size_t left = visible - block * 16;
