@@ -1,0 +1,105 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// safetensors, writing: deterministic (the same tensors and metadata give the same bytes, in whatever order they were added) and atomic.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/atomic_file.hpp"
+#include "compmark/io/safetensors_dtype.hpp"
+
+namespace compmark::inline v0 {
+
+/// Collects tensors and writes them. Same content, same bytes: tensors lie in the order (element size descending, name), which aligns all of them.
+class SafetensorsWriter {
+ public:
+  std::map<std::string, std::string> metadata;
+
+  /// `bytes` is not copied: it must live until write().
+  void add(std::string name, std::string dtype, std::vector<std::int64_t> shape, std::span<const std::byte> bytes) {
+    entries_.push_back({std::move(name), std::move(dtype), std::move(shape), bytes, {}});
+  }
+  /// Values are not copied: they must live until write().
+  template <class T>
+  void add_values(std::string name, std::vector<std::int64_t> shape, std::span<const T> values) {
+    add(std::move(name), std::string(safetensors_dtype<T>()), std::move(shape), std::as_bytes(values));
+  }
+  template <class T>
+  void add_values(std::string name, std::vector<std::int64_t> shape, std::vector<T>&& values) = delete;  // a temporary: use add_copy
+  /// As add, keeping a copy (for temporaries).
+  template <class T>
+  void add_copy(std::string name, std::vector<std::int64_t> shape, std::span<const T> values) {
+    const std::span<const std::byte> bytes = std::as_bytes(values);
+    entries_.push_back(
+        {std::move(name), std::string(safetensors_dtype<T>()), std::move(shape), {}, {bytes.begin(), bytes.end()}});
+    entries_.back().bytes = entries_.back().owned;  // a vector's storage does not move with its entry
+  }
+
+  /// The header (length, JSON, padding to 64 bytes), after which the data follow.
+  [[nodiscard]] Result<std::string> header(const std::string& path = {}) {
+    std::stable_sort(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) {
+      const std::size_t size_a = safetensors_element_size(a.dtype);
+      const std::size_t size_b = safetensors_element_size(b.dtype);
+      return size_a != size_b ? size_a > size_b : a.name < b.name;
+    });
+    nlohmann::json json = nlohmann::json::object();
+    if (!metadata.empty()) json["__metadata__"] = metadata;
+    std::uint64_t offset = 0;
+    for (const Entry& entry : entries_) {
+      std::uint64_t wanted = safetensors_element_size(entry.dtype);
+      for (const std::int64_t extent : entry.shape) wanted *= static_cast<std::uint64_t>(extent);
+      if (wanted != entry.bytes.size() || safetensors_element_size(entry.dtype) == 0) {
+        return Error{ErrorKind::invalid, path, entry.name, "shape, dtype and byte count contradict each other", ""};
+      }
+      if (json.contains(entry.name)) return Error{ErrorKind::invalid, path, entry.name, "is written twice", ""};
+      json[entry.name] = {{"dtype", entry.dtype}, {"shape", entry.shape}, {"data_offsets", {offset, offset + wanted}}};
+      offset += wanted;
+    }
+    std::string text;
+    try {
+      text = json.dump();
+    } catch (const nlohmann::json::exception&) {
+      return Error{ErrorKind::invalid, path, "__metadata__", "a name or a string is not valid UTF-8", "rename it"};
+    }
+    text.append((64 - (text.size() + 8) % 64) % 64, ' ');
+    const std::uint64_t size = text.size();
+    std::string result(8, '\0');
+    std::memcpy(result.data(), &size, 8);
+    return result + text;
+  }
+
+  /// Writes under a temporary name and renames (atomic_file.hpp).
+  [[nodiscard]] Result<Done> write(const std::filesystem::path& path) {
+    const Result<std::string> head = header(path.string());
+    if (!head) return head.error();
+    Result<AtomicFile> file = AtomicFile::create(path);
+    if (!file) return file.error();
+    file->write(*head);
+    for (const Entry& entry : entries_) file->write(entry.bytes);
+    return file->commit();
+  }
+
+ private:
+  struct Entry {
+    std::string name;
+    std::string dtype;
+    std::vector<std::int64_t> shape;
+    std::span<const std::byte> bytes;
+    std::vector<std::byte> owned;
+  };
+  std::vector<Entry> entries_;
+};
+
+}  // namespace compmark::inline v0
