@@ -186,7 +186,8 @@ TEST_CASE("pipeline/trainer: nothing allocates after warm-up, between adjustment
     REQUIRE(trainer.step(views).ok());
     quiet += allocations.load() == start ? 1 : 0;
   }
-  MESSAGE(allocations.load() - before, " allocations in 60 iterations, ", quiet, " iterations without any");
+  const std::size_t during = allocations.load() - before;
+  MESSAGE(during, " allocations in 60 iterations, ", quiet, " iterations without any");
   CHECK(quiet >= 55);  // a buffer may still grow by half when a view shows more pairs than any before
 }
 

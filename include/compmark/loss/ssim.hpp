@@ -17,18 +17,10 @@
 #include "compmark/core/config.hpp"
 #include "compmark/math/gaussian_window.hpp"
 #include "compmark/math/pack.hpp"
+#include "compmark/math/unroll.hpp"
 
 namespace compmark::inline v0 {
 namespace detail {
-
-/// f(integral_constant 0), …, f(integral_constant N - 1), unrolled: arrays indexed by it stay in registers.
-template <int N, class F>
-COMPMARK_INLINE void unroll(const F& f) {
-  [&]<int... I>(std::integer_sequence<int, I...>) __attribute__((always_inline)) {
-    (f(std::integral_constant<int, I>{}), ...);
-  }
-  (std::make_integer_sequence<int, N>{});
-}
 
 /// The window as packs, centre first.
 template <class P>

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "compmark/math/pack.hpp"
+#include "compmark/math/unroll.hpp"
 
 namespace compmark::inline v0 {
 
@@ -29,13 +30,6 @@ struct ProductShape {
 };
 
 namespace detail {
-
-/// f(0), f(1), … with constant arguments: an unrolled loop at any optimisation level.
-template <int N, class F>
-COMPMARK_INLINE void unroll(const F& f) {
-  [&]<int... I>(std::integer_sequence<int, I...>) __attribute__((always_inline)) { (f(std::integral_constant<int, I>{}), ...); }
-  (std::make_integer_sequence<int, N>{});
-}
 
 /// Accumulators that fit the register file beside B and one element of A: 24 of 32 registers with AVX-512, 12 of 16 otherwise.
 template <class T, int W>

@@ -19,6 +19,7 @@
 #include "compmark/anchor/growth.hpp"
 #include "compmark/anchor/initialise.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/optim/schedule.hpp"
 #include "compmark/pipeline/model.hpp"
