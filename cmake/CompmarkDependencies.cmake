@@ -38,16 +38,17 @@ compmark_dependency(Eigen3 Eigen3::Eigen https://gitlab.com/libeigen/eigen.git 3
 compmark_dependency(nlohmann_json nlohmann_json::nlohmann_json https://github.com/nlohmann/json.git v3.11.3)
 compmark_dependency(nanoflann nanoflann::nanoflann https://github.com/jlblancoc/nanoflann.git v1.5.5)
 
-# stb has no package file: two headers in a folder, included as <stb_image.h> and <stb_image_write.h>.
-find_path(COMPMARK_STB_INCLUDE_DIR stb_image_write.h PATH_SUFFIXES stb DOC "Folder of stb_image.h and stb_image_write.h")
+# stb has no package file: COMPMARK_STB_INCLUDE_DIR is the folder that holds stb/stb_image.h and stb/stb_image_write.h.
+find_path(COMPMARK_STB_INCLUDE_DIR stb/stb_image_write.h DOC "Folder that holds stb/stb_image.h and stb/stb_image_write.h")
 if(NOT COMPMARK_STB_INCLUDE_DIR AND COMPMARK_FETCH_DEPENDENCIES)
   message(STATUS "compmark: stb is not installed, fetching it")
-  FetchContent_Declare(stb GIT_REPOSITORY https://github.com/nothings/stb.git GIT_TAG 8b5f1f37b5b75829fc72d38e7b5d4bcbf8a26d55)
+  FetchContent_Declare(stb GIT_REPOSITORY https://github.com/nothings/stb.git GIT_TAG 8b5f1f37b5b75829fc72d38e7b5d4bcbf8a26d55
+                       SOURCE_DIR "${PROJECT_BINARY_DIR}/_deps/stb_parent/stb")
   FetchContent_GetProperties(stb)
   if(NOT stb_POPULATED)
     FetchContent_Populate(stb)
   endif()
-  set(COMPMARK_STB_INCLUDE_DIR "${stb_SOURCE_DIR}" CACHE PATH "" FORCE)
+  set(COMPMARK_STB_INCLUDE_DIR "${PROJECT_BINARY_DIR}/_deps/stb_parent" CACHE PATH "" FORCE)
 endif()
 if(NOT COMPMARK_STB_INCLUDE_DIR)
   message(FATAL_ERROR "compmark needs stb_image.h and stb_image_write.h: install stb (Debian, Ubuntu: libstb-dev) "

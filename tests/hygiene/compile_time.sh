@@ -1,0 +1,45 @@
+#!/bin/sh
+# SPDX-FileCopyrightText: 2026 The CompMark authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# Processor time of parsing a header, as a ratio to Eigen/Dense (a ratio holds on any machine, and under load). Prints every figure; fails
+# above a ceiling that is generous on purpose: it catches a concept header that pulls in the world.
+#   compile_time.sh <compiler> [flags]
+set -eu
+compiler=$1
+shift
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+
+# Least user time of three runs, in hundredths of a second.
+cost() {
+  printf '#include <%s>\nint main() {}\n' "$1" >"$folder/header.cpp"
+  shift
+  best=999999
+  for _ in 1 2 3; do
+    spent=$(sh -c '"$@" >/dev/null 2>&1 || exit 1; times' timer "$@" | awk 'NR == 2 { split($1, t, /[ms]/); printf "%d", (t[1] * 60 + t[2]) * 100 + 0.5 }')
+    [ -n "$spent" ] || { echo "cannot compile" >&2; "$@" || true; exit 1; }
+    [ "$spent" -lt "$best" ] && best=$spent
+  done
+  echo "$best"
+}
+
+base=$(cost Eigen/Dense "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")
+[ "$base" -gt 0 ] || base=1
+bad=0
+budget() {
+  header=$1
+  limit=$2
+  shift 2
+  spent=$(cost "$header" "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")
+  ratio=$((spent * 100 / base))
+  verdict=ok
+  [ "$ratio" -le "$limit" ] || { verdict="OVER ITS BUDGET"; bad=1; }
+  echo "$header: $((ratio / 100)).$(printf %02d $((ratio % 100))) of Eigen/Dense, budget $((limit / 100)).$(printf %02d $((limit % 100))): $verdict"
+}
+budget compmark/core/executor.hpp 60 "$@"
+budget compmark/raster/concept.hpp 60 "$@"
+budget compmark/anchor/concept.hpp 60 "$@"
+budget compmark/raster/tile.hpp 150 "$@"
+budget compmark/compmark.hpp 500 "$@"
+exit $bad

@@ -1,0 +1,46 @@
+#!/bin/sh
+# SPDX-FileCopyrightText: 2026 The CompMark authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# The layer law, by the include graph: core <- math <- scene <- stage rooms <- {codec, pipeline} <- recipes; io at the rim; stage rooms
+# never include one another; a concept.hpp includes only core; no header reaches itself.   layers.sh <project root>
+set -eu
+cd "${1:-.}/include"
+
+edges() { grep -HoE '^ *#include "compmark/[a-z0-9_/]+\.hpp"' -r compmark --include='*.hpp' | sed -E 's/^([^:]+):.*"([^"]+)"/\1 \2/'; }
+
+edges | awk '
+  BEGIN {
+    stages = "anchor raster mark quant entropy loss optim attack metric"
+    allow("core", "core")
+    allow("math", "core math")
+    allow("io", "core math scene io")
+    allow("scene", "core math io scene")
+    n = split(stages, stage, " ")
+    for (i = 1; i <= n; i++) allow(stage[i], "core math scene " stage[i])
+    allow("codec", "core math scene io codec " stages)
+    allow("pipeline", "core math scene io codec pipeline " stages)
+    allow("recipes", "core math scene io codec pipeline recipes " stages)
+    allow("testing", "core math scene io codec pipeline recipes testing " stages)
+  }
+  function allow(room, list,    k, part, m) { m = split(list, part, " "); for (k = 1; k <= m; k++) ok[room, part[k]] = 1; known[room] = 1 }
+  function room_of(path,    part) { return split(path, part, "/") > 2 ? part[2] : "" }
+  {
+    from = room_of($1); to = room_of($2)
+    if (from == "") next                          # compmark.hpp, fwd.hpp, version.hpp stand above all rooms
+    if (!(from in known)) { print $1 ": room \"" from "\" is not in the layer law (tests/hygiene/layers.sh)"; bad = 1; next }
+    if (to == "") { if ($2 !~ /(fwd|version)\.hpp$/) { print $1 " includes " $2 ": rooms do not include the umbrella"; bad = 1 }; next }
+    if (!((from, to) in ok)) { print $1 " includes " $2 ": " from " may not include " to; bad = 1 }
+    if ($1 ~ /\/concept\.hpp$/ && to != "core" && to != from) { print $1 " includes " $2 ": a concept includes only core"; bad = 1 }
+  }
+  END { exit bad }'
+
+edges | tsort >/dev/null 2>loops.$$ || true
+if grep -q loop loops.$$; then
+  echo "headers that include one another in a loop:"
+  cat loops.$$
+  rm -f loops.$$
+  exit 1
+fi
+rm -f loops.$$
+echo "layer law holds: $(edges | wc -l) includes"

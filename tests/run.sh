@@ -1,0 +1,24 @@
+#!/bin/sh
+# SPDX-FileCopyrightText: 2026 The CompMark authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# Sets up, builds and runs the tests with the release preset: sh tests/run.sh [preset [jobs]]
+# The last line counts test cases over all executables (a test that is no doctest program counts as one case).
+# The environment may add cmake arguments: COMPMARK_CMAKE_ARGS="-DCOMPMARK_WARNINGS_AS_ERRORS=ON".
+set -eu
+cd "$(dirname "$0")/.."
+preset=${1:-release}
+jobs=${2:-$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)}
+build="build/$preset"
+
+sh cmake/install_dependencies.sh
+# shellcheck disable=SC2086 # words on purpose
+cmake --preset "$preset" ${COMPMARK_CMAKE_ARGS:-} >"configure.$$.log" 2>&1 || { cat "configure.$$.log" && rm -f "configure.$$.log" && exit 1; }
+rm -f "configure.$$.log"
+cmake --build "$build" --target compmark_tests -j "$jobs"
+
+status=0
+ctest --test-dir "$build" -LE '^(example|benchmark|consumer)$' --no-tests=error -j "$jobs" \
+  --test-output-size-passed 4000000 --test-output-size-failed 4000000 --output-on-failure --output-junit tests.xml || status=$?
+awk -f tests/support/count.awk "$build/tests.xml" || status=1
+exit $status
