@@ -23,8 +23,7 @@ struct Cell {
 };
 
 /// The cell of a point: each coordinate divided by the cell size, rounded to nearest, ties to even (numerics case AN1). False if a
-/// coordinate is not finite or 2^31 cells away. In double, whatever T: at 1e6 units a float quotient is tens of cells off, and then the
-/// anchor put into a cell would not be found in it.
+/// coordinate is not finite or 2^31 cells away. In double, whatever T, so that a quotient above 2^24 still names one cell.
 template <class T>
 [[nodiscard]] bool cell_of(const T* position, double size, Cell& cell) {
   double rounded[3];

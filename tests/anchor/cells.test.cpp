@@ -1,0 +1,93 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Cells: rounding (numerics case AN1), full comparison (AN3, with the packed key that merges cells as negative control).
+#include "compmark/anchor/cells.hpp"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <set>
+#include <vector>
+
+#include "compmark/core/random.hpp"
+
+using namespace compmark;
+
+TEST_CASE("anchor/cells: ties go to even (numerics AN1)") {
+  const auto x_of = [](float x) {
+    const std::array<float, 3> position{x, 0, 0};
+    Cell cell;
+    REQUIRE(cell_of(position.data(), 1.0, cell));
+    return cell.x;
+  };
+  CHECK(x_of(0.5f) == 0);
+  CHECK(x_of(-0.5f) == 0);
+  CHECK(x_of(1.5f) == 2);
+  CHECK(x_of(-1.5f) == -2);
+  CHECK(x_of(2.5f) == 2);
+  CHECK(x_of(-2.5f) == -2);
+  CHECK(std::round(2.5f) == 3);               // negative controls: the other two conventions
+  CHECK(std::floor(-1.5f + 0.5f) == -1);
+}
+
+TEST_CASE("anchor/cells: what is not in a cell is refused") {
+  Cell cell;
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -3e9f, 2147483648.0f}) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      std::array<float, 3> position{0, 0, 0};
+      position[axis] = bad;
+      CHECK_FALSE(cell_of(position.data(), 1.0, cell));
+    }
+  }
+  const std::array<double, 3> edge{2147483647.0, -2147483647.0, 0};
+  CHECK(cell_of(edge.data(), 1.0, cell));
+  CHECK(cell == Cell{2147483647, -2147483647, 0});
+  const std::array<float, 3> any{1, 1, 1};
+  CHECK_FALSE(cell_of(any.data(), 0.0, cell));  // a cell of size zero holds nothing
+}
+
+TEST_CASE("anchor/cells: a million units away neighbouring cells are told apart, which float quotients do not") {
+  const std::array<double, 3> near{1e6, 0, 0}, next{1e6 + 0.001, 0, 0};
+  Cell a, b;
+  REQUIRE(cell_of(near.data(), 0.001, a));
+  REQUIRE(cell_of(next.data(), 0.001, b));
+  CHECK(a.x == 1000000000);
+  CHECK(b.x == a.x + 1);
+  CHECK(std::nearbyint(static_cast<float>(near[0]) / 0.001f) == std::nearbyint(static_cast<float>(next[0]) / 0.001f));
+}
+
+TEST_CASE("anchor/cells: a cloud with outliers has as many cells as std::set says (numerics AN3)") {
+  const Random random(1, 2, 3);
+  std::vector<Cell> cells;
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    const double spread = i % 10 == 0 ? 1e6 : 0.05;
+    const std::array<double, 3> position{(random.uniform(3 * i) - 0.5) * spread, (random.uniform(3 * i + 1) - 0.5) * spread,
+                                         (random.uniform(3 * i + 2) - 0.5) * spread};
+    Cell cell;
+    REQUIRE(cell_of(position.data(), 0.001, cell));
+    cells.push_back(cell);
+    cells.push_back({cell.x + (1 << 21), cell.y, cell.z});  // the same 21 low bits
+  }
+  std::set<Cell> expected;
+  std::set<std::uint64_t> packed;
+  CellSet set;
+  set.reset(cells.size());
+  for (const Cell& cell : cells) {
+    const std::uint32_t number = set.insert(cell);
+    CHECK(set.cells()[number] == cell);
+    expected.insert(cell);
+    const auto low = [](std::int32_t v) { return static_cast<std::uint64_t>(static_cast<std::uint32_t>(v)) & 0x1FFFFF; };
+    packed.insert(low(cell.x) | low(cell.y) << 21 | low(cell.z) << 42);
+  }
+  CHECK(set.size() == expected.size());
+  CHECK(packed.size() < expected.size());  // negative control
+  for (const Cell& cell : cells) REQUIRE(set.cells()[set.find(cell)] == cell);
+  CHECK(set.find({1 << 30, 7, 7}) == CellSet::none);
+  set.reset(0);
+  CHECK(set.find(cells[0]) == CellSet::none);
+}
