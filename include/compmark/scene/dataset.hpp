@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What every reader produces: cameras with the names of their images, a point cloud to start from, and what was noticed on the way.
+// No pixel is decoded here; ImageStore does that on demand.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "compmark/scene/camera.hpp"
+
+namespace compmark::inline v0 {
+
+enum class Split { train, test };
+
+/// One photograph: where its pixels are and the camera that took it.
+struct View {
+  std::string name;                  ///< as the dataset calls it
+  std::filesystem::path image_path;  ///< file to decode
+  Camera<double> camera;             ///< at the size after downscaling, which is the size ImageStore delivers
+  Split split = Split::train;
+  bool has_alpha = false;  ///< the file has an alpha channel, to be composited over the background
+  int file_width = 0;      ///< size of the file when the dataset was opened; 0: not known
+  int file_height = 0;
+};
+
+/// Points of structure from motion, or random ones. Rows of both columns correspond.
+struct PointCloud {
+  std::vector<std::array<float, 3>> position;      ///< world units
+  std::vector<std::array<std::uint8_t, 3>> color;  ///< 8-bit RGB
+
+  [[nodiscard]] std::size_t size() const { return position.size(); }
+};
+
+struct Dataset {
+  std::string kind;            ///< "blender" or "colmap"
+  std::filesystem::path root;  ///< the folder that was opened
+  std::vector<View> views;     ///< a deterministic order: the file's own (Blender), by name (COLMAP)
+  PointCloud points;
+  bool points_are_random = false;
+  std::vector<std::string> warnings;  ///< one complete sentence each, for the user
+
+  [[nodiscard]] std::vector<std::size_t> indices(Split split) const {
+    std::vector<std::size_t> result;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      if (views[i].split == split) result.push_back(i);
+    }
+    return result;
+  }
+};
+
+/// How to open a dataset. The defaults are the published ones (method sheet, sections 3.4 and 3.5).
+struct DatasetSettings {
+  double downscale = 1;                      ///< divides width and height, rounded; intrinsics follow the true ratio
+  std::array<float, 3> background{0, 0, 0};  ///< behind transparent images
+  std::uint64_t seed = 0;                    ///< of the random points
+  std::size_t random_points = 10000;         ///< where a dataset has no points: uniform in [-1.3, 1.3]^3 (Blender)
+  int test_every = 8;                        ///< COLMAP: every n-th image by name is a test view; 0: none
+  int max_width = 1600;                      ///< with downscale 1, wider images are scaled down to this; 0: no limit
+  bool use_point_file = false;               ///< Blender: take points3d.ply, if there, instead of random points
+};
+
+}  // namespace compmark::inline v0

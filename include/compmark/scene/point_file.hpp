@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A point cloud from a PLY file: x y z and, where there, red green blue (8-bit, or floats in [0, 1]).
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/ply.hpp"
+#include "compmark/scene/dataset.hpp"
+
+namespace compmark::inline v0 {
+
+/// Points that are not finite are left out.
+[[nodiscard]] inline Result<PointCloud> read_point_file(const std::filesystem::path& path) {
+  const Result<PlyFile> file = read_ply(path);
+  if (!file) return file.error();
+  const PlyElement* vertex = file->find("vertex");
+  for (const char* name : {"x", "y", "z"}) {
+    if (vertex == nullptr || vertex->find(name) == nullptr) {
+      return Error{ErrorKind::malformed, path.string(), std::string("vertex.") + name, "is missing",
+                   "give a PLY file with vertices x y z"};
+    }
+  }
+  const std::array<std::vector<float>, 3> position{vertex->column<float>("x"), vertex->column<float>("y"),
+                                                   vertex->column<float>("z")};
+  std::array<std::vector<double>, 3> color;
+  constexpr std::array<const char*, 3> color_names{"red", "green", "blue"};
+  double scale = 1;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const PlyProperty* property = vertex->find(color_names[c]);
+    if (property == nullptr) continue;
+    color[c] = vertex->column<double>(color_names[c]);
+    double largest = 0;
+    for (const double v : color[c]) largest = std::fmax(largest, v);
+    if (property->type >= PlyType::float32 && largest <= 1) scale = 255;
+  }
+  PointCloud points;
+  for (std::size_t i = 0; i < vertex->count; ++i) {
+    const std::array<float, 3> p{position[0][i], position[1][i], position[2][i]};
+    if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) continue;
+    std::array<std::uint8_t, 3> rgb{127, 127, 127};
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (!color[c].empty())
+        rgb[c] = static_cast<std::uint8_t>(std::fmin(std::fmax(color[c][i] * scale + 0.5, 0.0), 255.0));
+    }
+    points.position.push_back(p);
+    points.color.push_back(rgb);
+  }
+  if (points.position.empty())
+    return Error{ErrorKind::invalid, path.string(), "vertex", "holds no finite point", "give a file with points"};
+  return points;
+}
+
+}  // namespace compmark::inline v0
