@@ -31,13 +31,14 @@ TEST_CASE("anchor/cells: ties go to even (numerics AN1)") {
   CHECK(x_of(-1.5f) == -2);
   CHECK(x_of(2.5f) == 2);
   CHECK(x_of(-2.5f) == -2);
-  CHECK(std::round(2.5f) == 3);               // negative controls: the other two conventions
+  CHECK(std::round(2.5f) == 3);  // negative controls: the other two conventions
   CHECK(std::floor(-1.5f + 0.5f) == -1);
 }
 
 TEST_CASE("anchor/cells: what is not in a cell is refused") {
   Cell cell;
-  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -3e9f, 2147483648.0f}) {
+  for (const float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -3e9f, 2147483648.0f}) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       std::array<float, 3> position{0, 0, 0};
       position[axis] = bad;
@@ -66,7 +67,8 @@ TEST_CASE("anchor/cells: a cloud with outliers has as many cells as std::set say
   std::vector<Cell> cells;
   for (std::uint64_t i = 0; i < 20000; ++i) {
     const double spread = i % 10 == 0 ? 1e6 : 0.05;
-    const std::array<double, 3> position{(random.uniform(3 * i) - 0.5) * spread, (random.uniform(3 * i + 1) - 0.5) * spread,
+    const std::array<double, 3> position{(random.uniform(3 * i) - 0.5) * spread,
+                                         (random.uniform(3 * i + 1) - 0.5) * spread,
                                          (random.uniform(3 * i + 2) - 0.5) * spread};
     Cell cell;
     REQUIRE(cell_of(position.data(), 0.001, cell));
@@ -81,7 +83,9 @@ TEST_CASE("anchor/cells: a cloud with outliers has as many cells as std::set say
     const std::uint32_t number = set.insert(cell);
     CHECK(set.cells()[number] == cell);
     expected.insert(cell);
-    const auto low = [](std::int32_t v) { return static_cast<std::uint64_t>(static_cast<std::uint32_t>(v)) & 0x1FFFFF; };
+    const auto low = [](std::int32_t v) {
+      return static_cast<std::uint64_t>(static_cast<std::uint32_t>(v)) & 0x1FFFFF;
+    };
     packed.insert(low(cell.x) | low(cell.y) << 21 | low(cell.z) << 42);
   }
   CHECK(set.size() == expected.size());

@@ -66,11 +66,12 @@ struct World {
     for (T& opacity : state.statistics.opacity_sum) opacity = 81;
   }
   GrowthReport adapt() {
-    return GradientGrowth<T>(settings).adapt(arena, handles, state, context, [&](const RowEdit& edit, const ArenaLayout& old_layout) {
-      CHECK(arena.layout().block(handles.position).rows == edit.rows());
-      CHECK(old_layout.block(handles.position).rows >= edit.kept.size());
-      edits.emplace_back(edit.kept.begin(), edit.kept.end());
-    });
+    return GradientGrowth<T>(settings).adapt(arena, handles, state, context,
+                                             [&](const RowEdit& edit, const ArenaLayout& old_layout) {
+                                               CHECK(arena.layout().block(handles.position).rows == edit.rows());
+                                               CHECK(old_layout.block(handles.position).rows >= edit.kept.size());
+                                               edits.emplace_back(edit.kept.begin(), edit.kept.end());
+                                             });
   }
 };
 
@@ -80,11 +81,14 @@ World<T> random_world(std::size_t anchors, std::uint64_t seed) {
   World<T> world(anchors);
   const Random random(seed, 0, random_stage("world"));
   std::uint64_t n = 0;
-  const auto uniform = [&](double low, double high) { return static_cast<T>(static_cast<float>(low + (high - low) * random.uniform(n++))); };
+  const auto uniform = [&](double low, double high) {
+    return static_cast<T>(static_cast<float>(low + (high - low) * random.uniform(n++)));
+  };
   const AnchorColumns<T> columns = anchor_values(world.arena, world.handles);
   for (std::size_t a = 0; a < anchors; ++a) {
     for (std::size_t i = 0; i < 3; ++i) {
-      columns.position(a, i) = static_cast<T>(static_cast<float>(std::nearbyint(random.uniform(n++) * 200 - 100) * 0.01));
+      columns.position(a, i) =
+          static_cast<T>(static_cast<float>(std::nearbyint(random.uniform(n++) * 200 - 100) * 0.01));
     }
     for (std::size_t i = 0; i < 3 * K; ++i) columns.offset(a, i) = uniform(-2, 2);
     for (std::size_t i = 0; i < 6; ++i) columns.scaling(a, i) = uniform(-5, 0.3);
@@ -121,10 +125,13 @@ struct PlainAnchor {
 template <class T>
 std::vector<PlainAnchor<T>> plain_adapt(const World<T>& world) {
   std::vector<PlainAnchor<T>> anchors;
-  const auto row = [](MatrixView<const T> view, std::size_t a) { return std::vector<T>(view.row(a), view.row(a) + view.columns); };
+  const auto row = [](MatrixView<const T> view, std::size_t a) {
+    return std::vector<T>(view.row(a), view.row(a) + view.columns);
+  };
   const AnchorColumns<const T> columns = anchor_values(world.arena, world.handles);
   for (std::size_t a = 0; a < world.anchors(); ++a) {
-    PlainAnchor<T> anchor{row(columns.position, a), row(columns.offset, a), row(columns.scaling, a), row(columns.feature, a)};
+    PlainAnchor<T> anchor{row(columns.position, a), row(columns.offset, a), row(columns.scaling, a),
+                          row(columns.feature, a)};
     anchor.opacity_sum = world.state.statistics.opacity_sum[a];
     anchor.visits = world.state.statistics.visits[a];
     for (std::size_t k = 0; k < K; ++k) {
@@ -151,10 +158,14 @@ std::vector<PlainAnchor<T>> plain_adapt(const World<T>& world) {
       for (std::size_t k = 0; k < K; ++k) {
         const PlainAnchor<T>& parent = anchors[a];
         if (!(static_cast<double>(parent.gradient_count[k]) > 40)) continue;
-        if (!(parent.gradient_sum[k] / parent.gradient_count[k] >= static_cast<T>(s.gradient_threshold * std::pow(2.0, level)))) continue;
-        if (!(random.uniform((static_cast<std::uint64_t>(level) << 40) + a * K + k) > std::pow(0.5, level + 1))) continue;
+        if (!(parent.gradient_sum[k] / parent.gradient_count[k] >=
+              static_cast<T>(s.gradient_threshold * std::pow(2.0, level))))
+          continue;
+        if (!(random.uniform((static_cast<std::uint64_t>(level) << 40) + a * K + k) > std::pow(0.5, level + 1)))
+          continue;
         std::vector<T> position(3);
-        for (std::size_t i = 0; i < 3; ++i) position[i] = parent.position[i] + parent.offset[3 * k + i] * std::exp(parent.scaling[i]);
+        for (std::size_t i = 0; i < 3; ++i)
+          position[i] = parent.position[i] + parent.offset[3 * k + i] * std::exp(parent.scaling[i]);
         std::vector<T>& feature = wanted.try_emplace(cell(position, size), parent.feature).first->second;
         for (std::size_t i = 0; i < feature.size(); ++i) feature[i] = std::max(feature[i], parent.feature[i]);
       }
@@ -165,7 +176,8 @@ std::vector<PlainAnchor<T>> plain_adapt(const World<T>& world) {
       for (std::size_t a = 0; a < before; ++a) occupied = occupied || cell(anchors[a].position, size) == where;
       if (occupied) continue;
       PlainAnchor<T> anchor;
-      for (std::size_t i = 0; i < 3; ++i) anchor.position.push_back(static_cast<T>(static_cast<double>(where[i]) * size));
+      for (std::size_t i = 0; i < 3; ++i)
+        anchor.position.push_back(static_cast<T>(static_cast<double>(where[i]) * size));
       anchor.offset.assign(3 * K, T{});
       anchor.scaling.assign(6, static_cast<T>(std::log(size)));
       anchor.feature = feature;
@@ -223,7 +235,9 @@ TEST_CASE("anchor/growth: equals the published loop written plainly, on random c
   }
 }
 
-TEST_CASE("anchor/growth: a Gaussian is judged above 40 views and an anchor above 80 visits; above 30 and 60 at a success threshold of 0.6") {
+TEST_CASE(
+    "anchor/growth: a Gaussian is judged above 40 views and an anchor above 80 visits; above 30 and 60 at a success "
+    "threshold of 0.6") {
   for (const auto& [success, views, visits] : {std::tuple{0.8, 40.0f, 80.0f}, std::tuple{0.6, 30.0f, 60.0f}}) {
     World<float> world(4);
     world.settings.success_threshold = success;
@@ -270,7 +284,8 @@ TEST_CASE("anchor/growth: thresholds are tau, 2 tau and 4 tau, reached inclusive
     const float tau = 0.0002f;
     const float levels[4] = {std::nextafter(tau, 0.0f), tau, 2 * tau, 4 * tau};
     for (float& count : world.state.statistics.gradient_count) count = 64;  // exact division
-    for (std::size_t slot = 0; slot < anchors * K; ++slot) world.state.statistics.gradient_sum[slot] = 64 * levels[slot % 4];
+    for (std::size_t slot = 0; slot < anchors * K; ++slot)
+      world.state.statistics.gradient_sum[slot] = 64 * levels[slot % 4];
     const AnchorColumns<float> columns = anchor_values(world.arena, world.handles);
     for (std::size_t a = 0; a < anchors; ++a) {  // offsets leave the anchors' own cells, so that level 0 grows
       columns.position(a, 0) = static_cast<float>(a) * 0.01f;
@@ -280,13 +295,17 @@ TEST_CASE("anchor/growth: thresholds are tau, 2 tau and 4 tau, reached inclusive
   };
   const double n = anchors * K / 4.0;  // Gaussians in each quarter
   const double one = candidates(1), two = candidates(2), three = candidates(3);
-  const auto within_five_sigma = [](double count, double trials, double p) { return std::abs(count - trials * p) < 5 * std::sqrt(trials * p * (1 - p)); };
+  const auto within_five_sigma = [](double count, double trials, double p) {
+    return std::abs(count - trials * p) < 5 * std::sqrt(trials * p * (1 - p));
+  };
   CHECK(within_five_sigma(one, 3 * n, 0.5));
   CHECK(within_five_sigma(two - one, 2 * n, 0.75));
   CHECK(within_five_sigma(three - two, n, 0.875));
 }
 
-TEST_CASE("anchor/growth: cells are voxel x 16, 4, 1, and with an initial factor of 4 the third level is left out (case B9)") {
+TEST_CASE(
+    "anchor/growth: cells are voxel x 16, 4, 1, and with an initial factor of 4 the third level is left out (case "
+    "B9)") {
   for (const int init_factor : {16, 4}) {
     World<double> world = random_world<double>(400, 3);
     world.settings.init_factor = init_factor;
@@ -325,7 +344,7 @@ TEST_CASE("anchor/growth: without an anchor at the coarsest level the finer ones
     world.judge_all(1.0f);
     CHECK(world.adapt().grown == 0);
   }
-  CHECK(world.edits.empty());  // nothing changed: no row edit
+  CHECK(world.edits.empty());      // nothing changed: no row edit
   world.settings.init_factor = 4;  // negative control: at the finer cell there is something to grow
   std::size_t grown = 0;
   for (std::uint64_t iteration = 100; iteration < 2000 && grown == 0; iteration += 100) {
@@ -336,7 +355,9 @@ TEST_CASE("anchor/growth: without an anchor at the coarsest level the finer ones
   CHECK(grown > 0);
 }
 
-TEST_CASE("anchor/growth: new features are the component-wise maximum over the cell's parents; pooled blocks too, others start at zero") {
+TEST_CASE(
+    "anchor/growth: new features are the component-wise maximum over the cell's parents; pooled blocks too, others "
+    "start at zero") {
   constexpr std::size_t anchors = 64;
   World<double> world(anchors);
   world.settings.update_depth = 1;
@@ -345,8 +366,8 @@ TEST_CASE("anchor/growth: new features are the component-wise maximum over the c
   const MatrixView<double> extra = world.arena.values(world.extra);
   for (std::size_t a = 0; a < anchors; ++a) {
     const double x = static_cast<double>(a);
-    columns.position(a, 2) = 10 + x;                                                   // each its own cell
-    for (std::size_t k = 0; k < K; ++k) columns.offset(a, 3 * k + 2) = -10 - x;          // all Gaussians at the origin
+    columns.position(a, 2) = 10 + x;                                             // each its own cell
+    for (std::size_t k = 0; k < K; ++k) columns.offset(a, 3 * k + 2) = -10 - x;  // all Gaussians at the origin
     for (std::size_t i = 0; i < feature_dim; ++i) columns.feature(a, i) = std::sin(x * static_cast<double>(i + 1)) - 3;
     extra(a, 0) = -x - 1;
     extra(a, 1) = x;
@@ -365,8 +386,10 @@ TEST_CASE("anchor/growth: new features are the component-wise maximum over the c
       for (std::size_t i = 0; i < feature_dim; ++i) feature[i] = std::max(feature[i], columns.feature(slot / K, i));
       for (std::size_t i = 0; i < 2; ++i) expected_extra[i] = std::max(expected_extra[i], extra(slot / K, i));
     }
-    for (std::size_t i = 0; i < feature_dim; ++i) CHECK(copy.arena.values(copy.handles.feature)(anchors, i) == feature[i]);
-    for (std::size_t i = 0; i < 2; ++i) CHECK(copy.arena.values(copy.extra)(anchors, i) == (pool ? expected_extra[i] : 0));
+    for (std::size_t i = 0; i < feature_dim; ++i)
+      CHECK(copy.arena.values(copy.handles.feature)(anchors, i) == feature[i]);
+    for (std::size_t i = 0; i < 2; ++i)
+      CHECK(copy.arena.values(copy.extra)(anchors, i) == (pool ? expected_extra[i] : 0));
   }
 }
 
@@ -378,12 +401,14 @@ TEST_CASE("anchor/growth: laws D1 and D2, kept rows, networks and moments keep e
   for (std::size_t i = 0; i < moments.size(); ++i) moments[i] = static_cast<float>(i) * 0.37f;
   for (float& g : world.arena.all_gradients()) g = 1;
   std::vector<std::uint32_t> kept;
-  const GrowthReport report = GradientGrowth<float>(world.settings)
-                                  .adapt(world.arena, world.handles, world.state, world.context, [&](const RowEdit& edit, const ArenaLayout& old_layout) {
-                                    kept.assign(edit.kept.begin(), edit.kept.end());
-                                    moved.resize(world.arena.layout().size());
-                                    move_rows<float>(old_layout, world.arena.layout(), edit, moments.span(), moved.span());
-                                  });
+  const GrowthReport report =
+      GradientGrowth<float>(world.settings)
+          .adapt(world.arena, world.handles, world.state, world.context,
+                 [&](const RowEdit& edit, const ArenaLayout& old_layout) {
+                   kept.assign(edit.kept.begin(), edit.kept.end());
+                   moved.resize(world.arena.layout().size());
+                   move_rows<float>(old_layout, world.arena.layout(), edit, moments.span(), moved.span());
+                 });
   REQUIRE(report.edited);
   REQUIRE(report.grown > 0);
   REQUIRE(report.pruned > 0);
@@ -398,14 +423,18 @@ TEST_CASE("anchor/growth: laws D1 and D2, kept rows, networks and moments keep e
     for (std::size_t row = 0; row < rows; ++row) {
       const std::size_t from = old_block.offset + (block.kind == RowKind::fixed ? row : kept[row]) * block.columns;
       const std::size_t to = block.offset + row * block.columns;
-      REQUIRE(same_bits<float>(before.all_values().subspan(from, block.columns), world.arena.all_values().subspan(to, block.columns)));
+      REQUIRE(same_bits<float>(before.all_values().subspan(from, block.columns),
+                               world.arena.all_values().subspan(to, block.columns)));
       REQUIRE(same_bits<float>(moments.span().subspan(from, block.columns), moved.span().subspan(to, block.columns)));
     }
-    for (std::size_t i = block.offset + rows * block.columns; i < block.offset + block.size(); ++i) REQUIRE(moved[i] == 0);  // new rows
+    for (std::size_t i = block.offset + rows * block.columns; i < block.offset + block.size(); ++i)
+      REQUIRE(moved[i] == 0);  // new rows
   }
 }
 
-TEST_CASE("anchor/growth: the base scale is limited to log 0.05 on all rows, at each adjustment, and not at a limit of infinity (case B8)") {
+TEST_CASE(
+    "anchor/growth: the base scale is limited to log 0.05 on all rows, at each adjustment, and not at a limit of "
+    "infinity (case B8)") {
   World<float> world(5);
   for (float& s : world.arena.values(world.handles.scaling).flat()) s = 0.3f;
   World<float> unlimited = world;
@@ -420,7 +449,9 @@ TEST_CASE("anchor/growth: the base scale is limited to log 0.05 on all rows, at 
   }
 }
 
-TEST_CASE("anchor/growth: a NaN or an infinity in the statistics is counted, neither grows nor prunes, and starts again (numerics AN5)") {
+TEST_CASE(
+    "anchor/growth: a NaN or an infinity in the statistics is counted, neither grows nor prunes, and starts again "
+    "(numerics AN5)") {
   for (const float poison : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
     World<float> world = random_world<float>(100, 4), clean = random_world<float>(100, 4);
     world.state.statistics.gradient_sum[17] = poison;
@@ -551,15 +582,19 @@ TEST_CASE("anchor/growth: an anchor grown a million units away is found again in
   for (std::uint64_t t = 100; t < 3000; t += 100) {
     world.context.iteration = t;
     world.judge_all(1.0f);
-    for (std::size_t slot = K; slot < world.state.statistics.slots(); ++slot) world.state.statistics.gradient_sum[slot] = 0;
+    for (std::size_t slot = K; slot < world.state.statistics.slots(); ++slot)
+      world.state.statistics.gradient_sum[slot] = 0;
     grown += world.adapt().grown;
   }
   CHECK(grown >= 1);
   CHECK(grown <= 3);  // one a level, never a second time
 }
 
-TEST_CASE("anchor/growth: law D4, same seed and iteration give the same bits, others other candidates; a checkpoint needs the statistics alone") {
-  World<float> first = random_world<float>(300, 8), second = random_world<float>(300, 8), other = random_world<float>(300, 8);
+TEST_CASE(
+    "anchor/growth: law D4, same seed and iteration give the same bits, others other candidates; a checkpoint needs "
+    "the statistics alone") {
+  World<float> first = random_world<float>(300, 8), second = random_world<float>(300, 8),
+               other = random_world<float>(300, 8);
   World<float> resumed(300);
   resumed.arena = second.arena;
   resumed.state.statistics = second.state.statistics;
@@ -578,7 +613,8 @@ TEST_CASE("anchor/growth: observing adds the published statistics, with the same
   constexpr std::size_t anchors = 5000;
   const Random random(5, 0, random_stage("views"));
   std::vector<std::vector<float>> results;
-  std::vector<double> expected_sum(anchors * K, 0), expected_count(anchors * K, 0), expected_visits(anchors, 0), expected_opacity(anchors, 0);
+  std::vector<double> expected_sum(anchors * K, 0), expected_count(anchors * K, 0), expected_visits(anchors, 0),
+      expected_opacity(anchors, 0);
   for (const std::size_t threads : {1u, 2u, 4u}) {
     World<float> world(anchors);
     ThreadExecutor executor(threads);
@@ -597,7 +633,8 @@ TEST_CASE("anchor/growth: observing adds the published statistics, with the same
           if (random.below(view * 999983 + a * K + k, 2) == 0) continue;
           slots.push_back(a * K + static_cast<std::uint32_t>(k));
           on_screen.push_back(random.below(slots.size() + view, 4) != 0 ? 1 : 0);
-          norm.push_back(on_screen.back() != 0 ? static_cast<float>(random.below(slots.size(), 256)) / 256 : std::numeric_limits<float>::quiet_NaN());
+          norm.push_back(on_screen.back() != 0 ? static_cast<float>(random.below(slots.size(), 256)) / 256
+                                               : std::numeric_limits<float>::quiet_NaN());
         }
       }
       growth.observe(DecodedStatistics<float>{visible, opacity, slots}, on_screen, norm, world.state, executor);
@@ -624,7 +661,8 @@ TEST_CASE("anchor/growth: observing adds the published statistics, with the same
       }
     }
     std::vector<float> all;
-    for (const Buffer<float>* column : {&s.gradient_sum, &s.gradient_count, &s.visits, &s.opacity_sum}) all.insert(all.end(), column->begin(), column->end());
+    for (const Buffer<float>* column : {&s.gradient_sum, &s.gradient_count, &s.visits, &s.opacity_sum})
+      all.insert(all.end(), column->begin(), column->end());
     results.push_back(all);
   }
   CHECK(same_bits<float>(results[0], results[1]));

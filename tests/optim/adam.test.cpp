@@ -9,13 +9,13 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <initializer_list>
 #include <cstdint>
-#include <utility>
 #include <cstring>
+#include <initializer_list>
 #include <limits>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #if defined(__SSE2__)
@@ -28,7 +28,8 @@
 
 using namespace compmark;
 
-static_assert(Optimizer<Adam<float>> && Optimizer<Adam<double>> && Optimizer<ReferenceAdam<float>> && Optimizer<ReferenceAdam<long double>>);
+static_assert(Optimizer<Adam<float>> && Optimizer<Adam<double>> && Optimizer<ReferenceAdam<float>> &&
+              Optimizer<ReferenceAdam<long double>>);
 
 namespace {
 
@@ -42,7 +43,8 @@ ParameterArena<T> make_arena(std::size_t anchors = 37) {
   arena.add("net.b", 1, 7, RowKind::fixed);
   const Random random(7, 0, random_stage("values"));
   for (const ArenaLayout::Block& block : arena.layout().blocks()) {
-    for (std::size_t i = 0; i < block.size(); ++i) arena.all_values()[block.offset + i] = static_cast<T>(random.normal(block.offset + i));
+    for (std::size_t i = 0; i < block.size(); ++i)
+      arena.all_values()[block.offset + i] = static_cast<T>(random.normal(block.offset + i));
   }
   return arena;
 }
@@ -68,7 +70,8 @@ bool same_state(const AdamState<T>& a, const AdamState<T>& b) {
 std::vector<double> rates_of(std::size_t blocks, double rate) { return std::vector<double>(blocks, rate); }
 
 /// One parameter that sees the gradients given, at rate 1 from 0: returns the size of each update.
-std::vector<double> updates(const std::vector<double>& gradients, std::uint64_t first_step = 0, double m = 0, double v = 0) {
+std::vector<double> updates(const std::vector<double>& gradients, std::uint64_t first_step = 0, double m = 0,
+                            double v = 0) {
   ParameterArena<double> arena;
   arena.add("p", 1, 1, RowKind::fixed);
   const Adam<double> adam;
@@ -114,7 +117,8 @@ TEST_CASE("optim/adam: follows the formula in long double over 200 steps") {
     worst = std::max(worst, std::abs(static_cast<double>(arena.all_values()[i] - exact.all_values()[i])));
     const double v = static_cast<double>(exact_state.second_moment[i]);
     if (v == 0) continue;
-    worst_m = std::max(worst_m, std::abs(static_cast<double>(state.first_moment[i] - exact_state.first_moment[i])) / std::sqrt(v));
+    worst_m = std::max(
+        worst_m, std::abs(static_cast<double>(state.first_moment[i] - exact_state.first_moment[i])) / std::sqrt(v));
     worst_v = std::max(worst_v, std::abs(static_cast<double>(state.second_moment[i]) / v - 1));
   }
   INFO("worst value " << worst << ", m " << worst_m << ", v " << worst_v);
@@ -142,10 +146,12 @@ TEST_CASE("optim/adam: equals the plain scalar reference within four units in th
     reference.step(plain, rates_of(4, 0.01), plain_state, executor);
     for (std::size_t i = 0; i < arena.all_values().size(); ++i) {
       const float g = arena.all_gradients()[i];
-      REQUIRE(std::abs(state.first_moment[i] - plain_state.first_moment[i]) <= 4 * ulp * std::max(std::abs(g), std::abs(old_m[i])));
+      REQUIRE(std::abs(state.first_moment[i] - plain_state.first_moment[i]) <=
+              4 * ulp * std::max(std::abs(g), std::abs(old_m[i])));
       REQUIRE(std::abs(state.second_moment[i] - plain_state.second_moment[i]) <= 4 * ulp * state.second_moment[i]);
       // An update is at most 10 lr; its m may carry the error above, so one part in 2^-20 of the largest update is allowed.
-      REQUIRE(std::abs(arena.all_values()[i] - plain.all_values()[i]) <= ulp * (std::abs(arena.all_values()[i]) + 0.1f));
+      REQUIRE(std::abs(arena.all_values()[i] - plain.all_values()[i]) <=
+              ulp * (std::abs(arena.all_values()[i]) + 0.1f));
     }
   }
 }
@@ -241,11 +247,14 @@ TEST_CASE("optim/adam: law O1, a block of rate 0 and the anchor blocks of an adj
   CHECK(state.steps == std::vector<std::uint64_t>{1, 2, 1, 2});
   for (const ArenaLayout::Block& block : arena.layout().blocks()) {
     const auto now = std::as_const(arena).all_values().subspan(block.offset, block.size());
-    CHECK(same_bits<float>(std::span(before).subspan(block.offset, block.size()), now) == (block.kind == RowKind::anchor));
+    CHECK(same_bits<float>(std::span(before).subspan(block.offset, block.size()), now) ==
+          (block.kind == RowKind::anchor));
   }
 }
 
-TEST_CASE("optim/adam: law O2, a gradient that is not finite skips its block alone, is counted, and training goes on identically") {
+TEST_CASE(
+    "optim/adam: law O2, a gradient that is not finite skips its block alone, is counted, and training goes on "
+    "identically") {
   for (const float poison : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -2e19f}) {
     for (const std::size_t place : {0u, 777u, 16383u, 16384u, 22116u}) {
       ParameterArena<float> arena = make_arena<float>(), clean = make_arena<float>();
@@ -348,8 +357,10 @@ TEST_CASE("optim/adam: law O4, a row edit moves the moments of kept rows bit for
         const bool fresh = block.kind == RowKind::anchor && row >= kept.size();
         const std::size_t old_row = block.kind == RowKind::fixed || fresh ? row : kept[row];
         const std::size_t old_at = old_block.offset + old_row * block.columns + column;
-        REQUIRE(std::bit_cast<std::uint32_t>(state.first_moment[at]) == (fresh ? 0u : std::bit_cast<std::uint32_t>(before.first_moment[old_at])));
-        REQUIRE(std::bit_cast<std::uint32_t>(state.second_moment[at]) == (fresh ? 0u : std::bit_cast<std::uint32_t>(before.second_moment[old_at])));
+        REQUIRE(std::bit_cast<std::uint32_t>(state.first_moment[at]) ==
+                (fresh ? 0u : std::bit_cast<std::uint32_t>(before.first_moment[old_at])));
+        REQUIRE(std::bit_cast<std::uint32_t>(state.second_moment[at]) ==
+                (fresh ? 0u : std::bit_cast<std::uint32_t>(before.second_moment[old_at])));
       }
     }
   }
@@ -414,7 +425,9 @@ TEST_CASE("optim/adam: flush-to-zero mode changes no bit for gradients of 1e-15 
     for (std::uint64_t t = 0; t < 1500; ++t) {
       for (std::size_t i = 0; i < 4096; ++i) {
         // From 1e-15 up, over 15 decades, for ten steps; then silence, so that the moments decay through the smallest normal number.
-        arena.all_gradients()[i] = t < 10 ? 1e-15f * static_cast<float>(1 << (i % 31)) * (1 + static_cast<float>(random.uniform(i + 4096 * t))) : 0.0f;
+        arena.all_gradients()[i] =
+            t < 10 ? 1e-15f * static_cast<float>(1 << (i % 31)) * (1 + static_cast<float>(random.uniform(i + 4096 * t)))
+                   : 0.0f;
       }
       adam.step(arena, rates_of(1, 0.01), state, executor);
     }

@@ -42,7 +42,8 @@ TEST_CASE("optim/schedule: equal steps change the rate by equal factors, and a s
   for (std::int64_t t = 1; t < 30000; t += 613) {
     CHECK(schedule.value(t + 1) / schedule.value(t) == doctest::Approx(factor).epsilon(1e-13));
   }
-  for (std::int64_t t = 1; t < 3000; t += 61) CHECK(shorter.value(t) == doctest::Approx(schedule.value(10 * t)).epsilon(1e-14));
+  for (std::int64_t t = 1; t < 3000; t += 61)
+    CHECK(shorter.value(t) == doctest::Approx(schedule.value(10 * t)).epsilon(1e-14));
 }
 
 TEST_CASE("optim/schedule: negative control, the float power drifts (numerics OP5)") {

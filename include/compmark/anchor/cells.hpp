@@ -31,7 +31,8 @@ template <class T>
     rounded[axis] = std::nearbyint(static_cast<double>(position[axis]) / size);
     if (!(std::abs(rounded[axis]) < 0x1p31)) return false;
   }
-  cell = {static_cast<std::int32_t>(rounded[0]), static_cast<std::int32_t>(rounded[1]), static_cast<std::int32_t>(rounded[2])};
+  cell = {static_cast<std::int32_t>(rounded[0]), static_cast<std::int32_t>(rounded[1]),
+          static_cast<std::int32_t>(rounded[2])};
   return true;
 }
 

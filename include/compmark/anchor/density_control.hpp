@@ -30,9 +30,10 @@ namespace compmark::inline v0 {
 /// What an adjustment needs to know beside the anchors and their statistics.
 struct AdaptContext {
   std::uint64_t seed = 0;
-  std::uint64_t iteration = 0;               ///< with the seed, the key of its random numbers
-  double voxel_size = 0.001;                 ///< world units: the finest cell
-  std::span<const BlockHandle> pooled = {};  ///< anchor blocks beside the feature whose new rows are the maximum over their parents
+  std::uint64_t iteration = 0;  ///< with the seed, the key of its random numbers
+  double voxel_size = 0.001;    ///< world units: the finest cell
+  std::span<const BlockHandle> pooled =
+      {};  ///< anchor blocks beside the feature whose new rows are the maximum over their parents
 };
 
 /// What an adjustment did. Nothing is repaired silently.
@@ -54,10 +55,12 @@ struct AnyRowEditReceiver {
 }  // namespace detail
 
 template <class D>
-concept DensityControl = requires(const D& control, ParameterArena<typename D::Scalar>& arena, const AnchorHandles& handles,
-                                  typename D::State& state, const DecodedStatistics<typename D::Scalar>& decoded,
-                                  std::span<const std::uint8_t> visible, std::span<const typename D::Scalar> gradient_norm,
-                                  const AdaptContext& context, SerialExecutor& executor, std::size_t anchors) {
+concept DensityControl = requires(const D& control, ParameterArena<typename D::Scalar>& arena,
+                                  const AnchorHandles& handles, typename D::State& state,
+                                  const DecodedStatistics<typename D::Scalar>& decoded,
+                                  std::span<const std::uint8_t> visible,
+                                  std::span<const typename D::Scalar> gradient_norm, const AdaptContext& context,
+                                  SerialExecutor& executor, std::size_t anchors) {
   typename D::Settings;
   control.prepare(anchors, state);
   control.observe(decoded, visible, gradient_norm, state, executor);

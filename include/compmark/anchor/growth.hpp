@@ -15,12 +15,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "compmark/anchor/cells.hpp"
 #include "compmark/anchor/density_control.hpp"
 #include "compmark/anchor/growth_statistics.hpp"
+#include "compmark/anchor/newborn.hpp"
 #include "compmark/anchor/no_growth.hpp"
 #include "compmark/anchor/prune.hpp"
 #include "compmark/anchor/table.hpp"
@@ -38,15 +38,18 @@ class GradientGrowth {
 
   /// Defaults are Scaffold-GS's.
   struct Settings {
-    int offsets = 10;                    ///< K, Gaussians an anchor
-    std::int64_t interval = 100;         ///< iterations between adjustments: what counts are compared with
-    double success_threshold = 0.8;      ///< anchors are judged above interval * this many visits, Gaussians above half of it
+    int offsets = 10;             ///< K, Gaussians an anchor
+    std::int64_t interval = 100;  ///< iterations between adjustments: what counts are compared with
+    /// Anchors are judged above interval * success_threshold visits, Gaussians above half of that.
+    double success_threshold = 0.8;
     double gradient_threshold = 0.0002;  ///< of the coarsest level; doubles from level to level at hierarchy factor 4
     double min_opacity = 0.005;          ///< sum over K of positive opacities, a visit
     int update_depth = 3;                ///< levels
     int hierarchy_factor = 4;            ///< cells shrink by this from level to level
-    int init_factor = 16;                ///< coarsest cell in voxels (4 for Blender scenes: then the third level has no cell and is left out)
-    std::size_t max_anchors = 0;         ///< 0: no limit. Else the new anchors of highest gradient are taken, coarse levels first
+    /// Coarsest cell in voxels. Blender scenes take 4: the third level would have cells of size zero and is left out.
+    int init_factor = 16;
+    /// 0: no limit. Else the new anchors of highest gradient are taken, coarse levels first.
+    std::size_t max_anchors = 0;
     double base_scale_log_limit = 0.05;  ///< see limit_base_scale; infinity: none
   };
 
@@ -58,20 +61,17 @@ class GradientGrowth {
         std::uint32_t slot;
         T gradient;
       };
-      struct Newborn {
-        Cell cell;
-        double size;
-      };
-      std::vector<Hot> hot;                     // judged Gaussians at or above the lowest threshold
-      CellSet cells;                            // wanted cells of a level
-      std::vector<Hot> candidates;              // of a level, with the number of their cell
-      std::vector<std::uint32_t> candidate_cell;
-      std::vector<T> cell_gradient;             // highest of the cell's candidates
-      std::vector<std::uint32_t> chosen, row_of_cell;
-      std::vector<std::uint8_t> occupied, pooled_once;
-      std::vector<Newborn> newborn;
-      std::vector<T> pooled;                    // rows of all pooled blocks, newborn by newborn
-      std::vector<BlockHandle> pooled_blocks;
+      std::vector<Hot> hot;  // judged Gaussians at or above the lowest threshold
+
+      // of one level
+      CellSet cells;                               // that candidates fall into
+      std::vector<T> cell_gradient;                // the highest of a cell's candidates
+      std::vector<std::uint8_t> occupied;          // a cell that has an anchor already
+      std::vector<std::uint32_t> chosen;           // cells that get an anchor
+      std::vector<std::uint32_t> newborn_of_cell;  // … and which one
+      std::vector<std::uint32_t> candidate_slot, candidate_cell;
+
+      Newborns<T> newborn;
       std::vector<std::uint32_t> kept;
     } scratch;
   };
@@ -84,8 +84,8 @@ class GradientGrowth {
 
   /// A Gaussian counts where gaussian_visible is not 0; a policy that looks at parts of the image alone passes its own mask.
   template <Executor E>
-  void observe(const DecodedStatistics<T>& decoded, std::span<const std::uint8_t> gaussian_visible, std::span<const T> gradient_norm,
-               State& state, E& executor) const {
+  void observe(const DecodedStatistics<T>& decoded, std::span<const std::uint8_t> gaussian_visible,
+               std::span<const T> gradient_norm, State& state, E& executor) const {
     state.statistics.add_view(decoded, gaussian_visible, gradient_norm, executor);
   }
 
@@ -93,7 +93,8 @@ class GradientGrowth {
   GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const AdaptContext& context,
                      OnEdit&& on_edit) const {
     const AnchorColumns<T> columns = anchor_values(arena, handles);
-    COMPMARK_ASSERT(state.statistics.anchors() == columns.rows(), "GradientGrowth: statistics and table differ in anchors");
+    COMPMARK_ASSERT(state.statistics.anchors() == columns.rows(),
+                    "GradientGrowth: statistics and table differ in anchors");
     COMPMARK_ASSERT(columns.offset.columns == 3 * offsets(), "GradientGrowth: Settings::offsets is not the table's");
     typename State::Scratch& scratch = state.scratch;
     GrowthReport report;
@@ -103,7 +104,7 @@ class GradientGrowth {
     prune_by_opacity(state.statistics, prune_settings(), scratch.kept);
     report.pruned = columns.rows() - scratch.kept.size();
     grow(arena, handles, columns, context, scratch, report);
-    if (scratch.kept.empty() && scratch.newborn.empty() && columns.rows() != 0) {
+    if (scratch.kept.empty() && scratch.newborn.size() == 0 && columns.rows() != 0) {
       scratch.kept.push_back(most_opaque_anchor(state.statistics));
       report.pruned -= 1;
       report.kept_last = true;
@@ -115,8 +116,8 @@ class GradientGrowth {
       const ArenaLayout old_layout = arena.layout();
       arena.edit_rows(edit);
       state.statistics.edit_rows(edit);
+      scratch.newborn.write(arena, handles, scratch.kept.size());
       on_edit(edit, old_layout);
-      write_newborn(arena, handles, scratch);
       report.edited = true;
     }
     limit_base_scale(arena.values(handles.scaling), settings_.base_scale_log_limit);
@@ -126,7 +127,9 @@ class GradientGrowth {
  private:
   [[nodiscard]] std::size_t offsets() const { return static_cast<std::size_t>(settings_.offsets); }
   /// 100 * 0.8: more than 80 visits of an anchor, more than 40 of a Gaussian.
-  [[nodiscard]] double enough_visits() const { return static_cast<double>(settings_.interval) * settings_.success_threshold; }
+  [[nodiscard]] double enough_visits() const {
+    return static_cast<double>(settings_.interval) * settings_.success_threshold;
+  }
   [[nodiscard]] PruneSettings prune_settings() const { return {enough_visits(), settings_.min_opacity}; }
   [[nodiscard]] bool eligible(const GrowthStatistics<T>& statistics, std::size_t slot) const {
     return static_cast<double>(statistics.gradient_count[slot]) > enough_visits() * 0.5;
@@ -152,7 +155,8 @@ class GradientGrowth {
     for (std::size_t slot = 0; slot < statistics.slots(); ++slot) {
       if (!eligible(statistics, slot)) continue;
       const T gradient = statistics.gradient_sum[slot] / statistics.gradient_count[slot];
-      if (gradient >= static_cast<T>(settings_.gradient_threshold)) scratch.hot.push_back({static_cast<std::uint32_t>(slot), gradient});
+      if (gradient >= static_cast<T>(settings_.gradient_threshold))
+        scratch.hot.push_back({static_cast<std::uint32_t>(slot), gradient});
     }
   }
 
@@ -161,29 +165,29 @@ class GradientGrowth {
       if (eligible(statistics, slot)) statistics.gradient_sum[slot] = statistics.gradient_count[slot] = T{};
     }
     for (std::size_t anchor = 0; anchor < statistics.anchors(); ++anchor) {
-      if (judged(statistics, anchor, prune_settings())) statistics.opacity_sum[anchor] = statistics.visits[anchor] = T{};
+      if (judged(statistics, anchor, prune_settings()))
+        statistics.opacity_sum[anchor] = statistics.visits[anchor] = T{};
     }
   }
 
-  void grow(const ParameterArena<T>& arena, const AnchorHandles& handles, const AnchorColumns<T>& columns, const AdaptContext& context,
-            typename State::Scratch& scratch, GrowthReport& report) const {
+  void grow(const ParameterArena<T>& arena, const AnchorHandles& handles, const AnchorColumns<T>& columns,
+            const AdaptContext& context, typename State::Scratch& scratch, GrowthReport& report) const {
     COMPMARK_ASSERT(settings_.hierarchy_factor >= 2, "GradientGrowth: hierarchy_factor is 2 or more");
-    scratch.newborn.clear();
-    scratch.pooled.clear();
-    scratch.pooled_blocks.assign(1, handles.feature);
-    scratch.pooled_blocks.insert(scratch.pooled_blocks.end(), context.pooled.begin(), context.pooled.end());
+    scratch.newborn.clear(arena, handles.feature, context.pooled);
     int factor = settings_.init_factor;
     double threshold = settings_.gradient_threshold;
     for (int level = 0; level < settings_.update_depth && factor > 0; ++level) {
-      if (level > 0 && scratch.newborn.empty()) break;  // as published: finer levels need an anchor of a coarser one
-      grow_level(arena, columns, context, level, context.voxel_size * factor, static_cast<T>(threshold), scratch, report);
+      if (level > 0 && scratch.newborn.size() == 0)
+        break;  // as published: finer levels need an anchor of a coarser one
+      grow_level(arena, columns, context, level, context.voxel_size * factor, static_cast<T>(threshold), scratch,
+                 report);
       factor /= settings_.hierarchy_factor;
       threshold *= settings_.hierarchy_factor / 2;
     }
   }
 
-  void grow_level(const ParameterArena<T>& arena, const AnchorColumns<T>& columns, const AdaptContext& context, int level, double size,
-                  T threshold, typename State::Scratch& scratch, GrowthReport& report) const {
+  void grow_level(const ParameterArena<T>& arena, const AnchorColumns<T>& columns, const AdaptContext& context,
+                  int level, double size, T threshold, typename State::Scratch& scratch, GrowthReport& report) const {
     find_candidates(columns, context, level, size, threshold, scratch, report);
     if (scratch.cells.size() == 0) return;
     scratch.occupied.assign(scratch.cells.size(), 0);
@@ -193,18 +197,18 @@ class GradientGrowth {
       if (const std::uint32_t number = scratch.cells.find(cell); number != CellSet::none) scratch.occupied[number] = 1;
     };
     for (std::size_t a = 0; a < columns.rows(); ++a) occupy(columns.position.row(a));
-    for (const typename State::Scratch::Newborn& born : scratch.newborn) occupy(position_of(born).data());
+    for (std::size_t i = 0; i < scratch.newborn.size(); ++i) occupy(scratch.newborn.position(i).data());
     choose_cells(scratch, report);
     add_newborn(arena, size, scratch);
   }
 
   /// Gaussians above the level's threshold that win the draw (keep probability 1/2, 3/4, 7/8, …), and the set of their cells.
-  void find_candidates(const AnchorColumns<T>& columns, const AdaptContext& context, int level, double size, T threshold,
-                       typename State::Scratch& scratch, GrowthReport& report) const {
+  void find_candidates(const AnchorColumns<T>& columns, const AdaptContext& context, int level, double size,
+                       T threshold, typename State::Scratch& scratch, GrowthReport& report) const {
     const Random random(context.seed, context.iteration, random_stage("growth candidate"));
     const double skip_probability = std::ldexp(1.0, -(level + 1));
     scratch.cells.reset(scratch.hot.size());
-    scratch.candidates.clear();
+    scratch.candidate_slot.clear();
     scratch.candidate_cell.clear();
     scratch.cell_gradient.clear();
     for (const typename State::Scratch::Hot& hot : scratch.hot) {
@@ -214,7 +218,8 @@ class GradientGrowth {
       const std::size_t anchor = hot.slot / offsets(), k = hot.slot % offsets();
       std::array<T, 3> position;
       for (std::size_t axis = 0; axis < 3; ++axis) {
-        position[axis] = columns.position(anchor, axis) + columns.offset(anchor, 3 * k + axis) * std::exp(columns.scaling(anchor, axis));
+        position[axis] = columns.position(anchor, axis) +
+                         columns.offset(anchor, 3 * k + axis) * std::exp(columns.scaling(anchor, axis));
       }
       Cell cell;
       if (!cell_of(position.data(), size, cell)) {
@@ -222,7 +227,7 @@ class GradientGrowth {
         continue;
       }
       const std::uint32_t number = scratch.cells.insert(cell);
-      scratch.candidates.push_back(hot);
+      scratch.candidate_slot.push_back(hot.slot);
       scratch.candidate_cell.push_back(number);
       if (number == scratch.cell_gradient.size()) scratch.cell_gradient.push_back(hot.gradient);
       scratch.cell_gradient[number] = std::max(scratch.cell_gradient[number], hot.gradient);
@@ -252,53 +257,15 @@ class GradientGrowth {
     std::sort(scratch.chosen.begin(), scratch.chosen.end(), by_cell);
   }
 
-  /// The chosen cells become newborn anchors; their pooled rows are the component-wise maximum over the parents of all candidates in the cell.
+  /// Each chosen cell becomes an anchor; its parents are the anchors of all candidates in the cell.
   void add_newborn(const ParameterArena<T>& arena, double size, typename State::Scratch& scratch) const {
-    const std::size_t first = scratch.newborn.size();
-    std::size_t width = 0;
-    for (const BlockHandle block : scratch.pooled_blocks) width += arena.values(block).columns;
-    scratch.row_of_cell.assign(scratch.cells.size(), CellSet::none);
-    for (const std::uint32_t number : scratch.chosen) {
-      scratch.row_of_cell[number] = static_cast<std::uint32_t>(scratch.newborn.size());
-      scratch.newborn.push_back({scratch.cells.cells()[number], size});
+    scratch.newborn_of_cell.assign(scratch.cells.size(), CellSet::none);
+    for (const std::uint32_t cell : scratch.chosen) {
+      scratch.newborn_of_cell[cell] = scratch.newborn.add(scratch.cells.cells()[cell], size);
     }
-    scratch.pooled.resize(scratch.newborn.size() * width);
-    scratch.pooled_once.assign(scratch.newborn.size() - first, 0);
-    for (std::size_t i = 0; i < scratch.candidates.size(); ++i) {
-      const std::uint32_t row = scratch.row_of_cell[scratch.candidate_cell[i]];
-      if (row == CellSet::none) continue;
-      const std::size_t parent = scratch.candidates[i].slot / offsets();
-      const bool again = std::exchange(scratch.pooled_once[row - first], std::uint8_t{1}) != 0;
-      T* target = scratch.pooled.data() + row * width;
-      for (const BlockHandle block : scratch.pooled_blocks) {
-        const MatrixView<const T> values = arena.values(block);
-        for (std::size_t column = 0; column < values.columns; ++column, ++target) {
-          const T value = values(parent, column);
-          *target = again && !(value > *target) ? *target : value;
-        }
-      }
-    }
-  }
-
-  /// Position of a newborn anchor: the centre of its cell.
-  [[nodiscard]] static std::array<T, 3> position_of(const typename State::Scratch::Newborn& born) {
-    return {static_cast<T>(born.cell.x * born.size), static_cast<T>(born.cell.y * born.size), static_cast<T>(born.cell.z * born.size)};
-  }
-
-  /// Fills the appended rows: position, log of the cell size as scaling, zero offsets, pooled rows. Other anchor blocks stay zero.
-  static void write_newborn(ParameterArena<T>& arena, const AnchorHandles& handles, const typename State::Scratch& scratch) {
-    const AnchorColumns<T> columns = anchor_values(arena, handles);
-    const std::size_t first = scratch.kept.size();
-    const T* source = scratch.pooled.data();
-    for (std::size_t i = 0; i < scratch.newborn.size(); ++i) {
-      const std::array<T, 3> position = position_of(scratch.newborn[i]);
-      std::copy(position.begin(), position.end(), columns.position.row(first + i));
-      std::fill_n(columns.scaling.row(first + i), 6, static_cast<T>(std::log(scratch.newborn[i].size)));
-      for (const BlockHandle block : scratch.pooled_blocks) {
-        const MatrixView<T> values = arena.values(block);
-        std::copy_n(source, values.columns, values.row(first + i));
-        source += values.columns;
-      }
+    for (std::size_t i = 0; i < scratch.candidate_slot.size(); ++i) {
+      const std::uint32_t number = scratch.newborn_of_cell[scratch.candidate_cell[i]];
+      if (number != CellSet::none) scratch.newborn.pool(arena, number, scratch.candidate_slot[i] / offsets());
     }
   }
 

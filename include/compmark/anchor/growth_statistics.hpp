@@ -37,11 +37,14 @@ struct GrowthStatistics {
 
   /// Adds one view. `gaussian_visible` and `gradient_norm` have one entry a decoded Gaussian; where visible is 0 the norm is not looked at.
   template <Executor E>
-  void add_view(const DecodedStatistics<T>& decoded, std::span<const std::uint8_t> gaussian_visible, std::span<const T> gradient_norm,
-                E& executor) {
-    COMPMARK_ASSERT(decoded.opacity_sum.size() == decoded.visible.size(), "GrowthStatistics: one opacity sum a visible anchor");
-    COMPMARK_ASSERT(gaussian_visible.size() == decoded.gaussian_slot.size(), "GrowthStatistics: one visibility a Gaussian");
-    COMPMARK_ASSERT(gradient_norm.size() == decoded.gaussian_slot.size(), "GrowthStatistics: one gradient norm a Gaussian");
+  void add_view(const DecodedStatistics<T>& decoded, std::span<const std::uint8_t> gaussian_visible,
+                std::span<const T> gradient_norm, E& executor) {
+    COMPMARK_ASSERT(decoded.opacity_sum.size() == decoded.visible.size(),
+                    "GrowthStatistics: one opacity sum a visible anchor");
+    COMPMARK_ASSERT(gaussian_visible.size() == decoded.gaussian_slot.size(),
+                    "GrowthStatistics: one visibility a Gaussian");
+    COMPMARK_ASSERT(gradient_norm.size() == decoded.gaussian_slot.size(),
+                    "GrowthStatistics: one gradient norm a Gaussian");
     executor.for_chunks(decoded.visible.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t i = begin; i < end; ++i) {
         opacity_sum[decoded.visible[i]] += decoded.opacity_sum[i];

@@ -11,7 +11,8 @@
 namespace compmark::inline v0 {
 
 struct NoGrowth : Absent<NoGrowth> {
-  constexpr NoGrowth(Settings /*settings*/ = {}) {}  // NOLINT(google-explicit-constructor): as any policy is made from its Settings
+  constexpr NoGrowth(Settings /*settings*/ = {}) {
+  }  // NOLINT(google-explicit-constructor): as any policy is made from its Settings
   static constexpr void prepare(std::size_t /*anchors*/, State& /*state*/) {}
 };
 

@@ -30,7 +30,8 @@ template <class T>
 
 /// Fills `kept` with the anchors that stay, ascending. A sum that is NaN removes nothing (the comparison is false).
 template <class T>
-void prune_by_opacity(const GrowthStatistics<T>& statistics, const PruneSettings& settings, std::vector<std::uint32_t>& kept) {
+void prune_by_opacity(const GrowthStatistics<T>& statistics, const PruneSettings& settings,
+                      std::vector<std::uint32_t>& kept) {
   kept.clear();
   for (std::size_t a = 0; a < statistics.anchors(); ++a) {
     const bool transparent = statistics.opacity_sum[a] < static_cast<T>(settings.min_opacity) * statistics.visits[a];

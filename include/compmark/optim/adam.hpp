@@ -57,8 +57,8 @@ struct AdamState {
     };
     struct Coefficients {
       bool stepped = false;
-      T step_size{};             ///< lr / (1 - beta1^t)
-      T inverse_root{};          ///< 1 / sqrt(1 - beta2^t)
+      T step_size{};     ///< lr / (1 - beta1^t)
+      T inverse_root{};  ///< 1 / sqrt(1 - beta2^t)
     };
     std::vector<Chunk> chunks;
     std::vector<Coefficients> coefficients;
@@ -77,7 +77,8 @@ void prepare_adam(const ArenaLayout& layout, AdamState<T>& state) {
   state.steps.assign(layout.blocks().size(), 0);
 }
 template <class T>
-void edit_adam_rows(const RowEdit& edit, const ArenaLayout& old_layout, const ArenaLayout& new_layout, AdamState<T>& state) {
+void edit_adam_rows(const RowEdit& edit, const ArenaLayout& old_layout, const ArenaLayout& new_layout,
+                    AdamState<T>& state) {
   for (Buffer<T>* moment : {&state.first_moment, &state.second_moment}) {
     state.scratch.spare.resize(new_layout.size());
     move_rows<T>(old_layout, new_layout, edit, std::as_const(*moment).span(), state.scratch.spare.span());
@@ -105,24 +106,29 @@ class Adam {
 
   void prepare(const ArenaLayout& layout, State& state) const { detail::prepare_adam(layout, state); }
 
-  void edit_rows(const RowEdit& edit, const ArenaLayout& old_layout, const ArenaLayout& new_layout, State& state) const {
+  void edit_rows(const RowEdit& edit, const ArenaLayout& old_layout, const ArenaLayout& new_layout,
+                 State& state) const {
     detail::edit_adam_rows(edit, old_layout, new_layout, state);
   }
 
   /// rates: one learning rate a block; at 0 the block is left out entirely (values, moments and step count keep their bits).
   template <Executor E>
-  AdamReport step(ParameterArena<T>& arena, std::span<const double> rates, State& state, E& executor, StepOptions options = {}) const {
+  AdamReport step(ParameterArena<T>& arena, std::span<const double> rates, State& state, E& executor,
+                  StepOptions options = {}) const {
     const std::span<const ArenaLayout::Block> blocks = arena.layout().blocks();
     COMPMARK_ASSERT(rates.size() == blocks.size(), "Adam::step: one rate a block");
-    COMPMARK_ASSERT(state.first_moment.size() == arena.layout().size(), "Adam::step: prepare or edit_rows was not called");
+    COMPMARK_ASSERT(state.first_moment.size() == arena.layout().size(),
+                    "Adam::step: prepare or edit_rows was not called");
     typename State::Scratch& scratch = state.scratch;
     scratch.coefficients.assign(blocks.size(), {});
     scratch.chunks.clear();
     for (std::size_t b = 0; b < blocks.size(); ++b) {
-      scratch.coefficients[b].stepped = rates[b] != 0 && !(options.skip_anchor_blocks && blocks[b].kind == RowKind::anchor);
+      scratch.coefficients[b].stepped =
+          rates[b] != 0 && !(options.skip_anchor_blocks && blocks[b].kind == RowKind::anchor);
       if (!scratch.coefficients[b].stepped && !options.zero_gradients_after) continue;
       for (std::size_t begin = 0; begin < blocks[b].size(); begin += grain) {
-        scratch.chunks.push_back({b, blocks[b].offset + begin, blocks[b].offset + std::min(begin + grain, blocks[b].size())});
+        scratch.chunks.push_back(
+            {b, blocks[b].offset + begin, blocks[b].offset + std::min(begin + grain, blocks[b].size())});
       }
     }
     AdamReport report;
@@ -153,15 +159,17 @@ class Adam {
  private:
   /// The guard, then the step counts and coefficients of the blocks that pass it.
   template <Executor E>
-  void find_coefficients(const ParameterArena<T>& arena, std::span<const ArenaLayout::Block> blocks, std::span<const double> rates, State& state,
-                         E& executor, AdamReport& report) const {
+  void find_coefficients(const ParameterArena<T>& arena, std::span<const ArenaLayout::Block> blocks,
+                         std::span<const double> rates, State& state, E& executor, AdamReport& report) const {
     typename State::Scratch& scratch = state.scratch;
     scratch.finite.resize(scratch.chunks.size());
     const T* const g = arena.all_gradients().data();
     executor.for_chunks(scratch.chunks.size(), 1, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t i = first; i < last; ++i) {
         const typename State::Scratch::Chunk chunk = scratch.chunks[i];
-        scratch.finite[i] = !scratch.coefficients[chunk.block].stepped || squares_finite(g + chunk.begin, chunk.end - chunk.begin) ? 1 : 0;
+        scratch.finite[i] =
+            !scratch.coefficients[chunk.block].stepped || squares_finite(g + chunk.begin, chunk.end - chunk.begin) ? 1
+                                                                                                                   : 0;
       }
     });
     for (std::size_t i = 0; i < scratch.chunks.size(); ++i) {
@@ -198,7 +206,8 @@ class Adam {
   }
 
   template <bool zero_gradients>
-  void update(const typename State::Scratch::Coefficients& c, const typename State::Scratch::Chunk& chunk, T* p, T* g, T* m, T* v) const {
+  void update(const typename State::Scratch::Coefficients& c, const typename State::Scratch::Chunk& chunk, T* p, T* g,
+              T* m, T* v) const {
     std::size_t i = chunk.begin;
     for (; i + W <= chunk.end; i += W) update_pack<W, zero_gradients>(c, p + i, g + i, m + i, v + i);
     for (; i < chunk.end; ++i) update_pack<1, zero_gradients>(c, p + i, g + i, m + i, v + i);
@@ -213,7 +222,8 @@ class Adam {
     P first = P::load(m);
     P second = P::load(v);
     first = fma(P(static_cast<T>(1 - settings_.beta1)), gradient - first, first);
-    second = fma(P(static_cast<T>(1 - settings_.beta2)) * gradient, gradient, P(static_cast<T>(settings_.beta2)) * second);
+    second =
+        fma(P(static_cast<T>(1 - settings_.beta2)) * gradient, gradient, P(static_cast<T>(settings_.beta2)) * second);
     first = keep(abs(first) >= tiny, first);
     second = keep(second >= tiny, second);
     const P denominator = fma(sqrt(second), P(c.inverse_root), P(static_cast<T>(settings_.epsilon)));

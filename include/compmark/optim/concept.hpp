@@ -33,14 +33,15 @@ struct OptimizerReport {
 
 /// What a caller may ask of one step.
 struct StepOptions {
-  bool skip_anchor_blocks = false;    ///< treat anchor blocks as of rate 0: iterations in which growing rebuilt them have no gradient
+  bool skip_anchor_blocks =
+      false;  ///< treat anchor blocks as of rate 0: iterations in which growing rebuilt them have no gradient
   bool zero_gradients_after = false;  ///< leave all gradients zero, those of skipped blocks too; saves a pass over them
 };
 
 template <class O>
-concept Optimizer = requires(const O& optimizer, ParameterArena<typename O::Scalar>& arena, std::span<const double> rates,
-                             typename O::State& state, SerialExecutor& executor, StepOptions options, const ArenaLayout& layout,
-                             const RowEdit& edit) {
+concept Optimizer = requires(const O& optimizer, ParameterArena<typename O::Scalar>& arena,
+                             std::span<const double> rates, typename O::State& state, SerialExecutor& executor,
+                             StepOptions options, const ArenaLayout& layout, const RowEdit& edit) {
   typename O::Settings;
   optimizer.prepare(layout, state);
   { optimizer.step(arena, rates, state, executor, options) } -> std::same_as<OptimizerReport>;

@@ -56,7 +56,8 @@ struct DensityPhases {
 
   [[nodiscard]] constexpr bool observes(std::int64_t iteration) const { return statistics.contains(iteration); }
   [[nodiscard]] constexpr bool adjusts(std::int64_t iteration) const {
-    return iteration % interval == 0 && statistics.contains(iteration) && growing.contains(iteration) && !pause.contains(iteration);
+    return iteration % interval == 0 && statistics.contains(iteration) && growing.contains(iteration) &&
+           !pause.contains(iteration);
   }
 
   /// Scaffold-GS: statistics for 500 < t < 15000, adjustments at 1600, 1700, … 14900 (134 of them).

@@ -26,7 +26,8 @@ class ReferenceAdam {
   explicit ReferenceAdam(Settings settings) : settings_(settings) {}
 
   void prepare(const ArenaLayout& layout, State& state) const { detail::prepare_adam(layout, state); }
-  void edit_rows(const RowEdit& edit, const ArenaLayout& old_layout, const ArenaLayout& new_layout, State& state) const {
+  void edit_rows(const RowEdit& edit, const ArenaLayout& old_layout, const ArenaLayout& new_layout,
+                 State& state) const {
     detail::edit_adam_rows(edit, old_layout, new_layout, state);
   }
 
@@ -58,8 +59,8 @@ class ReferenceAdam {
   }
 
  private:
-  void step_block(const ArenaLayout::Block& block, double correction1, double correction2, double rate, ParameterArena<T>& arena,
-                  State& state) const {
+  void step_block(const ArenaLayout::Block& block, double correction1, double correction2, double rate,
+                  ParameterArena<T>& arena, State& state) const {
     const T beta1 = static_cast<T>(settings_.beta1), weight1 = static_cast<T>(1 - settings_.beta1);
     const T beta2 = static_cast<T>(settings_.beta2), weight2 = static_cast<T>(1 - settings_.beta2);
     const T step_size = static_cast<T>(rate / correction1), root = static_cast<T>(std::sqrt(correction2));

@@ -33,7 +33,8 @@ struct LogLinear {
   std::int64_t steps = 30000;
 
   [[nodiscard]] double value(std::int64_t iteration) const {
-    COMPMARK_ASSERT((initial > 0 && final > 0) || (initial == 0 && final == 0), "LogLinear: rates must be positive, or both zero");
+    COMPMARK_ASSERT((initial > 0 && final > 0) || (initial == 0 && final == 0),
+                    "LogLinear: rates must be positive, or both zero");
     if (initial == final || iteration <= 0) return initial;
     if (iteration >= steps) return final;
     const double u = static_cast<double>(iteration) / static_cast<double>(steps);
