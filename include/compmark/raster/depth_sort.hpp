@@ -39,8 +39,11 @@ struct DepthSortWorkspace {
 
 namespace detail {
 
-inline constexpr std::size_t radix_groups = 16;  // histograms a pass; more would only lengthen the scan
-inline constexpr int radix_bits = 12;
+/// Histograms of a pass, and bits of a digit: few for few entries, where the scan over all counters would be the longer part.
+[[nodiscard]] constexpr std::size_t radix_groups(std::size_t total) {
+  return std::min<std::size_t>(16, 1 + total / 4096);
+}
+[[nodiscard]] constexpr int radix_bits(std::size_t total) { return total < 8192 ? 8 : 12; }
 
 }  // namespace detail
 
@@ -54,11 +57,12 @@ std::size_t depth_sort(DepthSortWorkspace<T>& workspace, std::size_t chunks, std
   workspace.other.resize(workspace.entries.size());
   if (total == 0) return 0;
   const int bits = std::max(1, static_cast<int>(std::bit_width(static_cast<DepthKey<T>>(largest - smallest))));
-  const int passes = (bits + detail::radix_bits - 1) / detail::radix_bits;
+  const std::size_t groups = detail::radix_groups(total);
+  const int passes = (bits + detail::radix_bits(total) - 1) / detail::radix_bits(total);
   const int digit_bits = (bits + passes - 1) / passes;
   const std::size_t digits = std::size_t{1} << digit_bits;
   const DepthKey<T> mask = static_cast<DepthKey<T>>(digits - 1);
-  workspace.histogram.resize(detail::radix_groups * digits);
+  workspace.histogram.resize(groups * digits);
   std::uint32_t* const histogram = workspace.histogram.data();
 
   for (int pass = 0; pass < passes; ++pass) {
@@ -66,9 +70,9 @@ std::size_t depth_sort(DepthSortWorkspace<T>& workspace, std::size_t chunks, std
     const DepthEntry<T>* const from = workspace.entries.data();
     DepthEntry<T>* const to = workspace.other.data();
     // Pass 0 reads the chunks with their gaps, the later passes a dense array: both are lists of runs, dealt to fixed groups.
-    const std::size_t runs = pass == 0 ? chunks : detail::radix_groups;
-    const std::size_t run_stride = pass == 0 ? grain : chunk_count(total, detail::radix_groups);
-    const std::size_t runs_per_group = chunk_count(runs, detail::radix_groups);
+    const std::size_t runs = pass == 0 ? chunks : groups;
+    const std::size_t run_stride = pass == 0 ? grain : chunk_count(total, groups);
+    const std::size_t runs_per_group = chunk_count(runs, groups);
     const auto each_entry = [&](std::size_t group, const auto& visit) {
       for (std::size_t run = group * runs_per_group; run < std::min(runs, (group + 1) * runs_per_group); ++run) {
         const std::size_t begin = run * run_stride;
@@ -79,18 +83,18 @@ std::size_t depth_sort(DepthSortWorkspace<T>& workspace, std::size_t chunks, std
         }
       }
     };
-    executor.for_chunks(detail::radix_groups, 1, [&](std::size_t group, std::size_t, std::size_t) {
+    executor.for_chunks(groups, 1, [&](std::size_t group, std::size_t, std::size_t) {
       std::uint32_t* const mine = histogram + group * digits;
       std::fill(mine, mine + digits, 0u);
       each_entry(group, [&](const DepthEntry<T>&, std::size_t digit) { ++mine[digit]; });
     });
     std::uint32_t sum = 0;
     for (std::size_t digit = 0; digit < digits; ++digit) {
-      for (std::size_t group = 0; group < detail::radix_groups; ++group) {
+      for (std::size_t group = 0; group < groups; ++group) {
         sum += std::exchange(histogram[group * digits + digit], sum);
       }
     }
-    executor.for_chunks(detail::radix_groups, 1, [&](std::size_t group, std::size_t, std::size_t) {
+    executor.for_chunks(groups, 1, [&](std::size_t group, std::size_t, std::size_t) {
       std::uint32_t* const mine = histogram + group * digits;
       each_entry(group, [&](const DepthEntry<T>& entry, std::size_t digit) { to[mine[digit]++] = entry; });
     });
