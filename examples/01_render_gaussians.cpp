@@ -9,16 +9,15 @@
 int main() {
   compmark::GaussianBatch<float> batch;
   batch.resize(100);
-  const compmark::GaussianColumns<float> g = batch.columns();
+  batch.set_zero();
+  const auto g = batch.columns();
   for (std::size_t i = 0; i < g.count; ++i) {
-    const float t = 0.12f * static_cast<float>(i), radius = 0.08f * t;
-    const float values[14] = {
-        radius * std::cos(t),      radius * std::sin(t),      3.0f, 0.03f + 0.01f * t, 0.05f, 0.05f, 1, 0, 0, 0, 0.8f,
-        0.5f + 0.5f * std::sin(t), 0.5f + 0.5f * std::cos(t), 0.9f};
-    float* const columns[14] = {g.mean[0],  g.mean[1],     g.mean[2],     g.scale[0],    g.scale[1],
-                                g.scale[2], g.rotation[0], g.rotation[1], g.rotation[2], g.rotation[3],
-                                g.opacity,  g.color[0],    g.color[1],    g.color[2]};
-    for (int c = 0; c < 14; ++c) columns[c][i] = values[c];
+    const float t = 0.12f * static_cast<float>(i);
+    g.mean[0][i] = 0.08f * t * std::cos(t), g.mean[1][i] = 0.08f * t * std::sin(t), g.mean[2][i] = 3;
+    for (float* scale : g.scale) scale[i] = 0.03f + 0.01f * t;
+    g.rotation[0][i] = 1;
+    g.opacity[i] = 0.8f;
+    g.color[0][i] = 0.5f + 0.5f * std::sin(t), g.color[1][i] = 0.5f + 0.5f * std::cos(t), g.color[2][i] = 0.9f;
   }
   const compmark::Camera<float> camera{.width = 640, .height = 480, .fx = 600, .fy = 600, .cx = 320, .cy = 240};
   std::vector<float> pixels(3 * 640 * 480);

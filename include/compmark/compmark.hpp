@@ -23,6 +23,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/math/symmetric.hpp"
+#include "compmark/math/unroll.hpp"
 
 #include "compmark/io/anchor_ply.hpp"
 #include "compmark/io/atomic_file.hpp"
@@ -60,6 +61,7 @@
 #include "compmark/anchor/mlp_decoder_backward.hpp"
 #include "compmark/anchor/mlp_decoder_forward.hpp"
 #include "compmark/anchor/mlp_decoder_layout.hpp"
+#include "compmark/anchor/newborn.hpp"
 #include "compmark/anchor/no_growth.hpp"
 #include "compmark/anchor/prune.hpp"
 #include "compmark/anchor/reference_decoder.hpp"

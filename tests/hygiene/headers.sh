@@ -55,6 +55,11 @@ macros=$(grep -nE '^ *# *define +[A-Za-z_]+' $headers | grep -vE '# *define +(CO
 [ -z "$macros" ] || complain "macros carry the prefix COMPMARK_:
 $macros"
 
+# The README shows a program that compiles: the example, from its first include on.
+readme=$(awk '/^```cpp$/ { on = 1; next } /^```$/ { if (on) exit } on { print }' README.md)
+example=$(sed -n '5,$p' examples/01_render_gaussians.cpp)
+[ "$readme" = "$example" ] || complain "the program in README.md is not examples/01_render_gaussians.cpp"
+
 tracked=$(git ls-files -co --exclude-standard 2>/dev/null || true)
 if [ -n "$tracked" ]; then
   # Paths of a developer's machine, in any text file that git tracks or would track.
