@@ -191,15 +191,7 @@ class MlpDecoder {
     COMPMARK_ASSERT(anchors.feature.columns == static_cast<std::size_t>(shape.feature_dim), "MlpDecoder: the table has another feature width");
     COMPMARK_ASSERT(anchors.offset.columns == 3 * static_cast<std::size_t>(shape.offsets), "MlpDecoder: the table has another offset count");
   }
-  [[nodiscard]] detail::ViewPoint<T> view_point(const std::array<double, 3>& center) const {
-    detail::ViewPoint<T> from{};
-    for (std::size_t i = 0; i < 3; ++i) {
-      from.high[i] = static_cast<T>(center[i]);
-      from.low[i] = static_cast<T>(center[i] - static_cast<double>(from.high[i]));
-    }
-    from.min_distance = static_cast<T>(settings_.min_distance);
-    return from;
-  }
+  [[nodiscard]] detail::ViewPoint<T> view_point(const std::array<double, 3>& center) const { return {center, settings_.min_distance}; }
 
   /// The colour head's first bias with the view's embedding in it, and the feature bank's parameters in one piece.
   static void prepare_options(const ParamsOf<const T>& params, [[maybe_unused]] std::size_t view_index, Context& context) {
