@@ -6,6 +6,7 @@
 
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/image_file.hpp>
+#include <compmark/io/safetensors.hpp>
 #include <compmark/metric/lpips.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
@@ -15,6 +16,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -56,17 +58,27 @@ compmark::Result<Evaluation> evaluate_views(const compmark::Model<R>& model, Dat
   using namespace compmark;
   std::optional<Lpips> alex;
   std::optional<Lpips> squeeze;
-  if (!lpips.alex.empty()) {
-    Result<Lpips> loaded = Lpips::load(lpips.alex, LpipsNetwork::alex);
+  for (const auto& [path, network, target] : {std::tuple(&lpips.alex, LpipsNetwork::alex, &alex), std::tuple(&lpips.squeeze, LpipsNetwork::squeeze, &squeeze)}) {
+    if (path->empty()) continue;
+    const Result<SafetensorsFile> file = read_safetensors(*path);
+    if (!file) return file.error();
+    Result<Lpips> loaded = Lpips::load(*file);
     if (!loaded) return loaded.error();
-    alex = std::move(*loaded);
+    if (loaded->network() != network) {
+      return Error{ErrorKind::invalid, path->string(), "features", "holds the weights of the other network", "swap --lpips-alex and --lpips-squeeze"};
+    }
+    *target = std::move(*loaded);
   }
-  if (!lpips.squeeze.empty()) {
-    Result<Lpips> loaded = Lpips::load(lpips.squeeze, LpipsNetwork::squeeze);
-    if (!loaded) return loaded.error();
-    squeeze = std::move(*loaded);
-  }
-  const LpipsRange range = lpips.family_range ? LpipsRange::family : LpipsRange::correct;
+  const LpipsRange range = lpips.family_range ? LpipsRange::family_unit : LpipsRange::signed_unit;
+  Lpips::Context lpips_context;
+  const auto measure = [&](const std::optional<Lpips>& net, ImageView<const float> image, ImageView<const float> truth,
+                           std::optional<double>& value) -> Result<Done> {
+    if (!net) return Done{};
+    const Result<LpipsReport> report = net->distance(image, truth, lpips_context, executor, range);
+    if (!report) return report.error();
+    value = report->value;
+    return Done{};
+  };
 
   Evaluation evaluation;
   const Pipeline<R> pipeline;
@@ -86,8 +98,8 @@ compmark::Result<Evaluation> evaluate_views(const compmark::Model<R>& model, Dat
     result.name = views.dataset->views[views.index[i]].name;
     result.psnr = psnr(context.image, truth);
     result.ssim = ssim(context.image, truth);
-    if (alex) result.lpips_alex = alex->distance(context.image, truth, range, executor);
-    if (squeeze) result.lpips_squeeze = squeeze->distance(context.image, truth, range, executor);
+    if (Result<Done> r = measure(alex, context.image, truth, result.lpips_alex); !r) return r.error();
+    if (Result<Done> r = measure(squeeze, context.image, truth, result.lpips_squeeze); !r) return r.error();
     result.milliseconds = std::chrono::duration<double, std::milli>(end - begin).count();
     result.gaussians = forward.gaussians;
     keep(i, result, ImageView<const float>(context.image), ImageView<const float>(truth));

@@ -166,7 +166,12 @@ int run(const TrainOptions& options, TrainSettings settings) {
   Result<Progress> progress = Progress::open(progress_settings);
   if (!progress) return fail(progress.error());
   watch_interrupt();
-  TrainObserver observer{&*progress, &info, options.checkpoint_every, checkpoint, seconds_before};
+  TrainObserver observer;
+  observer.progress = &*progress;
+  observer.info = &info;
+  observer.checkpoint_every = options.checkpoint_every;
+  observer.checkpoint = checkpoint;
+  observer.seconds_before = seconds_before;
   const Result<Done> done = trainer.run(train, observer);
   progress->finish();
   if (!done) return fail(done.error());
