@@ -1,0 +1,139 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark export: the anchors as the Scaffold family's PLY, or explicit Gaussians as the PLY every viewer opens - baked for one camera
+// (exact from there) or fitted with spherical harmonics over the training cameras - with what the bake loses, in dB.
+#include <algorithm>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/io/anchor_ply.hpp>
+#include <compmark/io/splat_ply.hpp>
+#include <compmark/pipeline/bake.hpp>
+#include <compmark/pipeline/sh_fit.hpp>
+#include <compmark/scene/open.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "commands.hpp"
+#include "common.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct ExportOptions {
+  std::filesystem::path model;
+  std::filesystem::path out;
+  std::string kind = "splat";
+  std::string view;
+  int degree = 3;
+  std::filesystem::path data;
+  std::size_t compare = 10;
+  std::size_t threads = 0;
+};
+
+template <class R>
+int run(const ExportOptions& options) {
+  Result<LoadedModel<R>> loaded = read_model<R>(options.model);
+  if (!loaded) return fail(loaded.error());
+  const Model<R>& model = loaded->model;
+  const std::vector<std::string> comments{"compmark " + options.kind + " export"};
+  if (options.kind == "anchors") {
+    if (Result<Done> written = write_anchor_ply(options.out, model.columns(), comments); !written) return fail(written.error());
+    std::printf("%s: %zu anchors in the layout of the Scaffold family (the networks stay in %s)\n", options.out.string().c_str(),
+                model.anchor_count(), options.model.string().c_str());
+    return success;
+  }
+
+  std::vector<Camera<double>> train;
+  std::vector<Camera<double>> measured;
+  std::vector<std::string> names;
+  const StoredView* chosen = nullptr;
+  const bool has_test = std::any_of(loaded->info.views.begin(), loaded->info.views.end(), [](const StoredView& v) { return v.test; });
+  for (const StoredView& view : loaded->info.views) {
+    if (view.name == options.view) chosen = &view;
+    if (!view.test) train.push_back(view.camera);
+    if (view.test == has_test) {
+      measured.push_back(view.camera);
+      names.push_back(view.name);
+    }
+  }
+  if (train.empty()) return fail({ErrorKind::invalid, options.model.string(), "views", "the model stores no training camera", "train it again with this version"});
+
+  ThreadExecutor executor(options.threads);
+  SplatTable table;
+  if (!options.view.empty()) {
+    if (chosen == nullptr) {
+      return fail({ErrorKind::invalid, options.model.string(), "--view", "the model has no view \"" + options.view + "\"", "see the names with compmark info --views"});
+    }
+    table = bake_at_camera(model, chosen->camera, 0, executor);
+    measured.assign(1, chosen->camera);
+    names.assign(1, chosen->name);
+  } else {
+    ShFitSettings settings;
+    settings.degree = options.degree;
+    ShFitReport report;
+    table = fit_splats(model, std::span<const Camera<double>>(train), settings, report, executor);
+    std::printf("fitted %zu of %zu slots over %zu cameras (%zu faint, %zu unseen), colour residual %.4f\n", report.kept, report.slots, train.size(),
+                report.faint, report.unseen, report.color_rms);
+  }
+  if (Result<Done> written = write_splat_ply(options.out, table, comments); !written) return fail(written.error());
+  std::printf("%s: %zu Gaussians, SH degree %d\n", options.out.string().c_str(), static_cast<std::size_t>(table.count), options.view.empty() ? options.degree : 0);
+
+  if (options.compare == 0) return success;
+  const std::size_t stride = std::max<std::size_t>(1, measured.size() / options.compare);
+  std::vector<Camera<double>> cameras;
+  std::vector<std::string> compared;
+  for (std::size_t i = 0; i < measured.size(); i += stride) {
+    cameras.push_back(measured[i]);
+    compared.push_back(names[i]);
+  }
+  Result<BakeReport> report = BakeReport{};
+  if (options.data.empty()) {
+    report = compare_bake(model, table, std::span<const Camera<double>>(cameras), NoTargets{}, 0, executor);
+  } else {
+    DatasetSettings settings;
+    for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
+    Result<Dataset> dataset = open_dataset(options.data, settings);
+    if (!dataset) return fail(dataset.error());
+    ImageStore store(*dataset, settings, {});
+    const auto target = [&](std::size_t i, ImageView<float> image) -> Result<Done> {
+      for (const View& view : dataset->views) {
+        if (view.name == compared[i] && view.camera.width == image.width && view.camera.height == image.height) return store.load(view, image);
+      }
+      return Error{ErrorKind::not_found, options.data.string(), "view", "no view \"" + compared[i] + "\" of the model's size", "give the dataset the model was trained on"};
+    };
+    report = compare_bake(model, table, std::span<const Camera<double>>(cameras), target, 0, executor);
+  }
+  if (!report) return fail(report.error());
+  std::printf("against the model's own renders: PSNR %.2f dB mean, %.2f dB worst (%s), over %zu views\n", report->mean_bake_to_model, report->worst_bake_to_model,
+              compared[report->worst_view].c_str(), cameras.size());
+  if (!options.data.empty()) {
+    std::printf("against the photographs: model %.2f dB, export %.2f dB, loss of the bake %.2f dB\n", report->mean_model_to_target,
+                report->mean_bake_to_target, report->loss());
+  }
+  return success;
+}
+
+}  // namespace
+
+Command add_export(CLI::App& app) {
+  auto options = std::make_shared<ExportOptions>();
+  app.add_option("--model", options->model, "model.safetensors of a run")->required();
+  app.add_option("--out", options->out, "PLY file to write")->required();
+  app.add_option("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")->capture_default_str()->check(CLI::IsMember({"splat", "anchors"}));
+  app.add_option("--view", options->view, "bake exactly for this stored view instead of fitting over all training views");
+  app.add_option("--sh-degree", options->degree, "degree of the fitted colour")->capture_default_str()->check(CLI::Range(0, 3));
+  app.add_option("--data", options->data, "dataset, to report the loss against photographs too");
+  app.add_option("--compare", options->compare, "number of views to measure the loss on; 0: none")->capture_default_str();
+  app.add_option("--threads", options->threads, "0: all")->capture_default_str();
+  return [options]() -> int {
+    Result<SafetensorsFile> file = read_safetensors(options->model);
+    if (!file) return fail(file.error());
+    Result<std::string> recipe = model_recipe(*file);
+    if (!recipe) return fail(recipe.error());
+    return with_recipe(*recipe, [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options); });
+  };
+}
+
+}  // namespace tool
