@@ -6,13 +6,12 @@
 // pass, because sums over anchors (weight gradients) then need no transposition at all.
 #pragma once
 
-#include <array>
-#include <bit>
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
 
+#include "compmark/anchor/concept.hpp"
 #include "compmark/anchor/decoder_parameters.hpp"
+#include "compmark/anchor/view_point.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/dense.hpp"
 #include "compmark/math/functions.hpp"
@@ -62,28 +61,6 @@ struct DecoderLayout {
   static constexpr int packed_view = packed_feature + hidden * feature_row;             // [view_inputs, hidden]
   static constexpr int packed_weight2 = packed_view + view_inputs * hidden;             // [outputs, head_hidden]
   static constexpr int packed_count = packed_weight2 + outputs * head_hidden;
-};
-
-/// The camera centre as two scalars a coordinate, so that position - centre keeps its digits far from the origin (numerics case PR7).
-/// The high part is the double with its last 29 bits cleared. The obvious static_cast<double>(static_cast<float>(c)) is not used: g++ 12
-/// drops the rounding when it vectorises such casts of neighbouring elements (-O2, any instruction set), and the low part becomes zero.
-template <class T>
-struct ViewPoint {
-  T high[3];
-  T low[3];
-  T min_distance;
-
-  ViewPoint(const std::array<double, 3>& center, double least_distance) : min_distance(static_cast<T>(least_distance)) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      double leading = center[i];
-      if constexpr (std::is_same_v<T, float>) {
-        leading = std::bit_cast<double>(std::bit_cast<std::uint64_t>(center[i]) & ~((std::uint64_t{1} << 29) - 1));
-      }
-      high[i] = static_cast<T>(leading);
-      low[i] = static_cast<T>(center[i] - leading);
-    }
-  }
-  ViewPoint() : ViewPoint({0, 0, 0}, 0) {}
 };
 
 /// Unit direction and distance of W anchors seen from the view point; (0, 0, 1) and 0 where the anchor is at the camera (case PR9).
