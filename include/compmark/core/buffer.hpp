@@ -70,7 +70,7 @@ class Buffer {
   [[nodiscard]] const T* begin() const { return data(); }
   [[nodiscard]] const T* end() const { return data() + size_; }
 
-  static constexpr std::size_t alignment = 64;
+  static constexpr std::size_t alignment = alignof(T) > 64 ? alignof(T) : 64;
 
  private:
   struct Free {
