@@ -27,7 +27,8 @@ namespace compmark::inline v0 {
 /// The Gaussians that the decoder gives for this camera, colours as degree 0: rendered from here the table is the model. `view` chooses
 /// the appearance row, if the recipe has one. Cost: one decode.
 template <Recipe R, Executor E>
-[[nodiscard]] SplatTable bake_at_camera(const Model<R>& model, const Camera<double>& camera, std::size_t view, E& executor) {
+[[nodiscard]] SplatTable bake_at_camera(const Model<R>& model, const Camera<double>& camera, std::size_t view,
+                                        E& executor) {
   using T = typename R::Scalar;
   Buffer<std::uint32_t> visible;
   VisibilityWorkspace workspace;
@@ -68,7 +69,7 @@ class SplatRenderer {
 
 /// One camera's figures, all PSNR in dB on images rounded to 8 bits.
 struct BakeComparison {
-  double bake_to_model = 0;                                      ///< render of the bake against the model's own render
+  double bake_to_model = 0;  ///< render of the bake against the model's own render
   double model_to_target = std::numeric_limits<double>::quiet_NaN();  ///< NaN without ground truth
   double bake_to_target = std::numeric_limits<double>::quiet_NaN();
 };
@@ -92,8 +93,9 @@ struct NoTargets {};
 /// Cost: two renders a camera.
 template <Recipe R, class TableAt, class Targets, Executor E>
   requires std::same_as<typename R::Scalar, float>
-[[nodiscard]] Result<BakeReport> compare_bakes(const Model<R>& model, const TableAt& table_at, std::span<const Camera<double>> cameras,
-                                               Targets&& targets, std::size_t appearance_view, E& executor) {
+[[nodiscard]] Result<BakeReport> compare_bakes(const Model<R>& model, const TableAt& table_at,
+                                               std::span<const Camera<double>> cameras, Targets&& targets,
+                                               std::size_t appearance_view, E& executor) {
   const Pipeline<R> pipeline;
   typename Pipeline<R>::Context context;
   SplatRenderer<R> renderer(model.render);
@@ -137,9 +139,11 @@ template <Recipe R, class TableAt, class Targets, Executor E>
 
 /// One table for all cameras.
 template <Recipe R, class Targets, Executor E>
-[[nodiscard]] Result<BakeReport> compare_bake(const Model<R>& model, const SplatTable& table, std::span<const Camera<double>> cameras,
-                                              Targets&& targets, std::size_t appearance_view, E& executor) {
-  return compare_bakes(model, [&](std::size_t) -> const SplatTable& { return table; }, cameras, targets, appearance_view, executor);
+[[nodiscard]] Result<BakeReport> compare_bake(const Model<R>& model, const SplatTable& table,
+                                              std::span<const Camera<double>> cameras, Targets&& targets,
+                                              std::size_t appearance_view, E& executor) {
+  return compare_bakes(
+      model, [&](std::size_t) -> const SplatTable& { return table; }, cameras, targets, appearance_view, executor);
 }
 
 }  // namespace compmark::inline v0

@@ -1,0 +1,722 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What accuracy costs in time. Renders one trained model (or a synthetic scene) from a few views with every accuracy preset and with every
+// single knob turned away from `standard`, and compares image and gradient with two references in double, never mixed (numerics sheet,
+// section 2):  exact (no cut-offs)  and  spec (the published constants).
+//
+//   accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json FILE] [--html FILE] [--splats N] [--size N]
+//
+// Time is the median over the repetitions of the mean over the views; the cases are interleaved, so that a slow moment of the machine hits
+// all of them. Bytes are counted by this program's own operator new. Longer than 300 lines: it is one table with its means.
+#include <malloc.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <new>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "../examples/compmark/svg_plot.hpp"
+#include "compmark/anchor/visibility.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/io/json_file.hpp"
+#include "compmark/pipeline/model_file.hpp"
+#include "compmark/raster/reference.hpp"
+#include "compmark/raster/tile.hpp"
+#include "compmark/recipes/scaffold.hpp"
+
+// ---- live bytes of this program -------------------------------------------------------------------------------------------------------
+namespace {
+std::atomic<std::ptrdiff_t> live_bytes{0};
+void* counted(void* pointer) {
+  if (pointer == nullptr) throw std::bad_alloc();
+  live_bytes += static_cast<std::ptrdiff_t>(malloc_usable_size(pointer));
+  return pointer;
+}
+void uncounted(void* pointer) {
+  if (pointer != nullptr) live_bytes -= static_cast<std::ptrdiff_t>(malloc_usable_size(pointer));
+  std::free(pointer);
+}
+}  // namespace
+void* operator new(std::size_t size) { return counted(std::malloc(size == 0 ? 1 : size)); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  const std::size_t step = static_cast<std::size_t>(alignment);
+  return counted(std::aligned_alloc(step, (size + step - 1) / step * step));
+}
+void operator delete(void* pointer) noexcept { uncounted(pointer); }
+void operator delete(void* pointer, std::size_t) noexcept { uncounted(pointer); }
+void operator delete(void* pointer, std::align_val_t) noexcept { uncounted(pointer); }
+void operator delete(void* pointer, std::size_t, std::align_val_t) noexcept { uncounted(pointer); }
+
+namespace {
+
+using namespace compmark;
+using Clock = std::chrono::steady_clock;
+
+/// One view: the Gaussians that the decoder gave for it, in both precisions.
+struct View {
+  std::string name;
+  Camera<double> camera;
+  GaussianBatch<float> gaussians;
+  GaussianBatch<double> gaussians_double;
+  std::vector<double> d_image;  // gradient of an L1-like loss: +-1 / size, constant on 4 x 4 blocks
+};
+
+constexpr std::array<const char*, 5> group_names{"mean", "scale", "rotation", "opacity", "color"};
+constexpr std::array<std::array<std::size_t, 2>, 5> group_columns{{{0, 3}, {3, 6}, {6, 10}, {10, 11}, {11, 14}}};
+
+/// Image and gradient of one view, in double whatever computed it.
+struct Rendered {
+  std::vector<double> image;
+  std::array<std::vector<double>, 14> gradient;
+};
+
+/// One row of the table: a rasterizer type behind a virtual call.
+class Case {
+ public:
+  Case(std::string case_name, std::string case_group, std::string case_note)
+      : name(std::move(case_name)),
+        group(std::move(case_group)),
+        note(std::move(case_note)) {}
+  virtual ~Case() = default;
+  virtual double forward(const View& view) = 0;   // returns milliseconds
+  virtual double backward(const View& view) = 0;  // after forward of the same view
+  virtual Rendered rendered(const View& view) const = 0;
+  virtual std::size_t pairs() const = 0;
+  virtual void drop() = 0;  // frees the context
+
+  std::string name, group, note;
+  bool timed = true;
+};
+
+struct Scene {
+  double near_plane = 0.2, blur_variance = 0.3;
+  std::array<double, 3> background{0, 0, 0};
+};
+
+ThreadExecutor* executor = nullptr;
+Scene scene;
+
+template <class Rasterizer>
+class RasterCase final : public Case {
+  using T = typename Rasterizer::Scalar;
+
+ public:
+  using Case::Case;
+  double forward(const View& view) override {
+    if (!state_) state_ = std::make_unique<State>();
+    const std::size_t size =
+        3 * static_cast<std::size_t>(view.camera.width) * static_cast<std::size_t>(view.camera.height);
+    state_->image.resize(size);
+    state_->d_image.resize(size);
+    for (std::size_t i = 0; i < size; ++i) state_->d_image[i] = static_cast<T>(view.d_image[i]);
+    state_->gradient.resize(columns(view).count);
+    state_->gradient.set_zero();
+    const Camera<T> camera = view.camera.template cast<T>();
+    const Clock::time_point start = Clock::now();
+    const RasterReport report = rasterizer().forward(columns(view), camera, background(),
+                                                     image_view<T>(view, state_->image), state_->context, *executor);
+    const double time = milliseconds(start);
+    pairs_ = report.pairs;
+    return time;
+  }
+  double backward(const View& view) override {
+    const Camera<T> camera = view.camera.template cast<T>();
+    const Clock::time_point start = Clock::now();
+    rasterizer().backward(columns(view), camera, background(), image_view<const T>(view, state_->d_image),
+                          state_->gradient.columns(), state_->context, *executor);
+    return milliseconds(start);
+  }
+  Rendered rendered(const View&) const override {
+    Rendered result;
+    result.image.assign(state_->image.begin(), state_->image.end());
+    const GaussianColumns<const T> g = std::as_const(state_->gradient).columns();
+    const std::array<const T*, 14> all{g.mean[0],  g.mean[1],     g.mean[2],     g.scale[0],    g.scale[1],
+                                       g.scale[2], g.rotation[0], g.rotation[1], g.rotation[2], g.rotation[3],
+                                       g.opacity,  g.color[0],    g.color[1],    g.color[2]};
+    for (std::size_t c = 0; c < 14; ++c) result.gradient[c].assign(all[c], all[c] + g.count);
+    return result;
+  }
+  std::size_t pairs() const override { return pairs_; }
+  void drop() override { state_.reset(); }
+
+ private:
+  struct State {
+    typename Rasterizer::Context context;
+    Buffer<T> image, d_image;
+    GaussianBatch<T> gradient;
+  };
+  static Rasterizer rasterizer() {
+    typename Rasterizer::Settings settings;
+    settings.near_plane = static_cast<T>(scene.near_plane);
+    settings.blur_variance = static_cast<T>(scene.blur_variance);
+    return Rasterizer(settings);
+  }
+  static std::array<T, 3> background() {
+    return {static_cast<T>(scene.background[0]), static_cast<T>(scene.background[1]),
+            static_cast<T>(scene.background[2])};
+  }
+  static GaussianColumns<const T> columns(const View& view) {
+    if constexpr (std::is_same_v<T, double>) {
+      return view.gaussians_double.columns();
+    } else {
+      return view.gaussians.columns();
+    }
+  }
+  template <class U>
+  static ImageView<U> image_view(const View& view, Buffer<T>& buffer) {
+    return {buffer.data(), 3, view.camera.height, view.camera.width};
+  }
+  static double milliseconds(Clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  }
+
+  std::unique_ptr<State> state_;
+  std::size_t pairs_ = 0;
+};
+
+using Cases = std::vector<std::unique_ptr<Case>>;
+
+template <class T, Accuracy accuracy>
+void add(Cases& cases, std::string name, std::string group, std::string note) {
+  cases.push_back(
+      std::make_unique<RasterCase<TileRasterizer<T, accuracy>>>(std::move(name), std::move(group), std::move(note)));
+}
+
+constexpr Accuracy with(void (*change)(Accuracy&), Accuracy accuracy = accuracy::standard) {
+  change(accuracy);
+  return accuracy;
+}
+
+Cases all_cases() {
+  Cases cases;
+  add<double, accuracy::exact>(cases, "exact", "reference", "double, alpha > 1e-7, no stop, alpha <= 1");
+  add<double, accuracy::spec>(cases, "spec", "reference", "double, the published constants");
+  add<float, accuracy::inria>(cases, "inria", "preset", "the published algorithm, literally");
+  add<float, accuracy::quality>(cases, "quality", "preset", "");
+  add<float, accuracy::standard>(cases, "standard", "preset", "default; all knobs below start here");
+  add<float, accuracy::fast>(cases, "fast", "preset", "");
+  add<float, accuracy::draft>(cases, "draft", "preset", "");
+
+  add<double, accuracy::standard>(cases, "scalar double", "knob", "half the lanes");
+  add<float, with([](Accuracy& a) { a.exp_degree = 0; })>(cases, "exp std::exp", "knob", "");
+  add<float, with([](Accuracy& a) { a.exp_degree = 4; })>(cases, "exp degree 4", "knob", "");
+  add<float, with([](Accuracy& a) { a.exp_degree = 3; })>(cases, "exp degree 3", "knob", "");
+  add<float, with([](Accuracy& a) { a.exp_degree = 2; })>(cases, "exp degree 2", "knob", "");
+  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 1024; })>(cases, "alpha_min 1/1024", "knob", "");
+  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 512; })>(cases, "alpha_min 1/512", "knob", "");
+  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 128; })>(cases, "alpha_min 1/128", "knob", "");
+  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 64; })>(cases, "alpha_min 1/64", "knob", "");
+  add<float, with([](Accuracy& a) { a.alpha_max = 0.9999f; })>(cases, "alpha_max 0.9999", "knob", "");
+  add<float, with([](Accuracy& a) { a.transmittance_stop = 0; })>(cases, "stop never", "knob", "");
+  add<float, with([](Accuracy& a) { a.transmittance_stop = 1e-3f; })>(cases, "stop 1e-3", "knob", "");
+  add<float, with([](Accuracy& a) { a.transmittance_stop = 1e-2f; })>(cases, "stop 1e-2", "knob", "");
+  add<float, with([](Accuracy& a) { a.stop = StopRule::exclusive; })>(cases, "stop exclusive", "knob",
+                                                                      "the published rule");
+  add<float, with([](Accuracy& a) { a.footprint = FootprintRule::opacity_box; })>(cases, "footprint box", "knob",
+                                                                                  "no tile test");
+  add<float, with([](Accuracy& a) { a.footprint = FootprintRule::square_three_sigma; })>(
+      cases, "footprint square 3 sigma", "knob", "the published rule");
+  add<float, with([](Accuracy& a) { a.tile_size = 32; })>(cases, "tile 32", "knob", "");
+  add<float, with([](Accuracy& a) { a.published_backward = true; })>(cases, "published backward", "knob", "same image");
+
+  constexpr auto exact_tiles = [](Accuracy& a) { a.footprint = FootprintRule::exact_tiles; };
+  constexpr auto and_polynomial = [](Accuracy& a) { a.footprint = FootprintRule::exact_tiles, a.exp_degree = 5; };
+  constexpr auto and_inclusive = [](Accuracy& a) {
+    a.footprint = FootprintRule::exact_tiles, a.exp_degree = 5, a.stop = StopRule::inclusive;
+  };
+  add<float, with(exact_tiles, accuracy::inria)>(cases, "inria + exact tiles", "ladder",
+                                                 "from inria to standard, step by step");
+  add<float, with(and_polynomial, accuracy::inria)>(cases, "+ polynomial exp", "ladder", "");
+  add<float, with(and_inclusive, accuracy::inria)>(cases, "+ inclusive stop", "ladder",
+                                                   "standard adds the exact gradient");
+  return cases;
+}
+
+// ---- scenes ---------------------------------------------------------------------------------------------------------------------------
+
+void finish_view(View& view) {
+  const std::size_t count = view.gaussians.size();
+  view.gaussians_double.resize(count);
+  const auto copy = [&](const float* from, double* to) { std::copy_n(from, count, to); };
+  const GaussianColumns<const float> g = std::as_const(view.gaussians).columns();
+  const GaussianColumns<double> d = view.gaussians_double.columns();
+  for (std::size_t i = 0; i < 3; ++i)
+    copy(g.mean[i], d.mean[i]), copy(g.scale[i], d.scale[i]), copy(g.color[i], d.color[i]);
+  for (std::size_t i = 0; i < 4; ++i) copy(g.rotation[i], d.rotation[i]);
+  copy(g.opacity, d.opacity);
+  const std::size_t width = static_cast<std::size_t>(view.camera.width),
+                    height = static_cast<std::size_t>(view.camera.height);
+  view.d_image.resize(3 * width * height);
+  const Random random(7, 0, random_stage("accuracy_vs_time loss"));
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t y = 0; y < height; ++y) {
+      for (std::size_t x = 0; x < width; ++x) {
+        const bool up = (random.bits((c * height + y / 4) * width + x / 4) & 1) != 0;
+        view.d_image[(c * height + y) * width + x] = (up ? 1.0 : -1.0) / static_cast<double>(view.d_image.size());
+      }
+    }
+  }
+}
+
+/// Views of the sheet's K-table scene: log-normal anisotropic footprints, white background.
+std::vector<View> synthetic_views(std::size_t splats, int size) {
+  scene.background = {1, 1, 1};
+  const Random random(1, 0, random_stage("accuracy_vs_time scene"));
+  std::vector<View> views(2);
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    View& view = views[v];
+    view.name = "synthetic " + std::to_string(v);
+    view.camera.width = view.camera.height = size;
+    view.camera.fx = view.camera.fy = 1.2 * size;
+    view.camera.cx = view.camera.cy = 0.5 * size;
+    const double angle = 0.5 * static_cast<double>(v);
+    view.camera.rotation_camera_world = {std::cos(angle),  0, std::sin(angle), 0, 1, 0,
+                                         -std::sin(angle), 0, std::cos(angle)};
+    view.camera.center_world = {-4 * -std::sin(angle), 0, -4 * std::cos(angle)};
+    view.gaussians.resize(splats);
+    const GaussianColumns<float> g = view.gaussians.columns();
+    const double unit = 0.02 * std::cbrt(6e4 / static_cast<double>(splats));
+    for (std::size_t i = 0; i < splats; ++i) {
+      const std::uint64_t key = 32 * i;
+      std::array<double, 4> q{};
+      double norm = 0;
+      for (std::uint64_t k = 0; k < 4; ++k) q[k] = random.normal(key + k), norm += q[k] * q[k];
+      for (std::uint64_t k = 0; k < 4; ++k) g.rotation[k][i] = static_cast<float>(q[k] / std::sqrt(norm));
+      for (std::uint64_t k = 0; k < 3; ++k) {
+        g.mean[k][i] = static_cast<float>(2.6 * (random.uniform(key + 4 + k) - 0.5));
+        g.scale[k][i] = static_cast<float>(unit * std::exp(0.7 * random.normal(key + 8 + k)));
+        g.color[k][i] = static_cast<float>(random.uniform(key + 12 + k));
+      }
+      g.opacity[i] = static_cast<float>(random.uniform(key + 16));
+    }
+    finish_view(view);
+  }
+  return views;
+}
+
+/// Test views of a trained model (all views where it has no test views), evenly spread.
+template <Recipe R>
+Result<std::vector<View>> model_views(const std::filesystem::path& path, std::size_t wanted) {
+  Result<LoadedModel<R>> loaded = read_model<R>(path);
+  if (!loaded) return loaded.error();
+  const Model<R>& model = loaded->model;
+  scene = {model.render.near_plane, model.render.blur_variance, model.render.background};
+  std::vector<const StoredView*> candidates;
+  for (const StoredView& view : loaded->info.views) {
+    if (view.test) candidates.push_back(&view);
+  }
+  if (candidates.empty()) {
+    for (const StoredView& view : loaded->info.views) candidates.push_back(&view);
+  }
+  if (candidates.empty())
+    return Error{ErrorKind::invalid, path.string(), "views", "the model has no cameras",
+                 "train it again with this version"};
+  const std::size_t count = std::min(std::max<std::size_t>(1, wanted), candidates.size());
+  std::vector<View> views(count);
+  const typename R::GaussianDecoder decoder{};
+  typename R::GaussianDecoder::Context context;
+  Buffer<std::uint32_t> visible;
+  VisibilityWorkspace workspace;
+  for (std::size_t i = 0; i < count; ++i) {
+    const StoredView& stored = *candidates[i * candidates.size() / count];
+    views[i].name = stored.name;
+    views[i].camera = stored.camera;
+    visible_anchors(model.columns(), stored.camera.template cast<float>(),
+                    {model.render.near_plane, model.render.blur_variance}, visible, workspace, *executor);
+    decoder.forward(model.columns(), std::as_const(visible).span(), stored.camera.center_world, 0, model.arena,
+                    model.decoder, views[i].gaussians, context, *executor);
+    finish_view(views[i]);
+  }
+  return views;
+}
+
+Result<std::vector<View>> load_views(const std::filesystem::path& path, std::size_t wanted) {
+  const Result<SafetensorsFile> file = read_safetensors(path);
+  if (!file) return file.error();
+  const Result<std::string> recipe = model_recipe(*file);
+  if (!recipe) return recipe.error();
+  Result<std::vector<View>> views = model_views<recipes::Scaffold>(path, wanted);
+  if (!views) views = model_views<recipes::CompMarkHost>(path, wanted);
+  if (!views) views = model_views<recipes::CompMarkPaperHost>(path, wanted);
+  return views;
+}
+
+// ---- comparison -----------------------------------------------------------------------------------------------------------------------
+
+double psnr_of(double squares, std::size_t count) {
+  return squares > 0 ? -10 * std::log10(squares / static_cast<double>(count)) : 999;
+}
+
+struct Difference {
+  double squares = 0, largest = 0;
+  std::size_t count = 0;
+  void add(const std::vector<double>& a, const std::vector<double>& b) {
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      const double d = std::abs(a[i] - b[i]);
+      squares += d * d;
+      largest = std::max(largest, d);
+    }
+    count += a.size();
+  }
+  [[nodiscard]] double psnr() const { return psnr_of(squares, count); }
+};
+
+/// Sums that give relative L2 distance, cosine and signed bias of a gradient g against the reference r.
+struct GradientDifference {
+  double gg = 0, rr = 0, gr = 0, dd = 0;
+  void add(const std::vector<double>& g, const std::vector<double>& r) {
+    for (std::size_t i = 0; i < g.size(); ++i)
+      gg += g[i] * g[i], rr += r[i] * r[i], gr += g[i] * r[i], dd += (g[i] - r[i]) * (g[i] - r[i]);
+  }
+  [[nodiscard]] double relative() const { return std::sqrt(dd / rr); }
+  [[nodiscard]] double cosine() const { return gr / std::sqrt(gg * rr); }
+  [[nodiscard]] double bias() const { return gr / rr - 1; }  // > 0: too long along the true direction
+};
+
+struct Row {
+  std::vector<double> forward_ms, backward_ms;  // a repetition each, mean over views
+  Difference to_exact, to_spec;
+  std::array<GradientDifference, 5> gradient;
+  std::ptrdiff_t bytes = 0;
+  double pairs = 0;
+  static double median(std::vector<double> values) {
+    if (values.empty()) return NAN;
+    std::sort(values.begin(), values.end());
+    const std::size_t n = values.size();
+    return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
+  }
+  [[nodiscard]] double forward() const { return median(forward_ms); }
+  [[nodiscard]] double backward() const { return median(backward_ms); }
+  [[nodiscard]] double total() const { return forward() + backward(); }
+  template <class F>
+  [[nodiscard]] double mean_of_groups(const F& f) const {
+    double sum = 0;
+    for (const GradientDifference& group : gradient) sum += f(group);
+    return sum / static_cast<double>(gradient.size());
+  }
+  [[nodiscard]] double relative() const {
+    return mean_of_groups([](const GradientDifference& g) { return g.relative(); });
+  }
+  [[nodiscard]] double cosine() const {
+    return mean_of_groups([](const GradientDifference& g) { return g.cosine(); });
+  }
+  [[nodiscard]] double bias() const {
+    return mean_of_groups([](const GradientDifference& g) { return g.bias(); });
+  }
+};
+
+/// TileRasterizer<double> stands in for the slow ReferenceRasterizer; here it is compared with it on a crop of every view.
+template <Accuracy accuracy>
+std::string prove_reference(const std::vector<View>& views, int crop) {
+  double image_error = 0, gradient_error = 0;
+  for (const View& whole : views) {
+    View view;
+    const int size = std::min({crop, whole.camera.width, whole.camera.height});
+    view.camera = whole.camera.cropped((whole.camera.width - size) / 2, (whole.camera.height - size) / 2, size, size);
+    view.gaussians = whole.gaussians;
+    finish_view(view);
+    RasterCase<TileRasterizer<double, accuracy>> tile("", "", "");
+    RasterCase<ReferenceRasterizer<double, accuracy>> reference("", "", "");
+    for (Case* one : {static_cast<Case*>(&tile), static_cast<Case*>(&reference)}) {
+      one->forward(view);
+      one->backward(view);
+    }
+    const Rendered a = tile.rendered(view), b = reference.rendered(view);
+    Difference image;
+    image.add(a.image, b.image);
+    image_error = std::max(image_error, image.largest);
+    for (std::size_t group = 0; group < 5; ++group) {
+      GradientDifference gradient;
+      for (std::size_t c = group_columns[group][0]; c < group_columns[group][1]; ++c)
+        gradient.add(a.gradient[c], b.gradient[c]);
+      if (gradient.rr > 0) gradient_error = std::max(gradient_error, gradient.relative());
+    }
+  }
+  return tool::format_text("image %.1e, gradient %.1e", image_error, gradient_error);
+}
+
+std::string bytes_text(std::ptrdiff_t bytes) { return tool::format_text("%.1f", static_cast<double>(bytes) / 1e6); }
+
+struct Options {
+  std::filesystem::path model, json, html;
+  std::size_t views = 4, splats = 60000, threads = 0;
+  int repetitions = 7, size = 512;
+};
+
+std::optional<Options> parse(int argc, char** argv) {
+  Options options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view argument = argv[i];
+    const auto value = [&]() -> const char* { return i + 1 < argc ? argv[++i] : ""; };
+    if (argument == "--views") {
+      options.views = std::strtoul(value(), nullptr, 10);
+    } else if (argument == "--repetitions") {
+      options.repetitions = std::max(1, std::atoi(value()));
+    } else if (argument == "--threads") {
+      options.threads = std::strtoul(value(), nullptr, 10);
+    } else if (argument == "--splats") {
+      options.splats = std::max(1ul, std::strtoul(value(), nullptr, 10));
+    } else if (argument == "--size") {
+      options.size = std::clamp(std::atoi(value()), 16, 8192);
+    } else if (argument == "--json") {
+      options.json = value();
+    } else if (argument == "--html") {
+      options.html = value();
+    } else if (argument.substr(0, 2) == "--" || !options.model.empty()) {
+      std::fprintf(stderr,
+                   "usage: accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json "
+                   "FILE] [--html FILE] "
+                   "[--splats N] [--size N]\n");
+      return std::nullopt;
+    } else {
+      options.model = argument;
+    }
+  }
+  return options;
+}
+
+struct Table {
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> rows;
+  /// Aligned Markdown.
+  [[nodiscard]] std::string markdown() const {
+    std::vector<std::size_t> width;
+    for (const std::string& column : columns) width.push_back(column.size());
+    for (const std::vector<std::string>& row : rows) {
+      for (std::size_t c = 0; c < row.size(); ++c) width[c] = std::max(width[c], row[c].size());
+    }
+    const auto line = [&](const std::vector<std::string>& cells) {
+      std::string text = "|";
+      for (std::size_t c = 0; c < cells.size(); ++c) {
+        const std::string space(width[c] - cells[c].size(), ' ');
+        text.append(" ").append(c == 0 ? cells[c] : space).append(c == 0 ? space : cells[c]).append(" |");
+      }
+      return text + "\n";
+    };
+    std::string text = line(columns) + "|";
+    for (std::size_t c = 0; c < width.size(); ++c) {
+      text.append(c == 0 ? ":" : "-").append(width[c], '-').append(c == 0 ? "-|" : ":|");
+    }
+    text += "\n";
+    for (const std::vector<std::string>& row : rows) text += line(row);
+    return text;
+  }
+  [[nodiscard]] std::string html() const {
+    std::string text = "<table><tr>";
+    for (const std::string& column : columns) text += "<th>" + tool::escape_html(column) + "</th>";
+    text += "</tr>";
+    for (const std::vector<std::string>& row : rows) {
+      text += "<tr>";
+      for (const std::string& cell : row) text += "<td>" + tool::escape_html(cell) + "</td>";
+      text += "</tr>";
+    }
+    return text + "</table>\n";
+  }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::optional<Options> options = parse(argc, argv);
+  if (!options) return 2;
+  ThreadExecutor threads(options->threads);
+  executor = &threads;
+  std::vector<View> views;
+  if (options->model.empty()) {
+    views = synthetic_views(options->splats, options->size);
+  } else {
+    Result<std::vector<View>> loaded = load_views(options->model, options->views);
+    if (!loaded) {
+      std::fprintf(stderr, "accuracy_vs_time: %s\n", loaded.error().line().c_str());
+      return 1;
+    }
+    views = std::move(*loaded);
+  }
+  double gaussians = 0;
+  for (const View& view : views)
+    gaussians += static_cast<double>(view.gaussians.size()) / static_cast<double>(views.size());
+  std::string head = tool::format_text(
+      "%s: %zu views of %d x %d, %.0f Gaussians a view, %zu threads, median of %d repetitions, interleaved",
+      options->model.empty() ? "synthetic scene" : options->model.filename().c_str(), views.size(),
+      views[0].camera.width, views[0].camera.height, gaussians, threads.concurrency(), options->repetitions);
+  std::printf("%s\n", head.c_str());
+  const std::string proof =
+      "References: TileRasterizer<double>. Largest difference to ReferenceRasterizer<double> on the central 48 x 48 "
+      "pixels of every view: exact: " +
+      prove_reference<accuracy::exact>(views, 48) + "; spec: " + prove_reference<accuracy::spec>(views, 48) + ".";
+  std::printf("%s\n\n", proof.c_str());
+
+  // Warm-up, and everything that is not time. The references first; they keep no context.
+  Cases cases = all_cases();
+  std::vector<Row> rows(cases.size());
+  std::vector<Rendered> exact, spec;
+  const int reference_repetitions = std::min(options->repetitions, 2);
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const std::ptrdiff_t before = live_bytes.load();
+    const bool reference = cases[i]->group == "reference";
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      cases[i]->forward(views[v]);
+      cases[i]->backward(views[v]);
+      rows[i].pairs += static_cast<double>(cases[i]->pairs()) / static_cast<double>(views.size());
+      Rendered rendered = cases[i]->rendered(views[v]);
+      if (cases[i]->name == "exact") exact.push_back(std::move(rendered));
+      if (cases[i]->name == "spec") spec.push_back(std::move(rendered));
+      const Rendered& current = cases[i]->name == "exact" ? exact[v] : (cases[i]->name == "spec" ? spec[v] : rendered);
+      rows[i].to_exact.add(current.image, exact[v].image);
+      if (!spec.empty()) rows[i].to_spec.add(current.image, spec[v].image);
+      for (std::size_t group = 0; group < 5; ++group) {
+        for (std::size_t c = group_columns[group][0]; c < group_columns[group][1]; ++c) {
+          rows[i].gradient[group].add(current.gradient[c], exact[v].gradient[c]);
+        }
+      }
+    }
+    const std::ptrdiff_t stored =
+        reference ? static_cast<std::ptrdiff_t>(views.size() * (3 * 8 * views[0].d_image.size() / 3)) : 0;
+    rows[i].bytes = live_bytes.load() - before - stored;
+    if (reference) {
+      for (int repetition = 0; repetition < reference_repetitions; ++repetition) {
+        double forward = 0, backward = 0;
+        for (const View& view : views) forward += cases[i]->forward(view), backward += cases[i]->backward(view);
+        rows[i].forward_ms.push_back(forward / static_cast<double>(views.size()));
+        rows[i].backward_ms.push_back(backward / static_cast<double>(views.size()));
+      }
+      cases[i]->drop();
+    }
+  }
+  for (std::size_t v = 0; v < views.size(); ++v) rows[0].to_spec.add(exact[v].image, spec[v].image);
+
+  for (int repetition = 0; repetition < options->repetitions; ++repetition) {
+    for (std::size_t i = 0; i < cases.size(); ++i) {
+      if (cases[i]->group == "reference") continue;
+      double forward = 0, backward = 0;
+      for (const View& view : views) forward += cases[i]->forward(view), backward += cases[i]->backward(view);
+      rows[i].forward_ms.push_back(forward / static_cast<double>(views.size()));
+      rows[i].backward_ms.push_back(backward / static_cast<double>(views.size()));
+    }
+  }
+
+  // The Pareto front: no other case is both faster and closer to exact.
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    if (cases[i]->group != "reference") order.push_back(i);
+  }
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return rows[a].total() < rows[b].total(); });
+  std::vector<std::size_t> front;
+  for (const std::size_t i : order) {
+    if (front.empty() || rows[i].to_exact.psnr() > rows[front.back()].to_exact.psnr() + 0.01) front.push_back(i);
+  }
+
+  std::size_t standard = 0;
+  for (std::size_t i = 0; i < cases.size(); ++i) standard = cases[i]->name == "standard" ? i : standard;
+  Table table{{"case", "ms forward", "ms backward", "x standard", "PSNR exact", "max exact", "PSNR spec", "max spec",
+               "grad rel L2", "grad 1-cos", "grad bias", "MB", "pairs/1000", "Pareto"},
+              {}};
+  nlohmann::ordered_json json{{"schema", 1},
+                              {"model", options->model.filename().string()},
+                              {"views", views.size()},
+                              {"width", views[0].camera.width},
+                              {"height", views[0].camera.height},
+                              {"gaussians_per_view", gaussians},
+                              {"threads", threads.concurrency()},
+                              {"repetitions", options->repetitions},
+                              {"reference_check", proof},
+                              {"cases", nlohmann::ordered_json::array()}};
+  const auto decibels = [](double value) { return value >= 300 ? std::string("-") : tool::format_text("%.1f", value); };
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const Row& row = rows[i];
+    const bool on_front = std::find(front.begin(), front.end(), i) != front.end();
+    table.rows.push_back(
+        {cases[i]->name, tool::format_text("%.1f", row.forward()), tool::format_text("%.1f", row.backward()),
+         tool::format_text("%.2f", row.total() / rows[standard].total()), decibels(row.to_exact.psnr()),
+         tool::format_text("%.1e", row.to_exact.largest), decibels(row.to_spec.psnr()),
+         tool::format_text("%.1e", row.to_spec.largest), tool::format_text("%.1e", row.relative()),
+         tool::format_text("%.1e", 1 - row.cosine()), tool::format_text("%+.1e", row.bias()), bytes_text(row.bytes),
+         tool::format_text("%.0f", row.pairs / 1e3), on_front ? "*" : ""});
+    nlohmann::ordered_json groups;
+    for (std::size_t g = 0; g < 5; ++g) {
+      groups[group_names[g]] = {{"relative_l2", row.gradient[g].relative()},
+                                {"cosine", row.gradient[g].cosine()},
+                                {"bias", row.gradient[g].bias()}};
+    }
+    json["cases"].push_back({{"name", cases[i]->name},
+                             {"group", cases[i]->group},
+                             {"note", cases[i]->note},
+                             {"forward_ms", row.forward()},
+                             {"backward_ms", row.backward()},
+                             {"psnr_exact", row.to_exact.psnr()},
+                             {"max_error_exact", row.to_exact.largest},
+                             {"psnr_spec", row.to_spec.psnr()},
+                             {"max_error_spec", row.to_spec.largest},
+                             {"gradient", groups},
+                             {"bytes", row.bytes},
+                             {"pairs", row.pairs},
+                             {"pareto", on_front}});
+  }
+  std::printf("%s\nPareto front, fastest first:", table.markdown().c_str());
+  for (const std::size_t i : front)
+    std::printf(" %s (%.1f ms, %.1f dB);", cases[i]->name.c_str(), rows[i].total(), rows[i].to_exact.psnr());
+  std::printf("\n");
+
+  if (!options->json.empty()) {
+    if (const Result<Done> written = write_json(options->json, json); !written) {
+      std::fprintf(stderr, "accuracy_vs_time: %s\n", written.error().line().c_str());
+      return 1;
+    }
+  }
+  if (!options->html.empty()) {
+    tool::Plot plot{.title = "Closeness to exact against time",
+                    .x_label = "ms forward + backward",
+                    .y_label = "PSNR against exact, dB",
+                    .series = {},
+                    .width = 860,
+                    .height = 520};
+    tool::PlotSeries line{.label = "Pareto front", .points = {}, .names = {}, .color = 5};
+    for (const std::size_t i : front) line.points.push_back({rows[i].total(), rows[i].to_exact.psnr()});
+    plot.series.push_back(line);
+    int color = 0;
+    for (const char* group : {"preset", "knob", "ladder"}) {
+      tool::PlotSeries series{.label = group, .points = {}, .names = {}, .color = color++, .line = false, .dots = true};
+      for (std::size_t i = 0; i < cases.size(); ++i) {
+        if (cases[i]->group != group) continue;
+        series.points.push_back({rows[i].total(), rows[i].to_exact.psnr()});
+        series.names.push_back(
+            cases[i]->group == "knob" && std::find(front.begin(), front.end(), i) == front.end() ? "" : cases[i]->name);
+      }
+      plot.series.push_back(std::move(series));
+    }
+    const std::string page =
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Accuracy against time</title><style>"
+        ":root{--ink:#16202c;--soft:#5b6878;--line:#dfe4ea;--paper:#fff;color-scheme:light dark}"
+        "@media(prefers-color-scheme:dark){:root{--ink:#e6ebf1;--soft:#98a5b5;--line:#2d3742;--paper:#12171d}}"
+        "body{margin:0 auto;max-width:1240px;padding:28px 20px;background:var(--paper);color:var(--ink);font:15px/1.5 "
+        "system-ui,sans-serif}"
+        "table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}td,th{padding:3px 10px 3px "
+        "0;text-align:right;"
+        "border-bottom:1px solid var(--line)}td:first-child,th:first-child{text-align:left}" +
+        std::string(tool::plot_style) + "</style></head><body><h1>Accuracy against time</h1><p>" +
+        tool::escape_html(head) + "</p>" + tool::svg(plot) + "<p>" + tool::escape_html(proof) + "</p>" + table.html() +
+        "</body></html>\n";
+    if (const Result<Done> written = write_file(options->html, page); !written) {
+      std::fprintf(stderr, "accuracy_vs_time: %s\n", written.error().line().c_str());
+      return 1;
+    }
+  }
+  return 0;
+}
