@@ -55,11 +55,21 @@ struct GrowthStatistics {
       const std::uint32_t* const slot = decoded.gaussian_slot.data();
       T* const sum = gradient_sum.data();
       T* const count = gradient_count.data();
-      for (std::size_t i = begin; i < end; ++i) {  // no branch: which Gaussians are on screen is not predictable
-        const bool visible = gaussian_visible[i] != 0;
-        const T norm = gradient_norm[i];
-        sum[slot[i]] += visible ? norm : T{};
-        count[slot[i]] += visible ? T(1) : T{};
+      // No branch, because which Gaussians are on screen is not predictable: first what to add (SIMD), then where.
+      constexpr std::size_t block = 64;
+      T norm[block], one[block];
+      for (std::size_t first = begin; first < end; first += block) {
+        const std::size_t size = std::min(block, end - first);
+        for (std::size_t i = 0; i < size; ++i) {
+          const bool visible = gaussian_visible[first + i] != 0;
+          const T value = gradient_norm[first + i];
+          norm[i] = visible ? value : T{};
+          one[i] = visible ? T(1) : T{};
+        }
+        for (std::size_t i = 0; i < size; ++i) {
+          sum[slot[first + i]] += norm[i];
+          count[slot[first + i]] += one[i];
+        }
       }
     });
   }

