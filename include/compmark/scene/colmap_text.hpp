@@ -1,0 +1,182 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// COLMAP's text files cameras.txt, images.txt, points3D.txt. "#" starts a comment line; images take two lines each, of which the second
+// may be empty; a name is the rest of its line and may contain spaces. Numbers are read independently of the locale.
+#pragma once
+
+#include <array>
+#include <charconv>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/atomic_file.hpp"
+#include "compmark/scene/colmap_model.hpp"
+
+namespace compmark::inline v0 {
+
+namespace detail {
+
+/// Words of one line, taken one by one; `good` tells whether all were there and could be read.
+class LineCursor {
+ public:
+  explicit LineCursor(std::string_view line) : rest_(line) {}
+
+  std::string_view word() {
+    trim();
+    std::size_t end = 0;
+    while (end < rest_.size() && !blank(rest_[end])) ++end;
+    const std::string_view result = rest_.substr(0, end);
+    rest_.remove_prefix(end);
+    good_ = good_ && !result.empty();
+    return result;
+  }
+  template <class T>
+  T number() {
+    const std::string_view text = word();
+    T value{};
+    const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), value);
+    good_ = good_ && status == std::errc() && end == text.data() + text.size();
+    return value;
+  }
+  std::string_view rest() {
+    trim();
+    std::string_view result = rest_;
+    while (!result.empty() && blank(result.back())) result.remove_suffix(1);
+    good_ = good_ && !result.empty();
+    return result;
+  }
+  [[nodiscard]] bool at_end() {
+    trim();
+    return rest_.empty();
+  }
+  [[nodiscard]] bool good() const { return good_; }
+
+ private:
+  static bool blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+  void trim() {
+    while (!rest_.empty() && blank(rest_.front())) rest_.remove_prefix(1);
+  }
+  std::string_view rest_;
+  bool good_ = true;
+};
+
+/// Lines of a file, counted.
+class LineReader {
+ public:
+  [[nodiscard]] static Result<LineReader> open(const std::filesystem::path& path) {
+    Result<std::vector<std::byte>> bytes = read_file(path);
+    if (!bytes) return bytes.error();
+    LineReader reader;
+    reader.name_ = path.string();
+    reader.bytes_ = std::move(*bytes);
+    return reader;
+  }
+  std::optional<std::string_view> next() {
+    if (position_ >= bytes_.size()) return std::nullopt;
+    const std::string_view text(reinterpret_cast<const char*>(bytes_.data()), bytes_.size());
+    const std::size_t end = text.find('\n', position_);
+    const std::string_view line = text.substr(position_, end == std::string_view::npos ? end : end - position_);
+    position_ = end == std::string_view::npos ? bytes_.size() : end + 1;
+    ++number_;
+    return line;
+  }
+  /// The next line that is neither empty nor a comment.
+  std::optional<std::string_view> next_record() {
+    while (std::optional<std::string_view> line = next()) {
+      const std::size_t first = line->find_first_not_of(" \t\r");
+      if (first != std::string_view::npos && (*line)[first] != '#') return line;
+    }
+    return std::nullopt;
+  }
+  [[nodiscard]] Error error(ErrorKind kind, std::string problem) const {
+    return {kind, name_, "line " + std::to_string(number_), std::move(problem),
+            "correct the line or export the model again with colmap model_converter"};
+  }
+
+ private:
+  std::string name_;
+  std::vector<std::byte> bytes_;
+  std::size_t position_ = 0;
+  std::size_t number_ = 0;
+};
+
+}  // namespace detail
+
+/// Reads the three files of a folder.
+[[nodiscard]] inline Result<ColmapModel> read_colmap_text(const std::filesystem::path& folder,
+                                                          const ColmapReadSettings& settings = {}) {
+  ColmapModel model;
+  Result<detail::LineReader> lines = detail::LineReader::open(folder / "cameras.txt");
+  if (!lines) return lines.error();
+  while (const std::optional<std::string_view> line = lines->next_record()) {
+    detail::LineCursor cursor(*line);
+    const auto id = cursor.number<std::uint32_t>();
+    const std::string_view name = cursor.word();
+    const std::optional<int> number = colmap_model_id(name);
+    if (!number) {
+      Error error = lines->error(ErrorKind::unsupported, "unknown camera model \"" + std::string(name) + "\"");
+      error.remedy = "undistort the images with colmap image_undistorter, which writes PINHOLE cameras";
+      return error;
+    }
+    ColmapCamera camera;
+    camera.model = *number;
+    camera.width = cursor.number<std::uint64_t>();
+    camera.height = cursor.number<std::uint64_t>();
+    for (std::size_t i = 0; i < colmap_models[static_cast<std::size_t>(camera.model)].parameters; ++i)
+      camera.parameters[i] = cursor.number<double>();
+    if (!cursor.good())
+      return lines->error(ErrorKind::malformed, "a camera needs CAMERA_ID MODEL WIDTH HEIGHT PARAMS of its model");
+    model.cameras[id] = camera;
+  }
+
+  lines = detail::LineReader::open(folder / "images.txt");
+  if (!lines) return lines.error();
+  while (const std::optional<std::string_view> line = lines->next_record()) {
+    detail::LineCursor cursor(*line);
+    const auto id = cursor.number<std::uint32_t>();
+    ColmapImage image;
+    for (double& v : image.rotation_wxyz) v = cursor.number<double>();
+    for (double& v : image.translation) v = cursor.number<double>();
+    image.camera_id = cursor.number<std::uint32_t>();
+    image.name = cursor.rest();
+    if (!cursor.good())
+      return lines->error(ErrorKind::malformed, "an image needs IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME");
+    const std::optional<std::string_view> features = lines->next();  // may be empty, or missing after the last image
+    detail::LineCursor feature(features.value_or(std::string_view()));
+    while (settings.observations && !feature.at_end()) {
+      ColmapObservation observation;
+      observation.x = feature.number<double>();
+      observation.y = feature.number<double>();
+      const auto point = feature.number<std::int64_t>();
+      observation.point_id = point < 0 ? ~std::uint64_t{0} : static_cast<std::uint64_t>(point);
+      if (!feature.good())
+        return lines->error(ErrorKind::malformed, "the second line of an image needs triples X Y POINT3D_ID");
+      image.observations.push_back(observation);
+    }
+    model.images[id] = std::move(image);
+  }
+
+  lines = detail::LineReader::open(folder / "points3D.txt");
+  if (!lines) return lines.error();
+  while (const std::optional<std::string_view> line = lines->next_record()) {
+    detail::LineCursor cursor(*line);
+    const auto id = cursor.number<std::uint64_t>();
+    ColmapPoint point;
+    for (double& v : point.position) v = cursor.number<double>();
+    for (std::uint8_t& v : point.color) v = cursor.number<std::uint8_t>();
+    if (!cursor.good()) return lines->error(ErrorKind::malformed, "a point needs POINT3D_ID X Y Z R G B");
+    model.points[id] = point;
+  }
+  return model;
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,52 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// One door for all datasets: looks at what a folder holds and calls the reader of that kind. A folder with both kinds opens as COLMAP,
+// as published (method sheet, section 3.5: Blender where transforms_train.json is and no folder sparse).
+#pragma once
+
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "compmark/core/result.hpp"
+#include "compmark/scene/blender.hpp"
+#include "compmark/scene/colmap.hpp"
+#include "compmark/scene/dataset.hpp"
+
+namespace compmark::inline v0 {
+
+/// Opens the dataset in a folder. Every image file is looked at (header only), no pixel is decoded. Cost: reading the files once.
+[[nodiscard]] inline Result<Dataset> open_dataset(const std::filesystem::path& folder,
+                                                  const DatasetSettings& settings) {
+  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+    return Error{kind, folder.string(), std::move(field), std::move(problem), std::move(remedy)};
+  };
+  if (!(settings.downscale > 0) || !std::isfinite(settings.downscale)) {
+    return fail(ErrorKind::invalid, "downscale", "must be a positive number, not " + std::to_string(settings.downscale),
+                "use 1, 2, 4 or 8");
+  }
+  std::error_code status;
+  if (!std::filesystem::exists(folder, status))
+    return fail(ErrorKind::not_found, "", "there is no such folder", "check the path of the dataset");
+  if (!std::filesystem::is_directory(folder, status))
+    return fail(ErrorKind::invalid, "", "is a file, not a folder", "give the folder of the dataset");
+  if (std::filesystem::is_empty(folder, status) && !status)
+    return fail(ErrorKind::not_found, "", "the folder is empty", "check the path of the dataset");
+  if (status)
+    return fail(ErrorKind::unreadable, "", "the folder cannot be read: " + status.message(), "check its permissions");
+  const bool has_sparse = std::filesystem::is_directory(folder / "sparse", status) && is_colmap(folder);
+  if (is_blender(folder) && !has_sparse) return open_blender(folder, settings);
+  if (is_colmap(folder)) return open_colmap(folder, settings);
+  if (std::filesystem::exists(folder / "transforms.json", status)) {
+    return fail(ErrorKind::unsupported, "transforms.json", "datasets with one transforms.json are not handled yet",
+                "split it into transforms_train.json and transforms_test.json in the Blender layout");
+  }
+  return fail(ErrorKind::not_found, "",
+              "holds neither transforms_train.json (Blender) nor a COLMAP model (sparse/0/images.bin or .txt)",
+              "give the folder that contains one of them");
+}
+
+}  // namespace compmark::inline v0
