@@ -14,19 +14,22 @@ namespace detail {
 
 /// 2^f for f in [-1/2, 1/2], minimax in relative error with p(0) = 1 exactly (numerics sheet, appendix A; case BF5).
 /// Written out, not looped: a loop over a coefficient array stopped g++ 12 from vectorising (case SY3).
-template <int Degree, class T, int W>
-[[nodiscard]] COMPMARK_INLINE Pack<T, W> exp2_fraction(Pack<T, W> f) {
-  using P = Pack<T, W>;
+/// P is a Pack, or any type with its arithmetic (several packs in step).
+template <int Degree, class P>
+[[nodiscard]] COMPMARK_INLINE P exp2_fraction(P f) {
+  using T = typename P::Scalar;
   static_assert(Degree >= 2 && Degree <= 6, "exp2_fraction: degree 2 to 6");
   const auto c = [](double x) { return P(static_cast<T>(x)); };
   if constexpr (Degree == 2) {
-    return fma(fma(c(0.23823853), f, c(0.69871530)), f, c(1));
+    return fma(fma(c(.239864090), f, c(.702941828)), f, c(1));
   } else if constexpr (Degree == 3) {
     return fma(fma(fma(c(.055008935), f, c(.242210998)), f, c(.693282931)), f, c(1));
   } else if constexpr (Degree == 4) {
     return fma(fma(fma(fma(c(.00958285406), f, c(.0559064303)), f, c(.240240986)), f, c(.693124193)), f, c(1));
   } else if constexpr (Degree == 5) {
-    return fma(fma(fma(fma(fma(c(.00132647278), f, c(.00967151326)), f, c(.0555073375)), f, c(.240222421)), f, c(.693146978)), f, c(1));
+    return fma(
+        fma(fma(fma(fma(c(.00132647278), f, c(.00967151326)), f, c(.0555073375)), f, c(.240222421)), f, c(.693146978)),
+        f, c(1));
   } else {
     P r = fma(c(.000153533645), f, c(.00133988751));
     r = fma(r, f, c(.00961843735));
@@ -40,7 +43,9 @@ template <int Degree, class T, int W>
 }  // namespace detail
 
 /// exp(x) for x in [-87, 0], the range of a splat's exponent is [-16, 0]. Degree 0 is std::exp (exact to 1 ulp).
-/// Largest relative error on [-5.55, 0] in float: degree 3 1.0e-4, 4 2.9e-6, 5 2.9e-7, 6 1.6e-7; exp_negative(0) = 1 exactly; never above 1.
+/// Largest relative error in float on [-5.55, 0]: degree 2 2.0e-3, 3 1.02e-4, 4 3.0e-6, 5 2.4e-7, 6 1.6e-7 (on [-16, 0] 3.0e-7, on [-87, 0]
+/// 1.3e-6: the reduction has one constant); without a fused multiply-add 5 4.0e-7, 6 3.3e-7 (9.7e-7, 3.9e-6). exp_negative(0) = 1 exactly,
+/// never above 1; not monotone to the last bit.
 template <int Degree, class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> exp_negative(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -55,7 +60,7 @@ template <int Degree, class T, int W>
   }
 }
 
-/// exp(x) for x in [-87, 88] (clamped to it): two-constant reduction, degree 6, relative error 2.4e-7 in float.
+/// exp(x) for x in [-87, 88] (clamped to it): two-constant reduction, degree 6, relative error 1.2e-7 in float.
 /// Scalars other than float use std::exp, so that double and long double references are exact to 1 ulp.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> exp(Pack<T, W> x) {
@@ -73,7 +78,7 @@ template <class T, int W>
   }
 }
 
-/// 1 / (1 + exp(-x)) without overflow (numerics case ML1).
+/// 1 / (1 + exp(-x)) without overflow (numerics case ML1); relative error 2.4e-7 in float for |x| <= 80.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> sigmoid(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -83,6 +88,7 @@ template <class T, int W>
 }
 
 /// tanh(x): odd series below 0.4 (keeps the relative error), (1 - e) / (1 + e) with e = exp(-2 |x|) above; the sign is that of x.
+/// Relative error 2.1e-7 in float, odd to the bit, never above 1.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> tanh(Pack<T, W> x) {
   using P = Pack<T, W>;

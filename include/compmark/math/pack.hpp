@@ -395,7 +395,23 @@ template <class T, int W>
   if constexpr (std::is_same_v<T, float> && W == 4) {
     return P::from_native((N)_mm_fmadd_ps((__m128)a.native, (__m128)b.native, (__m128)c.native));
   }
+  if constexpr (std::is_same_v<T, double> && W == 2) {
+    return P::from_native((N)_mm_fmadd_pd((__m128d)a.native, (__m128d)b.native, (__m128d)c.native));
+  }
   if constexpr (W == 1 && (std::is_same_v<T, float> || std::is_same_v<T, double>)) return P(std::fma(a.native, b.native, c.native));
+  if constexpr (W > native_width<T> && native_width<T> > 1) {  // wider than a register (tests only): halves, so that every width rounds alike
+    using H = Pack<T, W / 2>;
+    P result;
+    for (int half = 0; half < 2; ++half) {
+      H parts[3];
+      std::memcpy(&parts[0], reinterpret_cast<const char*>(&a) + half * static_cast<int>(sizeof(H)), sizeof(H));
+      std::memcpy(&parts[1], reinterpret_cast<const char*>(&b) + half * static_cast<int>(sizeof(H)), sizeof(H));
+      std::memcpy(&parts[2], reinterpret_cast<const char*>(&c) + half * static_cast<int>(sizeof(H)), sizeof(H));
+      const H sum = fma(parts[0], parts[1], parts[2]);
+      std::memcpy(reinterpret_cast<char*>(&result) + half * static_cast<int>(sizeof(H)), &sum, sizeof(H));
+    }
+    return result;
+  }
 #endif
   return a * b + c;
 }
