@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The rasterizer's workload: random splats on the screen with a given median size, log-normal(0.6), anisotropy 1 to 4, opacity
+// The rasterizer's workload: random splats on the screen with a given median size of the long axis, log-normal(0.6), anisotropy 1 to 4, opacity
 // sigmoid(1.5 n), random depths; built as Gaussians that face the camera, so that the whole road from Gaussians to pixels is measured.
 #pragma once
 
@@ -36,14 +36,14 @@ template <class T>
     const double z = 2 + 6 * random.uniform(base);
     const double u = size * random.uniform(base + 1), v = size * random.uniform(base + 2);
     const double sigma = median_sigma * std::exp(0.6 * random.normal(base + 3));
-    const double anisotropy = std::sqrt(1 + 3 * random.uniform(base + 4));
+    const double anisotropy = 1 + 3 * random.uniform(base + 4);
     const double angle = std::numbers::pi * random.uniform(base + 5);
     const double pixel = z / size;
     const auto set = [&](T* column, double value) { column[i] = static_cast<T>(value); };
     set(columns.mean[0], (u - size / 2.0) * pixel);
     set(columns.mean[1], (v - size / 2.0) * pixel);
     set(columns.mean[2], z);
-    set(columns.scale[0], sigma * anisotropy * pixel);
+    set(columns.scale[0], sigma * pixel);
     set(columns.scale[1], sigma / anisotropy * pixel);
     set(columns.scale[2], 0.01 * sigma * pixel);
     set(columns.rotation[0], std::cos(angle / 2));

@@ -14,6 +14,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 
 #include "compmark/raster/tile_forward.hpp"
 
@@ -23,13 +24,13 @@ namespace compmark::inline v0::detail {
 template <Accuracy accuracy, class T>
 struct BackwardScratch {
   static constexpr int kept = stores_chain<accuracy> ? 3 : 2;
-  CellSplat<T> splats[chunk_splats];
+  CellSplat<T> splats[chunk_splats + 1];  // the last one is the padding of BlockList
   ReachBits reach;
   alignas(64) T image_gradient[3][cell_blocks][block_pixels];
   alignas(64) T alpha_gradient[cell_blocks][block_pixels];
   alignas(64) T depth_gradient[cell_blocks][block_pixels];
   alignas(64) T behind[cell_blocks][block_pixels];
-  alignas(64) T pixel[chunk_splats][cell_blocks][kept][block_pixels];  // weight, alpha and, where needed, chain
+  alignas(64) T pixel[chunk_splats + 1][cell_blocks][kept][block_pixels];  // weight, alpha and, where needed, chain
 };
 
 /// Step 1 for one block.
@@ -47,26 +48,55 @@ inline void recompute_block(const std::uint64_t (&blended)[chunk_words], std::si
     y[at] = P::load(y_at + j * W);
     transmittance[at] = P::load(start + j * W);
   }
-  for (std::size_t i = 0; i < words; ++i) {
-    for (std::uint64_t bits = blended[i]; bits != 0; bits &= bits - 1) {
-      const std::size_t k = 64 * i + static_cast<std::size_t>(std::countr_zero(bits));
-      const CellSplat<T>& splat = scratch.splats[k];
-      for (int j = 0; j < packs; ++j) {
-        const auto at = static_cast<std::size_t>(j);
-        const P raw = raw_alpha<accuracy, T, W>(splat, x[at], y[at], x_at + j * W);
-        const Blend<T, W> result = blend<accuracy, stores_chain<accuracy>>(raw, transmittance[at]);
-        result.weight.store(scratch.pixel[k][block][0] + j * W);
-        result.alpha.store(scratch.pixel[k][block][1] + j * W);
-        if constexpr (stores_chain<accuracy>) result.chain.store(scratch.pixel[k][block][2] + j * W);
+  const BlockList list(blended, words);
+  for (std::size_t next = 0; next < list.size; next += step_splats) {
+    std::array<const CellSplat<T>*, step_splats> splat;
+    for (std::size_t i = 0; i < step_splats; ++i) splat[i] = scratch.splats + list.index[next + i];
+    for (int j = 0; j < packs; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      const InStep<P, step_splats> raw = raw_alpha<accuracy, step_splats, T, W>(splat, x[at], y[at], x_at + j * W);
+      for (std::size_t i = 0; i < step_splats; ++i) {
+        auto& pixel = scratch.pixel[list.index[next + i]][block];
+        const Blend<T, W> result = blend<accuracy, stores_chain<accuracy>>(raw.part[i], transmittance[at]);
+        result.weight.store(pixel[0] + j * W);
+        result.alpha.store(pixel[1] + j * W);
+        if constexpr (stores_chain<accuracy>) result.chain.store(pixel[2] + j * W);
       }
     }
   }
 }
 
-/// Sums of all lanes of 16 packs: result[i] = reduce_add(sums[i]).
+/// Lane of a pair's record that holds sum i, in the order of SplatGradient: what the reduction below leaves.
+inline constexpr std::array<std::size_t, 10> record_lane{0, 8, 4, 12, 2, 10, 6, 14, 1, 9};
+
+/// Half a step of the reduction: lanes without `bit` hold the sums of a over pairs of lanes that differ in that bit, lanes with it those of b.
+template <std::size_t bit, class P, std::size_t... lane>
+[[nodiscard]] COMPMARK_INLINE P fold_two(P a, P b, std::index_sequence<lane...> /*lanes*/) {
+  constexpr std::size_t W = P::width;
+  const auto straight = __builtin_shufflevector(a.native, b.native, ((lane & bit) == 0 ? lane : W + lane)...);
+  const auto crossed = __builtin_shufflevector(a.native, b.native, ((lane & bit) == 0 ? lane + bit : W + lane - bit)...);
+  return P::from_native(straight + crossed);
+}
+template <std::size_t bit, class P, std::size_t... lane>
+[[nodiscard]] COMPMARK_INLINE P fold_one(P a, std::index_sequence<lane...> /*lanes*/) {
+  return P::from_native(a.native + __builtin_shufflevector(a.native, a.native, (lane ^ bit)...));
+}
+
+/// Sums over all lanes of ten packs: record[record_lane[i]] = the sum of sums[i], other elements are of no use. At W = 16 the packs are
+/// folded into one: 11 additions and 19 shuffles in place of 40 and 40.
 template <class T, int W>
-COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* result) {
-  for (std::size_t i = 0; i < 10; ++i) result[i] = reduce_add(sums[i]);
+COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* record) {
+  if constexpr (W == 16) {
+    using Lanes = std::make_index_sequence<16>;
+    using P = Pack<T, W>;
+    const P a = fold_two<8>(sums[0], sums[1], Lanes{}), b = fold_two<8>(sums[2], sums[3], Lanes{}), c = fold_two<8>(sums[4], sums[5], Lanes{}),
+            d = fold_two<8>(sums[6], sums[7], Lanes{}), e = fold_two<8>(sums[8], sums[9], Lanes{});
+    const P ab = fold_two<4>(a, b, Lanes{}), cd = fold_two<4>(c, d, Lanes{}), ee = fold_one<4>(e, Lanes{});
+    fold_two<1>(fold_two<2>(ab, cd, Lanes{}), fold_one<2>(ee, Lanes{}), Lanes{}).store(record);
+  } else {
+    for (std::size_t i = 0; i < 16; ++i) record[i] = T(0);
+    for (std::size_t i = 0; i < 10; ++i) record[record_lane[i]] = reduce_add(sums[i]);
+  }
 }
 
 /// Step 2 for one splat: adds into nothing, overwrites `record` with the sums over the blocks of `mask` (in whitened units).
@@ -156,23 +186,21 @@ struct BackwardPlanes {
   const T* depth = nullptr;
 };
 
-/// One cell: for each entry of the list, the sums of its pixels go to records[slots[entry]] (added to it when `add`).
+/// Gradients of one cell's pixels, and the background seen through them.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
-inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, std::span<const std::uint32_t> slots,
-                          const CellPlace& place, const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
-                          const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
-                          BackwardScratch<accuracy, T>& scratch) {
-  for (int c = 0; c < 3; ++c) load_cell(planes.image.plane(c), place, T(0), scratch.image_gradient[c]);
+inline void load_gradients(const CellPlace& place, const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
+                           BackwardScratch<accuracy, T>& scratch) {
+  for (int c = 0; c < 3; ++c) load_cell(planes.image.plane(c), place, scratch.image_gradient[c]);
   if constexpr (outputs.alpha) {
     if (planes.alpha != nullptr) {
-      load_cell(planes.alpha, place, T(0), scratch.alpha_gradient);
+      load_cell(planes.alpha, place, scratch.alpha_gradient);
     } else {
       std::memset(scratch.alpha_gradient, 0, sizeof(scratch.alpha_gradient));
     }
   }
   if constexpr (outputs.depth) {
     if (planes.depth != nullptr) {
-      load_cell(planes.depth, place, T(0), scratch.depth_gradient);
+      load_cell(planes.depth, place, scratch.depth_gradient);
     } else {
       std::memset(scratch.depth_gradient, 0, sizeof(scratch.depth_gradient));
     }
@@ -186,6 +214,17 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
       fma(P(background[0]), d_red, fma(P(background[1]), d_green, P(background[2]) * d_blue)).store(scratch.behind[b] + j);
     }
   }
+}
+
+/// One cell: for each entry of the list, the sums of its pixels go to records[slots[entry]] (added to it when `add`), in the order and
+/// the units of the pixel loop: see record_lane.
+template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
+inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, std::span<const std::uint32_t> slots,
+                          const CellPlace& place, const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
+                          const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
+                          BackwardScratch<accuracy, T>& scratch) {
+  for (int c = 0; c < 3; ++c) prefetch_cell<false>(planes.image.plane(c), place);
+  scratch.splats[chunk_splats] = CellSplat<T>{};
   const T cell_x = static_cast<T>(place.x), cell_y = static_cast<T>(place.y);
   const auto clear = [&](std::size_t entry) {
     if (!add) records[slots[entry]] = SplatGradient<T>{};
@@ -196,23 +235,28 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
     const ChunkRecord<T>& record = chunks[chunk];
     std::memcpy(scratch.reach.word, record.blended, sizeof(record.blended));
     scratch.reach.by_splat(count);
-    constexpr std::size_t ahead = 8;
     for (std::size_t k = 0; k < count; ++k) {
-      if (k + ahead < count) __builtin_prefetch(&splats[list[first + k + ahead]]);
+      if (k + prefetch_ahead < count) __builtin_prefetch(&splats[list[first + k + prefetch_ahead]]);
       if ((scratch.reach.low[k] | scratch.reach.high[k]) != 0) scratch.splats[k] = to_cell(splats[list[first + k]], cell_x, cell_y);
     }
-    for (int b = 0; b < cell_blocks; ++b) recompute_block<accuracy, W>(record.blended[b], words, b, record.transmittance[b], scratch);
+    for (int b = 0; b < cell_blocks; ++b) {
+      // A few at a time, while there is work to do: step 2 must not wait for the records, which are scattered over memory.
+      const std::size_t share = (count + cell_blocks - 1) / cell_blocks, start = static_cast<std::size_t>(b) * share;
+      for (std::size_t k = start; k < std::min(start + share, count); ++k) __builtin_prefetch(&records[slots[first + k]], 1);
+      recompute_block<accuracy, W>(record.blended[b], words, b, record.transmittance[b], scratch);
+    }
+    if (chunk + 1 == opened) load_gradients<accuracy, outputs, W>(place, background, planes, scratch);
     for (std::size_t k = count; k-- > 0;) {
       const unsigned mask = scratch.reach.low[k] | static_cast<unsigned>(scratch.reach.high[k]) << 8;
       if (mask == 0) {
         clear(first + k);
         continue;
       }
-      alignas(64) T sums[16] = {};
+      alignas(64) T sums[16];
       gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, sums);
       T* target = &records[slots[first + k]].g;
       if (add) {
-        for (std::size_t i = 0; i < 10; ++i) target[i] += sums[i];
+        for (std::size_t i = 0; i < 16; ++i) target[i] += sums[i];
       } else {
         std::memcpy(target, sums, sizeof(sums));
       }

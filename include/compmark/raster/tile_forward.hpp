@@ -20,7 +20,7 @@ namespace compmark::inline v0::detail {
 /// Scratch of one worker, ~40 KB in float.
 template <class T>
 struct ForwardScratch {
-  CellSplat<T> splats[chunk_splats];
+  CellSplat<T> splats[chunk_splats + 1];  // the last one is the padding of BlockList
   ReachBits reach;
   alignas(64) T transmittance[cell_blocks][block_pixels];
   alignas(64) T color[3][cell_blocks][block_pixels];
@@ -31,7 +31,7 @@ struct ForwardScratch {
 template <class T>
 struct ChunkRecord {
   alignas(64) T transmittance[cell_blocks][block_pixels];       // before the chunk
-  alignas(64) std::uint64_t blended[cell_blocks][chunk_words];  // as ReachBits::word
+  alignas(64) std::uint64_t blended[cell_blocks][chunk_words];  // as ReachBits::word, until the block was finished
 };
 
 /// Localises the splats of one chunk and finds the blocks they reach, of those in `open`.
@@ -39,9 +39,8 @@ template <int W, class T>
 inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, const CellPlace& place, unsigned open,
                        CellSplat<T>* local, ReachBits& reach) {
   const T cell_x = static_cast<T>(place.x), cell_y = static_cast<T>(place.y);
-  constexpr std::size_t ahead = 8;
   for (std::size_t k = 0; k < list.size(); ++k) {
-    if (k + ahead < list.size()) __builtin_prefetch(&splats[list[k + ahead]]);
+    if (k + prefetch_ahead < list.size()) __builtin_prefetch(&splats[list[k + prefetch_ahead]]);
     const WhiteSplat<T>& splat = splats[list[k]];
     const unsigned mask = blocks_reached<W>(splat, cell_x, cell_y) & open;
     reach.low[k] = static_cast<std::uint8_t>(mask);
@@ -50,14 +49,15 @@ inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const st
   }
 }
 
-/// One block through one chunk. `blended` gets the bits of the splats that blended anywhere in the block.
+/// One block through one chunk. `blended` gets the bits of the splats that were met before the block was finished. Returns whether it was.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
-inline void forward_block(const CellSplat<T>* splats, const std::uint64_t (&reached)[chunk_words], std::size_t words, int block,
+inline bool forward_block(const CellSplat<T>* splats, const std::uint64_t (&reached)[chunk_words], std::size_t words, int block,
                           ForwardScratch<T>& scratch, std::uint64_t (&blended)[chunk_words]) {
   using P = Pack<T, W>;
   constexpr int packs = block_pixels / W;
   const T* x_at = cell_table<T>.at[0][block];
   const T* y_at = cell_table<T>.at[1][block];
+  const BlockList list(reached, words);
   std::array<P, packs> x, y, transmittance, red, green, blue, depth;
   for (int j = 0; j < packs; ++j) {
     const auto at = static_cast<std::size_t>(j);
@@ -69,35 +69,25 @@ inline void forward_block(const CellSplat<T>* splats, const std::uint64_t (&reac
     blue[at] = P::load(scratch.color[2][block] + j * W);
     if constexpr (outputs.depth) depth[at] = P::load(scratch.depth[block] + j * W);
   }
-  const auto finished = [&] {
-    bool open = false;
-    for (const P& t : transmittance) open = open || any(unfinished<accuracy>(t));
-    return !open;
-  };
-  bool done = false;
-  for (std::size_t i = 0; i < words; ++i) {
-    std::uint64_t out = 0;
-    unsigned step = 0;
-    for (std::uint64_t bits = done ? 0 : reached[i]; bits != 0; bits &= bits - 1) {
-      const CellSplat<T>& splat = splats[64 * i + static_cast<std::size_t>(std::countr_zero(bits))];
-      bool hit = false;
-      for (int j = 0; j < packs; ++j) {
-        const auto at = static_cast<std::size_t>(j);
-        const P raw = raw_alpha<accuracy, T, W>(splat, x[at], y[at], x_at + j * W);
-        const Blend<T, W> step_result = blend<accuracy, false>(raw, transmittance[at]);
-        red[at] = fma(step_result.weight, P(splat.red), red[at]);
-        green[at] = fma(step_result.weight, P(splat.green), green[at]);
-        blue[at] = fma(step_result.weight, P(splat.blue), blue[at]);
-        if constexpr (outputs.depth) depth[at] = fma(step_result.weight, P(splat.depth), depth[at]);
-        hit = hit | any(step_result.blended);
+  std::size_t next = 0;
+  bool open = true;
+  while (open && next < list.size) {
+    std::array<const CellSplat<T>*, step_splats> splat;
+    for (std::size_t i = 0; i < step_splats; ++i) splat[i] = splats + list.index[next + i];
+    next += step_splats;
+    open = false;
+    for (int j = 0; j < packs; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      const InStep<P, step_splats> raw = raw_alpha<accuracy, step_splats, T, W>(splat, x[at], y[at], x_at + j * W);
+      for (std::size_t i = 0; i < step_splats; ++i) {
+        const P weight = blend<accuracy, false>(raw.part[i], transmittance[at]).weight;
+        red[at] = fma(weight, P(splat[i]->red), red[at]);
+        green[at] = fma(weight, P(splat[i]->green), green[at]);
+        blue[at] = fma(weight, P(splat[i]->blue), blue[at]);
+        if constexpr (outputs.depth) depth[at] = fma(weight, P(splat[i]->depth), depth[at]);
       }
-      out |= hit ? bits & (~bits + 1) : 0;
-      if ((++step & 7u) == 0 && finished()) {
-        done = true;
-        break;
-      }
+      open = open | any(unfinished<accuracy>(transmittance[at]));
     }
-    blended[i] = out;
   }
   for (int j = 0; j < packs; ++j) {
     const auto at = static_cast<std::size_t>(j);
@@ -107,6 +97,18 @@ inline void forward_block(const CellSplat<T>* splats, const std::uint64_t (&reac
     blue[at].store(scratch.color[2][block] + j * W);
     if constexpr (outputs.depth) depth[at].store(scratch.depth[block] + j * W);
   }
+  std::memcpy(blended, reached, sizeof(blended));
+  if (next < list.size) {  // finished early: drop the splats from list[next] on
+    const std::size_t cut = list.index[next];
+    for (std::size_t i = 0; i < words; ++i) {
+      if (64 * i >= cut) {
+        blended[i] = 0;
+      } else if (64 * i + 64 > cut) {
+        blended[i] &= (std::uint64_t{1} << (cut - 64 * i)) - 1;
+      }
+    }
+  }
+  return !open;
 }
 
 /// The planes a cell is written to; alpha and depth may be null when `outputs` does not ask for them.
@@ -122,14 +124,13 @@ template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, const CellPlace& place,
                                 const std::array<T, 3>& background, const ForwardPlanes<T>& planes, ChunkRecord<T>* records,
                                 ForwardScratch<T>& scratch) {
-  for (int b = 0; b < cell_blocks; ++b) {
-    for (int i = 0; i < block_pixels; ++i) {
-      const bool inside = place.x + b % 4 * block_side + i % block_side < place.width && place.y + b / 4 * block_side + i / block_side < place.height;
-      scratch.transmittance[b][i] = inside ? T(1) : T(0);
-      for (auto& channel : scratch.color) channel[b][i] = T(0);
-      if constexpr (outputs.depth) scratch.depth[b][i] = T(0);
-    }
-  }
+  for (int c = 0; c < 3; ++c) prefetch_cell<true>(planes.image.plane(c), place);
+  each_block_row(place, [&](int block, int lane, std::size_t /*offset*/, int count) __attribute__((always_inline)) {
+    for (int i = 0; i < block_side; ++i) scratch.transmittance[block][lane + i] = i < count ? T(1) : T(0);
+  });
+  std::memset(scratch.color, 0, sizeof(scratch.color));
+  if constexpr (outputs.depth) std::memset(scratch.depth, 0, sizeof(scratch.depth));
+  scratch.splats[chunk_splats] = CellSplat<T>{};
   unsigned open = place.blocks();
   std::size_t chunk = 0;
   for (; chunk * chunk_splats < list.size() && open != 0; ++chunk) {
@@ -144,19 +145,16 @@ inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span
         for (std::size_t i = 0; i < words; ++i) record.blended[b][i] = 0;
         continue;
       }
-      forward_block<accuracy, outputs, W>(scratch.splats, scratch.reach.word[b], words, b, scratch, record.blended[b]);
-      bool unfinished_pixels = false;
-      for (int j = 0; j < block_pixels; j += W) {
-        unfinished_pixels = unfinished_pixels || any(unfinished<accuracy>(Pack<T, W>::load(scratch.transmittance[b] + j)));
-      }
-      if (!unfinished_pixels) open &= ~(1u << b);
+      if (forward_block<accuracy, outputs, W>(scratch.splats, scratch.reach.word[b], words, b, scratch, record.blended[b])) open &= ~(1u << b);
     }
   }
-  using std::abs;
   for (int b = 0; b < cell_blocks; ++b) {
     for (int i = 0; i < block_pixels; ++i) {
-      const T transmittance = accuracy.stop == StopRule::exclusive ? abs(scratch.transmittance[b][i]) : scratch.transmittance[b][i];
-      for (std::size_t c = 0; c < 3; ++c) scratch.color[c][b][i] += transmittance * background[c];
+      const T signed_value = scratch.transmittance[b][i];
+      const T transmittance = accuracy.stop == StopRule::exclusive && signed_value < T(0) ? -signed_value : signed_value;
+      scratch.color[0][b][i] += transmittance * background[0];
+      scratch.color[1][b][i] += transmittance * background[1];
+      scratch.color[2][b][i] += transmittance * background[2];
       if constexpr (outputs.alpha) scratch.transmittance[b][i] = T(1) - transmittance;
     }
   }
