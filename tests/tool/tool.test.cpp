@@ -1,0 +1,243 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The command-line tool as its user meets it: a whole path on the built-in scene, the same model for any number of threads and after a
+// kill, and for every bad input one line that names file, field and remedy, exit code 2, and nothing touched.
+#include <doctest/doctest.h>
+
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/io/image_file.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <unistd.h>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace compmark;
+
+struct Outcome {
+  int code = -1;
+  std::string text;  ///< stdout and stderr
+};
+
+/// Runs the tool with these arguments through the shell.
+Outcome tool(const std::string& arguments, const std::string& prefix = "") {
+  Outcome outcome;
+  const std::string command = prefix + "\"" COMPMARK_TOOL "\" " + arguments + " 2>&1";
+  std::FILE* pipe = popen(command.c_str(), "r");
+  REQUIRE(pipe != nullptr);
+  std::array<char, 4096> buffer{};
+  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;) outcome.text.append(buffer.data(), n);
+  const int status = pclose(pipe);
+  outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return outcome;
+}
+
+/// A folder of this test run, removed at exit.
+struct Scratch {
+  fs::path path = fs::temp_directory_path() / ("compmark-tool-test-" + std::to_string(::getpid()));
+  Scratch() { fs::create_directories(path); }
+  ~Scratch() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
+};
+const Scratch& scratch() {
+  static const Scratch instance;
+  return instance;
+}
+std::string at(const std::string& name) { return (scratch().path / name).string(); }
+
+/// The built-in scene, small, written once.
+const std::string& scene() {
+  static const std::string path = [] {
+    const std::string target = at("scene");
+    const Outcome outcome = tool("scene --out " + target + " --width 48 --height 40 --train 8 --test 3");
+    REQUIRE(outcome.code == 0);
+    return target;
+  }();
+  return path;
+}
+
+nlohmann::json json_of(const std::string& path) {
+  const Result<std::vector<std::byte>> bytes = read_file(path);
+  REQUIRE(bytes.ok());
+  return nlohmann::json::parse(reinterpret_cast<const char*>(bytes->data()), reinterpret_cast<const char*>(bytes->data()) + bytes->size());
+}
+
+std::string train(const std::string& out, const std::string& options = "") {
+  const Outcome outcome = tool("train --data " + scene() + " --out " + at(out) + " --iterations 120 " + options);
+  INFO(outcome.text);
+  REQUIRE(outcome.code == 0);
+  return json_of(at(out) + "/results.json")["model_sha256"].get<std::string>();
+}
+
+/// One error line, of a known beginning, with every piece in it; exit code 2.
+void check_refused(const Outcome& outcome, const std::vector<std::string>& pieces) {
+  INFO(outcome.text);
+  CHECK(outcome.code == 2);
+  CHECK(std::count(outcome.text.begin(), outcome.text.end(), '\n') == 1);
+  CHECK(outcome.text.rfind("compmark: error: ", 0) == 0);
+  for (const std::string& piece : pieces) CHECK(outcome.text.find(piece) != std::string::npos);
+}
+
+/// A copy of the scene to damage.
+std::string damaged(const std::string& name) {
+  const std::string path = at("damaged-" + name);
+  fs::remove_all(path);
+  fs::copy(scene(), path, fs::copy_options::recursive);
+  return path;
+}
+void write_text(const std::string& path, const std::string& text) { REQUIRE(write_file(path, std::string_view(text)).ok()); }
+
+}  // namespace
+
+TEST_CASE("tool: scene, train, info, render, evaluate and export work on the built-in scene") {
+  train("run");
+  for (const char* file : {"model.safetensors", "results.json", "report.html", "log.jsonl"}) CHECK(fs::file_size(at("run") + "/" + file) > 100);
+  const nlohmann::json results = json_of(at("run/results.json"));
+  for (const char* key : {"schema", "dataset", "recipe", "profile", "iterations", "seed", "threads", "anchors", "gaussians_per_view", "train_seconds",
+                          "peak_memory_mb", "test", "model_sha256", "effects"}) {
+    INFO(key);
+    CHECK(results.contains(key));
+  }
+  for (const char* key : {"psnr", "ssim", "lpips_alex", "views"}) CHECK(results["test"].contains(key));
+  CHECK(results["test"]["views"] == 3);
+  CHECK(results["model_sha256"].get<std::string>().size() == 64);
+
+  CHECK(tool("info " + at("run/model.safetensors")).text.find(results["model_sha256"].get<std::string>()) != std::string::npos);
+  const Outcome render = tool("render --model " + at("run/model.safetensors") + " --out " + at("renders"));
+  INFO(render.text);
+  CHECK(render.code == 0);
+  std::size_t images = 0;
+  for (const fs::directory_entry& entry : fs::directory_iterator(at("renders"))) images += entry.path().extension() == ".png" ? 1 : 0;
+  CHECK(images == 3);
+
+  CHECK(tool("evaluate --model " + at("run/model.safetensors") + " --data " + scene() + " --json " + at("evaluation.json")).code == 0);
+  CHECK(json_of(at("evaluation.json"))["psnr"].get<double>() == doctest::Approx(results["test"]["psnr"].get<double>()).epsilon(1e-9));
+  CHECK(tool("export --model " + at("run/model.safetensors") + " --out " + at("anchors.ply") + " --format anchors").code == 0);
+  const Outcome splat = tool("export --model " + at("run/model.safetensors") + " --out " + at("splats.ply") + " --sh-degree 2 --data " + scene());
+  INFO(splat.text);
+  CHECK(splat.code == 0);
+  CHECK(splat.text.find("loss of the bake") != std::string::npos);
+  CHECK(fs::file_size(at("splats.ply")) > 1000);
+}
+
+TEST_CASE("tool: the same seed gives the same model_sha256 for 1, 2 and 4 threads, another seed another") {
+  const std::string one = train("threads1", "--threads 1");
+  CHECK(train("threads1again", "--threads 1") == one);
+  CHECK(train("threads2", "--threads 2") == one);
+  CHECK(train("threads4", "--threads 4") == one);
+  CHECK(train("seed7", "--threads 2 --seed 7") != one);
+}
+
+TEST_CASE("tool: a run that is killed and resumed ends in the same model_sha256") {
+  const std::string reference = train("uninterrupted", "--checkpoint-every 10");
+  // SIGKILL as soon as a checkpoint is there: where the run stands then does not matter.
+  const Outcome killed = tool("train --data " + scene() + " --out " + at("killed") + " --iterations 120 --checkpoint-every 10 & pid=$!; while [ ! -f " +
+                              at("killed/checkpoint.safetensors") + " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -9 $pid; wait $pid #");
+  CHECK(killed.code != 0);
+  REQUIRE(fs::exists(at("killed/checkpoint.safetensors")));
+  CHECK(!fs::exists(at("killed/model.safetensors")));
+  check_refused(tool("train --data " + scene() + " --out " + at("killed") + " --iterations 120"), {"checkpoint.safetensors", "--resume"});
+  check_refused(tool("train --data " + scene() + " --out " + at("killed") + " --iterations 130 --resume"), {"checkpoint.safetensors", "iterations is 120"});
+  CHECK(train("killed", "--resume") == reference);
+
+  // Ctrl-C writes a checkpoint of the very iteration.
+  const Outcome interrupted = tool("train --data " + scene() + " --out " + at("interrupted") + " --iterations 120 & pid=$!; while [ ! -f " +
+                                   at("interrupted/log.jsonl") + " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; sleep 0.1; kill -TERM $pid; wait $pid #");
+  if (fs::exists(at("interrupted/checkpoint.safetensors"))) {
+    CHECK(interrupted.text.find("continue with --resume") != std::string::npos);
+    CHECK(train("interrupted", "--resume") == reference);
+  } else {
+    MESSAGE("the run was over before the signal came");
+  }
+}
+
+TEST_CASE("tool: a bad dataset is one error line with file, field and remedy, and leaves the output untouched") {
+  const auto refused = [](const std::string& data, const std::vector<std::string>& pieces) {
+    INFO(data);
+    check_refused(tool("train --data " + data + " --out " + at("untouched") + " --iterations 10"), pieces);
+    CHECK(!fs::exists(at("untouched/model.safetensors")));
+  };
+  refused(at("missing"), {"missing", ";"});
+  fs::create_directories(at("empty"));
+  refused(at("empty"), {"empty", ";"});
+
+  std::string data = damaged("no-json");
+  write_text(data + "/transforms_train.json", "{ this is not JSON");
+  refused(data, {"transforms_train.json", ";"});
+
+  data = damaged("no-poses");
+  write_text(data + "/transforms_train.json", "{\"camera_angle_x\": 0.7}");
+  refused(data, {"transforms_train.json", "frames", ";"});
+
+  data = damaged("no-images");
+  nlohmann::json transforms = json_of(data + "/transforms_train.json");
+  transforms["frames"] = nlohmann::json::array();
+  write_text(data + "/transforms_train.json", transforms.dump());
+  refused(data, {"transforms_train.json", "frames", ";"});
+
+  data = damaged("nan-pose");
+  transforms = json_of(data + "/transforms_train.json");
+  transforms["frames"][2]["transform_matrix"][0][3] = nullptr;  // what JSON writers make of NaN
+  write_text(data + "/transforms_train.json", transforms.dump());
+  refused(data, {"transforms_train.json", "transform_matrix", ";"});
+
+  data = damaged("truncated-image");
+  transforms = json_of(data + "/transforms_train.json");
+  fs::path image = fs::path(data) / transforms["frames"][1]["file_path"].get<std::string>();
+  if (!fs::exists(image)) image += ".png";
+  fs::resize_file(image, fs::file_size(image) / 2);
+  refused(data, {image.filename().string(), ";"});
+
+  data = damaged("missing-image");
+  image = fs::path(data) / transforms["frames"][0]["file_path"].get<std::string>();
+  if (!fs::exists(image)) image += ".png";
+  fs::remove(image);
+  refused(data, {image.filename().string(), ";"});
+
+  data = damaged("other-size");
+  image = fs::path(data) / transforms["frames"][3]["file_path"].get<std::string>();
+  if (!fs::exists(image)) image += ".png";
+  Buffer<float> grey(3 * 20 * 20);
+  for (float& value : grey) value = 0.5f;
+  REQUIRE(write_png(image, ImageView<const float>{grey.data(), 3, 20, 20}).ok());
+  const Outcome mixed = tool("train --data " + data + " --out " + at("untouched") + " --iterations 10");
+  INFO(mixed.text);
+  CHECK((mixed.code == 0 || mixed.code == 2));  // mixed sizes are either modelled or refused, never mistaken
+  if (mixed.code == 2) check_refused(mixed, {image.filename().string(), "20"});
+}
+
+TEST_CASE("tool: bad options, an unwritable output and a damaged model are one error line each") {
+  check_refused(tool("train --data " + scene() + " --out " + at("x") + " --profile nobody"), {"--profile", "nobody", "scaffold"});
+  check_refused(tool("train --data " + scene() + " --out " + at("x") + " --recipe nothing"), {"--recipe", "nothing"});
+  check_refused(tool("train --data " + scene() + " --out " + at("x") + " --max-anchors 3"), {"max_anchors"});
+  write_text(at("a-file"), "text");
+  check_refused(tool("train --data " + scene() + " --out " + at("a-file")), {"a-file"});
+  check_refused(tool("train --data " + scene() + " --out /proc/nowhere"), {"/proc/nowhere"});
+  check_refused(tool("info " + at("missing.safetensors")), {"missing.safetensors"});
+
+  train("whole");
+  const std::string model = at("whole/model.safetensors");
+  const std::string broken = at("broken.safetensors");
+  const std::size_t size = fs::file_size(model);
+  for (const std::size_t kept : {std::size_t{0}, std::size_t{7}, std::size_t{100}, size / 2, size - 1}) {
+    fs::copy_file(model, broken, fs::copy_options::overwrite_existing);
+    fs::resize_file(broken, kept);
+    check_refused(tool("render --model " + broken + " --out " + at("none")), {"broken.safetensors", ";"});
+    check_refused(tool("info " + broken), {"broken.safetensors", ";"});
+  }
+  CHECK(!fs::exists(at("none")));
+  check_refused(tool("export --model " + model + " --out " + at("no/such/folder/a.ply")), {"a.ply"});
+  check_refused(tool("render --model " + model + " --out " + at("none") + " --view nobody"), {"--view"});
+}
