@@ -137,8 +137,8 @@ class TileRasterizer {
           const std::size_t opened =
               place.x >= width || place.y >= height
                   ? 0
-                  : detail::forward_cell<accuracy, outputs, W, T>(ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile), place, background,
-                                                                  planes, chunks_of(ctx, tile, cell), ctx.forward_scratch[worker]);
+                  : detail::forward_cell<accuracy, outputs, W, T>(ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile),
+                                                                  upcoming(ctx.lists, tile, end), place, background, planes, chunks_of(ctx, tile, cell), ctx.forward_scratch[worker]);
           ctx.opened[tile * cells + cell] = static_cast<std::uint32_t>(opened);
         }
       }
@@ -181,7 +181,8 @@ class TileRasterizer {
           const detail::CellPlace place = place_of(ctx.lists, tile, cell, width, height);
           if (place.x >= width || place.y >= height) continue;  // cell 0 is always inside
           detail::backward_cell<accuracy, outputs, W, T>(ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile),
-                                                         list_of(ctx.lists, ctx.lists.slot, tile), place, background, planes,
+                                                         list_of(ctx.lists, ctx.lists.slot, tile), upcoming(ctx.lists, tile, end), place,
+                                                         background, planes,
                                                          chunks_of(ctx, tile, cell), ctx.opened[tile * cells + cell], cell != 0,
                                                          ctx.pair_gradients.data(), ctx.backward_scratch[worker]);
         }
@@ -201,7 +202,7 @@ class TileRasterizer {
 
  private:
   static constexpr std::size_t splat_grain = 1024;
-  static constexpr std::size_t tile_grain = 4;  // neighbours share most of their splats, which then stay in the worker's cache
+  static constexpr std::size_t tile_grain = 8;  // neighbours share most of their splats, which then stay in the worker's cache
   static constexpr std::size_t cells_x = static_cast<std::size_t>(accuracy.tile_size / detail::cell_side);
   static constexpr std::size_t cells = cells_x * cells_x;
 
@@ -211,6 +212,10 @@ class TileRasterizer {
   }
   [[nodiscard]] static std::span<const std::uint32_t> list_of(const TileLists& lists, const Buffer<std::uint32_t>& column, std::size_t tile) {
     return column.span().subspan(lists.begin[tile], lists.begin[tile + 1] - lists.begin[tile]);
+  }
+  /// The list that the same worker takes next, to have it in the cache by then.
+  [[nodiscard]] static std::span<const std::uint32_t> upcoming(const TileLists& lists, std::size_t tile, std::size_t end) {
+    return tile + 1 < end ? list_of(lists, lists.splat, tile + 1) : std::span<const std::uint32_t>{};
   }
   [[nodiscard]] static detail::CellPlace place_of(const TileLists& lists, std::size_t tile, std::size_t cell, int width, int height) {
     const auto tiles_x = static_cast<std::size_t>(lists.tiles_x);

@@ -30,7 +30,7 @@ struct BackwardScratch {
   alignas(64) T alpha_gradient[cell_blocks][block_pixels];
   alignas(64) T depth_gradient[cell_blocks][block_pixels];
   alignas(64) T behind[cell_blocks][block_pixels];
-  alignas(64) T pixel[chunk_splats + 1][cell_blocks][kept][block_pixels];  // weight, alpha and, where needed, chain
+  alignas(64) T pixel[cell_blocks][chunk_splats + 1][kept][block_pixels];  // weight, alpha and, where needed, chain
 };
 
 /// Step 1 for one block.
@@ -56,7 +56,7 @@ inline void recompute_block(const std::uint64_t (&blended)[chunk_words], std::si
       const auto at = static_cast<std::size_t>(j);
       const InStep<P, step_splats> raw = raw_alpha<accuracy, step_splats, T, W>(splat, x[at], y[at], x_at + j * W);
       for (std::size_t i = 0; i < step_splats; ++i) {
-        auto& pixel = scratch.pixel[list.index[next + i]][block];
+        auto& pixel = scratch.pixel[block][list.index[next + i]];
         const Blend<T, W> result = blend<accuracy, stores_chain<accuracy>>(raw.part[i], transmittance[at]);
         result.weight.store(pixel[0] + j * W);
         result.alpha.store(pixel[1] + j * W);
@@ -131,7 +131,7 @@ COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScr
     const int block = std::countr_zero(bits);
     for (int j = 0; j < packs; ++j) {
       const auto at = static_cast<std::size_t>(j);
-      const P weight = P::load(scratch.pixel[k][block][0] + j * W), alpha = P::load(scratch.pixel[k][block][1] + j * W);
+      const P weight = P::load(scratch.pixel[block][k][0] + j * W), alpha = P::load(scratch.pixel[block][k][1] + j * W);
       const P d_red = P::load(scratch.image_gradient[0][block] + j * W), d_green = P::load(scratch.image_gradient[1][block] + j * W),
               d_blue = P::load(scratch.image_gradient[2][block] + j * W);
       P here = fma(red, d_red, fma(green, d_green, blue * d_blue));
@@ -146,7 +146,7 @@ COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScr
       fma(alpha, difference, behind).store(scratch.behind[block] + j * W);
       P g;
       if constexpr (stores_chain<accuracy>) {
-        g = P::load(scratch.pixel[k][block][2] + j * W) * difference;
+        g = P::load(scratch.pixel[block][k][2] + j * W) * difference;
       } else {
         g = keep(alpha < P(static_cast<T>(accuracy.alpha_max)), weight * difference);  // the clamp stops the gradient (case BF3)
       }
@@ -220,8 +220,8 @@ inline void load_gradients(const CellPlace& place, const std::array<T, 3>& backg
 /// the units of the pixel loop: see record_lane.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, std::span<const std::uint32_t> slots,
-                          const CellPlace& place, const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
-                          const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
+                          std::span<const std::uint32_t> upcoming, const CellPlace& place, const std::array<T, 3>& background,
+                          const BackwardPlanes<T>& planes, const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
                           BackwardScratch<accuracy, T>& scratch) {
   for (int c = 0; c < 3; ++c) prefetch_cell<false>(planes.image.plane(c), place);
   scratch.splats[chunk_splats] = CellSplat<T>{};
@@ -236,13 +236,11 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
     std::memcpy(scratch.reach.word, record.blended, sizeof(record.blended));
     scratch.reach.by_splat(count);
     for (std::size_t k = 0; k < count; ++k) {
-      if (k + prefetch_ahead < count) __builtin_prefetch(&splats[list[first + k + prefetch_ahead]]);
       if ((scratch.reach.low[k] | scratch.reach.high[k]) != 0) scratch.splats[k] = to_cell(splats[list[first + k]], cell_x, cell_y);
     }
+    for (std::size_t k = count - std::min(count, record_ahead); k < count; ++k) __builtin_prefetch(&records[slots[first + k]], 1);
     for (int b = 0; b < cell_blocks; ++b) {
-      // A few at a time, while there is work to do: step 2 must not wait for the records, which are scattered over memory.
-      const std::size_t share = (count + cell_blocks - 1) / cell_blocks, start = static_cast<std::size_t>(b) * share;
-      for (std::size_t k = start; k < std::min(start + share, count); ++k) __builtin_prefetch(&records[slots[first + k]], 1);
+      prefetch_share(splats, upcoming, b);
       recompute_block<accuracy, W>(record.blended[b], words, b, record.transmittance[b], scratch);
     }
     if (chunk + 1 == opened) load_gradients<accuracy, outputs, W>(place, background, planes, scratch);
@@ -252,6 +250,8 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
         clear(first + k);
         continue;
       }
+      // Records are scattered over memory: ask for one a splat, in time for the splat after next but some.
+      if (k >= record_ahead) __builtin_prefetch(&records[slots[first + k - record_ahead]], 1);
       alignas(64) T sums[16];
       gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, sums);
       T* target = &records[slots[first + k]].g;

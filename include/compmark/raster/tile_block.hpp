@@ -33,7 +33,7 @@ inline constexpr int cell_blocks = 16;                     ///< row-major in the
 inline constexpr int block_pixels = 16;                    ///< row-major in the block
 inline constexpr std::size_t chunk_splats = 256;           ///< splats of a tile's list that are worked on together
 inline constexpr std::size_t chunk_words = chunk_splats / 64;
-inline constexpr std::size_t prefetch_ahead = 8;         ///< splats whose cache line is asked for in advance
+inline constexpr std::size_t record_ahead = 8;           ///< splats between asking for a record and writing it
 
 /// Widest pack a block can be cut into.
 template <class T>

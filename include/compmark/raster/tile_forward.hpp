@@ -40,13 +40,20 @@ inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const st
                        CellSplat<T>* local, ReachBits& reach) {
   const T cell_x = static_cast<T>(place.x), cell_y = static_cast<T>(place.y);
   for (std::size_t k = 0; k < list.size(); ++k) {
-    if (k + prefetch_ahead < list.size()) __builtin_prefetch(&splats[list[k + prefetch_ahead]]);
     const WhiteSplat<T>& splat = splats[list[k]];
     const unsigned mask = blocks_reached<W>(splat, cell_x, cell_y) & open;
     reach.low[k] = static_cast<std::uint8_t>(mask);
     reach.high[k] = static_cast<std::uint8_t>(mask >> 8);
     local[k] = to_cell(splat, cell_x, cell_y);
   }
+}
+
+/// Asks for a sixteenth of the splats that the next cell of this worker starts with, while this one is computed.
+template <class T>
+COMPMARK_INLINE void prefetch_share(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> upcoming, int block) {
+  const std::size_t count = std::min(upcoming.size(), chunk_splats), share = (count + cell_blocks - 1) / cell_blocks;
+  const std::size_t start = static_cast<std::size_t>(block) * share;
+  for (std::size_t k = start; k < std::min(start + share, count); ++k) __builtin_prefetch(&splats[upcoming[k]]);
 }
 
 /// One block through one chunk. `blended` gets the bits of the splats that were met before the block was finished. Returns whether it was.
@@ -121,8 +128,8 @@ struct ForwardPlanes {
 
 /// One cell: overwrites its pixels, fills `records` (one per chunk of the list) and returns how many chunks were opened.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
-inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, const CellPlace& place,
-                                const std::array<T, 3>& background, const ForwardPlanes<T>& planes, ChunkRecord<T>* records,
+inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list,
+                                std::span<const std::uint32_t> upcoming, const CellPlace& place, const std::array<T, 3>& background, const ForwardPlanes<T>& planes, ChunkRecord<T>* records,
                                 ForwardScratch<T>& scratch) {
   for (int c = 0; c < 3; ++c) prefetch_cell<true>(planes.image.plane(c), place);
   each_block_row(place, [&](int block, int lane, std::size_t /*offset*/, int count) __attribute__((always_inline)) {
@@ -145,6 +152,7 @@ inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span
         for (std::size_t i = 0; i < words; ++i) record.blended[b][i] = 0;
         continue;
       }
+      prefetch_share(splats, upcoming, b);
       if (forward_block<accuracy, outputs, W>(scratch.splats, scratch.reach.word[b], words, b, scratch, record.blended[b])) open &= ~(1u << b);
     }
   }
