@@ -16,6 +16,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/loss/photometric_scratch.hpp"
 #include "compmark/loss/ssim.hpp"
 #include "compmark/math/pack.hpp"
 
@@ -36,7 +37,7 @@ class PhotometricLoss {
   struct Settings {
     T lambda_dssim = T(0.2);
   };
-  /// Scratch, grow-only: 83 rows of the image's width + 32 scalars a worker, 24 bytes a band.
+  /// Scratch, grow-only: 83 rows of the image's width + 32 scalars a worker, 16 bytes a band.
   struct Context {
     Buffer<T> scratch;
     Buffer<double> partial;
@@ -68,24 +69,8 @@ class PhotometricLoss {
   static constexpr int band_rows = 96;
   static constexpr int step = 4;  // rows of one vertical pass: 16 sums, 6 taps and 5 temporaries fill the 32 registers
   static constexpr int window_rows = step + 2 * ssim_radius;
-  static constexpr int ring_rows = 2 * step + 2 * ssim_radius;
 
-  /// Rows of scratch: a margin of 16 scalars on either side of the columns, all rows of one stride.
-  struct Scratch {
-    T* base;
-    std::size_t stride;
-    static constexpr std::size_t margin = 16;
-    static constexpr std::size_t rows =
-        1 + (detail::ssim_blurs + detail::ssim_maps) * step + detail::ssim_maps * ring_rows;
-
-    [[nodiscard]] T* at(int row) const { return base + margin + static_cast<std::size_t>(row) * stride; }
-    [[nodiscard]] T* zeros() const { return at(0); }
-    [[nodiscard]] T* blurred(int map, int row) const { return at(1 + map * step + row); }
-    [[nodiscard]] T* blurred_back(int map, int row) const { return at(1 + (detail::ssim_blurs + map) * step + row); }
-    [[nodiscard]] T* ring(int map, int y) const {
-      return at(1 + (detail::ssim_blurs + detail::ssim_maps) * step + map * ring_rows + y % ring_rows);
-    }
-  };
+  using Scratch = detail::PhotometricScratch<T, step>;
   struct Sums {
     double l1 = 0;
     double distance = 0;
@@ -128,7 +113,7 @@ class PhotometricLoss {
   template <bool Backward>
   Sums band(ImageView<const T> x, ImageView<const T> y, T scale, ImageView<T> d_x, int channel, int begin, int end,
             const Scratch& scratch) const {
-    clear_margins(scratch);
+    scratch.clear_margins();
     const int first_map = Backward ? std::max(0, begin - ssim_radius) : begin;
     const int last_map = Backward ? std::min(x.height, end + ssim_radius) : end;
     Sums sums;
@@ -148,24 +133,6 @@ class PhotometricLoss {
       }
     }
     return sums;
-  }
-
-  /// Outside the image x = y = 0: blurs of it are constants, the maps of the backward pass are zero.
-  static void clear_margins(const Scratch& scratch) {
-    std::fill_n(scratch.base, scratch.stride, T(0));
-    const std::array<T, detail::ssim_blurs> outside{T(-0.5), T(0), T(0.25), T(0)};
-    const auto set_margins = [&](T* row, T value) {
-      std::fill_n(row - Scratch::margin, Scratch::margin, value);
-      std::fill_n(row + scratch.stride - 2 * Scratch::margin, Scratch::margin, value);
-    };
-    for (int row = 0; row < step; ++row) {
-      for (int map = 0; map < detail::ssim_blurs; ++map)
-        set_margins(scratch.blurred(map, row), outside[static_cast<std::size_t>(map)]);
-      for (int map = 0; map < detail::ssim_maps; ++map) set_margins(scratch.blurred_back(map, row), T(0));
-    }
-    for (int map = 0; map < detail::ssim_maps; ++map) {
-      for (int row = 0; row < ring_rows; ++row) set_margins(scratch.ring(map, row), T(0));
-    }
   }
 
   /// Loads a pack of an image row; columns behind the last become 0, the value outside.
