@@ -11,8 +11,8 @@ namespace compmark::inline v0 {
 
 /// Structural, so that it can be a template argument.
 struct RasterOutputs {
-  bool alpha = false;              ///< 1 - final transmittance, per pixel
-  bool depth = false;              ///< sum of blend weight * camera z, per pixel (not divided by alpha; the background counts as 0)
+  bool alpha = false;  ///< 1 - final transmittance, per pixel
+  bool depth = false;  ///< sum of blend weight * camera z, per pixel (not divided by alpha; the background counts as 0)
   bool screen_statistics = false;  ///< per Gaussian: norm of the gradient of its mean on the screen, for growing
 
   friend constexpr bool operator==(const RasterOutputs&, const RasterOutputs&) = default;

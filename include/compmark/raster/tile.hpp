@@ -48,9 +48,11 @@ struct NoGradientNorms {};
 }  // namespace detail
 
 /// See raster/concept.hpp. `W` is the pack width; other widths than the native one are for tests.
-template <class T, Accuracy accuracy = accuracy::standard, RasterOutputs outputs = RasterOutputs{}, int W = detail::block_width<T>>
+template <class T, Accuracy accuracy = accuracy::standard, RasterOutputs outputs = RasterOutputs{},
+          int W = detail::block_width<T>>
 class TileRasterizer {
-  static_assert(accuracy.tile_size > 0 && accuracy.tile_size % detail::cell_side == 0, "TileRasterizer: Accuracy::tile_size must be a multiple of 16");
+  static_assert(accuracy.tile_size > 0 && accuracy.tile_size % detail::cell_side == 0,
+                "TileRasterizer: Accuracy::tile_size must be a multiple of 16");
   static_assert(accuracy.exp_degree == 0 || (accuracy.exp_degree >= 2 && accuracy.exp_degree <= 6),
                 "TileRasterizer: Accuracy::exp_degree must be 0 (std::exp) or 2 to 6");
   static_assert(detail::block_pixels % W == 0, "TileRasterizer: the pack width must divide 16");
@@ -75,14 +77,14 @@ class TileRasterizer {
     TileLists lists;
     BinWorkspace bin_workspace;
     std::optional<Error> error;  ///< set when the view exceeded the pair budget: the image is then the background
-    Buffer<detail::WhiteSplat<T>> white;          // [count]
-    Buffer<std::size_t> first_chunk;              // [tiles + 1], for one cell of the tile
-    Buffer<detail::ChunkRecord<T>> chunks;        // [first_chunk[tiles] * cells of a tile]
-    Buffer<std::uint32_t> opened;                 // [tiles * cells] chunks that forward worked on
-    Buffer<detail::ForwardScratch<T>> forward_scratch;                   // [workers]
-    Buffer<detail::BackwardScratch<accuracy, T>> backward_scratch;       // [workers]
-    Buffer<SplatGradient<T>> pair_gradients;      // [pairs] by slot
-    Buffer<SplatGradient<T>> splat_gradients;     // [count]
+    Buffer<detail::WhiteSplat<T>> white;                            // [count]
+    Buffer<std::size_t> first_chunk;                                // [tiles + 1], for one cell of the tile
+    Buffer<detail::ChunkRecord<T>> chunks;                          // [first_chunk[tiles] * cells of a tile]
+    Buffer<std::uint32_t> opened;                                   // [tiles * cells] chunks that forward worked on
+    Buffer<detail::ForwardScratch<T>> forward_scratch;              // [workers]
+    Buffer<detail::BackwardScratch<accuracy, T>> backward_scratch;  // [workers]
+    Buffer<SplatGradient<T>> pair_gradients;                        // [pairs] by slot
+    Buffer<SplatGradient<T>> splat_gradients;                       // [count]
   };
 
   TileRasterizer() = default;
@@ -90,13 +92,15 @@ class TileRasterizer {
   [[nodiscard]] const Settings& settings() const { return settings_; }
 
   template <Executor E>
-  RasterReport forward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background, ImageView<T> image,
-                       Context& ctx, E& executor) const {
+  RasterReport forward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background,
+                       ImageView<T> image, Context& ctx, E& executor) const {
     COMPMARK_ASSERT(image.channels == 3 && image.height == camera.height && image.width == camera.width,
                     "TileRasterizer: the image must be [3, camera.height, camera.width]");
-    RasterReport report = project<accuracy>(gaussians, camera, projection(), ctx.projected, ctx.project_workspace, executor);
+    RasterReport report =
+        project<accuracy>(gaussians, camera, projection(), ctx.projected, ctx.project_workspace, executor);
     ctx.error.reset();
-    const Result<Done> binned = bin<accuracy>(ctx.projected, camera.width, camera.height, settings_.bin, ctx.lists, ctx.bin_workspace, executor);
+    const Result<Done> binned = bin<accuracy>(ctx.projected, camera.width, camera.height, settings_.bin, ctx.lists,
+                                              ctx.bin_workspace, executor);
     if (!binned) ctx.error = binned.error();
     report.pairs = ctx.lists.pairs;
     blend_forward(camera.width, camera.height, background, image, ctx, executor);
@@ -105,7 +109,8 @@ class TileRasterizer {
 
   /// The pixel loop alone, for lists that are already in the context.
   template <Executor E>
-  void blend_forward(int width, int height, const std::array<T, 3>& background, ImageView<T> image, Context& ctx, E& executor) const {
+  void blend_forward(int width, int height, const std::array<T, 3>& background, ImageView<T> image, Context& ctx,
+                     E& executor) const {
     const std::size_t count = ctx.projected.count, tiles = tile_count(ctx.lists);
     ctx.white.resize(count);
     executor.for_chunks(count, splat_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
@@ -137,8 +142,9 @@ class TileRasterizer {
           const std::size_t opened =
               place.x >= width || place.y >= height
                   ? 0
-                  : detail::forward_cell<accuracy, outputs, W, T>(ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile),
-                                                                  upcoming(ctx.lists, tile, end), place, background, planes, chunks_of(ctx, tile, cell), ctx.forward_scratch[worker]);
+                  : detail::forward_cell<accuracy, outputs, W, T>(
+                        ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile), upcoming(ctx.lists, tile, end),
+                        place, background, planes, chunks_of(ctx, tile, cell), ctx.forward_scratch[worker]);
           ctx.opened[tile * cells + cell] = static_cast<std::uint32_t>(opened);
         }
       }
@@ -146,31 +152,35 @@ class TileRasterizer {
   }
 
   template <Executor E>
-  void backward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background, ImageView<const T> d_image,
-                GaussianColumns<T> d_gaussians, Context& ctx, E& executor) const {
+  void backward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background,
+                ImageView<const T> d_image, GaussianColumns<T> d_gaussians, Context& ctx, E& executor) const {
     backward(gaussians, camera, background, d_image, PlaneGradients<T>{}, d_gaussians, ctx, executor);
   }
 
   /// With gradients of the alpha and depth planes that `outputs` asked for.
   template <Executor E>
-  void backward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background, ImageView<const T> d_image,
-                const PlaneGradients<T>& d_planes, GaussianColumns<T> d_gaussians, Context& ctx, E& executor) const {
+  void backward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background,
+                ImageView<const T> d_image, const PlaneGradients<T>& d_planes, GaussianColumns<T> d_gaussians,
+                Context& ctx, E& executor) const {
     blend_backward(camera.width, camera.height, background, d_image, d_planes, ctx, executor);
     std::span<T> norms;
     if constexpr (outputs.screen_statistics) {
       ctx.gradient_norm.resize(gaussians.count);
       norms = ctx.gradient_norm.span();
     }
-    project_backward<accuracy>(gaussians, camera, projection(), ctx.projected, std::span<const SplatGradient<T>>(ctx.splat_gradients.span()),
-                               d_gaussians, norms, executor);
+    project_backward<accuracy>(gaussians, camera, projection(), ctx.projected,
+                               std::span<const SplatGradient<T>>(ctx.splat_gradients.span()), d_gaussians, norms,
+                               executor);
   }
 
   /// The pixel loop alone: leaves the sums of every splat in ctx.splat_gradients.
   template <Executor E>
-  void blend_backward(int width, int height, const std::array<T, 3>& background, ImageView<const T> d_image, const PlaneGradients<T>& d_planes,
-                      Context& ctx, E& executor) const {
-    COMPMARK_ASSERT(outputs.alpha || d_planes.alpha.data == nullptr, "TileRasterizer: a gradient of alpha needs RasterOutputs{.alpha = true}");
-    COMPMARK_ASSERT(outputs.depth || d_planes.depth.data == nullptr, "TileRasterizer: a gradient of depth needs RasterOutputs{.depth = true}");
+  void blend_backward(int width, int height, const std::array<T, 3>& background, ImageView<const T> d_image,
+                      const PlaneGradients<T>& d_planes, Context& ctx, E& executor) const {
+    COMPMARK_ASSERT(outputs.alpha || d_planes.alpha.data == nullptr,
+                    "TileRasterizer: a gradient of alpha needs RasterOutputs{.alpha = true}");
+    COMPMARK_ASSERT(outputs.depth || d_planes.depth.data == nullptr,
+                    "TileRasterizer: a gradient of depth needs RasterOutputs{.depth = true}");
     const std::size_t tiles = tile_count(ctx.lists);
     ctx.pair_gradients.resize(ctx.lists.pairs);
     ctx.backward_scratch.resize(executor.concurrency());
@@ -180,11 +190,10 @@ class TileRasterizer {
         for (std::size_t cell = 0; cell < cells; ++cell) {
           const detail::CellPlace place = place_of(ctx.lists, tile, cell, width, height);
           if (place.x >= width || place.y >= height) continue;  // cell 0 is always inside
-          detail::backward_cell<accuracy, outputs, W, T>(ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile),
-                                                         list_of(ctx.lists, ctx.lists.slot, tile), upcoming(ctx.lists, tile, end), place,
-                                                         background, planes,
-                                                         chunks_of(ctx, tile, cell), ctx.opened[tile * cells + cell], cell != 0,
-                                                         ctx.pair_gradients.data(), ctx.backward_scratch[worker]);
+          detail::backward_cell<accuracy, outputs, W, T>(
+              ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile), list_of(ctx.lists, ctx.lists.slot, tile),
+              upcoming(ctx.lists, tile, end), place, background, planes, chunks_of(ctx, tile, cell),
+              ctx.opened[tile * cells + cell], cell != 0, ctx.pair_gradients.data(), ctx.backward_scratch[worker]);
         }
       }
     });
@@ -202,7 +211,8 @@ class TileRasterizer {
 
  private:
   static constexpr std::size_t splat_grain = 1024;
-  static constexpr std::size_t tile_grain = 8;  // neighbours share most of their splats, which then stay in the worker's cache
+  static constexpr std::size_t tile_grain =
+      8;  // neighbours share most of their splats, which then stay in the worker's cache
   static constexpr std::size_t cells_x = static_cast<std::size_t>(accuracy.tile_size / detail::cell_side);
   static constexpr std::size_t cells = cells_x * cells_x;
 
@@ -210,14 +220,17 @@ class TileRasterizer {
   [[nodiscard]] static std::size_t tile_count(const TileLists& lists) {
     return static_cast<std::size_t>(lists.tiles_x) * static_cast<std::size_t>(lists.tiles_y);
   }
-  [[nodiscard]] static std::span<const std::uint32_t> list_of(const TileLists& lists, const Buffer<std::uint32_t>& column, std::size_t tile) {
+  [[nodiscard]] static std::span<const std::uint32_t> list_of(const TileLists& lists,
+                                                              const Buffer<std::uint32_t>& column, std::size_t tile) {
     return column.span().subspan(lists.begin[tile], lists.begin[tile + 1] - lists.begin[tile]);
   }
   /// The list that the same worker takes next, to have it in the cache by then.
-  [[nodiscard]] static std::span<const std::uint32_t> upcoming(const TileLists& lists, std::size_t tile, std::size_t end) {
+  [[nodiscard]] static std::span<const std::uint32_t> upcoming(const TileLists& lists, std::size_t tile,
+                                                               std::size_t end) {
     return tile + 1 < end ? list_of(lists, lists.splat, tile + 1) : std::span<const std::uint32_t>{};
   }
-  [[nodiscard]] static detail::CellPlace place_of(const TileLists& lists, std::size_t tile, std::size_t cell, int width, int height) {
+  [[nodiscard]] static detail::CellPlace place_of(const TileLists& lists, std::size_t tile, std::size_t cell, int width,
+                                                  int height) {
     const auto tiles_x = static_cast<std::size_t>(lists.tiles_x);
     return {static_cast<int>(tile % tiles_x * cells_x + cell % cells_x) * detail::cell_side,
             static_cast<int>(tile / tiles_x * cells_x + cell / cells_x) * detail::cell_side, width, height};
@@ -243,7 +256,9 @@ class TileRasterizer {
     const bool pivot_x = white.bx != T(0);
     const T w = T(1) / (pivot_x ? white.wy : white.wx), b = T(1) / (white.bx + white.by);
     const auto sum = [&](std::size_t m) { return total[detail::record_lane[m]]; };
-    ctx.splat_gradients[i] = {sum(0), sum(1) * w, sum(2) * b, sum(3) * w * w, sum(4) * w * b, sum(5) * b * b, sum(6), sum(7), sum(8), sum(9), {}};
+    ctx.splat_gradients[i] = {sum(0),         sum(1) * w,     sum(2) * b, sum(3) * w * w,
+                              sum(4) * w * b, sum(5) * b * b, sum(6),     sum(7),
+                              sum(8),         sum(9),         {}};
   }
 
   Settings settings_{};

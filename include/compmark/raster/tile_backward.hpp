@@ -35,8 +35,8 @@ struct BackwardScratch {
 
 /// Step 1 for one block.
 template <Accuracy accuracy, int W, class T>
-inline void recompute_block(const std::uint64_t (&blended)[chunk_words], std::size_t words, int block, const T (&start)[block_pixels],
-                            BackwardScratch<accuracy, T>& scratch) {
+inline void recompute_block(const std::uint64_t (&blended)[chunk_words], std::size_t words, int block,
+                            const T (&start)[block_pixels], BackwardScratch<accuracy, T>& scratch) {
   using P = Pack<T, W>;
   constexpr int packs = block_pixels / W;
   const T* x_at = cell_table<T>.at[0][block];
@@ -74,7 +74,8 @@ template <std::size_t bit, class P, std::size_t... lane>
 [[nodiscard]] COMPMARK_INLINE P fold_two(P a, P b, std::index_sequence<lane...> /*lanes*/) {
   constexpr std::size_t W = P::width;
   const auto straight = __builtin_shufflevector(a.native, b.native, ((lane & bit) == 0 ? lane : W + lane)...);
-  const auto crossed = __builtin_shufflevector(a.native, b.native, ((lane & bit) == 0 ? lane + bit : W + lane - bit)...);
+  const auto crossed =
+      __builtin_shufflevector(a.native, b.native, ((lane & bit) == 0 ? lane + bit : W + lane - bit)...);
   return P::from_native(straight + crossed);
 }
 template <std::size_t bit, class P, std::size_t... lane>
@@ -89,8 +90,9 @@ COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* r
   if constexpr (W == 16) {
     using Lanes = std::make_index_sequence<16>;
     using P = Pack<T, W>;
-    const P a = fold_two<8>(sums[0], sums[1], Lanes{}), b = fold_two<8>(sums[2], sums[3], Lanes{}), c = fold_two<8>(sums[4], sums[5], Lanes{}),
-            d = fold_two<8>(sums[6], sums[7], Lanes{}), e = fold_two<8>(sums[8], sums[9], Lanes{});
+    const P a = fold_two<8>(sums[0], sums[1], Lanes{}), b = fold_two<8>(sums[2], sums[3], Lanes{}),
+            c = fold_two<8>(sums[4], sums[5], Lanes{}), d = fold_two<8>(sums[6], sums[7], Lanes{}),
+            e = fold_two<8>(sums[8], sums[9], Lanes{});
     const P ab = fold_two<4>(a, b, Lanes{}), cd = fold_two<4>(c, d, Lanes{}), ee = fold_one<4>(e, Lanes{});
     fold_two<1>(fold_two<2>(ab, cd, Lanes{}), fold_one<2>(ee, Lanes{}), Lanes{}).store(record);
   } else {
@@ -110,7 +112,8 @@ COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScr
   // w and b at the middle of each block, and their products.
   alignas(64) T middle[5][cell_blocks];
   for (int j = 0; j < cell_blocks; j += W) {
-    const P w = fma(P::load(table.middle[0] + j), P(splat.wx), fma(P::load(table.middle[1] + j), P(splat.wy), P(splat.w0)));
+    const P w =
+        fma(P::load(table.middle[0] + j), P(splat.wx), fma(P::load(table.middle[1] + j), P(splat.wy), P(splat.w0)));
     const P b = fma(P::load(table.middle[pivot] + j), P(splat.bd), P(splat.b0));
     w.store(middle[0] + j);
     b.store(middle[1] + j);
@@ -132,7 +135,8 @@ COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScr
     for (int j = 0; j < packs; ++j) {
       const auto at = static_cast<std::size_t>(j);
       const P weight = P::load(scratch.pixel[block][k][0] + j * W), alpha = P::load(scratch.pixel[block][k][1] + j * W);
-      const P d_red = P::load(scratch.image_gradient[0][block] + j * W), d_green = P::load(scratch.image_gradient[1][block] + j * W),
+      const P d_red = P::load(scratch.image_gradient[0][block] + j * W),
+              d_green = P::load(scratch.image_gradient[1][block] + j * W),
               d_blue = P::load(scratch.image_gradient[2][block] + j * W);
       P here = fma(red, d_red, fma(green, d_green, blue * d_blue));
       if constexpr (outputs.depth) {
@@ -148,7 +152,8 @@ COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScr
       if constexpr (stores_chain<accuracy>) {
         g = P::load(scratch.pixel[block][k][2] + j * W) * difference;
       } else {
-        g = keep(alpha < P(static_cast<T>(accuracy.alpha_max)), weight * difference);  // the clamp stops the gradient (case BF3)
+        g = keep(alpha < P(static_cast<T>(accuracy.alpha_max)),
+                 weight * difference);  // the clamp stops the gradient (case BF3)
       }
       g0[at] += g;
       gw[at] = fma(g, P(middle[0][block]), gw[at]);
@@ -211,7 +216,8 @@ inline void load_gradients(const CellPlace& place, const std::array<T, 3>& backg
       const P d_red = P::load(scratch.image_gradient[0][b] + j), d_green = P::load(scratch.image_gradient[1][b] + j),
               d_blue = P::load(scratch.image_gradient[2][b] + j);
       // The same operations in the same order as `here` in gradient_of_splat, so that equal colours cancel exactly.
-      fma(P(background[0]), d_red, fma(P(background[1]), d_green, P(background[2]) * d_blue)).store(scratch.behind[b] + j);
+      fma(P(background[0]), d_red, fma(P(background[1]), d_green, P(background[2]) * d_blue))
+          .store(scratch.behind[b] + j);
     }
   }
 }
@@ -219,9 +225,10 @@ inline void load_gradients(const CellPlace& place, const std::array<T, 3>& backg
 /// One cell: for each entry of the list, the sums of its pixels go to records[slots[entry]] (added to it when `add`), in the order and
 /// the units of the pixel loop: see record_lane.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
-inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, std::span<const std::uint32_t> slots,
-                          std::span<const std::uint32_t> upcoming, const CellPlace& place, const std::array<T, 3>& background,
-                          const BackwardPlanes<T>& planes, const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
+inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list,
+                          std::span<const std::uint32_t> slots, std::span<const std::uint32_t> upcoming,
+                          const CellPlace& place, const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
+                          const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
                           BackwardScratch<accuracy, T>& scratch) {
   for (int c = 0; c < 3; ++c) prefetch_cell<false>(planes.image.plane(c), place);
   scratch.splats[chunk_splats] = CellSplat<T>{};
@@ -231,14 +238,17 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
   };
   for (std::size_t entry = opened * chunk_splats; entry < list.size(); ++entry) clear(entry);
   for (std::size_t chunk = opened; chunk-- > 0;) {
-    const std::size_t first = chunk * chunk_splats, count = std::min(chunk_splats, list.size() - first), words = (count + 63) / 64;
+    const std::size_t first = chunk * chunk_splats, count = std::min(chunk_splats, list.size() - first),
+                      words = (count + 63) / 64;
     const ChunkRecord<T>& record = chunks[chunk];
     std::memcpy(scratch.reach.word, record.blended, sizeof(record.blended));
     scratch.reach.by_splat(count);
     for (std::size_t k = 0; k < count; ++k) {
-      if ((scratch.reach.low[k] | scratch.reach.high[k]) != 0) scratch.splats[k] = to_cell(splats[list[first + k]], cell_x, cell_y);
+      if ((scratch.reach.low[k] | scratch.reach.high[k]) != 0)
+        scratch.splats[k] = to_cell(splats[list[first + k]], cell_x, cell_y);
     }
-    for (std::size_t k = count - std::min(count, record_ahead); k < count; ++k) __builtin_prefetch(&records[slots[first + k]], 1);
+    for (std::size_t k = count - std::min(count, record_ahead); k < count; ++k)
+      __builtin_prefetch(&records[slots[first + k]], 1);
     for (int b = 0; b < cell_blocks; ++b) {
       prefetch_share(splats, upcoming, b);
       recompute_block<accuracy, W>(record.blended[b], words, b, record.transmittance[b], scratch);

@@ -27,13 +27,13 @@
 
 namespace compmark::inline v0::detail {
 
-inline constexpr int cell_side = 16;                       ///< pixels
-inline constexpr int block_side = 4;                       ///< pixels
-inline constexpr int cell_blocks = 16;                     ///< row-major in the cell
-inline constexpr int block_pixels = 16;                    ///< row-major in the block
-inline constexpr std::size_t chunk_splats = 256;           ///< splats of a tile's list that are worked on together
+inline constexpr int cell_side = 16;              ///< pixels
+inline constexpr int block_side = 4;              ///< pixels
+inline constexpr int cell_blocks = 16;            ///< row-major in the cell
+inline constexpr int block_pixels = 16;           ///< row-major in the block
+inline constexpr std::size_t chunk_splats = 256;  ///< splats of a tile's list that are worked on together
 inline constexpr std::size_t chunk_words = chunk_splats / 64;
-inline constexpr std::size_t record_ahead = 8;           ///< splats between asking for a record and writing it
+inline constexpr std::size_t record_ahead = 8;  ///< splats between asking for a record and writing it
 
 /// Widest pack a block can be cut into.
 template <class T>
@@ -76,10 +76,10 @@ inline constexpr T sigma_unit = accuracy.exp_degree == 0 ? T(1) : static_cast<T>
 template <class T>
 struct alignas(16 * sizeof(T)) WhiteSplat {
   T u, v;
-  T wx, wy, bx, by;        // w = wx dx + wy dy, b = bx dx + by dy
-  T reach;                 // sigma beyond which alpha is cut off, with the margin of numerics case TB3
+  T wx, wy, bx, by;  // w = wx dx + wy dy, b = bx dx + by dy
+  T reach;           // sigma beyond which alpha is cut off, with the margin of numerics case TB3
   T opacity;
-  T y_per_x, x_per_y;      // along a line of constant dx, sigma is least at dy = y_per_x dx; and the other way round
+  T y_per_x, x_per_y;  // along a line of constant dx, sigma is least at dy = y_per_x dx; and the other way round
   T red, green, blue;
   T depth;
   T unused[2];
@@ -137,11 +137,11 @@ template <int W, class T>
 /// A splat relative to one cell: what the loop over the blocks reads.
 template <class T>
 struct alignas(16 * sizeof(T)) CellSplat {
-  T w0, wx, wy;            // w = w0 + wx x + wy y, x and y from the cell's corner
-  T b0, bd;                // b = b0 + bd d, d is x or y
+  T w0, wx, wy;  // w = w0 + wx x + wy y, x and y from the cell's corner
+  T b0, bd;      // b = b0 + bd d, d is x or y
   T opacity;
   T red, green, blue, depth;
-  std::uint32_t axis;      // offset of the pivot axis in CellTable::at, in scalars
+  std::uint32_t axis;  // offset of the pivot axis in CellTable::at, in scalars
 };
 
 template <class T>
@@ -179,7 +179,8 @@ struct InStep {
       InStep result;
       ((result.part[i] = f(i)), ...);
       return result;
-    }(std::make_index_sequence<static_cast<std::size_t>(N)>{});
+    }
+    (std::make_index_sequence<static_cast<std::size_t>(N)>{});
   }
   friend COMPMARK_INLINE InStep operator*(const InStep& a, const InStep& b) {
     return of([&](std::size_t i) __attribute__((always_inline)) { return a.part[i] * b.part[i]; });
@@ -197,17 +198,19 @@ inline constexpr int step_splats = 4;
 
 /// opacity * exp(-sigma) of N splats at W pixels: x, y their centres in the cell, `axis` where the pivot coordinate of the first is.
 template <Accuracy accuracy, int N, class T, int W>
-[[nodiscard]] COMPMARK_INLINE InStep<Pack<T, W>, N> raw_alpha(const std::array<const CellSplat<T>*, N>& splat, Pack<T, W> x, Pack<T, W> y,
-                                                              const T* axis) {
+[[nodiscard]] COMPMARK_INLINE InStep<Pack<T, W>, N> raw_alpha(const std::array<const CellSplat<T>*, N>& splat,
+                                                              Pack<T, W> x, Pack<T, W> y, const T* axis) {
   using P = Pack<T, W>;
   using S = InStep<P, N>;
-  const S w1 = S::of([&](std::size_t i) __attribute__((always_inline)) { return fma(y, P(splat[i]->wy), P(splat[i]->w0)); });
+  const S w1 =
+      S::of([&](std::size_t i) __attribute__((always_inline)) { return fma(y, P(splat[i]->wy), P(splat[i]->w0)); });
   const S b = S::of([&](std::size_t i) __attribute__((always_inline)) {
     return fma(P::load(axis + splat[i]->axis), P(splat[i]->bd), P(splat[i]->b0));
   });
   const S w = S::of([&](std::size_t i) __attribute__((always_inline)) { return fma(x, P(splat[i]->wx), w1.part[i]); });
   const S bb = b * b;
-  S power = S::of([&](std::size_t i) __attribute__((always_inline)) { return fma(-w.part[i], w.part[i], -bb.part[i]); });
+  S power =
+      S::of([&](std::size_t i) __attribute__((always_inline)) { return fma(-w.part[i], w.part[i], -bb.part[i]); });
   if constexpr (accuracy.exp_degree == 0) {
     return S::of([&](std::size_t i) { return P(splat[i]->opacity) * exp_negative<0>(power.part[i]); });
   } else {
@@ -217,7 +220,9 @@ template <Accuracy accuracy, int N, class T, int W>
     }
     const S n = S::of([&](std::size_t i) __attribute__((always_inline)) { return round_to_even(power.part[i]); });
     const S fraction = exp2_fraction<accuracy.exp_degree>(power - n);
-    const S value = S::of([&](std::size_t i) __attribute__((always_inline)) { return scale_by_power_of_two(fraction.part[i], n.part[i]); });
+    const S value = S::of([&](std::size_t i) __attribute__((always_inline)) {
+      return scale_by_power_of_two(fraction.part[i], n.part[i]);
+    });
     return S::of([&](std::size_t i) __attribute__((always_inline)) { return value.part[i] * P(splat[i]->opacity); });
   }
 }
@@ -225,9 +230,9 @@ template <Accuracy accuracy, int N, class T, int W>
 /// What one splat does to W pixels.
 template <class T, int W>
 struct Blend {
-  Pack<T, W> alpha;                        // 0 where the splat is skipped
-  Pack<T, W> weight;                       // alpha * transmittance before
-  Pack<T, W> chain;                        // weight * dln(alpha)/dln(raw alpha); only where `stores_chain`
+  Pack<T, W> alpha;   // 0 where the splat is skipped
+  Pack<T, W> weight;  // alpha * transmittance before
+  Pack<T, W> chain;   // weight * dln(alpha)/dln(raw alpha); only where `stores_chain`
 };
 
 /// Whether backward must keep dln(alpha)/dln(raw): otherwise it is 0 where alpha == alpha_max and 1 elsewhere.
@@ -237,7 +242,8 @@ inline constexpr bool stores_chain = accuracy.published_backward || accuracy.cut
 /// Pixels that still take light. Under the exclusive rule a finished pixel is marked by the sign of its transmittance.
 template <Accuracy accuracy, class T, int W>
 [[nodiscard]] COMPMARK_INLINE typename Pack<T, W>::MaskType unfinished(Pack<T, W> transmittance) {
-  if constexpr (accuracy.stop == StopRule::exclusive || accuracy.transmittance_stop <= 0) return transmittance > Pack<T, W>(T(0));
+  if constexpr (accuracy.stop == StopRule::exclusive || accuracy.transmittance_stop <= 0)
+    return transmittance > Pack<T, W>(T(0));
   return transmittance >= Pack<T, W>(static_cast<T>(accuracy.transmittance_stop));
 }
 
@@ -306,8 +312,8 @@ template <Accuracy accuracy, bool want_chain, class T, int W>
 
 /// The blocks each splat of a chunk reaches, as bits, both ways round.
 struct ReachBits {
-  alignas(64) std::uint8_t low[chunk_splats], high[chunk_splats];        // splat by splat: blocks 0 … 7 and 8 … 15
-  alignas(64) std::uint64_t word[cell_blocks][chunk_words];              // block by block: bit k of word k / 64 is splat k
+  alignas(64) std::uint8_t low[chunk_splats], high[chunk_splats];  // splat by splat: blocks 0 … 7 and 8 … 15
+  alignas(64) std::uint64_t word[cell_blocks][chunk_words];        // block by block: bit k of word k / 64 is splat k
 
   /// Fills `word` from the first `count` splats.
   void by_block(std::size_t count) {
@@ -332,7 +338,8 @@ struct ReachBits {
       for (int half = 0; half < 2; ++half) {
         for (std::size_t group = 0; group < 8; ++group) {
           std::uint64_t bits = 0;
-          for (std::size_t b = 0; b < 8; ++b) bits |= (word[static_cast<std::size_t>(8 * half) + b][i] >> (8 * group) & 0xFFu) << (8 * b);
+          for (std::size_t b = 0; b < 8; ++b)
+            bits |= (word[static_cast<std::size_t>(8 * half) + b][i] >> (8 * group) & 0xFFu) << (8 * b);
           bits = transpose_bits(bits);
           std::memcpy((half == 0 ? low : high) + 64 * i + 8 * group, &bits, 8);
         }
@@ -357,12 +364,14 @@ struct BlockList {
 };
 
 /// Number of chunks of a list.
-[[nodiscard]] constexpr std::size_t list_chunks(std::size_t length) { return (length + chunk_splats - 1) / chunk_splats; }
+[[nodiscard]] constexpr std::size_t list_chunks(std::size_t length) {
+  return (length + chunk_splats - 1) / chunk_splats;
+}
 
 /// Where a cell lies in the image.
 struct CellPlace {
-  int x, y;            // pixels
-  int width, height;   // of the image
+  int x, y;           // pixels
+  int width, height;  // of the image
   /// Bit b is set where block b has a pixel in the image.
   [[nodiscard]] unsigned blocks() const {
     if (x + cell_side <= width && y + cell_side <= height) return 0xFFFFu;
@@ -388,7 +397,8 @@ COMPMARK_INLINE void each_block_row(const CellPlace& place, const Row& row) {
       if (whole) {
         row(block, lane, start + static_cast<std::size_t>(x), block_side);
       } else {
-        row(block, lane, start + static_cast<std::size_t>(x), in_rows ? std::clamp(place.width - place.x - x, 0, block_side) : 0);
+        row(block, lane, start + static_cast<std::size_t>(x),
+            in_rows ? std::clamp(place.width - place.x - x, 0, block_side) : 0);
       }
     }
   }
@@ -399,7 +409,8 @@ template <bool write, class T>
 COMPMARK_INLINE void prefetch_cell(const T* plane, const CellPlace& place) {
   const int rows = std::min(cell_side, place.height - place.y), columns = std::min(cell_side, place.width - place.x);
   for (int y = 0; y < rows; ++y) {
-    const T* row = plane + static_cast<std::size_t>(place.y + y) * static_cast<std::size_t>(place.width) + static_cast<std::size_t>(place.x);
+    const T* row = plane + static_cast<std::size_t>(place.y + y) * static_cast<std::size_t>(place.width) +
+                   static_cast<std::size_t>(place.x);
     __builtin_prefetch(row, write ? 1 : 0);
     __builtin_prefetch(row + columns - 1, write ? 1 : 0);
   }
@@ -408,27 +419,30 @@ COMPMARK_INLINE void prefetch_cell(const T* plane, const CellPlace& place) {
 /// Copies a plane's pixels of one cell into blocks: to[block][lane]; pixels outside the image become 0.
 template <class T>
 inline void load_cell(const T* plane, const CellPlace& place, T (&to)[cell_blocks][block_pixels]) {
-  each_block_row(place, [&](int block, int lane, std::size_t offset, int count) __attribute__((always_inline)) {
-    T* const target = to[block] + lane;
-    if (count == block_side) {
-      std::memcpy(target, plane + offset, block_side * sizeof(T));
-    } else {
-      for (int i = 0; i < block_side; ++i) target[i] = i < count ? plane[offset + static_cast<std::size_t>(i)] : T(0);
-    }
-  });
+  each_block_row(
+      place, [&](int block, int lane, std::size_t offset, int count) __attribute__((always_inline)) {
+        T* const target = to[block] + lane;
+        if (count == block_side) {
+          std::memcpy(target, plane + offset, block_side * sizeof(T));
+        } else {
+          for (int i = 0; i < block_side; ++i)
+            target[i] = i < count ? plane[offset + static_cast<std::size_t>(i)] : T(0);
+        }
+      });
 }
 
 /// The inverse of load_cell; pixels outside the image are dropped.
 template <class T>
 inline void store_cell(const T (&from)[cell_blocks][block_pixels], const CellPlace& place, T* plane) {
-  each_block_row(place, [&](int block, int lane, std::size_t offset, int count) __attribute__((always_inline)) {
-    const T* const source = from[block] + lane;
-    if (count == block_side) {
-      std::memcpy(plane + offset, source, block_side * sizeof(T));
-    } else {
-      for (int i = 0; i < count; ++i) plane[offset + static_cast<std::size_t>(i)] = source[i];
-    }
-  });
+  each_block_row(
+      place, [&](int block, int lane, std::size_t offset, int count) __attribute__((always_inline)) {
+        const T* const source = from[block] + lane;
+        if (count == block_side) {
+          std::memcpy(plane + offset, source, block_side * sizeof(T));
+        } else {
+          for (int i = 0; i < count; ++i) plane[offset + static_cast<std::size_t>(i)] = source[i];
+        }
+      });
 }
 
 }  // namespace compmark::inline v0::detail

@@ -36,8 +36,8 @@ struct ChunkRecord {
 
 /// Localises the splats of one chunk and finds the blocks they reach, of those in `open`.
 template <int W, class T>
-inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list, const CellPlace& place, unsigned open,
-                       CellSplat<T>* local, ReachBits& reach) {
+inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list,
+                       const CellPlace& place, unsigned open, CellSplat<T>* local, ReachBits& reach) {
   const T cell_x = static_cast<T>(place.x), cell_y = static_cast<T>(place.y);
   for (std::size_t k = 0; k < list.size(); ++k) {
     const WhiteSplat<T>& splat = splats[list[k]];
@@ -50,7 +50,8 @@ inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const st
 
 /// Asks for a sixteenth of the splats that the next cell of this worker starts with, while this one is computed.
 template <class T>
-COMPMARK_INLINE void prefetch_share(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> upcoming, int block) {
+COMPMARK_INLINE void prefetch_share(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> upcoming,
+                                    int block) {
   const std::size_t count = std::min(upcoming.size(), chunk_splats), share = (count + cell_blocks - 1) / cell_blocks;
   const std::size_t start = static_cast<std::size_t>(block) * share;
   for (std::size_t k = start; k < std::min(start + share, count); ++k) __builtin_prefetch(&splats[upcoming[k]]);
@@ -58,8 +59,8 @@ COMPMARK_INLINE void prefetch_share(std::span<const WhiteSplat<T>> splats, std::
 
 /// One block through one chunk. `blended` gets the bits of the splats that were met before the block was finished. Returns whether it was.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
-inline bool forward_block(const CellSplat<T>* splats, const std::uint64_t (&reached)[chunk_words], std::size_t words, int block,
-                          ForwardScratch<T>& scratch, std::uint64_t (&blended)[chunk_words]) {
+inline bool forward_block(const CellSplat<T>* splats, const std::uint64_t (&reached)[chunk_words], std::size_t words,
+                          int block, ForwardScratch<T>& scratch, std::uint64_t (&blended)[chunk_words]) {
   using P = Pack<T, W>;
   constexpr int packs = block_pixels / W;
   const T* x_at = cell_table<T>.at[0][block];
@@ -129,19 +130,22 @@ struct ForwardPlanes {
 /// One cell: overwrites its pixels, fills `records` (one per chunk of the list) and returns how many chunks were opened.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list,
-                                std::span<const std::uint32_t> upcoming, const CellPlace& place, const std::array<T, 3>& background, const ForwardPlanes<T>& planes, ChunkRecord<T>* records,
-                                ForwardScratch<T>& scratch) {
+                                std::span<const std::uint32_t> upcoming, const CellPlace& place,
+                                const std::array<T, 3>& background, const ForwardPlanes<T>& planes,
+                                ChunkRecord<T>* records, ForwardScratch<T>& scratch) {
   for (int c = 0; c < 3; ++c) prefetch_cell<true>(planes.image.plane(c), place);
-  each_block_row(place, [&](int block, int lane, std::size_t /*offset*/, int count) __attribute__((always_inline)) {
-    for (int i = 0; i < block_side; ++i) scratch.transmittance[block][lane + i] = i < count ? T(1) : T(0);
-  });
+  each_block_row(
+      place, [&](int block, int lane, std::size_t /*offset*/, int count) __attribute__((always_inline)) {
+        for (int i = 0; i < block_side; ++i) scratch.transmittance[block][lane + i] = i < count ? T(1) : T(0);
+      });
   std::memset(scratch.color, 0, sizeof(scratch.color));
   if constexpr (outputs.depth) std::memset(scratch.depth, 0, sizeof(scratch.depth));
   scratch.splats[chunk_splats] = CellSplat<T>{};
   unsigned open = place.blocks();
   std::size_t chunk = 0;
   for (; chunk * chunk_splats < list.size() && open != 0; ++chunk) {
-    const std::span<const std::uint32_t> part = list.subspan(chunk * chunk_splats, std::min(chunk_splats, list.size() - chunk * chunk_splats));
+    const std::span<const std::uint32_t> part =
+        list.subspan(chunk * chunk_splats, std::min(chunk_splats, list.size() - chunk * chunk_splats));
     const std::size_t words = (part.size() + 63) / 64;
     ChunkRecord<T>& record = records[chunk];
     std::memcpy(record.transmittance, scratch.transmittance, sizeof(record.transmittance));
@@ -153,13 +157,16 @@ inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span
         continue;
       }
       prefetch_share(splats, upcoming, b);
-      if (forward_block<accuracy, outputs, W>(scratch.splats, scratch.reach.word[b], words, b, scratch, record.blended[b])) open &= ~(1u << b);
+      if (forward_block<accuracy, outputs, W>(scratch.splats, scratch.reach.word[b], words, b, scratch,
+                                              record.blended[b]))
+        open &= ~(1u << b);
     }
   }
   for (int b = 0; b < cell_blocks; ++b) {
     for (int i = 0; i < block_pixels; ++i) {
       const T signed_value = scratch.transmittance[b][i];
-      const T transmittance = accuracy.stop == StopRule::exclusive && signed_value < T(0) ? -signed_value : signed_value;
+      const T transmittance =
+          accuracy.stop == StopRule::exclusive && signed_value < T(0) ? -signed_value : signed_value;
       scratch.color[0][b][i] += transmittance * background[0];
       scratch.color[1][b][i] += transmittance * background[1];
       scratch.color[2][b][i] += transmittance * background[2];

@@ -1,0 +1,439 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/raster/tile.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/raster/reference.hpp"
+#include "compmark/testing/gradient.hpp"
+#include "compmark/testing/raster_laws.hpp"
+#include "compmark/testing/raster_scene.hpp"
+
+using namespace compmark;
+using testing::raster_scene;
+using testing::RasterScene;
+
+static_assert(Rasterizer<TileRasterizer<float>>);
+static_assert(Rasterizer<TileRasterizer<double, accuracy::inria>>);
+
+namespace {
+
+constexpr Accuracy smooth{.exp_degree = 0, .transmittance_stop = 0, .cutoff = CutoffRule::smooth};
+constexpr Accuracy nearly_opaque{.exp_degree = 0, .alpha_min = 1e-7f, .alpha_max = 0.9999f, .transmittance_stop = 0};
+constexpr RasterOutputs planes{.alpha = true, .depth = true};
+constexpr RasterOutputs everything{.alpha = true, .depth = true, .screen_statistics = true};
+
+/// `count` identical isotropic Gaussians behind each other on the optical axis, which goes through the centre of a pixel.
+template <class T>
+RasterScene<T> stack(std::size_t count, T opacity, int width = 33, int height = 33) {
+  RasterScene<T> scene = raster_scene<T>(1, count, width, height);
+  scene.camera.fx = scene.camera.fy = 100;
+  scene.camera.cx = T(width / 2) + T(0.5);
+  scene.camera.cy = T(height / 2) + T(0.5);
+  const GaussianColumns<T> g = scene.gaussians.columns();
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      g.mean[k][i] = k == 2 ? T(2) + T(i) / 1024 : T(0);
+      g.scale[k][i] = T(0.1);
+    }
+    for (std::size_t k = 0; k < 4; ++k) g.rotation[k][i] = k == 0 ? T(1) : T(0);
+    g.opacity[i] = opacity;
+  }
+  return scene;
+}
+
+template <class R>
+std::vector<typename R::Scalar> image_of(const R& rasterizer, const RasterScene<typename R::Scalar>& scene,
+                                         typename R::Context& context) {
+  using T = typename R::Scalar;
+  SerialExecutor serial;
+  const int w = scene.camera.width, h = scene.camera.height;
+  std::vector<T> image(static_cast<std::size_t>(3 * w * h), T(-7));
+  rasterizer.forward(scene.gaussians.columns(), scene.camera, scene.background, {image.data(), 3, h, w}, context,
+                     serial);
+  return image;
+}
+template <class R>
+std::vector<typename R::Scalar> image_of(const R& rasterizer, const RasterScene<typename R::Scalar>& scene) {
+  typename R::Context context;
+  return image_of(rasterizer, scene, context);
+}
+
+/// Forward, then backward with d_image of ones.
+template <class R>
+GaussianBatch<typename R::Scalar> gradient_of(const R& rasterizer, const RasterScene<typename R::Scalar>& scene) {
+  using T = typename R::Scalar;
+  SerialExecutor serial;
+  typename R::Context context;
+  const int w = scene.camera.width, h = scene.camera.height;
+  std::vector<T> image(static_cast<std::size_t>(3 * w * h));
+  const std::vector<T> ones(image.size(), T(1));
+  const GaussianColumns<const T> gaussians = scene.gaussians.columns();
+  rasterizer.forward(gaussians, scene.camera, scene.background, {image.data(), 3, h, w}, context, serial);
+  GaussianBatch<T> gradient;
+  gradient.resize(gaussians.count);
+  gradient.set_zero();
+  rasterizer.backward(gaussians, scene.camera, scene.background, {ones.data(), 3, h, w}, gradient.columns(), context,
+                      serial);
+  return gradient;
+}
+
+template <Accuracy accuracy>
+void check_double(double image, double gradient) {
+  const ReferenceRasterizer<double, accuracy> reference;
+  const testing::RasterTolerance tolerance{image, gradient};
+  const std::string native = testing::raster_agrees(TileRasterizer<double, accuracy>{}, reference, tolerance, 3);
+  CHECK_MESSAGE(native.empty(), native);
+  const std::string one =
+      testing::raster_agrees(TileRasterizer<double, accuracy, RasterOutputs{}, 1>{}, reference, tolerance, 5);
+  CHECK_MESSAGE(one.empty(), one);
+}
+
+template <Accuracy accuracy>
+void check_float(double image, double gradient) {
+  const std::string broken = testing::raster_agrees(TileRasterizer<float, accuracy>{},
+                                                    ReferenceRasterizer<double, accuracy>{}, {image, gradient}, 7);
+  CHECK_MESSAGE(broken.empty(), broken);
+  const std::string laws = testing::raster_laws(TileRasterizer<float, accuracy>{}, 9);
+  CHECK_MESSAGE(laws.empty(), laws);
+}
+
+}  // namespace
+
+TEST_CASE("raster/tile: equals the reference in double, every preset (R1)") {
+  // With std::exp only the order of sums differs. A polynomial adds its error (9e-8, 3e-6, 1e-4 for degree 5, 4, 3; at most a few layers
+  // count), and where it moves an alpha across the cut-off the splat's share, alpha_min.
+  check_double<accuracy::exact>(1e-12, 1e-11);
+  check_double<accuracy::spec>(1e-12, 1e-11);
+  check_double<accuracy::inria>(1e-12, 1e-11);
+  check_double<accuracy::quality>(1e-7, 1e-6);
+  check_double<accuracy::standard>(1e-6, 1e-5);
+  check_double<accuracy::fast>(1e-4, 1e-3);
+  check_double<accuracy::draft>(1e-2, 1e-1);
+}
+
+TEST_CASE("raster/tile: float against the reference in double, every preset, and the laws of the concept (R1, R3-R6)") {
+  check_float<accuracy::exact>(1e-5, 1e-4);
+  check_float<accuracy::spec>(1e-5, 1e-3);
+  check_float<accuracy::inria>(1e-5, 1e-3);
+  check_float<accuracy::quality>(1e-5, 1e-3);
+  check_float<accuracy::standard>(1e-5, 1e-3);
+  check_float<accuracy::fast>(1e-4, 1e-3);
+  check_float<accuracy::draft>(1e-2, 1e-1);
+}
+
+TEST_CASE("raster/tile: laws of the concept in double, and with every output asked for (R3-R6)") {
+  const std::string a = testing::raster_laws(TileRasterizer<double, accuracy::spec>{}, 1);
+  CHECK_MESSAGE(a.empty(), a);
+  const std::string b = testing::raster_laws(TileRasterizer<float, accuracy::standard, everything>{}, 2);
+  CHECK_MESSAGE(b.empty(), b);
+}
+
+TEST_CASE("raster/tile: every pack width gives the same picture to rounding") {
+  const RasterScene<float> scene = raster_scene<float>(4, 500, 83, 61);
+  const std::vector<float> expected = image_of(TileRasterizer<float, accuracy::quality, RasterOutputs{}, 1>{}, scene);
+  const auto distance = [&](const std::vector<float>& image) {
+    float worst = 0;
+    for (std::size_t i = 0; i < image.size(); ++i) worst = std::max(worst, std::abs(image[i] - expected[i]));
+    return worst;
+  };
+  // Fused or not, every operation rounds to 6e-8; the cut-off of 1/1024 may fall on either side.
+  CHECK(distance(image_of(TileRasterizer<float, accuracy::quality, RasterOutputs{}, 2>{}, scene)) < 2e-3f);
+  CHECK(distance(image_of(TileRasterizer<float, accuracy::quality, RasterOutputs{}, 4>{}, scene)) < 2e-3f);
+  CHECK(distance(image_of(TileRasterizer<float, accuracy::quality, RasterOutputs{}, 8>{}, scene)) < 2e-3f);
+  CHECK(distance(image_of(TileRasterizer<float, accuracy::quality, RasterOutputs{}, 16>{}, scene)) < 2e-3f);
+}
+
+TEST_CASE("raster/tile: the size of a tile changes no bit of the image (K5)") {
+  constexpr Accuracy tile_32{.tile_size = 32}, tile_48{.tile_size = 48};
+  const RasterScene<float> scene = raster_scene<float>(6, 700, 131, 77);
+  const std::vector<float> expected = image_of(TileRasterizer<float>{}, scene);
+  CHECK(image_of(TileRasterizer<float, tile_32>{}, scene) == expected);
+  CHECK(image_of(TileRasterizer<float, tile_48>{}, scene) == expected);
+  const std::string broken =
+      testing::raster_agrees(TileRasterizer<float, tile_32>{}, TileRasterizer<float>{}, {0, 1e-6}, 6);
+  CHECK_MESSAGE(broken.empty(), broken);
+}
+
+TEST_CASE("raster/tile: gradient law of the whole road in double, alpha and depth planes included (R2, BF4)") {
+  RasterScene<double> scene = raster_scene<double>(7, 14, 26, 19);
+  const std::size_t n = 14, pixels = 26 * 19;
+  std::vector<double> image(3 * pixels), d_image(3 * pixels), d_alpha(pixels), d_depth(pixels);
+  const Random random(5, 0, random_stage("test/tile_law"));
+  for (std::size_t i = 0; i < 3 * pixels; ++i) d_image[i] = static_cast<double>(random.centered(i));
+  for (std::size_t i = 0; i < pixels; ++i) {
+    d_alpha[i] = static_cast<double>(random.centered(10000 + i));
+    d_depth[i] = static_cast<double>(random.centered(20000 + i));
+  }
+  using R = TileRasterizer<double, smooth, planes>;
+  const R rasterizer;
+  R::Context context;
+  SerialExecutor serial;
+  const GaussianColumns<const double> gaussians = std::as_const(scene.gaussians).columns();
+  const auto loss = [&] {
+    rasterizer.forward(gaussians, scene.camera, scene.background, {image.data(), 3, 19, 26}, context, serial);
+    double sum = 0;
+    for (std::size_t i = 0; i < 3 * pixels; ++i) sum += d_image[i] * image[i];
+    for (std::size_t i = 0; i < pixels; ++i) sum += d_alpha[i] * context.alpha[i] + d_depth[i] * context.depth[i];
+    return sum;
+  };
+  loss();
+  GaussianBatch<double> gradient;
+  gradient.resize(n);
+  gradient.set_zero();
+  rasterizer.backward(gaussians, scene.camera, scene.background, {d_image.data(), 3, 19, 26},
+                      PlaneGradients<double>{{d_alpha.data(), 1, 19, 26}, {d_depth.data(), 1, 19, 26}},
+                      gradient.columns(), context, serial);
+  const auto x = testing::all_columns(scene.gaussians.columns());
+  const auto d = testing::all_columns(gradient.columns());
+  for (std::size_t c = 0; c < 14; ++c) {
+    const std::string broken =
+        testing::gradient_law(loss, std::span<double>(x[c], n), std::span<const double>(d[c], n), 1e-6, n);
+    CHECK_MESSAGE(broken.empty(), "column " << c << ": " << broken);
+  }
+}
+
+TEST_CASE("raster/tile: blending gradients in float, thin and opaque, short and long stacks (BB1)") {
+  for (const std::size_t count : {std::size_t{6}, std::size_t{60}, std::size_t{2300}}) {
+    for (const float opacity : {0.999f, 0.9f, 0.3f, 0.01f}) {
+      RasterScene<float> scene = stack<float>(count, opacity);
+      scene.camera = scene.camera.cropped(16, 16, 1, 1);
+      const Random random(1, 0, random_stage("test/blend"));
+      for (std::size_t i = 0; i < count; ++i) {
+        for (std::size_t c = 0; c < 3; ++c)
+          scene.gaussians.columns().color[c][i] = static_cast<float>(random.uniform(3 * i + c));
+      }
+      const auto got = gradient_of(TileRasterizer<float, nearly_opaque>{}, scene);
+      const auto expected =
+          gradient_of(ReferenceRasterizer<long double, nearly_opaque>{}, testing::cast_scene<long double>(scene));
+      double worst = 0, size = 0;
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto truth = static_cast<double>(expected.columns().opacity[i]);
+        worst = std::max(worst, std::abs(static_cast<double>(got.columns().opacity[i]) - truth));
+        size = std::max(size, std::abs(truth));
+      }
+      CHECK_MESSAGE(worst <= 3e-6 * size,
+                    count << " layers of " << opacity << ": " << worst / size);  // the sheet: 1.2e-6
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("raster/tile: one flat colour has no gradient of geometry or opacity, not even rounding (BB1)", T,
+                   float, double) {
+  RasterScene<T> scene = raster_scene<T>(12, 400, 70, 50);
+  scene.background = {T(0.3), T(0.7), T(0.1)};
+  for (std::size_t i = 0; i < 400; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) scene.gaussians.columns().color[c][i] = scene.background[c];
+  }
+  SerialExecutor serial;
+  const auto run = testing::run_rasterizer(TileRasterizer<T>{}, scene, serial);
+  const auto columns = testing::all_columns(run.gradient.columns());
+  for (std::size_t c = 0; c < 11; ++c) {
+    for (std::size_t i = 0; i < 400; ++i) CHECK(columns[c][i] == T(0));
+  }
+  CHECK(*std::max_element(columns[11], columns[11] + 400) > T(0));
+}
+
+TEST_CASE("raster/tile: alpha of exactly one is finite and hides what is behind (BB2, BF7)") {
+  RasterScene<float> opaque = stack<float>(30, 1.0f);
+  opaque.camera = opaque.camera.cropped(16, 16, 1, 1);
+  const auto exact = gradient_of(TileRasterizer<float, accuracy::exact>{}, opaque);
+  for (const float* column : testing::all_columns(exact.columns())) {
+    CHECK(std::isfinite(column[0]));
+    for (std::size_t i = 1; i < 30; ++i) CHECK(column[i] == 0);
+  }
+  opaque = stack<float>(30, 0.98f);  // stopped by the transmittance: 0.02^3 < 1e-4
+  opaque.camera = opaque.camera.cropped(16, 16, 1, 1);
+  const auto stopped = gradient_of(TileRasterizer<float>{}, opaque);
+  for (const float* column : testing::all_columns(stopped.columns())) {
+    for (std::size_t i = 3; i < 30; ++i) CHECK(column[i] == 0);
+  }
+  CHECK(stopped.columns().color[0][2] > 0);
+}
+
+TEST_CASE("raster/tile: an opaque wall leaves at most the threshold; the published stop leaks (BF1)") {
+  RasterScene<float> wall = stack<float>(3, 0.99f);
+  wall.camera = wall.camera.cropped(16, 16, 1, 1);
+  wall.background = {1, 1, 1};
+  for (std::size_t c = 0; c < 3; ++c) std::fill_n(wall.gaussians.columns().color[c], 3, 0.0f);
+  CHECK(image_of(TileRasterizer<float>{}, wall)[0] <= 1.0001e-4f);
+  const float leak = image_of(TileRasterizer<float, accuracy::inria>{}, wall)[0];
+  CHECK(leak > 0.9e-4f);  // stops before the second, or after it: 0.01^2 = 1e-4 is on the edge of the rule
+  CHECK(leak <= 1.01e-2f);
+}
+
+TEST_CASE("raster/tile: a clamped alpha does not move with the opacity; the published backward lets it (BF3)") {
+  RasterScene<double> scene = stack<double>(1, 0.995);
+  scene.camera = scene.camera.cropped(16, 16, 1, 1);
+  CHECK(gradient_of(TileRasterizer<double>{}, scene).columns().opacity[0] == 0);
+  CHECK(gradient_of(TileRasterizer<double, accuracy::inria>{}, scene).columns().opacity[0] != 0);
+}
+
+TEST_CASE("raster/tile: weights and transmittance sum to one through 2300 layers, nine chunks of the list (BF2)") {
+  for (const float opacity : {0.01f, 0.05f, 0.3f}) {
+    RasterScene<float> white = stack<float>(2300, opacity);
+    white.background = {1, 1, 1};
+    for (std::size_t c = 0; c < 3; ++c) std::fill_n(white.gaussians.columns().color[c], 2300, 1.0f);
+    for (const float value : image_of(TileRasterizer<float, nearly_opaque>{}, white)) {
+      CHECK(std::abs(value - 1) <= 2e-5f);  // 4e-7 sqrt(2300)
+    }
+    const auto expected = image_of(ReferenceRasterizer<double, accuracy::spec>{},
+                                   testing::cast_scene<double>(stack<float>(2300, opacity)));
+    const auto got = image_of(TileRasterizer<float, accuracy::spec>{}, stack<float>(2300, opacity));
+    for (std::size_t i = 0; i < got.size(); ++i)
+      CHECK(static_cast<double>(got[i]) == doctest::Approx(expected[i]).epsilon(1e-3));
+  }
+}
+
+TEST_CASE("raster/tile: backward sees the very splats that forward blended (BF6)") {
+  // The image is linear in the colours: sum over pixels of image = sum over splats of colour * gradient + background * transmittance. One
+  // splat skipped in one pass alone would be an error of 1/255 of a pixel; the sums agree to rounding.
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const RasterScene<float> scene = raster_scene<float>(seed, 400, 65, 49);
+    using R = TileRasterizer<float, accuracy::standard, planes>;
+    const R rasterizer;
+    R::Context context;
+    const std::vector<float> image = image_of(rasterizer, scene, context);
+    const auto gradient = gradient_of(rasterizer, scene);
+    double left = 0, right = 0;
+    for (const float value : image) left += static_cast<double>(value);
+    for (std::size_t c = 0; c < 3; ++c) {
+      for (const float alpha : context.alpha.span())
+        right += static_cast<double>(scene.background[c]) * (1 - static_cast<double>(alpha));
+      for (std::size_t i = 0; i < 400; ++i) {
+        right += static_cast<double>(scene.gaussians.columns().color[c][i]) *
+                 static_cast<double>(gradient.columns().color[c][i]);
+      }
+    }
+    CHECK(std::abs(left - right) <= 1e-6 * left);
+  }
+}
+
+TEST_CASE("raster/tile: an image of any size is the corner of a larger one, bit for bit (TB7)") {
+  const RasterScene<float> scene = raster_scene<float>(15, 600, 300, 290);
+  const std::vector<float> whole = image_of(TileRasterizer<float>{}, scene);
+  constexpr std::array<int, 6> sizes{1, 15, 16, 17, 100, 257};
+  for (const int width : sizes) {
+    for (const int height : sizes) {
+      RasterScene<float> corner = scene;
+      // The Jacobian's clamp follows the frame (numerics case PR4), so the crop happens after projection: same camera, smaller lists.
+      corner.camera = scene.camera.cropped(0, 0, width, height);
+      TileRasterizer<float>::Context context;
+      SerialExecutor serial;
+      std::vector<float> part(static_cast<std::size_t>(3 * width * height));
+      const ImageView<float> view{part.data(), 3, height, width};
+      project<accuracy::standard>(std::as_const(scene.gaussians).columns(), scene.camera, ProjectionSettings<float>{},
+                                  context.projected, context.project_workspace, serial);
+      REQUIRE(bin<accuracy::standard>(context.projected, width, height, BinSettings{}, context.lists,
+                                      context.bin_workspace, serial)
+                  .ok());
+      TileRasterizer<float>{}.blend_forward(width, height, scene.background, view, context, serial);
+      bool same = true;
+      for (int c = 0; c < 3; ++c) {
+        for (int y = 0; y < height; ++y) {
+          same = same && std::memcmp(view.row(c, y), whole.data() + (c * 290 + y) * 300,
+                                     static_cast<std::size_t>(width) * sizeof(float)) == 0;
+        }
+      }
+      CHECK_MESSAGE(same, width << " x " << height);
+    }
+  }
+}
+
+TEST_CASE("raster/tile: nothing to draw is the background, with zero gradients (TB10)") {
+  RasterScene<float> scene = raster_scene<float>(1, 16, 20, 18);
+  for (std::size_t i = 0; i < 16; ++i) scene.gaussians.columns().opacity[i] = -0.5f;
+  RasterScene<float> empty = scene;
+  empty.gaussians.resize(0);
+  for (const RasterScene<float>* nothing : {&scene, &empty}) {
+    using R = TileRasterizer<float, accuracy::standard, everything>;
+    R::Context context;
+    const std::vector<float> image = image_of(R{}, *nothing, context);
+    for (std::size_t i = 0; i < image.size(); ++i) CHECK(image[i] == nothing->background[i / (20 * 18)]);
+    for (const float alpha : context.alpha.span()) CHECK(alpha == 0);
+    const auto gradient = gradient_of(R{}, *nothing);
+    for (const float* column : testing::all_columns(gradient.columns())) {
+      for (std::size_t i = 0; i < nothing->gaussians.size(); ++i) CHECK(column[i] == 0);
+    }
+  }
+}
+
+TEST_CASE("raster/tile: a view beyond the pair budget says so and shows the background (TB6)") {
+  const RasterScene<float> scene = raster_scene<float>(1, 300, 83, 61);
+  using R = TileRasterizer<float>;
+  R::Settings settings;
+  settings.bin.pair_budget = 10;
+  R::Context context;
+  const std::vector<float> image = image_of(R{settings}, scene, context);
+  REQUIRE(context.error.has_value());
+  CHECK(context.error->kind == ErrorKind::exhausted);
+  for (std::size_t i = 0; i < image.size(); ++i) CHECK(image[i] == scene.background[i / (83 * 61)]);
+  image_of(R{}, scene, context);
+  CHECK(!context.error.has_value());
+}
+
+TEST_CASE("raster/tile: a poisoned Gaussian leaves the picture and all gradients finite (BF9, TB1)") {
+  for (std::size_t slot = 0; slot < 14; ++slot) {
+    for (const float value : {std::nanf(""), INFINITY, -INFINITY, 1e38f, -1e38f, 1e-40f, 0.0f}) {
+      RasterScene<float> scene = raster_scene<float>(8, 40, 40, 33);
+      testing::all_columns(scene.gaussians.columns())[slot][3] = value;
+      SerialExecutor serial;
+      const auto run = testing::run_rasterizer(TileRasterizer<float>{}, scene, serial);
+      for (const float pixel : run.image) CHECK(std::isfinite(pixel));
+      for (const float* column : testing::all_columns(run.gradient.columns())) {
+        for (std::size_t i = 0; i < 40; ++i) CHECK(std::isfinite(column[i]));
+      }
+    }
+  }
+}
+
+TEST_CASE("raster/tile: an output that is not asked for takes no byte") {
+  using Plain = TileRasterizer<float>::Context;
+  using Full = TileRasterizer<float, accuracy::standard, everything>::Context;
+  CHECK(sizeof(Full) == sizeof(Plain) + 3 * sizeof(Buffer<float>));
+  const auto has_alpha = []<class C>(const C&) {
+    return requires(C & c) { c.alpha; };
+  };
+  CHECK(!has_alpha(Plain{}));
+  CHECK(has_alpha(Full{}));
+  const RasterScene<float> scene = raster_scene<float>(1, 50, 33, 33);
+  SerialExecutor serial;
+  CHECK(TileRasterizer<float>{}.screen(Plain{}).gradient_norm.empty());
+  using R = TileRasterizer<float, accuracy::standard, everything>;
+  CHECK(testing::run_rasterizer(R{}, scene, serial).image ==
+        testing::run_rasterizer(TileRasterizer<float>{}, scene, serial).image);
+}
+
+TEST_CASE("raster/tile: the second view of the same scene allocates nothing") {
+  const RasterScene<float> scene = raster_scene<float>(1, 500, 83, 61);
+  using R = TileRasterizer<float>;
+  R::Context context;
+  const std::vector<float> d_image(3 * 83 * 61, 1.0f);
+  std::vector<float> image(d_image.size());
+  GaussianBatch<float> gradient;
+  gradient.resize(500);
+  gradient.set_zero();
+  SerialExecutor serial;
+  const auto once = [&] {
+    R{}.forward(scene.gaussians.columns(), scene.camera, scene.background, {image.data(), 3, 61, 83}, context, serial);
+    R{}.backward(scene.gaussians.columns(), scene.camera, scene.background, {d_image.data(), 3, 61, 83},
+                 gradient.columns(), context, serial);
+    return std::array<const void*, 10>{context.white.data(),           context.first_chunk.data(),
+                                       context.chunks.data(),          context.opened.data(),
+                                       context.forward_scratch.data(), context.backward_scratch.data(),
+                                       context.pair_gradients.data(),  context.splat_gradients.data(),
+                                       context.lists.splat.data(),     context.projected.splats.data()};
+  };
+  const auto first = once();
+  CHECK(once() == first);
+}
