@@ -1,0 +1,222 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+#include <compmark/scene/open.hpp>
+
+#include <cmath>
+#include <set>
+
+#include "support/scene_files.hpp"
+
+using namespace compmark;
+using namespace compmark::testing;
+
+namespace {
+
+std::array<double, 3> project(const Camera<double>& camera, const std::array<double, 3>& point) {
+  std::array<double, 3> p{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j)
+      p[i] += camera.rotation_camera_world[3 * i + j] * (point[j] - camera.center_world[j]);
+  }
+  return {camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy, p[2]};
+}
+
+}  // namespace
+
+TEST_CASE("scene/blender: OpenGL poses land where the optics say") {
+  // Camera at z = 4 looking down -z with y up. A point to the right and above the origin appears right of and above (smaller v) the centre.
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  const Result<Dataset> dataset = open_dataset(folder.path(), {});
+  REQUIRE(dataset.ok());
+  CHECK(dataset->kind == "blender");
+  REQUIRE(dataset->views.size() == 3);
+  CHECK(dataset->indices(Split::train) == std::vector<std::size_t>{0, 1});
+  CHECK(dataset->indices(Split::test) == std::vector<std::size_t>{2});
+  const Camera<double>& camera = dataset->views[0].camera;
+  const double f = 8 / std::tan(0.4);  // width 16, half angle 0.4
+  CHECK(camera.fx == doctest::Approx(f).epsilon(1e-14));
+  CHECK(camera.fy == camera.fx);
+  const std::array<double, 3> pixel = project(camera, {1, 0.5, 0});
+  CHECK(pixel[0] == doctest::Approx(8 + f / 4).epsilon(1e-14));
+  CHECK(pixel[1] == doctest::Approx(6 - f / 8).epsilon(1e-14));
+  CHECK(pixel[2] == doctest::Approx(4).epsilon(1e-14));
+  CHECK(dataset->views[0].has_alpha);
+}
+
+TEST_CASE("scene/blender: rotations are re-orthonormalised, scale and mirror are noticed") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  const auto open_with = [&](const std::string& matrix) {
+    put(folder.path() / "transforms_train.json", transforms_text(frame_text("train/a", matrix)));
+    return open_dataset(folder.path(), {});
+  };
+  SUBCASE("four digits of rounding") {
+    // A rotation of 0.3 about y, written with 4 digits: off by up to 5e-5, corrected to 1e-15.
+    const Result<Dataset> dataset = open_with("[[0.9553,0,0.2955,0],[0,1,0,0],[-0.2955,0,0.9553,4],[0,0,0,1]]");
+    REQUIRE(dataset.ok());
+    const auto& r = dataset->views[0].camera.rotation_camera_world;
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        double sum = 0;
+        for (std::size_t k = 0; k < 3; ++k) sum += r[3 * i + k] * r[3 * j + k];
+        CHECK(std::abs(sum - (i == j ? 1.0 : 0.0)) < 4e-16 * 4);
+      }
+    }
+    CHECK(detail::determinant(r) == doctest::Approx(1.0).epsilon(1e-14));
+    CHECK(dataset->warnings.empty());
+  }
+  SUBCASE("uniform scale") {
+    const Result<Dataset> dataset = open_with("[[2,0,0,0],[0,2,0,0],[0,0,2,4],[0,0,0,1]]");
+    REQUIRE(dataset.ok());
+    REQUIRE(dataset->warnings.size() == 1);
+    CHECK(dataset->warnings[0].find("scale of 2.0") != std::string::npos);
+    CHECK(project(dataset->views[0].camera, {0, 0, 0})[2] == doctest::Approx(4));
+  }
+  SUBCASE("mirrored") {
+    const Result<Dataset> dataset = open_with("[[-1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]");
+    REQUIRE(!dataset.ok());
+    CHECK(names(dataset.error(), "transforms_train.json", "frames[0].transform_matrix", "correct the pose"));
+  }
+}
+
+TEST_CASE("scene/blender: random points fill the cube, depend on the seed alone and stay off the disk") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  DatasetSettings settings;
+  const Result<Dataset> dataset = open_dataset(folder.path(), settings);
+  REQUIRE(dataset.ok());
+  CHECK(dataset->points_are_random);
+  CHECK(dataset->points.size() == 10000);
+  CHECK(dataset->points.color.size() == 10000);
+  std::array<double, 3> mean{};
+  float largest = 0;
+  for (const auto& p : dataset->points.position) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      mean[c] += static_cast<double>(p[c]) / 10000;
+      largest = std::max(largest, std::abs(p[c]));
+    }
+  }
+  // The mean of 10,000 uniforms in +-1.3 has standard deviation 1.3 / sqrt(3e4) = 0.0075; five of them.
+  for (const double m : mean) CHECK(std::abs(m) < 0.0375);
+  CHECK(largest <= 1.3f);
+  CHECK(largest > 1.299f);
+  CHECK(open_dataset(folder.path(), settings)->points.position == dataset->points.position);
+  settings.seed = 1;
+  CHECK(open_dataset(folder.path(), settings)->points.position != dataset->points.position);
+  std::set<std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+    files.insert(entry.path().filename().string());
+  CHECK(files == std::set<std::string>{"train", "test", "transforms_train.json", "transforms_test.json"});
+}
+
+TEST_CASE("scene/blender: downscaling follows the true size ratio (case CA1)") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  DatasetSettings settings;
+  settings.downscale = 5;  // 16 x 12 -> 3 x 2: ratios 0.1875 and 0.1667, neither is 1/5
+  const Result<Dataset> dataset = open_dataset(folder.path(), settings);
+  REQUIRE(dataset.ok());
+  const Camera<double>& camera = dataset->views[0].camera;
+  CHECK(camera.width == 3);
+  CHECK(camera.height == 2);
+  const double f = 8 / std::tan(0.4);
+  CHECK(camera.fx == doctest::Approx(f * 3 / 16).epsilon(1e-14));
+  CHECK(camera.fy == doctest::Approx(f * 2 / 12).epsilon(1e-14));
+  CHECK(camera.fx != doctest::Approx(f / 5).epsilon(0.01));  // negative control: the nominal factor
+}
+
+TEST_CASE("scene/blender: points3d.ply is used only if asked for") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  put(folder.path() / "points3d.ply",
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\nproperty double z\nproperty "
+      "uchar red\nproperty uchar green\n"
+      "property uchar blue\nend_header\n1 2 3 4 5 6\nnan 0 0 1 1 1\n");
+  DatasetSettings settings;
+  CHECK(open_dataset(folder.path(), settings)->points.size() == 10000);
+  settings.use_point_file = true;
+  const Result<Dataset> dataset = open_dataset(folder.path(), settings);
+  REQUIRE(dataset.ok());
+  CHECK(!dataset->points_are_random);
+  REQUIRE(dataset->points.size() == 1);
+  CHECK(dataset->points.position[0] == std::array<float, 3>{1, 2, 3});
+  CHECK(dataset->points.color[0] == std::array<std::uint8_t, 3>{4, 5, 6});
+}
+
+TEST_CASE("scene/blender: bad input is named by file, field and remedy") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  const std::filesystem::path json = folder.path() / "transforms_train.json";
+  const auto error = [&](const std::string& text) {
+    put(json, text);
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(!dataset.ok());
+    return dataset.error();
+  };
+  const std::string file = "transforms_train.json";
+  CHECK(names(error(""), file, "", "create the dataset again"));
+  CHECK(names(error("{\"frames\": ["), file, "", "correct it"));
+  CHECK(names(error("{\"camera_angle_x\": 1e999, \"frames\": []}"), file, "", "correct it"));
+  CHECK(names(error("[]"), file, "frames", "list of frames"));
+  CHECK(names(error("{\"camera_angle_x\": 0.8}"), file, "frames", "list of frames"));
+  CHECK(names(error(transforms_text("")), file, "frames", "at least one frame"));
+  CHECK(names(error("{\"frames\": [" + frame_text("train/a") + "]}"), file, "camera_angle_x", "field of view"));
+  CHECK(names(error("{\"camera_angle_x\": NaN, \"frames\": [" + frame_text("train/a") + "]}"), file, "camera_angle_x",
+              "field of view"));
+  CHECK(names(error("{\"camera_angle_x\": 4, \"frames\": [" + frame_text("train/a") + "]}"), file, "camera_angle_x",
+              "field of view"));
+  CHECK(names(error(transforms_text("{\"file_path\": \"train/a\"}")), file, "frames[0].transform_matrix",
+              "correct the pose"));
+  CHECK(names(error(transforms_text("{\"transform_matrix\": " + matrix_text() + "}")), file, "frames[0].file_path",
+              "give the image"));
+  CHECK(names(error(transforms_text(frame_text("train/a") + "," + frame_text("train/b", matrix_text("NaN")))), file,
+              "frames[1].transform_matrix[0][0]", "correct the pose"));
+  CHECK(names(error(transforms_text(frame_text("train/b", matrix_text("-Infinity")))), file,
+              "frames[0].transform_matrix[0][0]", "correct the pose"));
+  CHECK(names(error(transforms_text(frame_text("train/b", matrix_text("\"x\"")))), file,
+              "frames[0].transform_matrix[0][0]", "correct the pose"));
+  CHECK(names(error(transforms_text(frame_text("train/b", matrix_text("0")))), file, "frames[0].transform_matrix",
+              "correct the pose"));
+  CHECK(names(error(transforms_text(frame_text("train/b", "[[1,0,0],[0,1,0],[0,0,1]]"))), file, "transform_matrix[0]",
+              "correct the pose"));
+  CHECK(names(error(transforms_text(frame_text("train/b", "7"))), file, "frames[0].transform_matrix",
+              "correct the pose"));
+  CHECK(names(error(transforms_text(frame_text("train/missing"))), file, "frames[0].file_path", "add the image"));
+  CHECK(error(transforms_text(frame_text("train/missing"))).kind == ErrorKind::not_found);
+  put(folder.path() / "train/a.png", "not a picture");
+  CHECK(names(error(transforms_text(frame_text("train/a"))), "a.png", "", "convert it to PNG"));
+  put(folder.path() / "train/a.png", "");
+  CHECK(names(error(transforms_text(frame_text("train/a"))), "a.png", "", "copy it again"));
+}
+
+TEST_CASE("scene/blender: a name with NaN in it is left alone") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  put_image(folder.path() / "train/NaN \"inf\".png", 16, 12);
+  put(folder.path() / "transforms_train.json", transforms_text(frame_text("train\\\\NaN \\\"inf\\\"")));
+  const Result<Dataset> dataset = open_dataset(folder.path(), {});
+  REQUIRE(dataset.ok());
+  CHECK(dataset->views[0].image_path.filename() == "NaN \"inf\".png");
+}
+
+TEST_CASE("scene/open: a folder that holds no dataset is named") {
+  const TemporaryFolder folder;
+  const auto error = [&](const std::filesystem::path& path, DatasetSettings settings = {}) {
+    const Result<Dataset> dataset = open_dataset(path, settings);
+    REQUIRE(!dataset.ok());
+    return dataset.error();
+  };
+  CHECK(names(error(folder.path() / "nowhere"), "nowhere", "", "check the path"));
+  CHECK(names(error(folder.path()), folder.path().string(), "", "check the path"));
+  put(folder.path() / "note.txt", "x");
+  CHECK(names(error(folder.path()), folder.path().string(), "", "contains one of them"));
+  CHECK(names(error(folder.path() / "note.txt"), "note.txt", "", "give the folder"));
+  put(folder.path() / "transforms.json", "{}");
+  CHECK(error(folder.path()).kind == ErrorKind::unsupported);
+  put_blender(folder.path());
+  DatasetSettings settings;
+  settings.downscale = 0;
+  CHECK(names(error(folder.path(), settings), folder.path().string(), "downscale", "use 1"));
+}
