@@ -6,6 +6,7 @@
 // Cost an anchor: 2 (D + 3) 3 D + 2 D 11 K operations (13.8 k for D = 32, K = 10), 14 K exponentials; reads 71 floats (the feature twice).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -28,7 +29,7 @@ struct DecodeForwardScratch {
   alignas(64) T position[3 * L::block];
   alignas(64) T scaling[6 * L::block];
   alignas(64) T offset[3 * L::offsets * L::block];
-  alignas(64) T tail[L::block];
+  alignas(64) T tail[(14 + L::saved_columns) * L::block];  // a pack that would reach into the next chunk's rows
 };
 
 /// What the two passes read and write, apart from scratch. Pointers are the beginnings of whole arrays.
@@ -187,9 +188,11 @@ struct ForwardKernels {
         if (bits == 0) continue;
         const int gaussians = __builtin_popcount(bits);
         if (row + W <= last_row) {  // the scratch behind the last value is overwritten by this chunk's next rows
-          write_pack<true>(a, block, k, slot, lane, M::from_bits(bits), gaussians, row, s);
+          write_pack(a, block, k, slot, lane, M::from_bits(bits), columns_at(a, row), s);
         } else {
-          write_pack<false>(a, block, k, slot, lane, M::from_bits(bits), gaussians, row, s);
+          write_pack(a, block, k, slot, lane, M::from_bits(bits), tail_columns(s), s);
+          const Columns from = tail_columns(s), to = columns_at(a, row);
+          for (std::size_t column = 0; column < from.size(); ++column) std::copy_n(from[column], gaussians, to[column]);
         }
         std::uint32_t* const slots = a.slot + row;
         int next = 0;
@@ -201,31 +204,46 @@ struct ForwardKernels {
     }
   }
 
-  template <bool Whole>
-  static COMPMARK_INLINE void write_pack(const Arguments& a, std::size_t block, int k, int slot, int lane, M mask, int gaussians,
-                                         std::size_t row, Scratch& s) {
-    const auto put = [&](T* column, P value) __attribute__((always_inline)) {
-      if constexpr (Whole) {
-        value.compress_store(column + row, mask);
-      } else {
-        value.compress_store(s.tail, mask);
-        for (int i = 0; i < gaussians; ++i) column[row + static_cast<std::size_t>(i)] = s.tail[i];
-      }
+  /// Where a pack of Gaussians goes: mean 3, scale 3, rotation 4, opacity, color 3, then the saved columns.
+  static constexpr std::size_t batch_columns = 14;
+  using Columns = std::array<T*, batch_columns + L::saved_columns>;
+  static COMPMARK_INLINE Columns columns_at(const Arguments& a, std::size_t row) {
+    Columns to;
+    for (std::size_t i = 0; i < 3; ++i) {
+      to[i] = a.out.mean[i] + row;
+      to[3 + i] = a.out.scale[i] + row;
+      to[11 + i] = a.out.color[i] + row;
+    }
+    for (std::size_t i = 0; i < 4; ++i) to[6 + i] = a.out.rotation[i] + row;
+    to[10] = a.out.opacity + row;
+    for (std::size_t i = 0; i < L::saved_columns; ++i) to[batch_columns + i] = a.saved[i] + row;
+    return to;
+  }
+  static Columns tail_columns(Scratch& s) {
+    Columns to;
+    for (std::size_t i = 0; i < to.size(); ++i) to[i] = s.tail + i * L::block;
+    return to;
+  }
+
+  static COMPMARK_INLINE void write_pack(const Arguments& a, std::size_t block, int k, int slot, int lane, M mask, const Columns& to,
+                                         const Scratch& s) {
+    const auto put = [&](int column, P value) __attribute__((always_inline)) {
+      value.compress_store(to[static_cast<std::size_t>(column)], mask);
     };
+    constexpr int saved = static_cast<int>(batch_columns);
     const T* const covariance = s.output + 7 * k * L::panel + slot * 16 + lane;
     const T* const color = s.output + (7 * L::offsets + 3 * k) * L::panel + slot * 16 + lane;
-    put(a.out.opacity, P::load(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane));
+    put(10, P::load(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane));
     for (int i = 0; i < 3; ++i) {
-      const std::size_t axis = static_cast<std::size_t>(i);
       const P extent = P::load(s.scaling + i * 16 + lane);
       const P base = P::load(s.scaling + (3 + i) * 16 + lane);
-      put(a.out.mean[axis], fma(P::load(s.offset + (3 * k + i) * 16 + lane), extent, P::load(s.position + i * 16 + lane)));
+      put(i, fma(P::load(s.offset + (3 * k + i) * 16 + lane), extent, P::load(s.position + i * 16 + lane)));
       const P fraction = sigmoid(P::load(covariance + i * L::panel));
-      put(a.saved[static_cast<std::size_t>(L::saved_sigmoid) + axis], fraction);
-      put(a.out.scale[axis], base * fraction);
+      put(saved + L::saved_sigmoid + i, fraction);
+      put(3 + i, base * fraction);
       const P channel = sigmoid(P::load(color + i * L::panel));
-      put(a.saved[static_cast<std::size_t>(L::saved_color) + axis], channel);
-      put(a.out.color[axis], channel);
+      put(saved + L::saved_color + i, channel);
+      put(11 + i, channel);
     }
     // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction (case QU1).
     P q[4];
@@ -238,10 +256,10 @@ struct ForwardKernels {
     const P inverse = P(T(1)) / norm;
     for (int i = 0; i < 4; ++i) {
       const P unit = select(directed, q[i] * inverse, P(T(i == 0 ? 1 : 0)));
-      put(a.saved[static_cast<std::size_t>(L::saved_rotation + i)], unit);
-      put(a.out.rotation[static_cast<std::size_t>(i)], unit);
+      put(saved + L::saved_rotation + i, unit);
+      put(6 + i, unit);
     }
-    put(a.saved[L::saved_inverse_norm], keep(directed, inverse / divisor));
+    put(saved + L::saved_inverse_norm, keep(directed, inverse / divisor));
   }
 
   /// Below it a quaternion has no direction: the smallest normal number, doubled so that its reciprocal is finite.

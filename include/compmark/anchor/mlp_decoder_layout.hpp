@@ -86,64 +86,69 @@ struct ViewLanes {
   }
 };
 
+/// `Count` columns of W anchors into W rows of lanes (the transposed columns). Row pointers may be null: those lanes become zero.
+template <int Count, int Stride, int W, class T>
+inline void gather_strip(const T* const (&lines)[W], std::size_t column, T* target) {
+  using P = Pack<T, W>;
+  P packs[W];
+  for (int i = 0; i < W; ++i) {
+    packs[i] = P(T{});
+    if (lines[i] == nullptr) continue;
+    if constexpr (Count == W) {
+      packs[i] = P::load(lines[i] + column);
+    } else {
+      packs[i] = P::load(lines[i] + column, Mask<T, W>::first(Count));
+    }
+  }
+  transpose(packs);
+  for (int j = 0; j < Count; ++j) packs[j].store(target + j * Stride);
+}
+
 /// target[column * Stride + lane] = table(rows[lane], column); lanes beyond `valid` become zero. Reads inside the rows only.
 template <int Columns, int Stride, int W, class T>
 inline void gather_transposed(MatrixView<const T> table, const std::uint32_t* rows, int valid, T* target) {
-  using P = Pack<T, W>;
-  constexpr int groups = (Columns + W - 1) / W;
   for (int first = 0; first < 16; first += W) {
-    unroll<groups>([&](auto group) __attribute__((always_inline)) {
-      constexpr int column = group * W;
-      constexpr int count = Columns - column < W ? Columns - column : W;
-      P lines[W];
-      unroll<W>([&](auto i) __attribute__((always_inline)) {
-        lines[i] = P(T{});
-        if (first + i < valid) {
-          const T* const source = table.row(rows[first + i]) + column;
-          if constexpr (count == W) {
-            lines[i] = P::load(source);
-          } else {
-            lines[i] = P::load(source, Mask<T, W>::first(count));
-          }
-        }
-      });
-      transpose(lines);
-      unroll<count>([&](auto j) __attribute__((always_inline)) { lines[j].store(target + (column + j) * Stride + first); });
-    });
+    const T* lines[W];
+    for (int i = 0; i < W; ++i) lines[i] = first + i < valid ? table.row(rows[first + i]) : nullptr;
+    int column = 0;
+    for (; column + W <= Columns; column += W) {
+      gather_strip<W, Stride, W>(lines, static_cast<std::size_t>(column), target + column * Stride + first);
+    }
+    if constexpr (Columns % W != 0) {
+      gather_strip<Columns % W, Stride, W>(lines, static_cast<std::size_t>(column), target + column * Stride + first);
+    }
+  }
+}
+
+template <int Count, int W, class T>
+inline void scatter_strip(const T* source, T* const (&lines)[W], std::size_t column) {
+  using P = Pack<T, W>;
+  P packs[W];
+  for (int j = 0; j < W; ++j) packs[j] = j < Count ? P::load(source + j * 16) : P(T{});
+  transpose(packs);
+  for (int i = 0; i < W; ++i) {
+    if (lines[i] == nullptr) continue;
+    T* const target = lines[i] + column;
+    if constexpr (Count == W) {
+      (P::load(target) + packs[i]).store(target);
+    } else {
+      const auto mask = Mask<T, W>::first(Count);
+      (P::load(target, mask) + packs[i]).store(target, mask);
+    }
   }
 }
 
 /// table(rows[lane], column) += source[column * 16 + lane] for the lanes whose bit is set. Writes inside the rows only.
 template <int Columns, int W, class T>
 inline void scatter_add_transposed(const T* source, const std::uint32_t* rows, unsigned lanes, MatrixView<T> table) {
-  using P = Pack<T, W>;
-  constexpr int groups = (Columns + W - 1) / W;
   for (int first = 0; first < 16; first += W) {
-    if ((lanes >> first & ((1u << W) - 1u)) == 0) continue;
-    unroll<groups>([&](auto group) __attribute__((always_inline)) {
-      constexpr int column = group * W;
-      constexpr int count = Columns - column < W ? Columns - column : W;
-      P lines[W];
-      unroll<W>([&](auto j) __attribute__((always_inline)) {
-        if constexpr (j < count) {
-          lines[j] = P::load(source + (column + j) * 16 + first);
-        } else {
-          lines[j] = P(T{});
-        }
-      });
-      transpose(lines);
-      unroll<W>([&](auto i) __attribute__((always_inline)) {
-        if ((lanes >> (first + i) & 1u) != 0) {
-          T* const target = table.row(rows[first + i]) + column;
-          if constexpr (count == W) {
-            (P::load(target) + lines[i]).store(target);
-          } else {
-            const auto mask = Mask<T, W>::first(count);
-            (P::load(target, mask) + lines[i]).store(target, mask);
-          }
-        }
-      });
-    });
+    T* lines[W];
+    for (int i = 0; i < W; ++i) lines[i] = (lanes >> (first + i) & 1u) != 0 ? table.row(rows[first + i]) : nullptr;
+    int column = 0;
+    for (; column + W <= Columns; column += W) scatter_strip<W, W>(source + column * 16 + first, lines, static_cast<std::size_t>(column));
+    if constexpr (Columns % W != 0) {
+      scatter_strip<Columns % W, W>(source + column * 16 + first, lines, static_cast<std::size_t>(column));
+    }
   }
 }
 

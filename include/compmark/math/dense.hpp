@@ -15,6 +15,12 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
 
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(undefined_behavior_sanitizer)
+#define COMPMARK_DETAIL_SANITIZED 1
+#endif
+#endif
+
 namespace compmark::inline v0 {
 
 /// C[rows, columns] += sum over steps of A[row, step] B[step, column]; columns is a multiple of the pack width.
@@ -31,43 +37,74 @@ struct ProductShape {
 
 namespace detail {
 
-/// Accumulators that fit the register file beside B and one element of A: 24 of 32 registers with AVX-512, 12 of 16 otherwise.
+/// Accumulators that fit the register file beside B and one element of A: 24 of 32 registers with AVX-512, 12 of 16 otherwise. Builds for
+/// debugging take small tiles, because instrumented unrolled code compiles for minutes; the sums are the same bits at any tile.
 template <class T, int W>
-inline constexpr int product_accumulators = uses_mask_register<T, W> ? 24 : 12;
+inline constexpr int product_accumulators = [] {
+#if !defined(__OPTIMIZE__) || defined(__SANITIZE_ADDRESS__) || defined(COMPMARK_DETAIL_SANITIZED)
+  return 2;
+#else
+  return uses_mask_register<T, W> ? 24 : 12;
+#endif
+}();
 
+/// Rows x Packs accumulators. The loops have constant lengths and are unrolled completely (clang does so unasked, g++ at -O2 when told).
 template <class T, int W, ProductShape shape, int Rows, int Packs, class Start, class Finish>
-COMPMARK_INLINE void product_tile(const T* a, const T* b, T* c, int row, int column, const Start& start, const Finish& finish) {
+inline void product_tile(const T* a, const T* b, T* c, int row, int column, const Start& start, const Finish& finish) {
   using P = Pack<T, W>;
   P sum[Rows][Packs];
-  unroll<Rows>([&](auto r) __attribute__((always_inline)) {
-    unroll<Packs>([&](auto p) __attribute__((always_inline)) {
+#if !defined(__clang__)
+#pragma GCC unroll 24
+#endif
+  for (int r = 0; r < Rows; ++r) {
+#if !defined(__clang__)
+#pragma GCC unroll 3
+#endif
+    for (int p = 0; p < Packs; ++p) {
       sum[r][p] = start(row + r, column + p * W, c + (row + r) * shape.c_row + column + p * W);
-    });
-  });
+    }
+  }
   const T* a_tile = a + row * shape.a_row;
   const T* b_tile = b + column;
+#if !defined(__clang__)
+#pragma GCC unroll 1
+#endif
   for (int step = 0; step < shape.steps; ++step) {
     P row_of_b[Packs];
-    unroll<Packs>([&](auto p) __attribute__((always_inline)) { row_of_b[p] = P::load(b_tile + p * W); });
-    unroll<Rows>([&](auto r) __attribute__((always_inline)) {
+#if !defined(__clang__)
+#pragma GCC unroll 3
+#endif
+    for (int p = 0; p < Packs; ++p) row_of_b[p] = P::load(b_tile + p * W);
+#if !defined(__clang__)
+#pragma GCC unroll 24
+#endif
+    for (int r = 0; r < Rows; ++r) {
       const P element(a_tile[r * shape.a_row]);
-      unroll<Packs>([&](auto p) __attribute__((always_inline)) { sum[r][p] = fma(element, row_of_b[p], sum[r][p]); });
-    });
+#if !defined(__clang__)
+#pragma GCC unroll 3
+#endif
+      for (int p = 0; p < Packs; ++p) sum[r][p] = fma(element, row_of_b[p], sum[r][p]);
+    }
     a_tile += shape.a_step;
     b_tile += shape.b_step;
   }
-  unroll<Rows>([&](auto r) __attribute__((always_inline)) {
-    unroll<Packs>([&](auto p) __attribute__((always_inline)) {
-      T* const target = c + (row + r) * shape.c_row + column + p * W;
-      finish(row + r, column + p * W, sum[r][p]).store(target);
-    });
-  });
+#if !defined(__clang__)
+#pragma GCC unroll 24
+#endif
+  for (int r = 0; r < Rows; ++r) {
+#if !defined(__clang__)
+#pragma GCC unroll 3
+#endif
+    for (int p = 0; p < Packs; ++p) {
+      finish(row + r, column + p * W, sum[r][p]).store(c + (row + r) * shape.c_row + column + p * W);
+    }
+  }
 }
 
 /// Rows in tiles of nearly equal height, at most `accumulators / Packs`: at most two tile kernels a product.
 template <class T, int W, ProductShape shape, int Packs, class Start, class Finish>
 COMPMARK_INLINE void product_strip(const T* a, const T* b, T* c, int column, const Start& start, const Finish& finish) {
-  constexpr int most = product_accumulators<T, W> / Packs;
+  constexpr int most = product_accumulators<T, W> < Packs ? 1 : product_accumulators<T, W> / Packs;
   constexpr int tiles = (shape.rows + most - 1) / most;
   constexpr int small = shape.rows / tiles;
   constexpr int larger_tiles = shape.rows - small * tiles;  // these have small + 1 rows
