@@ -112,8 +112,8 @@ std::string law(RasterScene<double>& scene, double tolerance, ProjectionSettings
   SerialExecutor serial;
   const Probes<double> loss(projected<accuracy, W>(scene, settings));
   const auto run = backward<accuracy, W>(scene, loss, settings, serial);
-  const auto columns = testing::all_columns(scene.gaussians.columns()),
-             gradients = testing::all_columns(run.gradient.columns());
+  const auto columns = testing::all_columns(scene.gaussians.columns());
+  const auto gradients = testing::all_columns(run.gradient.columns());
   const std::size_t n = scene.gaussians.size();
   std::string broken;
   for (std::size_t c = 0; c < 14; ++c) {

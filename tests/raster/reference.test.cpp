@@ -161,7 +161,8 @@ TEST_CASE_TEMPLATE(
   for (std::size_t c = 0; c < 3; ++c) {
     for (std::size_t i = 0; i < 60; ++i) scene.gaussians.columns().color[c][i] = scene.background[c];
   }
-  const auto columns = testing::all_columns(render(ReferenceRasterizer<T>{}, scene).gradient.columns());
+  const auto got = render(ReferenceRasterizer<T>{}, scene);
+  const auto columns = testing::all_columns(got.gradient.columns());
   for (std::size_t c = 0; c < 11; ++c) {
     for (std::size_t i = 0; i < 60; ++i) CHECK(columns[c][i] == T(0));
   }
@@ -256,7 +257,8 @@ TEST_CASE(
   const PlaneGradients<double> planes{{d_alpha.data(), 1, 19, 26}, {d_depth.data(), 1, 19, 26}};
   rasterizer.backward(gaussians, scene.camera, scene.background, {d_image.data(), 3, 19, 26}, planes,
                       gradient.columns(), context, serial);
-  const auto x = testing::all_columns(scene.gaussians.columns()), d = testing::all_columns(gradient.columns());
+  const auto x = testing::all_columns(scene.gaussians.columns());
+  const auto d = testing::all_columns(gradient.columns());
   for (std::size_t c = 0; c < 14; ++c) {
     const std::string broken =
         testing::gradient_law(loss, std::span<double>(x[c], n), std::span<const double>(d[c], n), 1e-6, n);

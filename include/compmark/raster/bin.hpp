@@ -37,9 +37,11 @@ struct BinWorkspace {
     std::uint16_t x, y, width, height;  // in tiles
   };
   Buffer<Box> box;                  // [count]
-  Buffer<std::uint64_t> mask;       // [count] tiles of the box that are hit, row-major; unused for boxes above 64 tiles
+  Buffer<std::uint64_t> mask;       // [count] tiles of the box that are hit, row-major; small boxes only
   Buffer<std::uint32_t> histogram;  // [chunks, tiles] pairs, later write positions within the tile
   Buffer<std::size_t> chunk_pairs;  // [chunks]
+  Buffer<std::uint32_t> next;       // [tiles] next position to hand out
+  Buffer<std::uint32_t> offset;     // [W + 1, 64] from the corner of a small box to its tile k
 };
 
 namespace detail {
@@ -48,8 +50,10 @@ namespace detail {
 template <class T, int W>
 struct LaneGrid {
   std::array<std::array<T, W>, W + 1> column{}, row{};
+  std::array<int, W + 1> rows{};  // W / width
   constexpr LaneGrid() {
     for (std::size_t width = 1; width <= W; ++width) {
+      rows[width] = static_cast<int>(W / width);
       for (std::size_t lane = 0; lane < W; ++lane) {
         column[width][lane] = static_cast<T>(lane % width);
         row[width][lane] = static_cast<T>(lane / width);
@@ -91,13 +95,20 @@ template <int tile_size, class T, int W>
   return (min(first, second) <= bound).bits();
 }
 
-/// Number of hit tiles of one splat; calls visit(row, column, bits) for groups of at most W tiles of its box, rows first.
+/// Whether the answer for a box is kept as 64 bits; else it is asked for twice, of the same function.
+template <int W>
+[[nodiscard]] COMPMARK_INLINE bool is_small(const BinWorkspace::Box& box) {
+  return box.width <= W && box.width * box.height <= 64;
+}
+
+/// Calls visit(row, column, columns, bits) for groups of at most W tiles of a splat's box: whole rows where the box is at most W wide, else
+/// parts of one row. Bit k of a group is its tile (k / columns, k % columns).
 template <Accuracy accuracy, class T, int W, class Visit>
 COMPMARK_INLINE void each_tile_group(const Splat<T>& splat, const BinWorkspace::Box& box, int width, int height,
                                      const Visit& visit) {
   for (int row = 0; row < box.height;) {
     const int columns = std::min<int>(box.width, W);
-    const int rows = box.width <= W ? std::min<int>(W / box.width, box.height - row) : 1;
+    const int rows = box.width <= W ? std::min<int>(lane_grid<T, W>.rows[box.width], box.height - row) : 1;
     for (int column = 0; column < box.width; column += columns) {
       const int here = std::min<int>(columns, box.width - column);
       const int lanes = here * rows;
@@ -155,37 +166,64 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
   lists.begin.resize(tiles + 1);
   lists.first_slot.resize(count + 1);
 
+  // Where bit k of a small box that is w tiles wide lies, from the box's corner.
+  workspace.offset.resize(std::size_t{64} * (W + 1));
+  for (std::size_t w = 1; w <= W; ++w) {
+    for (std::size_t k = 0; k < 64; ++k) {
+      workspace.offset[64 * w + k] = static_cast<std::uint32_t>(k / w * tiles_x + k % w);
+    }
+  }
+  const auto each_large = [&](const Splat<T>& splat, const BinWorkspace::Box& box, std::uint32_t* corner,
+                              const auto& visit) {
+    detail::each_tile_group<accuracy, T, W>(
+        splat, box, width, height, [&](int row, int column, int columns, unsigned bits) {
+          std::uint32_t* line = corner + static_cast<std::size_t>(row) * tiles_x + static_cast<std::size_t>(column);
+          const unsigned row_bits = (1u << columns) - 1u;  // columns <= W <= 16
+          for (; bits != 0; bits >>= columns, line += tiles_x) {
+            for (unsigned hit = bits & row_bits; hit != 0; hit &= hit - 1) visit(line[std::countr_zero(hit)]);
+          }
+        });
+  };
+
   // 1. Which tiles: bits, counts per splat (in first_slot), histogram per chunk.
   executor.for_chunks(count, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
     const std::size_t chunk = begin / grain;
     std::uint32_t* const histogram = workspace.histogram.data() + chunk * tiles;
     std::fill(histogram, histogram + tiles, 0u);
-    std::size_t sum = 0;
+    // Three loops, not one: a branch on the bits of a mask that is still being computed would be mispredicted late (measured: 2x).
     for (std::size_t i = begin; i < end; ++i) {
       const Splat<T>& splat = projected.splats[i];
       const detail::TileRectangle r = detail::tile_rectangle<accuracy.footprint, tile_size>(
           splat.u, splat.v, splat.extent_x, splat.extent_y, width, height);
-      BinWorkspace::Box box{};
-      if (!r.empty()) {
-        box = {static_cast<std::uint16_t>(r.x_begin), static_cast<std::uint16_t>(r.y_begin),
-               static_cast<std::uint16_t>(r.x_end - r.x_begin), static_cast<std::uint16_t>(r.y_end - r.y_begin)};
-      }
-      workspace.box[i] = box;
+      workspace.box[i] = {static_cast<std::uint16_t>(r.x_begin), static_cast<std::uint16_t>(r.y_begin),
+                          static_cast<std::uint16_t>(std::max(0, r.x_end - r.x_begin)),
+                          static_cast<std::uint16_t>(std::max(0, r.y_end - r.y_begin))};
+    }
+    for (std::size_t i = begin; i < end; ++i) {
+      const BinWorkspace::Box box = workspace.box[i];
+      if (!detail::is_small<W>(box)) continue;
       std::uint64_t mask = 0;
-      std::size_t hits = 0;
-      const bool small = box.width * box.height <= 64;
       detail::each_tile_group<accuracy, T, W>(
-          splat, box, width, height, [&](int row, int column, int columns, unsigned bits) {
-            hits += static_cast<std::size_t>(std::popcount(bits));
-            if (small) mask |= static_cast<std::uint64_t>(bits) << (row * box.width + column);
-            std::uint32_t* line = histogram + (static_cast<std::size_t>(box.y + row)) * tiles_x +
-                                  static_cast<std::size_t>(box.x + column);
-            for (; bits != 0; bits >>= columns, line += tiles_x) {
-              for (int k = 0; k < columns; ++k) line[k] += bits >> k & 1u;
-              if (columns >= 32) break;
-            }
-          });
+          projected.splats[i], box, width, height,
+          [&](int row, int, int, unsigned bits) { mask |= static_cast<std::uint64_t>(bits) << (row * box.width); });
       workspace.mask[i] = mask;
+    }
+    std::size_t sum = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const BinWorkspace::Box box = workspace.box[i];
+      std::uint32_t* const corner = histogram + static_cast<std::size_t>(box.y) * tiles_x + box.x;
+      std::size_t hits = 0;
+      if (detail::is_small<W>(box)) {
+        std::uint64_t mask = workspace.mask[i];
+        hits = static_cast<std::size_t>(std::popcount(mask));
+        const std::uint32_t* const offset = workspace.offset.data() + box.width * std::size_t{64};
+        for (; mask != 0; mask &= mask - 1) ++corner[offset[std::countr_zero(mask)]];
+      } else {
+        each_large(projected.splats[i], box, corner, [&](std::uint32_t& at) {
+          ++at;
+          ++hits;
+        });
+      }
       lists.first_slot[i] = hits;
       sum += hits;
     }
@@ -203,50 +241,49 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
   }
   lists.splat.resize(lists.pairs);
   lists.slot.resize(lists.pairs);
-  std::size_t position = 0;
-  for (std::size_t tile = 0; tile < tiles; ++tile) {
-    lists.begin[tile] = position;
-    for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
-      std::uint32_t& entry = workspace.histogram[chunk * tiles + tile];
-      const std::uint32_t here = entry;
-      entry = static_cast<std::uint32_t>(position);
-      position += here;
+  // Chunk by chunk, so that every loop runs along memory.
+  workspace.next.resize(tiles, 0u);
+  std::uint32_t* const next = workspace.next.data();
+  for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+    const std::uint32_t* const histogram = workspace.histogram.data() + chunk * tiles;
+    for (std::size_t tile = 0; tile < tiles; ++tile) next[tile] += histogram[tile];
+  }
+  const std::size_t written = detail::exclusive_sums(next, tiles);
+  for (std::size_t tile = 0; tile < tiles; ++tile) lists.begin[tile] = next[tile];
+  lists.begin[tiles] = written;
+  COMPMARK_ASSERT(written == lists.pairs, "bin: the two counts of pairs differ");
+  for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+    std::uint32_t* const histogram = workspace.histogram.data() + chunk * tiles;
+    for (std::size_t tile = 0; tile < tiles; ++tile) {
+      const std::uint32_t here = histogram[tile];
+      histogram[tile] = next[tile];
+      next[tile] += here;
     }
   }
-  lists.begin[tiles] = position;
-  COMPMARK_ASSERT(position == lists.pairs, "bin: the two counts of pairs differ");
 
   // 3. Write, each chunk at its own positions.
   executor.for_chunks(count, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
     const std::size_t chunk = begin / grain;
     std::uint32_t* const cursor = workspace.histogram.data() + chunk * tiles;
-    std::size_t slot = workspace.chunk_pairs[chunk];
+    std::uint32_t* const splat_at = lists.splat.data();
+    std::uint32_t* const slot_at = lists.slot.data();
+    auto slot = static_cast<std::uint32_t>(workspace.chunk_pairs[chunk]);
     for (std::size_t i = begin; i < end; ++i) {
       lists.first_slot[i] = slot;
       const BinWorkspace::Box box = workspace.box[i];
       std::uint32_t* const corner = cursor + static_cast<std::size_t>(box.y) * tiles_x + box.x;
       const auto write = [&](std::uint32_t& at) {
         const std::uint32_t p = at++;
-        lists.splat[p] = static_cast<std::uint32_t>(i);
-        lists.slot[p] = static_cast<std::uint32_t>(slot++);
+        splat_at[p] = static_cast<std::uint32_t>(i);
+        slot_at[p] = slot++;
       };
-      if (box.width * box.height <= 64) {
-        std::uint64_t mask = workspace.mask[i];
-        const std::uint64_t row_bits = box.width >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << box.width) - 1;
-        for (std::uint32_t* line = corner; mask != 0; line += tiles_x) {
-          for (std::uint64_t bits = mask & row_bits; bits != 0; bits &= bits - 1) write(line[std::countr_zero(bits)]);
-          if (box.width >= 64) break;
-          mask >>= box.width;
+      if (detail::is_small<W>(box)) {
+        const std::uint32_t* const offset = workspace.offset.data() + box.width * std::size_t{64};
+        for (std::uint64_t mask = workspace.mask[i]; mask != 0; mask &= mask - 1) {
+          write(corner[offset[std::countr_zero(mask)]]);
         }
       } else {
-        detail::each_tile_group<accuracy, T, W>(
-            projected.splats[i], box, width, height, [&](int row, int column, int columns, unsigned bits) {
-              std::uint32_t* line = corner + static_cast<std::size_t>(row) * tiles_x + static_cast<std::size_t>(column);
-              const unsigned row_bits = (1u << columns) - 1u;  // columns <= W <= 16
-              for (; bits != 0; bits >>= columns, line += tiles_x) {
-                for (unsigned hit = bits & row_bits; hit != 0; hit &= hit - 1) write(line[std::countr_zero(hit)]);
-              }
-            });
+        each_large(projected.splats[i], box, corner, write);
       }
     }
   });

@@ -226,7 +226,9 @@ template <class P>
 /// x as an index in [0, limit]; NaN goes to 0. The only cast from float to int of the rasterizer (numerics case TB1).
 template <class T>
 [[nodiscard]] inline int clamp_to_index(T x, int limit) {
-  return x > T(0) ? (x < static_cast<T>(limit) ? static_cast<int>(x) : limit) : 0;
+  const T above = x > T(0) ? x : T(0);  // two steps without a branch
+  const T top = static_cast<T>(limit);
+  return static_cast<int>(above < top ? above : top);
 }
 
 /// Half-open rectangle of tiles.
@@ -242,9 +244,11 @@ template <FootprintRule rule, int tile_size, class T>
   const int tiles_x = (width + tile_size - 1) / tile_size, tiles_y = (height + tile_size - 1) / tile_size;
   if constexpr (rule == FootprintRule::square_three_sigma) {
     const T x = u - pixel_center<T>, y = v - pixel_center<T>;
-    return {clamp_to_index((x - extent_x) / tile_size, tiles_x), clamp_to_index((y - extent_y) / tile_size, tiles_y),
-            clamp_to_index((x + extent_x + (tile_size - 1)) / tile_size, tiles_x),
-            clamp_to_index((y + extent_y + (tile_size - 1)) / tile_size, tiles_y)};
+    const TileRectangle r{clamp_to_index((x - extent_x) / tile_size, tiles_x),
+                          clamp_to_index((y - extent_y) / tile_size, tiles_y),
+                          clamp_to_index((x + extent_x + (tile_size - 1)) / tile_size, tiles_x),
+                          clamp_to_index((y + extent_y + (tile_size - 1)) / tile_size, tiles_y)};
+    return r.empty() ? TileRectangle{0, 0, 0, 0} : r;
   } else {
     // First and one past the last pixel whose centre is inside, then whole tiles. Empty when no centre is inside.
     const int x0 = clamp_to_index(std::ceil(u - extent_x - pixel_center<T>), width),

@@ -180,7 +180,9 @@ void write_splats(const GaussianColumns<const T>& gaussians, const PinholeView<T
     bool some = false;
     for (std::size_t lane = 0; lane < W; ++lane) {
       const std::uint32_t place = lane < lanes ? out.place[i + lane] : ProjectedSplats<T>::nowhere;
-      record[lane] = place != ProjectedSplats<T>::nowhere ? reinterpret_cast<T*>(out.splats.data() + place) : nullptr;
+      record[lane] = place != ProjectedSplats<T>::nowhere
+                         ? reinterpret_cast<T*>(out.splats.data() + (place & ~ProjectedSplats<T>::pivot_bit))
+                         : nullptr;
       some = some || record[lane] != nullptr;
     }
     if (!some) continue;

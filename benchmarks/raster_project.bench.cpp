@@ -1,0 +1,220 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Projection (without the sort), its backward, the depth sort and binning. `floor` is time over the larger of bytes / measured bandwidth
+// and flops / measured multiply-add rate, so 1 is perfect; both ceilings are measured at start with as many threads. Bytes a Gaussian,
+// from the formulas in project.hpp: forward 56 + 56 read, 64 + 13 + 4 written; backward 124 read, 56 read and written again.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/math/pack.hpp"
+#include "compmark/raster/bin.hpp"
+#include "compmark/raster/project.hpp"
+#include "compmark/raster/project_backward.hpp"
+#include "compmark/raster/reference.hpp"
+#include "support/splat_scene.hpp"
+
+namespace {
+
+using namespace compmark;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+struct Ceiling {
+  double flops, bandwidth;  // per second
+};
+
+/// 16 independent chains of multiply-adds; and a sum of two arrays into a third, 64 MB together. Best of some.
+Ceiling measure_ceiling(ThreadExecutor& executor) {
+  using P = Pack<float>;
+  Ceiling best{0, 0};
+  std::vector<float> sink(executor.concurrency() * 16);
+  constexpr std::size_t rounds = 200000;
+  Buffer<float> a(5600000), b(5600000), c(5600000);
+  for (std::size_t i = 0; i < a.size(); ++i) a[i] = b[i] = c[i] = 1.0f;
+  for (int trial = 0; trial < 10; ++trial) {
+    auto start = Clock::now();
+    executor.for_chunks(executor.concurrency(), 1, [&](std::size_t chunk, std::size_t, std::size_t) {
+      P x[16];
+      for (int k = 0; k < 16; ++k) x[k] = P(static_cast<float>(k));
+      for (std::size_t i = 0; i < rounds; ++i) {
+        for (P& value : x) value = fma(value, P(0.999f), P(0.001f));
+      }
+      P sum(0.0f);
+      for (const P& value : x) sum += value;
+      sink[chunk] = reduce_add(sum);
+    });
+    best.flops = std::max(
+        best.flops, 2.0 * 16 * P::width * rounds * static_cast<double>(executor.concurrency()) / seconds_since(start));
+    benchmark::DoNotOptimize(sink.data());
+    start = Clock::now();
+    executor.for_chunks(a.size(), std::size_t{1} << 16, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t i = begin; i < end; ++i) c[i] = a[i] + b[i];
+    });
+    best.bandwidth = std::max(best.bandwidth, 12.0 * static_cast<double>(a.size()) / seconds_since(start));
+    benchmark::DoNotOptimize(c.data());
+  }
+  return best;
+}
+
+template <class T>
+struct Problem {
+  benchmarks::SplatScene<T> scene;
+  ProjectionSettings<T> settings;
+  ProjectedSplats<T> splats, scratch;
+  ProjectWorkspace<T> workspace;
+  TileLists lists;
+  BinWorkspace bins;
+  Buffer<SplatGradient<T>> sums;
+  GaussianBatch<T> gradient;
+  Buffer<T> norms;
+  ThreadExecutor executor;
+
+  Problem(std::size_t count, std::size_t threads)
+      : scene(benchmarks::splat_scene<T>(count, 800, 5)),
+        executor(threads) {
+    project<accuracy::standard>(gaussians(), scene.camera, settings, splats, workspace, executor);
+    project<accuracy::standard>(gaussians(), scene.camera, settings, scratch, workspace, executor);
+    sums.resize(splats.count, SplatGradient<T>{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, {}});
+    gradient.resize(count);
+    gradient.set_zero();
+    norms.resize(count);
+  }
+  [[nodiscard]] GaussianColumns<const T> gaussians() const { return scene.gaussians.columns(); }
+
+  /// Steps 1 and 3 of project(): everything but the sort.
+  template <int W>
+  void forward() {
+    const detail::PinholeView<T> view(scene.camera);
+    executor.for_chunks(gaussians().count, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+      detail::find_visible<accuracy::standard, T, W>(gaussians(), view, settings, begin, end, scratch, workspace);
+    });
+    executor.for_chunks(gaussians().count, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+      detail::write_splats<accuracy::standard, T, W>(gaussians(), view, settings, begin, end, splats);
+    });
+  }
+  template <int W>
+  void backward() {
+    project_backward<accuracy::standard, T, W>(gaussians(), scene.camera, settings, splats, std::as_const(sums).span(),
+                                               gradient.columns(), norms.span(), executor);
+  }
+};
+
+/// Runs `step` and reports its best time; bytes and flops are per Gaussian.
+template <class Step>
+void run(benchmark::State& bench, double bytes, double flops, const Step& step) {
+  const auto count = static_cast<std::size_t>(bench.range(0));
+  Problem<float> problem(count, static_cast<std::size_t>(bench.range(1)));
+  const Ceiling ceiling = measure_ceiling(problem.executor);
+  step(problem);
+  double best = 1e9;
+  for (auto _ : bench) {
+    const auto start = Clock::now();
+    step(problem);
+    best = std::min(best, seconds_since(start));
+  }
+  const auto n = static_cast<double>(count);
+  bench.counters["min_ms"] = best * 1e3;
+  bench.counters["ns/Gaussian"] = best * 1e9 / n;
+  bench.counters["GB/s"] = bytes * n / best * 1e-9;
+  bench.counters["GFLOP/s"] = flops * n / best * 1e-9;
+  bench.counters["ceiling_GB/s"] = ceiling.bandwidth * 1e-9;
+  bench.counters["ceiling_GFLOP/s"] = ceiling.flops * 1e-9;
+  if (bytes > 0) bench.counters["floor"] = best / (n * std::max(bytes / ceiling.bandwidth, flops / ceiling.flops));
+  bench.SetItemsProcessed(static_cast<std::int64_t>(bench.iterations()) * static_cast<std::int64_t>(count));
+}
+
+constexpr int native = native_width<float>;
+
+void projection_forward(benchmark::State& bench) {
+  run(bench, 193, 2 * 190, [](Problem<float>& p) { p.forward<native>(); });
+}
+void projection_backward(benchmark::State& bench) {
+  run(bench, 236, 450, [](Problem<float>& p) { p.backward<native>(); });
+}
+void projection_both(benchmark::State& bench) {
+  run(bench, 429, 830, [](Problem<float>& p) {
+    p.forward<native>();
+    p.backward<native>();
+  });
+}
+void projection_both_one_lane(benchmark::State& bench) {  // the same kernels without SIMD
+  run(bench, 429, 830, [](Problem<float>& p) {
+    p.forward<1>();
+    p.backward<1>();
+  });
+}
+void reference_projection(
+    benchmark::State& bench) {  // ReferenceRasterizer's projection: a 1 x 1 image leaves it nothing else to do
+  ReferenceRasterizer<float>::Context context;
+  SerialExecutor serial;
+  run(bench, 0, 0, [&](Problem<float>& p) {
+    std::array<float, 3> pixel{};
+    ReferenceRasterizer<float>{}.forward(p.gaussians(), p.scene.camera.cropped(0, 0, 1, 1), {},
+                                         ImageView<float>{pixel.data(), 3, 1, 1}, context, serial);
+  });
+}
+void project_with_sort(benchmark::State& bench) {
+  run(bench, 0, 0, [](Problem<float>& p) {
+    project<accuracy::standard>(p.gaussians(), p.scene.camera, p.settings, p.splats, p.workspace, p.executor);
+  });
+}
+/// Entries are put back (a copy of 8 bytes) before each sort.
+void sort_only(benchmark::State& bench) {
+  Buffer<DepthEntry<float>> entries;
+  run(bench, 0, 0, [&](Problem<float>& p) {
+    const std::size_t n = p.gaussians().count;
+    if (entries.size() != n) {
+      const detail::PinholeView<float> view(p.scene.camera);
+      p.workspace.sort.entries.resize(n);
+      SerialExecutor{}.for_chunks(n, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+        detail::find_visible<accuracy::standard, float, native>(p.gaussians(), view, p.settings, begin, end, p.scratch,
+                                                                p.workspace);
+      });
+      entries = p.workspace.sort.entries;
+    }
+    std::copy(entries.begin(), entries.end(), p.workspace.sort.entries.begin());
+    depth_sort(p.workspace.sort, chunk_count(n, detail::project_grain), detail::project_grain, detail::depth_key(1.9f),
+               detail::depth_key(8.1f), p.executor);
+  });
+}
+template <Accuracy accuracy>
+void binning(benchmark::State& bench) {
+  double pairs = 0;
+  run(bench, 0, 0, [&](Problem<float>& p) {
+    (void)bin<accuracy>(p.splats, 800, 800, BinSettings{}, p.lists, p.bins, p.executor);
+    pairs = static_cast<double>(p.lists.pairs);
+  });
+  bench.counters["pairs"] = pairs;
+}
+void bin_exact_tiles(benchmark::State& bench) { binning<accuracy::standard>(bench); }
+void bin_boxes(benchmark::State& bench) { binning<Accuracy{.footprint = FootprintRule::opacity_box}>(bench); }
+
+void sizes(benchmark::internal::Benchmark* bench) {
+  bench->Args({50000, 1})
+      ->Args({50000, 2})
+      ->Args({300000, 1})
+      ->Args({300000, 2})
+      ->UseRealTime()
+      ->Unit(benchmark::kMillisecond);
+}
+
+}  // namespace
+
+BENCHMARK(projection_both)->Apply(sizes);
+BENCHMARK(projection_forward)->Apply(sizes);
+BENCHMARK(projection_backward)->Apply(sizes);
+BENCHMARK(projection_both_one_lane)->Args({300000, 2})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK(reference_projection)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK(project_with_sort)->Apply(sizes);
+BENCHMARK(sort_only)->Apply(sizes);
+BENCHMARK(bin_exact_tiles)->Apply(sizes);
+BENCHMARK(bin_boxes)->Args({50000, 2})->UseRealTime()->Unit(benchmark::kMillisecond);
