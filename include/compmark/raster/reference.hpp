@@ -122,26 +122,7 @@ class ReferenceRasterizer {
     ctx.depth.resize(image.plane_size());
     prepare_bands(ctx);
     each_band(camera, executor, [&](std::size_t band, int y_begin, int y_end) {
-      for (int y = y_begin; y < y_end; ++y) {
-        for (int x = 0; x < camera.width; ++x) {
-          std::array<T, 3> color{};
-          T depth = 0;
-          const auto [list, left] = blend(ctx, band, x, y);
-          for (const detail::ReferenceContribution<T>& item : list) {
-            const T weight = item.alpha * item.transmittance;
-            for (std::size_t c = 0; c < 3; ++c) color[c] += weight * ctx.splats[item.splat].color[c];
-            depth += weight * ctx.splats[item.splat].depth;
-          }
-          for (int c = 0; c < 3; ++c) {
-            const auto k = static_cast<std::size_t>(c);
-            image(c, y, x) = color[k] + left * background[k];
-          }
-          const std::size_t pixel =
-              static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x);
-          ctx.alpha[pixel] = T(1) - left;
-          ctx.depth[pixel] = depth;
-        }
-      }
+      forward_rows(camera, background, image, ctx, band, y_begin, y_end);
     });
     return report;
   }
@@ -160,44 +141,7 @@ class ReferenceRasterizer {
     const std::size_t count = ctx.splats.size();
     prepare_bands(ctx);
     each_band(camera, executor, [&](std::size_t band, int y_begin, int y_end) {
-      detail::ReferenceSums<T>* const sums = ctx.sums.data() + band * count;
-      std::fill(sums, sums + count, detail::ReferenceSums<T>{});
-      for (int y = y_begin; y < y_end; ++y) {
-        for (int x = 0; x < camera.width; ++x) {
-          const auto [list, left] = blend(ctx, band, x, y);
-          std::array<T, 3> d_color;
-          for (int c = 0; c < 3; ++c) d_color[static_cast<std::size_t>(c)] = d_image(c, y, x);
-          const T d_alpha_plane = d_planes.alpha.data != nullptr ? d_planes.alpha(0, y, x) : T(0);
-          const T d_depth_plane = d_planes.depth.data != nullptr ? d_planes.depth(0, y, x) : T(0);
-          // Back to front. `behind` is what the viewer would see behind this splat: it starts as the background, and no division by
-          // 1 - alpha and no separate background term is needed (numerics case BB1). Alpha is a channel of ones before zeros, depth a
-          // channel of z before zeros.
-          std::array<T, 3> behind = background;
-          T alpha_behind = 0, depth_behind = 0;
-          for (std::size_t k = list.size(); k-- > 0;) {
-            const detail::ReferenceContribution<T>& item = list[k];
-            const detail::ReferenceSplat<T>& splat = ctx.splats[item.splat];
-            detail::ReferenceSums<T>& sum = sums[item.splat];
-            const T weight = item.alpha * item.transmittance;
-            T d_alpha = (T(1) - alpha_behind) * d_alpha_plane + (splat.depth - depth_behind) * d_depth_plane;
-            for (std::size_t c = 0; c < 3; ++c) {
-              sum.color[c] += weight * d_color[c];
-              d_alpha += (splat.color[c] - behind[c]) * d_color[c];
-              behind[c] += item.alpha * (splat.color[c] - behind[c]);
-            }
-            sum.depth += weight * d_depth_plane;
-            alpha_behind += item.alpha * (T(1) - alpha_behind);
-            depth_behind += item.alpha * (splat.depth - depth_behind);
-            const T g = item.raw * item.slope * item.transmittance * d_alpha;
-            sum.g += g;
-            sum.gx += g * item.vx;
-            sum.gy += g * item.vy;
-            sum.gxx += g * item.vx * item.vx;
-            sum.gxy += g * item.vx * item.vy;
-            sum.gyy += g * item.vy * item.vy;
-          }
-        }
-      }
+      backward_rows(camera, background, d_image, d_planes, ctx, band, y_begin, y_end);
     });
     ctx.gradient_norm.resize(gaussians.count, T(0));
     for (std::size_t i = 0; i < count; ++i) {
@@ -241,6 +185,79 @@ class ReferenceRasterizer {
     total.depth += part.depth;
   }
 
+  // ---- the rows of one band ----
+  // Not inlined, so that every executor runs the same instructions: inlined into two executors, g++ -O3 contracts the sums differently
+  // and the last bits differ (law R5).
+
+  __attribute__((noinline)) static void forward_rows(const Camera<T>& camera, const std::array<T, 3>& background,
+                                                     ImageView<T> image, Context& ctx, std::size_t band, int y_begin,
+                                                     int y_end) {
+    for (int y = y_begin; y < y_end; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        std::array<T, 3> color{};
+        T depth = 0;
+        const auto [list, left] = blend(ctx, band, x, y);
+        for (const detail::ReferenceContribution<T>& item : list) {
+          const T weight = item.alpha * item.transmittance;
+          for (std::size_t c = 0; c < 3; ++c) color[c] += weight * ctx.splats[item.splat].color[c];
+          depth += weight * ctx.splats[item.splat].depth;
+        }
+        for (int c = 0; c < 3; ++c) {
+          const auto k = static_cast<std::size_t>(c);
+          image(c, y, x) = color[k] + left * background[k];
+        }
+        const std::size_t pixel =
+            static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x);
+        ctx.alpha[pixel] = T(1) - left;
+        ctx.depth[pixel] = depth;
+      }
+    }
+  }
+
+  __attribute__((noinline)) static void backward_rows(const Camera<T>& camera, const std::array<T, 3>& background,
+                                                      ImageView<const T> d_image, const PlaneGradients<T>& d_planes,
+                                                      Context& ctx, std::size_t band, int y_begin, int y_end) {
+    const std::size_t count = ctx.splats.size();
+    detail::ReferenceSums<T>* const sums = ctx.sums.data() + band * count;
+    std::fill(sums, sums + count, detail::ReferenceSums<T>{});
+    for (int y = y_begin; y < y_end; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        const auto [list, left] = blend(ctx, band, x, y);
+        std::array<T, 3> d_color;
+        for (int c = 0; c < 3; ++c) d_color[static_cast<std::size_t>(c)] = d_image(c, y, x);
+        const T d_alpha_plane = d_planes.alpha.data != nullptr ? d_planes.alpha(0, y, x) : T(0);
+        const T d_depth_plane = d_planes.depth.data != nullptr ? d_planes.depth(0, y, x) : T(0);
+        // Back to front. `behind` is what the viewer would see behind this splat: it starts as the background, and no division by
+        // 1 - alpha and no separate background term is needed (numerics case BB1). Alpha is a channel of ones before zeros, depth a
+        // channel of z before zeros.
+        std::array<T, 3> behind = background;
+        T alpha_behind = 0, depth_behind = 0;
+        for (std::size_t k = list.size(); k-- > 0;) {
+          const detail::ReferenceContribution<T>& item = list[k];
+          const detail::ReferenceSplat<T>& splat = ctx.splats[item.splat];
+          detail::ReferenceSums<T>& sum = sums[item.splat];
+          const T weight = item.alpha * item.transmittance;
+          T d_alpha = (T(1) - alpha_behind) * d_alpha_plane + (splat.depth - depth_behind) * d_depth_plane;
+          for (std::size_t c = 0; c < 3; ++c) {
+            sum.color[c] += weight * d_color[c];
+            d_alpha += (splat.color[c] - behind[c]) * d_color[c];
+            behind[c] += item.alpha * (splat.color[c] - behind[c]);
+          }
+          sum.depth += weight * d_depth_plane;
+          alpha_behind += item.alpha * (T(1) - alpha_behind);
+          depth_behind += item.alpha * (splat.depth - depth_behind);
+          const T g = item.raw * item.slope * item.transmittance * d_alpha;
+          sum.g += g;
+          sum.gx += g * item.vx;
+          sum.gy += g * item.vy;
+          sum.gxx += g * item.vx * item.vx;
+          sum.gxy += g * item.vx * item.vy;
+          sum.gyy += g * item.vy * item.vy;
+        }
+      }
+    }
+  }
+
   // ---- one pixel ----
 
   struct Blended {
@@ -248,7 +265,7 @@ class ReferenceRasterizer {
     T left;                                                  // transmittance behind all of them
   };
 
-  [[nodiscard]] Blended blend(Context& ctx, std::size_t band, int x, int y) const {
+  [[nodiscard]] static Blended blend(Context& ctx, std::size_t band, int x, int y) {
     const std::size_t count = ctx.splats.size();
     detail::ReferenceContribution<T>* const list = ctx.contributions.data() + band * count;
     std::size_t n = 0;
