@@ -40,12 +40,16 @@ struct Scene {
     const Random random(1234, 0, random_stage("benchmark scene"));
     const double base = work.sigma_px * 4.0 / (1.4 * work.size);
     for (std::size_t i = 0; i < work.anchors; ++i) {
-      for (std::size_t a = 0; a < 3; ++a) columns.position(i, a) = static_cast<float>(2.4 * random.uniform(9 * i + a) - 1.2);
-      for (std::size_t c = 0; c < columns.offset.columns; ++c) columns.offset(i, c) = static_cast<float>(random.normal(1000003 * (c + 1) + i));
+      for (std::size_t a = 0; a < 3; ++a)
+        columns.position(i, a) = static_cast<float>(2.4 * random.uniform(9 * i + a) - 1.2);
+      for (std::size_t c = 0; c < columns.offset.columns; ++c)
+        columns.offset(i, c) = static_cast<float>(random.normal(1000003 * (c + 1) + i));
       for (std::size_t c = 0; c < 6; ++c) {
-        columns.scaling(i, c) = static_cast<float>(std::log(2 * base) + 0.6 * random.normal(77777777 + 6 * i + c));  // times a sigmoid of about 1/2
+        columns.scaling(i, c) = static_cast<float>(
+            std::log(2 * base) + 0.6 * random.normal(77777777 + 6 * i + c));  // times a sigmoid of about 1/2
       }
-      for (std::size_t c = 0; c < columns.feature.columns; ++c) columns.feature(i, c) = static_cast<float>(2 * random.normal(900000000 + 32 * i + c));
+      for (std::size_t c = 0; c < columns.feature.columns; ++c)
+        columns.feature(i, c) = static_cast<float>(2 * random.normal(900000000 + 32 * i + c));
     }
     target_storage.resize(3 * static_cast<std::size_t>(work.size * work.size));
     for (std::size_t i = 0; i < target_storage.size(); ++i) target_storage[i] = static_cast<float>(random.uniform(i));
@@ -77,14 +81,17 @@ void iteration(benchmark::State& state, const Workload& work, std::size_t thread
   }
   state.counters["gaussians"] = static_cast<double>(report.gaussians);
   state.counters["tile_pairs"] = static_cast<double>(report.raster.pairs);
-  state.counters["gaussians/s"] = benchmark::Counter(static_cast<double>(report.gaussians), benchmark::Counter::kIsIterationInvariantRate);
-  state.counters["pixels/s"] = benchmark::Counter(static_cast<double>(work.size * work.size), benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["gaussians/s"] =
+      benchmark::Counter(static_cast<double>(report.gaussians), benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["pixels/s"] =
+      benchmark::Counter(static_cast<double>(work.size * work.size), benchmark::Counter::kIsIterationInvariantRate);
 }
 
 void render(benchmark::State& state, const Workload& work, std::size_t threads) {
   ThreadExecutor executor(threads);
   Scene scene(work);
-  for (auto _ : state) benchmark::DoNotOptimize(scene.pipeline.forward(scene.model, scene.camera, 0, scene.context, executor));
+  for (auto _ : state)
+    benchmark::DoNotOptimize(scene.pipeline.forward(scene.model, scene.camera, 0, scene.context, executor));
   state.counters["frames/s"] = benchmark::Counter(1, benchmark::Counter::kIsIterationInvariantRate);
 }
 

@@ -34,13 +34,13 @@ compmark::Result<compmark::Done> make_folder(const std::filesystem::path& path) 
   std::error_code status;
   std::filesystem::create_directories(path, status);
   if (status || !std::filesystem::is_directory(path)) {
-    return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out", "the folder cannot be created: " + status.message(),
-                           "choose a place you may write to"};
+    return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out",
+                           "the folder cannot be created: " + status.message(), "choose a place you may write to"};
   }
   const std::filesystem::path probe = path / ".compmark-probe";
   if (compmark::Result<compmark::Done> written = compmark::write_file(probe, std::string_view("probe")); !written) {
-    return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out", "no file can be written in this folder",
-                           "change its permissions or choose another"};
+    return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out",
+                           "no file can be written in this folder", "change its permissions or choose another"};
   }
   std::filesystem::remove(probe, status);
   return compmark::Done{};

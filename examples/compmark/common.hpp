@@ -35,7 +35,10 @@ int with_recipe(std::string_view name, F&& f) {
   if (name == "scaffold") return f(Tag<compmark::recipes::Scaffold>{});
   if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
   if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
-  return fail({compmark::ErrorKind::invalid, {}, "--recipe", "unknown recipe \"" + std::string(name) + "\"",
+  return fail({compmark::ErrorKind::invalid,
+               {},
+               "--recipe",
+               "unknown recipe \"" + std::string(name) + "\"",
                "choose scaffold, compmark-host or compmark-paper-host"});
 }
 

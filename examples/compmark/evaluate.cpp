@@ -41,21 +41,24 @@ int run(const EvaluateOptions& options) {
   ImageStore store(*dataset, settings, {});
   const DatasetViews views{&*dataset, &store, dataset->indices(options.split == "test" ? Split::test : Split::train)};
   if (views.size() == 0) {
-    return fail({ErrorKind::invalid, options.data.string(), options.split + " split", "holds no view", "choose the other split with --split"});
+    return fail({ErrorKind::invalid, options.data.string(), options.split + " split", "holds no view",
+                 "choose the other split with --split"});
   }
   ThreadExecutor executor(options.threads);
-  Result<Evaluation> evaluation = evaluate_views(loaded->model, views, options.lpips, executor,
-                                                 [](std::size_t, const ViewResult& view, ImageView<const float>, ImageView<const float>) {
-                                                   std::printf("%-24s PSNR %6.2f dB  SSIM %.4f", view.name.c_str(), view.psnr, view.ssim);
-                                                   if (view.lpips_alex) std::printf("  LPIPS-alex %.4f", *view.lpips_alex);
-                                                   if (view.lpips_squeeze) std::printf("  LPIPS-squeeze %.4f", *view.lpips_squeeze);
-                                                   std::printf("  %.1f ms\n", view.milliseconds);
-                                                 });
+  Result<Evaluation> evaluation =
+      evaluate_views(loaded->model, views, options.lpips, executor,
+                     [](std::size_t, const ViewResult& view, ImageView<const float>, ImageView<const float>) {
+                       std::printf("%-24s PSNR %6.2f dB  SSIM %.4f", view.name.c_str(), view.psnr, view.ssim);
+                       if (view.lpips_alex) std::printf("  LPIPS-alex %.4f", *view.lpips_alex);
+                       if (view.lpips_squeeze) std::printf("  LPIPS-squeeze %.4f", *view.lpips_squeeze);
+                       std::printf("  %.1f ms\n", view.milliseconds);
+                     });
   if (!evaluation) return fail(evaluation.error());
   const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
   const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
   std::printf("mean over %zu views: PSNR %.3f dB  SSIM %.4f", views.size(), mean_psnr, mean_ssim);
-  nlohmann::ordered_json json{{"schema", "compmark.evaluation.1"}, {"split", options.split}, {"psnr", mean_psnr}, {"ssim", mean_ssim}};
+  nlohmann::ordered_json json{
+      {"schema", "compmark.evaluation.1"}, {"split", options.split}, {"psnr", mean_psnr}, {"ssim", mean_ssim}};
   if (!options.lpips.alex.empty()) {
     json["lpips_alex"] = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
     std::printf("  LPIPS-alex %.4f", json["lpips_alex"].get<double>());
@@ -68,7 +71,8 @@ int run(const EvaluateOptions& options) {
   if (options.json.empty()) return success;
   json["views"] = nlohmann::ordered_json::array();
   for (const ViewResult& view : evaluation->views) {
-    nlohmann::ordered_json entry{{"name", view.name}, {"psnr", view.psnr}, {"ssim", view.ssim}, {"milliseconds", view.milliseconds}};
+    nlohmann::ordered_json entry{
+        {"name", view.name}, {"psnr", view.psnr}, {"ssim", view.ssim}, {"milliseconds", view.milliseconds}};
     if (view.lpips_alex) entry["lpips_alex"] = *view.lpips_alex;
     if (view.lpips_squeeze) entry["lpips_squeeze"] = *view.lpips_squeeze;
     json["views"].push_back(std::move(entry));
@@ -83,9 +87,13 @@ Command add_evaluate(CLI::App& app) {
   auto options = std::make_shared<EvaluateOptions>();
   app.add_option("--model", options->model, "model.safetensors of a run")->required();
   app.add_option("--data", options->data, "dataset folder")->required();
-  app.add_option("--split", options->split, "test or train")->capture_default_str()->check(CLI::IsMember({"test", "train"}));
+  app.add_option("--split", options->split, "test or train")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"test", "train"}));
   app.add_option("--json", options->json, "write the figures to this file");
-  app.add_option("--downscale", options->downscale, "divide the images' size by this")->capture_default_str()->check(CLI::Range(1.0, 64.0));
+  app.add_option("--downscale", options->downscale, "divide the images' size by this")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 64.0));
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   app.add_option("--lpips-alex", options->lpips.alex, "LPIPS AlexNet weights (safetensors)");
   app.add_option("--lpips-squeeze", options->lpips.squeeze, "LPIPS SqueezeNet weights (safetensors)");

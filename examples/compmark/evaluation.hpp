@@ -4,6 +4,7 @@
 // Renders views of a model and measures them, all on images rounded to 8 bits.
 #pragma once
 
+#include <chrono>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/safetensors.hpp>
@@ -12,7 +13,6 @@
 #include <compmark/metric/rounding.hpp>
 #include <compmark/metric/ssim.hpp>
 #include <compmark/pipeline/pipeline.hpp>
-#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -54,18 +54,21 @@ struct Evaluation {
 
 /// Calls keep(i, result, render, truth) for every view; images are 8-bit rounded and valid during the call.
 template <class R, compmark::Executor E, class Keep>
-compmark::Result<Evaluation> evaluate_views(const compmark::Model<R>& model, DatasetViews views, const LpipsFiles& lpips, E& executor, const Keep& keep) {
+compmark::Result<Evaluation> evaluate_views(const compmark::Model<R>& model, DatasetViews views,
+                                            const LpipsFiles& lpips, E& executor, const Keep& keep) {
   using namespace compmark;
   std::optional<Lpips> alex;
   std::optional<Lpips> squeeze;
-  for (const auto& [path, network, target] : {std::tuple(&lpips.alex, LpipsNetwork::alex, &alex), std::tuple(&lpips.squeeze, LpipsNetwork::squeeze, &squeeze)}) {
+  for (const auto& [path, network, target] : {std::tuple(&lpips.alex, LpipsNetwork::alex, &alex),
+                                              std::tuple(&lpips.squeeze, LpipsNetwork::squeeze, &squeeze)}) {
     if (path->empty()) continue;
     const Result<SafetensorsFile> file = read_safetensors(*path);
     if (!file) return file.error();
     Result<Lpips> loaded = Lpips::load(*file);
     if (!loaded) return loaded.error();
     if (loaded->network() != network) {
-      return Error{ErrorKind::invalid, path->string(), "features", "holds the weights of the other network", "swap --lpips-alex and --lpips-squeeze"};
+      return Error{ErrorKind::invalid, path->string(), "features", "holds the weights of the other network",
+                   "swap --lpips-alex and --lpips-squeeze"};
     }
     *target = std::move(*loaded);
   }

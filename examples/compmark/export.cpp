@@ -39,9 +39,10 @@ int run(const ExportOptions& options) {
   const Model<R>& model = loaded->model;
   const std::vector<std::string> comments{"compmark " + options.kind + " export"};
   if (options.kind == "anchors") {
-    if (Result<Done> written = write_anchor_ply(options.out, model.columns(), comments); !written) return fail(written.error());
-    std::printf("%s: %zu anchors in the layout of the Scaffold family (the networks stay in %s)\n", options.out.string().c_str(),
-                model.anchor_count(), options.model.string().c_str());
+    if (Result<Done> written = write_anchor_ply(options.out, model.columns(), comments); !written)
+      return fail(written.error());
+    std::printf("%s: %zu anchors in the layout of the Scaffold family (the networks stay in %s)\n",
+                options.out.string().c_str(), model.anchor_count(), options.model.string().c_str());
     return success;
   }
 
@@ -49,7 +50,8 @@ int run(const ExportOptions& options) {
   std::vector<Camera<double>> measured;
   std::vector<std::string> names;
   const StoredView* chosen = nullptr;
-  const bool has_test = std::any_of(loaded->info.views.begin(), loaded->info.views.end(), [](const StoredView& v) { return v.test; });
+  const bool has_test =
+      std::any_of(loaded->info.views.begin(), loaded->info.views.end(), [](const StoredView& v) { return v.test; });
   for (const StoredView& view : loaded->info.views) {
     if (view.name == options.view) chosen = &view;
     if (!view.test) train.push_back(view.camera);
@@ -58,13 +60,16 @@ int run(const ExportOptions& options) {
       names.push_back(view.name);
     }
   }
-  if (train.empty()) return fail({ErrorKind::invalid, options.model.string(), "views", "the model stores no training camera", "train it again with this version"});
+  if (train.empty())
+    return fail({ErrorKind::invalid, options.model.string(), "views", "the model stores no training camera",
+                 "train it again with this version"});
 
   ThreadExecutor executor(options.threads);
   SplatTable table;
   if (!options.view.empty()) {
     if (chosen == nullptr) {
-      return fail({ErrorKind::invalid, options.model.string(), "--view", "the model has no view \"" + options.view + "\"", "see the names with compmark info --views"});
+      return fail({ErrorKind::invalid, options.model.string(), "--view",
+                   "the model has no view \"" + options.view + "\"", "see the names with compmark info --views"});
     }
     table = bake_at_camera(model, chosen->camera, 0, executor);
     measured.assign(1, chosen->camera);
@@ -74,11 +79,12 @@ int run(const ExportOptions& options) {
     settings.degree = options.degree;
     ShFitReport report;
     table = fit_splats(model, std::span<const Camera<double>>(train), settings, report, executor);
-    std::printf("fitted %zu of %zu slots over %zu cameras (%zu faint, %zu unseen), colour residual %.4f\n", report.kept, report.slots, train.size(),
-                report.faint, report.unseen, report.color_rms);
+    std::printf("fitted %zu of %zu slots over %zu cameras (%zu faint, %zu unseen), colour residual %.4f\n", report.kept,
+                report.slots, train.size(), report.faint, report.unseen, report.color_rms);
   }
   if (Result<Done> written = write_splat_ply(options.out, table, comments); !written) return fail(written.error());
-  std::printf("%s: %zu Gaussians, SH degree %d\n", options.out.string().c_str(), static_cast<std::size_t>(table.count), options.view.empty() ? options.degree : 0);
+  std::printf("%s: %zu Gaussians, SH degree %d\n", options.out.string().c_str(), static_cast<std::size_t>(table.count),
+              options.view.empty() ? options.degree : 0);
 
   if (options.compare == 0) return success;
   const std::size_t stride = std::max<std::size_t>(1, measured.size() / options.compare);
@@ -99,18 +105,21 @@ int run(const ExportOptions& options) {
     ImageStore store(*dataset, settings, {});
     const auto target = [&](std::size_t i, ImageView<float> image) -> Result<Done> {
       for (const View& view : dataset->views) {
-        if (view.name == compared[i] && view.camera.width == image.width && view.camera.height == image.height) return store.load(view, image);
+        if (view.name == compared[i] && view.camera.width == image.width && view.camera.height == image.height)
+          return store.load(view, image);
       }
-      return Error{ErrorKind::not_found, options.data.string(), "view", "no view \"" + compared[i] + "\" of the model's size", "give the dataset the model was trained on"};
+      return Error{ErrorKind::not_found, options.data.string(), "view",
+                   "no view \"" + compared[i] + "\" of the model's size", "give the dataset the model was trained on"};
     };
     report = compare_bake(model, table, std::span<const Camera<double>>(cameras), target, 0, executor);
   }
   if (!report) return fail(report.error());
-  std::printf("against the model's own renders: PSNR %.2f dB mean, %.2f dB worst (%s), over %zu views\n", report->mean_bake_to_model, report->worst_bake_to_model,
-              compared[report->worst_view].c_str(), cameras.size());
+  std::printf("against the model's own renders: PSNR %.2f dB mean, %.2f dB worst (%s), over %zu views\n",
+              report->mean_bake_to_model, report->worst_bake_to_model, compared[report->worst_view].c_str(),
+              cameras.size());
   if (!options.data.empty()) {
-    std::printf("against the photographs: model %.2f dB, export %.2f dB, loss of the bake %.2f dB\n", report->mean_model_to_target,
-                report->mean_bake_to_target, report->loss());
+    std::printf("against the photographs: model %.2f dB, export %.2f dB, loss of the bake %.2f dB\n",
+                report->mean_model_to_target, report->mean_bake_to_target, report->loss());
   }
   return success;
 }
@@ -121,11 +130,17 @@ Command add_export(CLI::App& app) {
   auto options = std::make_shared<ExportOptions>();
   app.add_option("--model", options->model, "model.safetensors of a run")->required();
   app.add_option("--out", options->out, "PLY file to write")->required();
-  app.add_option("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")->capture_default_str()->check(CLI::IsMember({"splat", "anchors"}));
-  app.add_option("--view", options->view, "bake exactly for this stored view instead of fitting over all training views");
-  app.add_option("--sh-degree", options->degree, "degree of the fitted colour")->capture_default_str()->check(CLI::Range(0, 3));
+  app.add_option("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"splat", "anchors"}));
+  app.add_option("--view", options->view,
+                 "bake exactly for this stored view instead of fitting over all training views");
+  app.add_option("--sh-degree", options->degree, "degree of the fitted colour")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 3));
   app.add_option("--data", options->data, "dataset, to report the loss against photographs too");
-  app.add_option("--compare", options->compare, "number of views to measure the loss on; 0: none")->capture_default_str();
+  app.add_option("--compare", options->compare, "number of views to measure the loss on; 0: none")
+      ->capture_default_str();
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   return [options]() -> int {
     Result<SafetensorsFile> file = read_safetensors(options->model);

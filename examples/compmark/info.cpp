@@ -32,13 +32,16 @@ Command add_info(CLI::App& app) {
     Result<std::string> digest = file_sha256(options->model);
     if (!digest) return fail(digest.error());
     std::size_t bytes = 0;
-    std::printf("%s\n  sha256      %s\n  recipe      %s (profile %s, %lld iterations, seed %llu)\n", options->model.string().c_str(), digest->c_str(),
-                info->recipe.c_str(), info->profile.c_str(), static_cast<long long>(info->iterations),
-                static_cast<unsigned long long>(info->seed));
+    std::printf("%s\n  sha256      %s\n  recipe      %s (profile %s, %lld iterations, seed %llu)\n",
+                options->model.string().c_str(), digest->c_str(), info->recipe.c_str(), info->profile.c_str(),
+                static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed));
     for (const auto& [name, tensor] : file->tensors) bytes += tensor.data.size();
-    if (file->has("anchor.position")) std::printf("  anchors     %lld\n", static_cast<long long>(file->tensors.at("anchor.position").shape.at(0)));
-    std::printf("  shape       %s\n  background  %s\n  views       %zu stored\n  tensors     %zu, %.2f MB\n", json.value("shape", nlohmann::json()).dump().c_str(),
-                json.value("background", nlohmann::json()).dump().c_str(), info->views.size(), file->tensors.size(), static_cast<double>(bytes) * 1e-6);
+    if (file->has("anchor.position"))
+      std::printf("  anchors     %lld\n", static_cast<long long>(file->tensors.at("anchor.position").shape.at(0)));
+    std::printf("  shape       %s\n  background  %s\n  views       %zu stored\n  tensors     %zu, %.2f MB\n",
+                json.value("shape", nlohmann::json()).dump().c_str(),
+                json.value("background", nlohmann::json()).dump().c_str(), info->views.size(), file->tensors.size(),
+                static_cast<double>(bytes) * 1e-6);
     for (const auto& [name, tensor] : file->tensors) {
       std::string shape;
       for (const std::int64_t extent : tensor.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(extent);
@@ -46,7 +49,8 @@ Command add_info(CLI::App& app) {
     }
     if (options->views) {
       for (const StoredView& view : info->views) {
-        std::printf("    %-24s %-5s %d x %d, f = %.1f\n", view.name.c_str(), view.test ? "test" : "train", view.camera.width, view.camera.height, view.camera.fx);
+        std::printf("    %-24s %-5s %d x %d, f = %.1f\n", view.name.c_str(), view.test ? "test" : "train",
+                    view.camera.width, view.camera.height, view.camera.fx);
       }
     }
     return success;

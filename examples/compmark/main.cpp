@@ -43,9 +43,11 @@ int main(int argc, char** argv) {
       if (entry.app->parsed()) return entry.run();
     }
   } catch (const std::bad_alloc&) {
-    return tool::fail({compmark::ErrorKind::exhausted, {}, {}, "out of memory", "use --downscale, --memory-budget or --max-anchors"});
+    return tool::fail(
+        {compmark::ErrorKind::exhausted, {}, {}, "out of memory", "use --downscale, --memory-budget or --max-anchors"});
   } catch (const std::exception& error) {
-    return tool::fail({compmark::ErrorKind::invalid, {}, {}, std::string("unexpected: ") + error.what(), "please report this"});
+    return tool::fail(
+        {compmark::ErrorKind::invalid, {}, {}, std::string("unexpected: ") + error.what(), "please report this"});
   }
   return tool::failure;
 }

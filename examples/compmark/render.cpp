@@ -59,12 +59,13 @@ int run(const RenderOptions& options) {
     }
   }
   std::erase_if(views, [&](const StoredView& view) {
-    if (!options.names.empty()) return std::find(options.names.begin(), options.names.end(), view.name) == options.names.end();
+    if (!options.names.empty())
+      return std::find(options.names.begin(), options.names.end(), view.name) == options.names.end();
     return options.split == "test" ? !view.test : options.split == "train" ? view.test : false;
   });
   if (views.empty()) {
-    return fail({ErrorKind::invalid, options.model.string(), options.names.empty() ? "--split" : "--view", "selects no view",
-                 "see the names with compmark info"});
+    return fail({ErrorKind::invalid, options.model.string(), options.names.empty() ? "--split" : "--view",
+                 "selects no view", "see the names with compmark info"});
   }
   if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
 
@@ -81,7 +82,8 @@ int run(const RenderOptions& options) {
     if (Result<Done> written = write_png(path, context.image); !written) return fail(written.error());
   }
   std::sort(milliseconds.begin(), milliseconds.end());
-  std::printf("%zu views in %s, median %.1f ms a view\n", views.size(), options.out.string().c_str(), milliseconds[milliseconds.size() / 2]);
+  std::printf("%zu views in %s, median %.1f ms a view\n", views.size(), options.out.string().c_str(),
+              milliseconds[milliseconds.size() / 2]);
   return success;
 }
 
@@ -92,9 +94,13 @@ Command add_render(CLI::App& app) {
   app.add_option("--model", options->model, "model.safetensors of a run")->required();
   app.add_option("--out", options->out, "folder for the PNG images")->required();
   app.add_option("--data", options->data, "take the cameras from this dataset instead of from the model");
-  app.add_option("--split", options->split, "test, train or all")->capture_default_str()->check(CLI::IsMember({"test", "train", "all"}));
+  app.add_option("--split", options->split, "test, train or all")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"test", "train", "all"}));
   app.add_option("--view", options->names, "names of the views to render (default: the whole split)");
-  app.add_option("--downscale", options->downscale, "divide the images' size by this")->capture_default_str()->check(CLI::Range(1.0, 64.0));
+  app.add_option("--downscale", options->downscale, "divide the images' size by this")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 64.0));
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   return [options]() -> int {
     Result<SafetensorsFile> file = read_safetensors(options->model);

@@ -17,17 +17,22 @@ Command add_scene(CLI::App& app) {
     compmark::ProceduralSettings scene;
   };
   auto options = std::make_shared<Options>();
-  app.add_option("--out", options->out, "folder to write (Blender format: transforms_*.json and PNG images)")->required();
+  app.add_option("--out", options->out, "folder to write (Blender format: transforms_*.json and PNG images)")
+      ->required();
   app.add_option("--width", options->scene.width, "pixels")->capture_default_str()->check(CLI::Range(8, 4096));
   app.add_option("--height", options->scene.height, "pixels")->capture_default_str()->check(CLI::Range(8, 4096));
-  app.add_option("--train", options->scene.views_train, "training views")->capture_default_str()->check(CLI::Range(1, 10000));
+  app.add_option("--train", options->scene.views_train, "training views")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10000));
   app.add_option("--test", options->scene.views_test, "test views")->capture_default_str()->check(CLI::Range(0, 10000));
   app.add_option("--seed", options->scene.seed, "seed of camera positions and textures")->capture_default_str();
   return [options]() -> int {
     if (auto folder = make_folder(options->out); !folder) return fail(folder.error());
-    if (auto written = compmark::write_procedural_scene(options->out, options->scene); !written) return fail(written.error());
-    std::printf("%s: %d training and %d test views of %d x %d pixels\n", options->out.string().c_str(), static_cast<int>(options->scene.views_train),
-                static_cast<int>(options->scene.views_test), static_cast<int>(options->scene.width), static_cast<int>(options->scene.height));
+    if (auto written = compmark::write_procedural_scene(options->out, options->scene); !written)
+      return fail(written.error());
+    std::printf("%s: %d training and %d test views of %d x %d pixels\n", options->out.string().c_str(),
+                static_cast<int>(options->scene.views_train), static_cast<int>(options->scene.views_test),
+                static_cast<int>(options->scene.width), static_cast<int>(options->scene.height));
     return success;
   };
 }

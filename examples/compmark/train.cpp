@@ -12,9 +12,9 @@
 #include <compmark/scene/extent.hpp>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
+#include <memory>
 #include <optional>
 #include <string>
-#include <memory>
 #include <thread>
 
 #include "commands.hpp"
@@ -73,7 +73,8 @@ struct TrainObserver {
   template <class TrainerType>
   bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
     // The PSNR of a training view costs a pass over the image: measured for every tenth iteration, the rate of the log.
-    if (report.iteration % 10 == 1 || report.iteration == report.total) last_psnr = psnr(trainer.image(), trainer.target());
+    if (report.iteration % 10 == 1 || report.iteration == report.total)
+      last_psnr = psnr(trainer.image(), trainer.target());
     ProgressLine line;
     line.iteration = report.iteration;
     line.total = report.total;
@@ -90,7 +91,8 @@ struct TrainObserver {
     }
     const bool stop = interrupted();
     if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
-      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds()); !written) {
+      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds());
+          !written) {
         failure = written.error();
         return false;
       }
@@ -107,7 +109,8 @@ std::string rounded(double value, int digits) {
 
 template <class R>
 int run(const TrainOptions& options, TrainSettings settings) {
-  const std::size_t threads = options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+  const std::size_t threads =
+      options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
   ThreadExecutor executor(threads);
 
   DatasetSettings data_settings;
@@ -118,7 +121,8 @@ int run(const TrainOptions& options, TrainSettings settings) {
   if (!opened) return fail(opened.error());
   const Dataset& dataset = *opened;
   for (const std::string& warning : dataset.warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
-  if (dataset.kind == "blender") settings.init_factor = 4;  // as all published scripts do for these scenes (method sheet, section 3.5)
+  if (dataset.kind == "blender")
+    settings.init_factor = 4;  // as all published scripts do for these scenes (method sheet, section 3.5)
   if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
 
   ImageStoreSettings store_settings;
@@ -127,12 +131,15 @@ int run(const TrainOptions& options, TrainSettings settings) {
   DatasetViews train{&dataset, &store, dataset.indices(Split::train)};
   DatasetViews test{&dataset, &store, dataset.indices(Split::test)};
   if (train.size() == 0) {
-    return fail({ErrorKind::invalid, options.data.string(), "train split", "holds no view", "give at least one training image"});
+    return fail({ErrorKind::invalid, options.data.string(), "train split", "holds no view",
+                 "give at least one training image"});
   }
-  for (std::size_t i = 0; i < train.size(); ++i) {  // every image is decoded once now: a bad one is named before hours of work
+  for (std::size_t i = 0; i < train.size();
+       ++i) {  // every image is decoded once now: a bad one is named before hours of work
     const Camera<double> camera = train.camera(i);
     Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    if (Result<Done> loaded = train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded) return fail(loaded.error());
+    if (Result<Done> loaded = train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
+      return fail(loaded.error());
   }
 
   ModelInfo info;
@@ -151,10 +158,14 @@ int run(const TrainOptions& options, TrainSettings settings) {
     if (!restored) return fail(restored.error());
     seconds_before = restored->seconds;
     trainer.restore(std::move(restored->state));
-    std::fprintf(stderr, "compmark: resuming after iteration %lld\n", static_cast<long long>(trainer.state().iteration));
+    std::fprintf(stderr, "compmark: resuming after iteration %lld\n",
+                 static_cast<long long>(trainer.state().iteration));
   } else {
     if (!options.resume && std::filesystem::exists(checkpoint)) {
-      return fail({ErrorKind::invalid, checkpoint.string(), {}, "an unfinished run is in this folder",
+      return fail({ErrorKind::invalid,
+                   checkpoint.string(),
+                   {},
+                   "an unfinished run is in this folder",
                    "continue it with --resume, or remove the file to start over"});
     }
     if (Result<Done> ready = trainer.initialise(dataset.points.position); !ready) return fail(ready.error());
@@ -193,14 +204,15 @@ int run(const TrainOptions& options, TrainSettings settings) {
   const DatasetViews measured = has_test ? test : train;
   const std::size_t shown = std::min<std::size_t>(3, measured.size());
   ReportInput report;
-  Result<Evaluation> evaluation =
-      evaluate_views(trainer.model(), measured, options.lpips, executor,
-                     [&](std::size_t i, const ViewResult& view, ImageView<const float> render, ImageView<const float> truth) {
-                       for (std::size_t s = 0; s < shown; ++s) {
-                         if (i != s * measured.size() / shown) continue;
-                         report.views.push_back({view.name, make_report_image(truth), make_report_image(render), view.psnr, view.ssim, view.lpips_alex});
-                       }
-                     });
+  Result<Evaluation> evaluation = evaluate_views(
+      trainer.model(), measured, options.lpips, executor,
+      [&](std::size_t i, const ViewResult& view, ImageView<const float> render, ImageView<const float> truth) {
+        for (std::size_t s = 0; s < shown; ++s) {
+          if (i != s * measured.size() / shown) continue;
+          report.views.push_back(
+              {view.name, make_report_image(truth), make_report_image(render), view.psnr, view.ssim, view.lpips_alex});
+        }
+      });
   if (!evaluation) return fail(evaluation.error());
   const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
   const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
@@ -219,21 +231,25 @@ int run(const TrainOptions& options, TrainSettings settings) {
   results.peak_memory_mb = peak_mb;
   if (has_test) {
     TestMetrics metrics{mean_psnr, mean_ssim, {}, static_cast<int>(measured.size())};
-    if (!options.lpips.alex.empty()) metrics.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
+    if (!options.lpips.alex.empty())
+      metrics.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
     results.test = metrics;
   }
   results.model_sha256 = *digest;
-  if (Result<Done> written = write_results(options.out / "results.json", results); !written) return fail(written.error());
+  if (Result<Done> written = write_results(options.out / "results.json", results); !written)
+    return fail(written.error());
 
   const char* split = has_test ? "test" : "training";
   report.title = results.dataset;
-  report.subtitle = "recipe " + options.recipe + ", profile " + settings.profile + ", " + std::to_string(settings.iterations) + " iterations";
+  report.subtitle = "recipe " + options.recipe + ", profile " + settings.profile + ", " +
+                    std::to_string(settings.iterations) + " iterations";
   report.headline = {{rounded(mean_psnr, 2) + " dB", std::string("PSNR, mean over the ") + split + " views"},
                      {rounded(mean_ssim, 4), "SSIM"},
                      {std::to_string(results.anchors), "anchors"},
                      {format_duration(train_seconds), "training time"},
                      {rounded(milliseconds, 1) + " ms", "render of a view"}};
-  if (Result<std::vector<ProgressLine>> log = read_progress_log(progress_settings.json_log); log) report.curve = std::move(*log);
+  if (Result<std::vector<ProgressLine>> log = read_progress_log(progress_settings.json_log); log)
+    report.curve = std::move(*log);
   report.tables = {machine_table(static_cast<int>(threads)),
                    {"Settings",
                     {{"seed", std::to_string(settings.seed)},
@@ -245,16 +261,20 @@ int run(const TrainOptions& options, TrainSettings settings) {
                      {"model sha256", *digest}}}};
   ReportGrid grid{std::string("Every ") + split + " view", {"view", "PSNR dB", "SSIM", "ms", "Gaussians"}, {}};
   for (const ViewResult& view : evaluation->views) {
-    grid.rows.push_back({view.name, rounded(view.psnr, 2), rounded(view.ssim, 4), rounded(view.milliseconds, 1), std::to_string(view.gaussians)});
+    grid.rows.push_back({view.name, rounded(view.psnr, 2), rounded(view.ssim, 4), rounded(view.milliseconds, 1),
+                         std::to_string(view.gaussians)});
   }
   report.grids.push_back(std::move(grid));
   if (Result<Done> written = write_report(options.out / "report.html", report); !written) return fail(written.error());
   std::error_code ignored;
   std::filesystem::remove(checkpoint, ignored);
 
-  std::printf("%s: %lld iterations in %.0f s, %zu anchors, %s PSNR %.2f dB, SSIM %.4f over %zu views\nmodel %s\nsha256 %s\nreport %s\n",
-              results.dataset.c_str(), static_cast<long long>(settings.iterations), train_seconds, trainer.model().anchor_count(), split, mean_psnr,
-              mean_ssim, measured.size(), model_path.string().c_str(), digest->c_str(), (options.out / "report.html").string().c_str());
+  std::printf(
+      "%s: %lld iterations in %.0f s, %zu anchors, %s PSNR %.2f dB, SSIM %.4f over %zu views\nmodel %s\nsha256 "
+      "%s\nreport %s\n",
+      results.dataset.c_str(), static_cast<long long>(settings.iterations), train_seconds,
+      trainer.model().anchor_count(), split, mean_psnr, mean_ssim, measured.size(), model_path.string().c_str(),
+      digest->c_str(), (options.out / "report.html").string().c_str());
   return success;
 }
 
@@ -264,16 +284,27 @@ Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option("--recipe", options->recipe, "scaffold, compmark-host or compmark-paper-host (default: the profile's)");
+  app.add_option("--recipe", options->recipe,
+                 "scaffold, compmark-host or compmark-paper-host (default: the profile's)");
   app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
-  app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")->capture_default_str()->check(CLI::PositiveNumber);
-  app.add_option("--downscale", options->downscale, "divide the images' size by this")->capture_default_str()->check(CLI::Range(1.0, 64.0));
+  app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--downscale", options->downscale, "divide the images' size by this")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 64.0));
   app.add_option("--seed", options->seed, "seed of every random number (default: the profile's)");
   app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--max-anchors", options->max_anchors, "never more anchors than this; 0: no limit")->capture_default_str();
-  app.add_option("--memory-budget", options->memory_budget_mb, "MiB for decoded images; 0: a default that suits most scenes")->capture_default_str();
-  app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")->capture_default_str()->check(CLI::PositiveNumber);
-  app.add_option("--voxel-size", options->voxel_size, "world units; 0 or less: median nearest-neighbour distance (default: the profile's)")
+  app.add_option("--max-anchors", options->max_anchors, "never more anchors than this; 0: no limit")
+      ->capture_default_str();
+  app.add_option("--memory-budget", options->memory_budget_mb,
+                 "MiB for decoded images; 0: a default that suits most scenes")
+      ->capture_default_str();
+  app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--voxel-size", options->voxel_size,
+                 "world units; 0 or less: median nearest-neighbour distance (default: the profile's)")
       ->each([options](const std::string&) { options->voxel_size_given = true; });
   app.add_option("--background", options->background, "black or white (default black), behind transparent images");
   app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
@@ -284,7 +315,11 @@ Command add_train(CLI::App& app) {
   return [options]() -> int {
     std::optional<TrainSettings> settings = profile_settings(options->profile);
     if (!settings) {
-      return fail({ErrorKind::invalid, {}, "--profile", "unknown profile \"" + options->profile + "\"", "choose scaffold, official or paper"});
+      return fail({ErrorKind::invalid,
+                   {},
+                   "--profile",
+                   "unknown profile \"" + options->profile + "\"",
+                   "choose scaffold, official or paper"});
     }
     if (options->recipe.empty()) options->recipe = default_recipe(options->profile);
     settings->iterations = options->iterations;
@@ -294,9 +329,14 @@ Command add_train(CLI::App& app) {
     if (options->background == "white") {
       settings->background = {1, 1, 1};
     } else if (!options->background.empty() && options->background != "black") {
-      return fail({ErrorKind::invalid, {}, "--background", "unknown colour \"" + options->background + "\"", "choose black or white"});
+      return fail({ErrorKind::invalid,
+                   {},
+                   "--background",
+                   "unknown colour \"" + options->background + "\"",
+                   "choose black or white"});
     }
-    return with_recipe(options->recipe, [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); });
+    return with_recipe(options->recipe,
+                       [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); });
   };
 }
 

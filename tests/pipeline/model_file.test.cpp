@@ -18,7 +18,9 @@ using namespace compmark;
 struct Small : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 4}> {};
 struct Wider : DefaultRecipe<float, DecoderShape{.feature_dim = 12, .offsets = 4}> {};
 
-std::filesystem::path temporary(const char* name) { return std::filesystem::temp_directory_path() / (std::string("compmark-model-file-") + name); }
+std::filesystem::path temporary(const char* name) {
+  return std::filesystem::temp_directory_path() / (std::string("compmark-model-file-") + name);
+}
 
 Model<Small> example() {
   Model<Small> model;
@@ -33,7 +35,8 @@ Model<Small> example() {
 }
 ModelInfo example_info() {
   ModelInfo info{"small", "scaffold", 1234, 77, {}, {}};
-  for (std::size_t i = 0; i < 3; ++i) info.views.push_back({"view " + std::to_string(i), i == 2, compmark::testing::ring_camera(i, 3, 64, 48)});
+  for (std::size_t i = 0; i < 3; ++i)
+    info.views.push_back({"view " + std::to_string(i), i == 2, compmark::testing::ring_camera(i, 3, 64, 48)});
   return info;
 }
 
@@ -46,8 +49,8 @@ TEST_CASE("pipeline/model_file: what is written is read back, bit for bit, and t
   REQUIRE(write_model(path, model, info).ok());
   const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
   REQUIRE(loaded.ok());
-  CHECK(std::equal(model.arena.all_values().begin(), model.arena.all_values().end(), loaded->model.arena.all_values().begin(),
-                   loaded->model.arena.all_values().end()));
+  CHECK(std::equal(model.arena.all_values().begin(), model.arena.all_values().end(),
+                   loaded->model.arena.all_values().begin(), loaded->model.arena.all_values().end()));
   CHECK(loaded->model.render.background == model.render.background);
   CHECK(loaded->model.voxel_size == model.voxel_size);
   CHECK(loaded->info.iterations == 1234);

@@ -21,7 +21,9 @@ constexpr Accuracy smooth{.exp_degree = 0, .alpha_max = 1.0f, .transmittance_sto
 
 struct SmallDouble : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3}, smooth> {};
 struct SmallDistance : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3, .distance = true}, smooth> {};
-struct SmallAppearance : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3, .feature_bank = true, .appearance_dim = 4}, smooth> {};
+struct SmallAppearance
+    : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3, .feature_bank = true, .appearance_dim = 4},
+                    smooth> {};
 
 /// A model with every parameter away from zero, so that every path carries gradient.
 template <class R>
@@ -33,14 +35,16 @@ Model<R> random_model(std::size_t anchors) {
   const Random random(11, 0, random_stage("test model"));
   for (std::size_t i = 0; i < columns.position.size(); ++i) columns.position.data[i] = 1.2 * random.uniform(i) - 0.6;
   for (std::size_t i = 0; i < columns.offset.size(); ++i) columns.offset.data[i] = random.normal(i + 1000);
-  for (std::size_t i = 0; i < columns.scaling.size(); ++i) columns.scaling.data[i] = -1.8 + 0.3 * random.normal(i + 2000);
+  for (std::size_t i = 0; i < columns.scaling.size(); ++i)
+    columns.scaling.data[i] = -1.8 + 0.3 * random.normal(i + 2000);
   for (std::size_t i = 0; i < columns.feature.size(); ++i) columns.feature.data[i] = random.normal(i + 3000);
   model.render.background = {0.2, 0.4, 0.1};
   return model;
 }
 
 template <class R>
-double loss_of(const Model<R>& model, const Camera<double>& camera, ImageView<const double> target, typename Pipeline<R>::Context& context) {
+double loss_of(const Model<R>& model, const Camera<double>& camera, ImageView<const double> target,
+               typename Pipeline<R>::Context& context) {
   SerialExecutor executor;
   const Pipeline<R> pipeline;
   static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
@@ -49,8 +53,8 @@ double loss_of(const Model<R>& model, const Camera<double>& camera, ImageView<co
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("pipeline: the directional derivative of the whole road equals central differences", R, SmallDouble, SmallDistance,
-                   SmallAppearance) {
+TEST_CASE_TEMPLATE("pipeline: the directional derivative of the whole road equals central differences", R, SmallDouble,
+                   SmallDistance, SmallAppearance) {
   Model<R> model = random_model<R>(24);
   const Camera<double> camera = ring_camera(1, 5, 37, 29);
   Buffer<double> target_storage(3 * 37 * 29);
@@ -78,7 +82,8 @@ TEST_CASE_TEMPLATE("pipeline: the directional derivative of the whole road equal
     double analytic = 0;
     for (std::size_t i = 0; i < start.size(); ++i) analytic += direction[i] * model.arena.all_gradients()[i];
     double best = 1;
-    for (const double h : {3e-5, 1e-5, 3e-6, 1e-6}) {  // best of a sweep: truncation against rounding (numerics sheet, section 4)
+    for (const double h :
+         {3e-5, 1e-5, 3e-6, 1e-6}) {  // best of a sweep: truncation against rounding (numerics sheet, section 4)
       const auto at = [&](double step) {
         for (std::size_t i = 0; i < start.size(); ++i) model.arena.all_values()[i] = start[i] + step * direction[i];
         typename Pipeline<R>::Context fresh;
@@ -108,7 +113,8 @@ TEST_CASE("pipeline: render and gradient have the same bits for 1, 2, 3 and 4 th
     const Random random(1, 2, 3);
     for (float& x : columns.offset.flat()) x = random.centered(static_cast<std::uint64_t>(&x - columns.offset.data));
     for (float& x : columns.scaling.flat()) x = -2.5f;
-    for (float& x : columns.feature.flat()) x = random.centered(static_cast<std::uint64_t>(&x - columns.feature.data) + 99999);
+    for (float& x : columns.feature.flat())
+      x = random.centered(static_cast<std::uint64_t>(&x - columns.feature.data) + 99999);
     ThreadExecutor executor(threads);
     const Pipeline<Small> pipeline;
     Pipeline<Small>::Context context;
@@ -128,6 +134,8 @@ TEST_CASE("pipeline: render and gradient have the same bits for 1, 2, 3 and 4 th
   for (const std::size_t threads : {2u, 3u, 4u}) {
     const std::vector<float> many = run(threads);
     CHECK(one.size() == many.size());
-    CHECK(std::equal(one.begin(), one.end(), many.begin(), [](float a, float b) { return std::bit_cast<std::uint32_t>(a) == std::bit_cast<std::uint32_t>(b); }));
+    CHECK(std::equal(one.begin(), one.end(), many.begin(), [](float a, float b) {
+      return std::bit_cast<std::uint32_t>(a) == std::bit_cast<std::uint32_t>(b);
+    }));
   }
 }

@@ -56,7 +56,8 @@ struct BlobViews {
           const double u = (x + 0.5) / width - 0.5;
           const double v = (y + 0.5) / height - 0.5;
           const double blob = std::exp(-12 * (u * u + v * v));
-          image(c, y, x) = static_cast<T>(blob * (0.5 + 0.4 * std::sin(9 * u + 2 * c + static_cast<double>(i)) * std::cos(7 * v + c)));
+          image(c, y, x) = static_cast<T>(
+              blob * (0.5 + 0.4 * std::sin(9 * u + 2 * c + static_cast<double>(i)) * std::cos(7 * v + c)));
         }
       }
     }

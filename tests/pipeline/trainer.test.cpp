@@ -70,13 +70,16 @@ struct Run {
   Trainer<Small, E> trainer;
 
   template <class... Args>
-  explicit Run(Args... args) : executor(args...), trainer(settings, views.size(), 3.3, executor) {
+  explicit Run(Args... args) : executor(args...),
+                               trainer(settings, views.size(), 3.3, executor) {
     const auto points = cloud(300, 1);
     REQUIRE(trainer.initialise(points).ok());
   }
 };
 
-std::vector<float> values(const Model<Small>& model) { return {model.arena.all_values().begin(), model.arena.all_values().end()}; }
+std::vector<float> values(const Model<Small>& model) {
+  return {model.arena.all_values().begin(), model.arena.all_values().end()};
+}
 bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
   return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](float x, float y) {
            return std::bit_cast<std::uint32_t>(x) == std::bit_cast<std::uint32_t>(y);
@@ -98,7 +101,8 @@ TEST_CASE("pipeline/trainer: the loss falls, anchors grow and are pruned, and ev
     pruned += report->pruned;
     CHECK(report->skipped_blocks == 0);
   }
-  MESSAGE("mean loss ", first / 20, " -> ", last / 20, ", anchors ", run.trainer.model().anchor_count(), ", grown ", grown, ", pruned ", pruned);
+  MESSAGE("mean loss ", first / 20, " -> ", last / 20, ", anchors ", run.trainer.model().anchor_count(), ", grown ",
+          grown, ", pruned ", pruned);
   CHECK(last < 0.5 * first);
   CHECK(grown > 0);
   CHECK(pruned > 0);
@@ -138,7 +142,8 @@ TEST_CASE("pipeline/checkpoint: a run stopped anywhere and resumed ends in the b
     REQUIRE(write_checkpoint(path, first.trainer.state(), first.settings, info, 12.5).ok());
 
     Run<SerialExecutor> second;
-    Result<Checkpoint<Small, SerialExecutor>> loaded = read_checkpoint<Small, SerialExecutor>(path, second.settings, info);
+    Result<Checkpoint<Small, SerialExecutor>> loaded =
+        read_checkpoint<Small, SerialExecutor>(path, second.settings, info);
     REQUIRE(loaded.ok());
     CHECK(loaded->seconds == 12.5);
     second.trainer.restore(std::move(loaded->state));

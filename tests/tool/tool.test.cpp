@@ -7,6 +7,7 @@
 
 #include <sys/wait.h>
 
+#include <unistd.h>
 #include <algorithm>
 #include <array>
 #include <compmark/io/atomic_file.hpp>
@@ -16,7 +17,6 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <unistd.h>
 #include <vector>
 
 namespace {
@@ -36,7 +36,8 @@ Outcome tool(const std::string& arguments, const std::string& prefix = "") {
   std::FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe != nullptr);
   std::array<char, 4096> buffer{};
-  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;) outcome.text.append(buffer.data(), n);
+  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
+    outcome.text.append(buffer.data(), n);
   const int status = pclose(pipe);
   outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   return outcome;
@@ -71,7 +72,8 @@ const std::string& scene() {
 nlohmann::json json_of(const std::string& path) {
   const Result<std::vector<std::byte>> bytes = read_file(path);
   REQUIRE(bytes.ok());
-  return nlohmann::json::parse(reinterpret_cast<const char*>(bytes->data()), reinterpret_cast<const char*>(bytes->data()) + bytes->size());
+  return nlohmann::json::parse(reinterpret_cast<const char*>(bytes->data()),
+                               reinterpret_cast<const char*>(bytes->data()) + bytes->size());
 }
 
 std::string train(const std::string& out, const std::string& options = "") {
@@ -97,16 +99,19 @@ std::string damaged(const std::string& name) {
   fs::copy(scene(), path, fs::copy_options::recursive);
   return path;
 }
-void write_text(const std::string& path, const std::string& text) { REQUIRE(write_file(path, std::string_view(text)).ok()); }
+void write_text(const std::string& path, const std::string& text) {
+  REQUIRE(write_file(path, std::string_view(text)).ok());
+}
 
 }  // namespace
 
 TEST_CASE("tool: scene, train, info, render, evaluate and export work on the built-in scene") {
   train("run");
-  for (const char* file : {"model.safetensors", "results.json", "report.html", "log.jsonl"}) CHECK(fs::file_size(at("run") + "/" + file) > 100);
+  for (const char* file : {"model.safetensors", "results.json", "report.html", "log.jsonl"})
+    CHECK(fs::file_size(at("run") + "/" + file) > 100);
   const nlohmann::json results = json_of(at("run/results.json"));
-  for (const char* key : {"schema", "dataset", "recipe", "profile", "iterations", "seed", "threads", "anchors", "gaussians_per_view", "train_seconds",
-                          "peak_memory_mb", "test", "model_sha256", "effects"}) {
+  for (const char* key : {"schema", "dataset", "recipe", "profile", "iterations", "seed", "threads", "anchors",
+                          "gaussians_per_view", "train_seconds", "peak_memory_mb", "test", "model_sha256", "effects"}) {
     INFO(key);
     CHECK(results.contains(key));
   }
@@ -114,18 +119,25 @@ TEST_CASE("tool: scene, train, info, render, evaluate and export work on the bui
   CHECK(results["test"]["views"] == 3);
   CHECK(results["model_sha256"].get<std::string>().size() == 64);
 
-  CHECK(tool("info " + at("run/model.safetensors")).text.find(results["model_sha256"].get<std::string>()) != std::string::npos);
+  CHECK(tool("info " + at("run/model.safetensors")).text.find(results["model_sha256"].get<std::string>()) !=
+        std::string::npos);
   const Outcome render = tool("render --model " + at("run/model.safetensors") + " --out " + at("renders"));
   INFO(render.text);
   CHECK(render.code == 0);
   std::size_t images = 0;
-  for (const fs::directory_entry& entry : fs::directory_iterator(at("renders"))) images += entry.path().extension() == ".png" ? 1 : 0;
+  for (const fs::directory_entry& entry : fs::directory_iterator(at("renders")))
+    images += entry.path().extension() == ".png" ? 1 : 0;
   CHECK(images == 3);
 
-  CHECK(tool("evaluate --model " + at("run/model.safetensors") + " --data " + scene() + " --json " + at("evaluation.json")).code == 0);
-  CHECK(json_of(at("evaluation.json"))["psnr"].get<double>() == doctest::Approx(results["test"]["psnr"].get<double>()).epsilon(1e-9));
-  CHECK(tool("export --model " + at("run/model.safetensors") + " --out " + at("anchors.ply") + " --format anchors").code == 0);
-  const Outcome splat = tool("export --model " + at("run/model.safetensors") + " --out " + at("splats.ply") + " --sh-degree 2 --data " + scene());
+  CHECK(tool("evaluate --model " + at("run/model.safetensors") + " --data " + scene() + " --json " +
+             at("evaluation.json"))
+            .code == 0);
+  CHECK(json_of(at("evaluation.json"))["psnr"].get<double>() ==
+        doctest::Approx(results["test"]["psnr"].get<double>()).epsilon(1e-9));
+  CHECK(tool("export --model " + at("run/model.safetensors") + " --out " + at("anchors.ply") + " --format anchors")
+            .code == 0);
+  const Outcome splat = tool("export --model " + at("run/model.safetensors") + " --out " + at("splats.ply") +
+                             " --sh-degree 2 --data " + scene());
   INFO(splat.text);
   CHECK(splat.code == 0);
   CHECK(splat.text.find("loss of the bake") != std::string::npos);
@@ -143,18 +155,24 @@ TEST_CASE("tool: the same seed gives the same model_sha256 for 1, 2 and 4 thread
 TEST_CASE("tool: a run that is killed and resumed ends in the same model_sha256") {
   const std::string reference = train("uninterrupted", "--checkpoint-every 10");
   // SIGKILL as soon as a checkpoint is there: where the run stands then does not matter.
-  const Outcome killed = tool("train --data " + scene() + " --out " + at("killed") + " --iterations 120 --checkpoint-every 10 & pid=$!; while [ ! -f " +
-                              at("killed/checkpoint.safetensors") + " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -9 $pid; wait $pid #");
+  const Outcome killed =
+      tool("train --data " + scene() + " --out " + at("killed") +
+           " --iterations 120 --checkpoint-every 10 & pid=$!; while [ ! -f " + at("killed/checkpoint.safetensors") +
+           " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -9 $pid; wait $pid #");
   CHECK(killed.code != 0);
   REQUIRE(fs::exists(at("killed/checkpoint.safetensors")));
   CHECK(!fs::exists(at("killed/model.safetensors")));
-  check_refused(tool("train --data " + scene() + " --out " + at("killed") + " --iterations 120"), {"checkpoint.safetensors", "--resume"});
-  check_refused(tool("train --data " + scene() + " --out " + at("killed") + " --iterations 130 --resume"), {"checkpoint.safetensors", "iterations is 120"});
+  check_refused(tool("train --data " + scene() + " --out " + at("killed") + " --iterations 120"),
+                {"checkpoint.safetensors", "--resume"});
+  check_refused(tool("train --data " + scene() + " --out " + at("killed") + " --iterations 130 --resume"),
+                {"checkpoint.safetensors", "iterations is 120"});
   CHECK(train("killed", "--resume") == reference);
 
   // Ctrl-C writes a checkpoint of the very iteration.
-  const Outcome interrupted = tool("train --data " + scene() + " --out " + at("interrupted") + " --iterations 120 & pid=$!; while [ ! -f " +
-                                   at("interrupted/log.jsonl") + " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; sleep 0.1; kill -TERM $pid; wait $pid #");
+  const Outcome interrupted =
+      tool("train --data " + scene() + " --out " + at("interrupted") + " --iterations 120 & pid=$!; while [ ! -f " +
+           at("interrupted/log.jsonl") +
+           " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; sleep 0.1; kill -TERM $pid; wait $pid #");
   if (fs::exists(at("interrupted/checkpoint.safetensors"))) {
     CHECK(interrupted.text.find("continue with --resume") != std::string::npos);
     CHECK(train("interrupted", "--resume") == reference);
@@ -219,7 +237,8 @@ TEST_CASE("tool: a bad dataset is one error line with file, field and remedy, an
 }
 
 TEST_CASE("tool: bad options, an unwritable output and a damaged model are one error line each") {
-  check_refused(tool("train --data " + scene() + " --out " + at("x") + " --profile nobody"), {"--profile", "nobody", "scaffold"});
+  check_refused(tool("train --data " + scene() + " --out " + at("x") + " --profile nobody"),
+                {"--profile", "nobody", "scaffold"});
   check_refused(tool("train --data " + scene() + " --out " + at("x") + " --recipe nothing"), {"--recipe", "nothing"});
   check_refused(tool("train --data " + scene() + " --out " + at("x") + " --max-anchors 3"), {"max_anchors"});
   write_text(at("a-file"), "text");

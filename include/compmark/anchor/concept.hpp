@@ -27,13 +27,14 @@ template <class T>
 struct AnchorColumns {
   MatrixView<T> position;  // [N, 3]     world units
   MatrixView<T> offset;    // [N, 3 K]   in units of exp(scaling[0:3]); component (k, axis) is column 3 k + axis
-  MatrixView<T> scaling;   // [N, 6]     log; first three: extent of the offsets and of the prefilter ellipsoid; last three: base scale
-  MatrixView<T> feature;   // [N, D]
+  MatrixView<T>
+      scaling;  // [N, 6]     log; first three: extent of the offsets and of the prefilter ellipsoid; last three: base scale
+  MatrixView<T> feature;  // [N, D]
 
   [[nodiscard]] std::size_t rows() const { return position.rows; }
-  constexpr operator AnchorColumns<const T>() const  // NOLINT(google-explicit-constructor): a view to const is always safe
-    requires(!std::is_const_v<T>)
-  {
+  constexpr operator AnchorColumns<const T>()
+      const  // NOLINT(google-explicit-constructor): a view to const is always safe
+      requires(!std::is_const_v<T>) {
     return {position, offset, scaling, feature};
   }
 };

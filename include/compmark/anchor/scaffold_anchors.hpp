@@ -19,6 +19,9 @@ struct ScaffoldAnchors {
 };
 
 template <class A>
-concept AnchorModel = requires { typename A::Scalar; } && std::is_same_v<std::remove_cvref_t<decltype(A::shape)>, DecoderShape>;
+concept AnchorModel = requires {
+  typename A::Scalar;
+}
+&&std::is_same_v<std::remove_cvref_t<decltype(A::shape)>, DecoderShape>;
 
 }  // namespace compmark::inline v0

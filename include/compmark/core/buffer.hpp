@@ -24,7 +24,9 @@ class Buffer {
   explicit Buffer(std::size_t count) { resize(count); }
   Buffer(const Buffer& other) { *this = other; }
   Buffer(Buffer&& other) noexcept
-      : data_(std::move(other.data_)), size_(std::exchange(other.size_, 0)), capacity_(std::exchange(other.capacity_, 0)) {}
+      : data_(std::move(other.data_)),
+        size_(std::exchange(other.size_, 0)),
+        capacity_(std::exchange(other.capacity_, 0)) {}
   Buffer& operator=(const Buffer& other) {
     if (this != &other) {
       resize(other.size_);
@@ -43,10 +45,11 @@ class Buffer {
   /// Sets the size. New memory is taken only above the capacity, with half as much again to spare; the contents are then lost.
   void resize(std::size_t count) {
     if (count > capacity_) {
-      const std::size_t wanted = capacity_ == 0 ? count : (count > capacity_ + capacity_ / 2 ? count : capacity_ + capacity_ / 2);
+      const std::size_t wanted =
+          capacity_ == 0 ? count : (count > capacity_ + capacity_ / 2 ? count : capacity_ + capacity_ / 2);
       data_.reset();
       capacity_ = 0;
-      data_.reset(static_cast<T*>(::operator new(wanted * sizeof(T) + alignment, std::align_val_t{alignment})));
+      data_.reset(static_cast<T*>(::operator new (wanted * sizeof(T) + alignment, std::align_val_t{alignment})));
       capacity_ = wanted;
     }
     size_ = count;
@@ -74,7 +77,7 @@ class Buffer {
 
  private:
   struct Free {
-    void operator()(T* pointer) const { ::operator delete(pointer, std::align_val_t{alignment}); }
+    void operator()(T* pointer) const { ::operator delete (pointer, std::align_val_t{alignment}); }
   };
   std::unique_ptr<T, Free> data_;
   std::size_t size_ = 0;

@@ -7,7 +7,8 @@
 #include <cassert>
 
 #if defined(__FAST_MATH__)
-#error "compmark needs IEEE arithmetic (NaN tests, exact rounding): build without -ffast-math; -fno-math-errno -fno-trapping-math are fine"
+#error \
+    "compmark needs IEEE arithmetic (NaN tests, exact rounding): build without -ffast-math; -fno-math-errno -fno-trapping-math are fine"
 #endif
 
 /// Programmer errors only (a wrong shape, an index out of range). Data errors come back as Result or in a report.

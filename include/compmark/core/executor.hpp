@@ -38,7 +38,8 @@ struct SerialExecutor {
   [[nodiscard]] static constexpr std::size_t concurrency() { return 1; }
   template <class Body>
   void for_chunks(std::size_t n, std::size_t grain, const Body& body) {
-    for (std::size_t begin = 0; begin < n; begin += grain) body(begin, begin + grain < n ? begin + grain : n, std::size_t{0});
+    for (std::size_t begin = 0; begin < n; begin += grain)
+      body(begin, begin + grain < n ? begin + grain : n, std::size_t{0});
   }
 };
 
@@ -46,7 +47,8 @@ struct SerialExecutor {
 /// `partial` is scratch of at least chunk_count(n, grain) values.
 template <class Sum, Executor E, class Map>
 [[nodiscard]] Sum ordered_sum(E& executor, std::size_t n, std::size_t grain, std::span<Sum> partial, const Map& map) {
-  executor.for_chunks(n, grain, [&](std::size_t begin, std::size_t end, std::size_t) { partial[begin / grain] = map(begin, end); });
+  executor.for_chunks(
+      n, grain, [&](std::size_t begin, std::size_t end, std::size_t) { partial[begin / grain] = map(begin, end); });
   Sum sum{};
   for (std::size_t chunk = 0; chunk < chunk_count(n, grain); ++chunk) sum += partial[chunk];
   return sum;

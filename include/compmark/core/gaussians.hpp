@@ -26,9 +26,9 @@ struct GaussianColumns {
   std::array<T*, 3> color{};
   std::size_t count = 0;
 
-  constexpr operator GaussianColumns<const T>() const  // NOLINT(google-explicit-constructor): a view to const is always safe
-    requires(!std::is_const_v<T>)
-  {
+  constexpr operator GaussianColumns<const T>()
+      const  // NOLINT(google-explicit-constructor): a view to const is always safe
+      requires(!std::is_const_v<T>) {
     return {{mean[0], mean[1], mean[2]},
             {scale[0], scale[1], scale[2]},
             {rotation[0], rotation[1], rotation[2], rotation[3]},
@@ -53,7 +53,9 @@ class GaussianBatch {
     for (T& value : storage_) value = T{};
   }
   [[nodiscard]] std::size_t size() const { return count_; }
-  [[nodiscard]] std::span<T> storage() { return storage_.span(); }  ///< all columns and their padding, to set them to zero
+  [[nodiscard]] std::span<T> storage() {
+    return storage_.span();
+  }  ///< all columns and their padding, to set them to zero
   [[nodiscard]] GaussianColumns<T> columns() { return make<T>(storage_.data()); }
   [[nodiscard]] GaussianColumns<const T> columns() const { return make<const T>(storage_.data()); }
 
@@ -61,7 +63,9 @@ class GaussianBatch {
   template <class U>
   [[nodiscard]] GaussianColumns<U> make(U* base) const {
     const auto at = [&](std::size_t column) { return base + column * stride_; };
-    return {{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10), {at(11), at(12), at(13)}, count_};
+    return {{at(0), at(1), at(2)},        {at(3), at(4), at(5)},
+            {at(6), at(7), at(8), at(9)}, at(10),
+            {at(11), at(12), at(13)},     count_};
   }
   Buffer<T> storage_;
   std::size_t count_ = 0;

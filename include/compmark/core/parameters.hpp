@@ -86,7 +86,8 @@ class ArenaLayout {
 
 /// Moves every block of `from` (old layout) into `to` (new layout) under one edit; appended rows and padding become zero.
 template <class T>
-void move_rows(const ArenaLayout& old_layout, const ArenaLayout& new_layout, const RowEdit& edit, std::span<const T> from, std::span<T> to) {
+void move_rows(const ArenaLayout& old_layout, const ArenaLayout& new_layout, const RowEdit& edit,
+               std::span<const T> from, std::span<T> to) {
   std::fill(to.begin(), to.end(), T{});
   for (std::size_t b = 0; b < old_layout.blocks().size(); ++b) {
     const ArenaLayout::Block& old_block = old_layout.blocks()[b];
@@ -115,7 +116,8 @@ class ParameterArena {
     Buffer<T> grown(layout_.size());
     std::fill(grown.begin(), grown.end(), T{});
     for (const ArenaLayout::Block& block : old_layout.blocks()) {
-      std::copy_n(values_.data() + block.offset, block.size(), grown.data() + layout_.block(layout_.find(block.name)).offset);
+      std::copy_n(values_.data() + block.offset, block.size(),
+                  grown.data() + layout_.block(layout_.find(block.name)).offset);
     }
     values_ = std::move(grown);
     gradients_.resize(layout_.size(), T{});

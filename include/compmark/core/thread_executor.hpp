@@ -47,7 +47,8 @@ class ThreadExecutor {
       SerialExecutor{}.for_chunks(n, grain, body);
       return;
     }
-    job_ = Job{&body, [](const void* f, std::size_t begin, std::size_t end, std::size_t worker) {
+    job_ = Job{&body,
+               [](const void* f, std::size_t begin, std::size_t end, std::size_t worker) {
                  (*static_cast<const Body*>(f))(begin, end, worker);
                },
                n, grain};

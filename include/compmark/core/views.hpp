@@ -26,8 +26,7 @@ struct MatrixView {
   [[nodiscard]] constexpr std::size_t size() const { return rows * columns; }
 
   constexpr operator MatrixView<const T>() const  // NOLINT(google-explicit-constructor): a view to const is always safe
-    requires(!std::is_const_v<T>)
-  {
+      requires(!std::is_const_v<T>) {
     return {data, rows, columns};
   }
 };
@@ -52,8 +51,7 @@ struct ImageView {
   [[nodiscard]] constexpr std::span<T> flat() const { return {data, size()}; }
 
   constexpr operator ImageView<const T>() const  // NOLINT(google-explicit-constructor): a view to const is always safe
-    requires(!std::is_const_v<T>)
-  {
+      requires(!std::is_const_v<T>) {
     return {data, channels, height, width};
   }
 };

@@ -15,8 +15,12 @@ struct NoEmbedder : Absent<NoEmbedder> {};
 struct NoMessageDecoder : Absent<NoMessageDecoder> {};
 
 template <class D>
-concept MessageDecoder = D::is_absent || requires { D::bits; };
+concept MessageDecoder = D::is_absent || requires {
+  D::bits;
+};
 template <class D>
-concept Embedder = D::is_absent || requires { typename D::Settings; };
+concept Embedder = D::is_absent || requires {
+  typename D::Settings;
+};
 
 }  // namespace compmark::inline v0

@@ -66,7 +66,7 @@ inline constexpr bool has_mask_registers = false;
 
 /// How a mask is held: bool for one lane, a mask register for full 64-byte packs, else integer lanes of 0 and -1.
 template <class T, int W>
-inline constexpr bool uses_mask_register = has_mask_registers && W > 1 && sizeof(T) * W == 64;
+inline constexpr bool uses_mask_register = has_mask_registers&& W > 1 && sizeof(T) * W == 64;
 
 template <class T, int W, bool Register = uses_mask_register<T, W>>
 struct MaskStorage {
@@ -88,8 +88,12 @@ template <class T, int W>
 struct Mask {
   typename detail::MaskStorage<T, W>::type native;
 
-  friend COMPMARK_INLINE Mask operator&(Mask a, Mask b) { return combine(a, b, [](auto x, auto y) { return x & y; }); }
-  friend COMPMARK_INLINE Mask operator|(Mask a, Mask b) { return combine(a, b, [](auto x, auto y) { return x | y; }); }
+  friend COMPMARK_INLINE Mask operator&(Mask a, Mask b) {
+    return combine(a, b, [](auto x, auto y) { return x & y; });
+  }
+  friend COMPMARK_INLINE Mask operator|(Mask a, Mask b) {
+    return combine(a, b, [](auto x, auto y) { return x | y; });
+  }
   friend COMPMARK_INLINE Mask operator!(Mask a) {
     if constexpr (W == 1) {
       return {!a.native};
@@ -172,11 +176,14 @@ struct Pack {
   Native native;
 
   Pack() = default;
-  COMPMARK_INLINE Pack(T value) {  // NOLINT(google-explicit-constructor): constants mix with packs as they do with scalars
+  COMPMARK_INLINE Pack(
+      T value) {  // NOLINT(google-explicit-constructor): constants mix with packs as they do with scalars
     if constexpr (W == 1) {
       native = value;
     } else {
-      native = value - Native{};  // x - 0 is x for every x, so it folds to one broadcast; 0 + x is not (-0) and would cost an addition
+      native =
+          value -
+          Native{};  // x - 0 is x for every x, so it folds to one broadcast; 0 + x is not (-0) and would cost an addition
     }
   }
   static COMPMARK_INLINE Pack from_native(Native native) {
@@ -203,7 +210,8 @@ struct Pack {
   /// Lanes where the mask is false read nothing and become zero.
   static COMPMARK_INLINE Pack load(const T* source, MaskType mask) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
-    if constexpr (std::is_same_v<T, float> && W == 16) return from_native((Native)_mm512_maskz_loadu_ps(mask.native, source));
+    if constexpr (std::is_same_v<T, float> && W == 16)
+      return from_native((Native)_mm512_maskz_loadu_ps(mask.native, source));
     if constexpr (std::is_same_v<T, double> && W == 8) {
       return from_native((Native)_mm512_maskz_loadu_pd(static_cast<__mmask8>(mask.native), source));
     }
@@ -233,10 +241,12 @@ struct Pack {
   static COMPMARK_INLINE Pack gather(const T* base, const std::int32_t* index) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
     if constexpr (std::is_same_v<T, float> && W == 16) {
-      return from_native((Native)_mm512_mask_i32gather_ps(_mm512_setzero_ps(), 0xFFFF, _mm512_loadu_si512(index), base, 4));
+      return from_native(
+          (Native)_mm512_mask_i32gather_ps(_mm512_setzero_ps(), 0xFFFF, _mm512_loadu_si512(index), base, 4));
     }
     if constexpr (std::is_same_v<T, double> && W == 8) {
-      return from_native((Native)_mm512_mask_i32gather_pd(_mm512_setzero_pd(), 0xFF, _mm256_loadu_si256(reinterpret_cast<const __m256i*>(index)), base, 8));
+      return from_native((Native)_mm512_mask_i32gather_pd(
+          _mm512_setzero_pd(), 0xFF, _mm256_loadu_si256(reinterpret_cast<const __m256i*>(index)), base, 8));
     }
 #endif
     Pack pack;
@@ -264,7 +274,8 @@ struct Pack {
   /// The inverse of compress_store: consecutive values go to the lanes whose mask is true, the others become zero. Reads count(mask) values.
   static COMPMARK_INLINE Pack expand_load(const T* source, MaskType mask) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
-    if constexpr (std::is_same_v<T, float> && W == 16) return from_native((Native)_mm512_maskz_expandloadu_ps(mask.native, source));
+    if constexpr (std::is_same_v<T, float> && W == 16)
+      return from_native((Native)_mm512_maskz_expandloadu_ps(mask.native, source));
     if constexpr (std::is_same_v<T, double> && W == 8) {
       return from_native((Native)_mm512_maskz_expandloadu_pd(static_cast<__mmask8>(mask.native), source));
     }
@@ -313,7 +324,8 @@ struct Pack {
   static COMPMARK_INLINE MaskType compare(Pack a, Pack b) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
     constexpr int predicate = Which == 0 ? _CMP_LT_OQ : (Which == 1 ? _CMP_LE_OQ : _CMP_EQ_OQ);
-    if constexpr (std::is_same_v<T, float> && W == 16) return {_mm512_cmp_ps_mask((__m512)a.native, (__m512)b.native, predicate)};
+    if constexpr (std::is_same_v<T, float> && W == 16)
+      return {_mm512_cmp_ps_mask((__m512)a.native, (__m512)b.native, predicate)};
     if constexpr (std::is_same_v<T, double> && W == 8) {
       return {_mm512_cmp_pd_mask((__m512d)a.native, (__m512d)b.native, predicate)};
     }
@@ -352,8 +364,8 @@ template <class T, int W>
       return P::from_native((typename P::Native)_mm512_mask_blend_ps(mask.native, (__m512)b.native, (__m512)a.native));
     }
     if constexpr (std::is_same_v<T, double> && W == 8) {
-      return P::from_native(
-          (typename P::Native)_mm512_mask_blend_pd(static_cast<__mmask8>(mask.native), (__m512d)b.native, (__m512d)a.native));
+      return P::from_native((typename P::Native)_mm512_mask_blend_pd(static_cast<__mmask8>(mask.native),
+                                                                     (__m512d)b.native, (__m512d)a.native));
     }
 #endif
     if constexpr (!detail::uses_mask_register<T, W>) {
@@ -398,8 +410,11 @@ template <class T, int W>
   if constexpr (std::is_same_v<T, double> && W == 2) {
     return P::from_native((N)_mm_fmadd_pd((__m128d)a.native, (__m128d)b.native, (__m128d)c.native));
   }
-  if constexpr (W == 1 && (std::is_same_v<T, float> || std::is_same_v<T, double>)) return P(std::fma(a.native, b.native, c.native));
-  if constexpr (W > native_width<T> && native_width<T> > 1) {  // wider than a register (tests only): halves, so that every width rounds alike
+  if constexpr (W == 1 && (std::is_same_v<T, float> || std::is_same_v<T, double>))
+    return P(std::fma(a.native, b.native, c.native));
+  if constexpr (W > native_width<T> &&
+                native_width < T >>
+                    1) {  // wider than a register (tests only): halves, so that every width rounds alike
     using H = Pack<T, W / 2>;
     P result;
     for (int half = 0; half < 2; ++half) {
@@ -426,7 +441,8 @@ template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> min(Pack<T, W> a, Pack<T, W> b) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
   if constexpr (std::is_same_v<T, float> && W == 16) {
-    return Pack<T, W>::from_native((typename Pack<T, W>::Native)_mm512_maskz_min_ps(0xFFFF, (__m512)a.native, (__m512)b.native));
+    return Pack<T, W>::from_native(
+        (typename Pack<T, W>::Native)_mm512_maskz_min_ps(0xFFFF, (__m512)a.native, (__m512)b.native));
   }
 #endif
   return select(a < b, a, b);
@@ -435,7 +451,8 @@ template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> max(Pack<T, W> a, Pack<T, W> b) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
   if constexpr (std::is_same_v<T, float> && W == 16) {
-    return Pack<T, W>::from_native((typename Pack<T, W>::Native)_mm512_maskz_max_ps(0xFFFF, (__m512)a.native, (__m512)b.native));
+    return Pack<T, W>::from_native(
+        (typename Pack<T, W>::Native)_mm512_maskz_max_ps(0xFFFF, (__m512)a.native, (__m512)b.native));
   }
 #endif
   return select(a > b, a, b);
@@ -448,8 +465,10 @@ template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> sqrt(Pack<T, W> a) {
   using P = Pack<T, W>;
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
-  if constexpr (std::is_same_v<T, float> && W == 16) return P::from_native((typename P::Native)_mm512_maskz_sqrt_ps(0xFFFF, (__m512)a.native));
-  if constexpr (std::is_same_v<T, double> && W == 8) return P::from_native((typename P::Native)_mm512_maskz_sqrt_pd(0xFF, (__m512d)a.native));
+  if constexpr (std::is_same_v<T, float> && W == 16)
+    return P::from_native((typename P::Native)_mm512_maskz_sqrt_ps(0xFFFF, (__m512)a.native));
+  if constexpr (std::is_same_v<T, double> && W == 8)
+    return P::from_native((typename P::Native)_mm512_maskz_sqrt_pd(0xFF, (__m512d)a.native));
 #endif
   P result;
   for (int i = 0; i < W; ++i) result.set(i, std::sqrt(a.lane(i)));
@@ -465,7 +484,8 @@ template <class T, int W>
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
     if constexpr (std::is_same_v<T, float> && W == 16) {
       const __m512 x = (__m512)a.native;
-      const __m256 half = _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xFF, x, 0), _mm512_maskz_extractf32x8_ps(0xFF, x, 1));
+      const __m256 half =
+          _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xFF, x, 0), _mm512_maskz_extractf32x8_ps(0xFF, x, 1));
       return reduce_add(Pack<T, 8>::from_native((typename Pack<T, 8>::Native)half));
     }
 #endif
@@ -503,12 +523,14 @@ template <class T, int W>
   using P = Pack<T, W>;
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
   if constexpr (std::is_same_v<T, float> && W == 16) {
-    return P::from_native((typename P::Native)_mm512_maskz_roundscale_ps(0xFFFF, (__m512)a.native, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
+    return P::from_native((typename P::Native)_mm512_maskz_roundscale_ps(
+        0xFFFF, (__m512)a.native, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
   }
 #endif
 #if defined(__AVX__)
   if constexpr (std::is_same_v<T, float> && W == 8) {
-    return P::from_native((typename P::Native)_mm256_round_ps((__m256)a.native, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
+    return P::from_native(
+        (typename P::Native)_mm256_round_ps((__m256)a.native, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
   }
 #endif
   P result;

@@ -81,8 +81,8 @@ void for_each_statistic(Statistics& statistics, F&& f) {
 
 /// Writes the state under a temporary name and renames: a run killed while writing keeps its previous checkpoint.
 template <class State>
-[[nodiscard]] Result<Done> write_checkpoint(const std::filesystem::path& path, const State& state, const TrainSettings& settings,
-                                            const ModelInfo& info, double seconds) {
+[[nodiscard]] Result<Done> write_checkpoint(const std::filesystem::path& path, const State& state,
+                                            const TrainSettings& settings, const ModelInfo& info, double seconds) {
   using Scalar = typename std::remove_cvref_t<decltype(state.model.arena)>::Scalar;
   SafetensorsWriter writer;
   const nlohmann::json progress{{"iteration", state.iteration}, {"seconds", seconds}};
@@ -96,11 +96,13 @@ template <class State>
   const auto rows = static_cast<std::int64_t>(state.optimizer.first_moment.size());
   writer.template add_values<Scalar>("optimizer.first_moment", {rows}, state.optimizer.first_moment.span());
   writer.template add_values<Scalar>("optimizer.second_moment", {rows}, state.optimizer.second_moment.span());
-  writer.template add_values<std::uint64_t>("optimizer.steps", {static_cast<std::int64_t>(state.optimizer.steps.size())}, state.optimizer.steps);
+  writer.template add_values<std::uint64_t>(
+      "optimizer.steps", {static_cast<std::int64_t>(state.optimizer.steps.size())}, state.optimizer.steps);
   if constexpr (requires { state.growth.statistics; }) {
     detail::for_each_statistic(state.growth.statistics, [&](const char* name, const auto& column) {
       using Value = std::remove_cvref_t<decltype(column[0])>;
-      writer.template add_values<Value>(name, {static_cast<std::int64_t>(column.size())}, std::span<const Value>(column.data(), column.size()));
+      writer.template add_values<Value>(name, {static_cast<std::int64_t>(column.size())},
+                                        std::span<const Value>(column.data(), column.size()));
     });
   }
   return writer.write(path);
@@ -108,7 +110,8 @@ template <class State>
 
 /// Reads a checkpoint of a run with the same recipe, settings and views; anything else is refused with the name of what differs.
 template <Recipe R, Executor E>
-[[nodiscard]] Result<Checkpoint<R, E>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings, const ModelInfo& info) {
+[[nodiscard]] Result<Checkpoint<R, E>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings,
+                                                       const ModelInfo& info) {
   const Result<SafetensorsFile> file = read_safetensors(path);
   if (!file) return file.error();
   const auto refuse = [&](std::string field, std::string problem) {
@@ -117,7 +120,8 @@ template <Recipe R, Executor E>
   };
   const Result<std::string> format = file->text_of("format");
   if (!format) return format.error();
-  if (*format != "compmark.checkpoint") return refuse("__metadata__.format", "is \"" + *format + "\", not a checkpoint");
+  if (*format != "compmark.checkpoint")
+    return refuse("__metadata__.format", "is \"" + *format + "\", not a checkpoint");
   const Result<std::string> settings_text = file->text_of("settings");
   if (!settings_text) return settings_text.error();
   const nlohmann::json stored = nlohmann::json::parse(*settings_text, nullptr, false);
@@ -125,19 +129,24 @@ template <Recipe R, Executor E>
   if (!stored.is_object()) return refuse("__metadata__.settings", "is not a JSON object");
   for (const auto& [key, value] : wanted.items()) {
     const nlohmann::json found = stored.value(key, nlohmann::json());
-    if (found != value) return refuse("settings", key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
+    if (found != value)
+      return refuse("settings", key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
   }
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
-  if (model->info.recipe != info.recipe) return refuse("recipe", "is " + model->info.recipe + " in the checkpoint and " + info.recipe + " now");
+  if (model->info.recipe != info.recipe)
+    return refuse("recipe", "is " + model->info.recipe + " in the checkpoint and " + info.recipe + " now");
   if (model->info.views.size() != info.views.size()) {
-    return refuse("views", "are " + std::to_string(model->info.views.size()) + " in the checkpoint and " + std::to_string(info.views.size()) + " now");
+    return refuse("views", "are " + std::to_string(model->info.views.size()) + " in the checkpoint and " +
+                               std::to_string(info.views.size()) + " now");
   }
   for (std::size_t i = 0; i < info.views.size(); ++i) {
     const Camera<double>& a = model->info.views[i].camera;
     const Camera<double>& b = info.views[i].camera;
-    if (model->info.views[i].name != info.views[i].name || a.width != b.width || a.height != b.height || a.center_world != b.center_world) {
-      return refuse("views", "view " + std::to_string(i) + " (" + info.views[i].name + ") is another one in the checkpoint");
+    if (model->info.views[i].name != info.views[i].name || a.width != b.width || a.height != b.height ||
+        a.center_world != b.center_world) {
+      return refuse("views",
+                    "view " + std::to_string(i) + " (" + info.views[i].name + ") is another one in the checkpoint");
     }
   }
 
@@ -153,7 +162,8 @@ template <Recipe R, Executor E>
   }
   checkpoint.state.iteration = progress["iteration"].get<std::int64_t>();
   checkpoint.seconds = progress["seconds"].get<double>();
-  if (checkpoint.state.iteration < 0 || checkpoint.state.iteration > settings.iterations) return refuse("iteration", "is outside the run");
+  if (checkpoint.state.iteration < 0 || checkpoint.state.iteration > settings.iterations)
+    return refuse("iteration", "is outside the run");
 
   typename R::Optimizer{}.prepare(checkpoint.state.model.arena.layout(), checkpoint.state.optimizer);
   const auto fill = [&](const char* name, auto& column) -> Result<Done> {
@@ -161,7 +171,8 @@ template <Recipe R, Executor E>
     const Result<std::vector<Value>> values = file->template values<Value>(name);
     if (!values) return values.error();
     if (values->size() != column.size()) {
-      return refuse(name, "has " + std::to_string(values->size()) + " values, expected " + std::to_string(column.size()));
+      return refuse(name,
+                    "has " + std::to_string(values->size()) + " values, expected " + std::to_string(column.size()));
     }
     std::copy(values->begin(), values->end(), column.begin());
     return Done{};
@@ -170,7 +181,8 @@ template <Recipe R, Executor E>
   if (Result<Done> r = fill("optimizer.second_moment", checkpoint.state.optimizer.second_moment); !r) return r.error();
   if (Result<Done> r = fill("optimizer.steps", checkpoint.state.optimizer.steps); !r) return r.error();
   if constexpr (requires { checkpoint.state.growth.statistics; }) {
-    checkpoint.state.growth.statistics.prepare(checkpoint.state.model.anchor_count(), static_cast<std::size_t>(R::AnchorModel::shape.offsets));
+    checkpoint.state.growth.statistics.prepare(checkpoint.state.model.anchor_count(),
+                                               static_cast<std::size_t>(R::AnchorModel::shape.offsets));
     Result<Done> result = Done{};
     detail::for_each_statistic(checkpoint.state.growth.statistics, [&](const char* name, auto& column) {
       if (result) result = fill(name, column);

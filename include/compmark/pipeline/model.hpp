@@ -17,8 +17,8 @@ namespace compmark::inline v0 {
 
 /// Numbers of the render that were fixed in training; stored in the model file.
 struct RenderSettings {
-  double near_plane = 0.2;      ///< camera z below which nothing is drawn, world units
-  double blur_variance = 0.3;   ///< screen-space low-pass, pixels^2
+  double near_plane = 0.2;     ///< camera z below which nothing is drawn, world units
+  double blur_variance = 0.3;  ///< screen-space low-pass, pixels^2
   std::array<double, 3> background{0, 0, 0};
 };
 
@@ -31,8 +31,8 @@ struct Model {
   AnchorHandles anchors;
   typename Decoder::Handles decoder;
   RenderSettings render;
-  double voxel_size = 0.001;   ///< world units; cell size of growing
-  std::size_t train_views = 0; ///< rows of the appearance table, if the recipe has one
+  double voxel_size = 0.001;    ///< world units; cell size of growing
+  std::size_t train_views = 0;  ///< rows of the appearance table, if the recipe has one
 
   /// Blocks for `rows` anchors, all values zero.
   void create(std::size_t rows, std::size_t views) {

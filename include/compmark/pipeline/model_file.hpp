@@ -54,8 +54,10 @@ namespace detail {
 inline constexpr const char* model_format = "compmark.model";
 
 [[nodiscard]] inline nlohmann::json shape_json(const DecoderShape& shape) {
-  return {{"feature_dim", shape.feature_dim},   {"offsets", shape.offsets},
-          {"distance", shape.distance},         {"feature_bank", shape.feature_bank},
+  return {{"feature_dim", shape.feature_dim},
+          {"offsets", shape.offsets},
+          {"distance", shape.distance},
+          {"feature_bank", shape.feature_bank},
           {"appearance_dim", shape.appearance_dim}};
 }
 
@@ -82,7 +84,8 @@ template <class T>
 void add_block_tensors(SafetensorsWriter& writer, const ParameterArena<T>& arena, const std::string& prefix = {}) {
   const std::span<const T> values = arena.all_values();
   for (const ArenaLayout::Block& block : arena.layout().blocks()) {
-    writer.template add_values<T>(prefix + block.name, {static_cast<std::int64_t>(block.rows), static_cast<std::int64_t>(block.columns)},
+    writer.template add_values<T>(prefix + block.name,
+                                  {static_cast<std::int64_t>(block.rows), static_cast<std::int64_t>(block.columns)},
                                   values.subspan(block.offset, block.size()));
   }
 }
@@ -100,7 +103,8 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
 }
 
 [[nodiscard]] inline Error model_error(const SafetensorsFile& file, std::string field, std::string problem) {
-  return {ErrorKind::invalid, file.path, std::move(field), std::move(problem), "check that this is a model file written by this version or an older one"};
+  return {ErrorKind::invalid, file.path, std::move(field), std::move(problem),
+          "check that this is a model file written by this version or an older one"};
 }
 
 /// Reads the cameras and the info; every number is checked to be finite and in range.
@@ -124,14 +128,17 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
   if (info.views.empty()) return info;
   const Result<std::vector<double>> table = file.values<double>("camera.table");
   if (!table) return table.error();
-  if (table->size() != info.views.size() * 18) return model_error(file, "camera.table", "does not have 18 numbers a view");
+  if (table->size() != info.views.size() * 18)
+    return model_error(file, "camera.table", "does not have 18 numbers a view");
   for (std::size_t i = 0; i < info.views.size(); ++i) {
     const double* row = table->data() + 18 * i;
     for (std::size_t j = 0; j < 18; ++j) {
-      if (!std::isfinite(row[j])) return model_error(file, "camera.table", "view " + info.views[i].name + " has a number that is not finite");
+      if (!std::isfinite(row[j]))
+        return model_error(file, "camera.table", "view " + info.views[i].name + " has a number that is not finite");
     }
     if (!(row[0] >= 1 && row[0] <= 65536 && row[1] >= 1 && row[1] <= 65536 && row[2] > 0 && row[3] > 0)) {
-      return model_error(file, "camera.table", "view " + info.views[i].name + " has an impossible size or focal length");
+      return model_error(file, "camera.table",
+                         "view " + info.views[i].name + " has an impossible size or focal length");
     }
     Camera<double>& camera = info.views[i].camera;
     camera.width = static_cast<int>(row[0]);
@@ -148,9 +155,11 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
 
 /// Fills every block of the arena from the file's tensors (prefix + name), checking shapes and finiteness.
 template <class T>
-[[nodiscard]] Result<Done> read_blocks(const SafetensorsFile& file, ParameterArena<T>& arena, const std::string& prefix = {}) {
+[[nodiscard]] Result<Done> read_blocks(const SafetensorsFile& file, ParameterArena<T>& arena,
+                                       const std::string& prefix = {}) {
   for (const ArenaLayout::Block& block : arena.layout().blocks()) {
-    const std::array<std::int64_t, 2> shape{static_cast<std::int64_t>(block.rows), static_cast<std::int64_t>(block.columns)};
+    const std::array<std::int64_t, 2> shape{static_cast<std::int64_t>(block.rows),
+                                            static_cast<std::int64_t>(block.columns)};
     const Result<SafetensorsTensor> tensor = file.tensor(prefix + block.name, shape);
     if (!tensor) return tensor.error();
     const Result<std::vector<T>> values = file.values<T>(prefix + block.name);
@@ -189,13 +198,16 @@ template <Recipe R>
   } catch (const nlohmann::json::exception& problem) {
     return model_error(file, "__metadata__.info", problem.what());
   }
-  if (!(voxel_size > 0) || !(render.near_plane > 0) || !(render.blur_variance >= 0) || train_views > (std::size_t{1} << 24)) {
+  if (!(voxel_size > 0) || !(render.near_plane > 0) || !(render.blur_variance >= 0) ||
+      train_views > (std::size_t{1} << 24)) {
     return model_error(file, "__metadata__.info", "has a number out of range");
   }
   const Result<SafetensorsTensor> position = file.tensor("anchor.position");
   if (!position) return position.error();
-  if (position->shape.size() != 2 || position->shape[1] != 3) return model_error(file, "anchor.position", "is not of shape [N, 3]");
-  const auto rows = static_cast<std::size_t>(position->shape[0]);  // the file's bytes back this count, so the blocks fit in memory
+  if (position->shape.size() != 2 || position->shape[1] != 3)
+    return model_error(file, "anchor.position", "is not of shape [N, 3]");
+  const auto rows =
+      static_cast<std::size_t>(position->shape[0]);  // the file's bytes back this count, so the blocks fit in memory
   const Result<SafetensorsTensor> feature = file.tensor("anchor.feature");
   if (!feature) return feature.error();
   if (feature->shape.size() != 2 || static_cast<std::size_t>(feature->shape[0]) != rows) {
@@ -212,9 +224,11 @@ template <Recipe R>
 
 /// Writes the model under a temporary name and renames.
 template <Recipe R>
-[[nodiscard]] Result<Done> write_model(const std::filesystem::path& path, const Model<R>& model, const ModelInfo& info) {
+[[nodiscard]] Result<Done> write_model(const std::filesystem::path& path, const Model<R>& model,
+                                       const ModelInfo& info) {
   SafetensorsWriter writer;
-  writer.metadata = {{"format", detail::model_format}, {"version", "1"}, {"info", detail::info_json(model, info).dump()}};
+  writer.metadata = {
+      {"format", detail::model_format}, {"version", "1"}, {"info", detail::info_json(model, info).dump()}};
   detail::add_block_tensors(writer, model.arena);
   detail::add_camera_tensors(writer, info.views);
   return writer.write(path);
@@ -224,7 +238,8 @@ template <Recipe R>
 [[nodiscard]] inline Result<std::string> model_recipe(const SafetensorsFile& file) {
   const Result<std::string> format = file.text_of("format");
   if (!format) return format.error();
-  if (*format != detail::model_format) return detail::model_error(file, "__metadata__.format", "is \"" + *format + "\"");
+  if (*format != detail::model_format)
+    return detail::model_error(file, "__metadata__.format", "is \"" + *format + "\"");
   const Result<std::string> text = file.text_of("info");
   if (!text) return text.error();
   const nlohmann::json json = nlohmann::json::parse(*text, nullptr, false);

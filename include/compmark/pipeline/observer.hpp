@@ -16,14 +16,15 @@ namespace compmark::inline v0 {
 struct IterationReport {
   std::int64_t iteration = 0;  ///< 1-based, the one just finished
   std::int64_t total = 0;
-  std::size_t view = 0;        ///< which training view was rendered
+  std::size_t view = 0;  ///< which training view was rendered
   LossReport loss;
   ForwardReport forward;
-  std::size_t anchors = 0;     ///< after growing and pruning
-  std::size_t grown = 0;       ///< anchors born in this iteration
-  std::size_t pruned = 0;      ///< anchors removed in this iteration
-  bool adjusted = false;       ///< growing and pruning ran
-  std::size_t skipped_blocks = 0;  ///< parameter blocks whose gradient was not finite and whose step was therefore skipped
+  std::size_t anchors = 0;  ///< after growing and pruning
+  std::size_t grown = 0;    ///< anchors born in this iteration
+  std::size_t pruned = 0;   ///< anchors removed in this iteration
+  bool adjusted = false;    ///< growing and pruning ran
+  std::size_t skipped_blocks =
+      0;  ///< parameter blocks whose gradient was not finite and whose step was therefore skipped
 };
 
 /// on_iteration returns false to stop after this iteration; `trainer` gives access to the current image and model.

@@ -71,7 +71,8 @@ class Pipeline {
 
   /// Renders one view into context.image [3, height, width]. `view` selects the appearance row, if the recipe has one.
   template <Executor E>
-  ForwardReport forward(const Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context, E& executor) const {
+  ForwardReport forward(const Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context,
+                        E& executor) const {
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
     const AnchorColumns<const Scalar> columns = model.columns();
     context.image_storage.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
@@ -81,10 +82,11 @@ class Pipeline {
     const VisibilitySettings visibility{model.render.near_plane, model.render.blur_variance};
     visible_anchors(columns, scalar_camera, visibility, context.visible, context.visibility, executor);
     report.visible_anchors = context.visible.size();
-    report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena, model.decoder,
-                                        context.gaussians, context.decoder, executor);
-    report.raster = rasterizer(model.render).forward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render),
-                                                     context.image, context.raster, executor);
+    report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
+                                        model.decoder, context.gaussians, context.decoder, executor);
+    report.raster = rasterizer(model.render)
+                        .forward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render),
+                                 context.image, context.raster, executor);
     return report;
   }
 
@@ -107,10 +109,11 @@ class Pipeline {
     report.total = image_loss.loss;
     if (weights.lambda_volume != 0) {
       const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
-      report.volume = ScaleVolumeLoss<Scalar>{}
-                          .forward_backward(gaussians.scale, gaussians.count, static_cast<Scalar>(weights.lambda_volume),
-                                            context.d_gaussians.columns().scale, context.volume, executor)
-                          .loss;
+      report.volume =
+          ScaleVolumeLoss<Scalar>{}
+              .forward_backward(gaussians.scale, gaussians.count, static_cast<Scalar>(weights.lambda_volume),
+                                context.d_gaussians.columns().scale, context.volume, executor)
+              .loss;
       report.total += weights.lambda_volume * report.volume;
     }
     return report;
@@ -120,26 +123,30 @@ class Pipeline {
   template <Executor E>
   void backward(Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context, E& executor) const {
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
-    rasterizer(model.render).backward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render), context.d_image,
-                                      context.d_gaussians.columns(), context.raster, executor);
-    decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena, model.decoder,
-                      std::as_const(context.d_gaussians).columns(), anchor_gradients(model.arena, model.anchors), context.decoder, executor);
+    rasterizer(model.render)
+        .backward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render), context.d_image,
+                  context.d_gaussians.columns(), context.raster, executor);
+    decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena,
+                      model.decoder, std::as_const(context.d_gaussians).columns(),
+                      anchor_gradients(model.arena, model.anchors), context.decoder, executor);
   }
 
   [[nodiscard]] const typename R::GaussianDecoder& decoder() const { return decoder_; }
   [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
-    return typename R::Rasterizer{
-        typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane), static_cast<Scalar>(render.blur_variance)}};
+    return typename R::Rasterizer{typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane),
+                                                                   static_cast<Scalar>(render.blur_variance)}};
   }
   [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render) {
-    return {static_cast<Scalar>(render.background[0]), static_cast<Scalar>(render.background[1]), static_cast<Scalar>(render.background[2])};
+    return {static_cast<Scalar>(render.background[0]), static_cast<Scalar>(render.background[1]),
+            static_cast<Scalar>(render.background[2])};
   }
 
  private:
   template <Executor E>
   static void set_zero(std::span<Scalar> values, E& executor) {
     executor.for_chunks(values.size(), std::size_t{1} << 16, [values](std::size_t begin, std::size_t end, std::size_t) {
-      std::fill(values.begin() + static_cast<std::ptrdiff_t>(begin), values.begin() + static_cast<std::ptrdiff_t>(end), Scalar{});
+      std::fill(values.begin() + static_cast<std::ptrdiff_t>(begin), values.begin() + static_cast<std::ptrdiff_t>(end),
+                Scalar{});
     });
   }
 

@@ -20,8 +20,11 @@
 #include <concepts>
 #include <type_traits>
 
+#include "compmark/anchor/density_control.hpp"
+#include "compmark/anchor/scaffold_anchors.hpp"
 #include "compmark/core/absent.hpp"
 #include "compmark/mark/concept.hpp"
+#include "compmark/optim/concept.hpp"
 #include "compmark/quant/concept.hpp"
 #include "compmark/raster/concept.hpp"
 
@@ -39,18 +42,28 @@ concept Recipe = requires {
   typename R::DistortionLayer;
   typename R::Quantizer;
   typename R::MessageDecoder;
-} && std::floating_point<typename R::Scalar>;
+}
+&&std::floating_point<typename R::Scalar>;
 
 /// Cross-stage facts, each a sentence. Called by Pipeline, so a wrong recipe is told at the door.
 template <Recipe R>
 consteval void check_recipe() {
   static_assert(Rasterizer<typename R::Rasterizer>,
                 "Recipe: Rasterizer lacks forward, backward, screen, Settings or Context (see raster/concept.hpp)");
-  static_assert(std::is_same_v<typename R::Scalar, typename R::AnchorModel::Scalar>, "Recipe: AnchorModel has another Scalar than the recipe");
-  static_assert(std::is_same_v<typename R::Scalar, typename R::Rasterizer::Scalar>, "Recipe: Rasterizer has another Scalar than the recipe");
+  static_assert(AnchorModel<typename R::AnchorModel>,
+                "Recipe: AnchorModel lacks Scalar or shape (see anchor/scaffold_anchors.hpp)");
+  static_assert(!present<typename R::DensityControl> || DensityControl<typename R::DensityControl>,
+                "Recipe: DensityControl lacks prepare, observe or adapt (see anchor/density_control.hpp)");
+  static_assert(Optimizer<typename R::Optimizer>,
+                "Recipe: Optimizer lacks prepare, step or edit_rows (see optim/concept.hpp)");
+  static_assert(std::is_same_v<typename R::Scalar, typename R::AnchorModel::Scalar>,
+                "Recipe: AnchorModel has another Scalar than the recipe");
+  static_assert(std::is_same_v<typename R::Scalar, typename R::Rasterizer::Scalar>,
+                "Recipe: Rasterizer has another Scalar than the recipe");
   static_assert(std::is_same_v<typename R::Scalar, typename R::GaussianDecoder::Scalar>,
                 "Recipe: GaussianDecoder has another Scalar than the recipe");
-  static_assert(R::GaussianDecoder::shape == R::AnchorModel::shape, "Recipe: GaussianDecoder reads another shape than AnchorModel stores");
+  static_assert(R::GaussianDecoder::shape == R::AnchorModel::shape,
+                "Recipe: GaussianDecoder reads another shape than AnchorModel stores");
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
 }

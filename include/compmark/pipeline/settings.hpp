@@ -40,8 +40,8 @@ struct TrainSettings {
   LearningRate appearance{0.05, 0.0005};
 
   // anchors
-  double voxel_size = 0.001;  ///< world units; 0 or less: the median distance of nearest neighbours
-  int init_factor = 16;       ///< growing starts at cells of voxel_size * init_factor
+  double voxel_size = 0.001;    ///< world units; 0 or less: the median distance of nearest neighbours
+  int init_factor = 16;         ///< growing starts at cells of voxel_size * init_factor
   std::size_t max_anchors = 0;  ///< 0: no limit
 
   // density control; windows in iterations of a 30,000 run, scaled to this run

@@ -62,14 +62,19 @@ class Trainer {
     if (!anchors) return anchors.error();
     const std::size_t rows = anchors->position.size() / 3;
     if (settings_.max_anchors != 0 && rows > settings_.max_anchors) {
-      return Error{ErrorKind::exhausted, {}, "max_anchors", "the point cloud gives " + std::to_string(rows) + " anchors, more than the limit of " +
-                   std::to_string(settings_.max_anchors), "raise the limit or the voxel size"};
+      return Error{ErrorKind::exhausted,
+                   {},
+                   "max_anchors",
+                   "the point cloud gives " + std::to_string(rows) + " anchors, more than the limit of " +
+                       std::to_string(settings_.max_anchors),
+                   "raise the limit or the voxel size"};
     }
     state_.model.create(rows, view_count_);
     state_.model.voxel_size = anchors->voxel_size;
     state_.model.render.near_plane = settings_.near_plane;
     state_.model.render.blur_variance = settings_.blur_variance;
-    for (std::size_t c = 0; c < 3; ++c) state_.model.render.background[c] = static_cast<double>(settings_.background[c]);
+    for (std::size_t c = 0; c < 3; ++c)
+      state_.model.render.background[c] = static_cast<double>(settings_.background[c]);
     const AnchorColumns<Scalar> columns = anchor_values(state_.model.arena, state_.model.anchors);
     std::copy_n(anchors->position.begin(), rows * 3, columns.position.data);
     std::copy_n(anchors->scaling.begin(), rows * 6, columns.scaling.data);
@@ -106,15 +111,18 @@ class Trainer {
     if constexpr (present<Growth>) {
       if (phases_.observes(t)) {
         const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(model.render).screen(context_.raster);
-        growth().observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm, state_.growth, *executor_);
+        growth().observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm,
+                         state_.growth, *executor_);
         if (phases_.adjusts(t)) adjust(t, report);
       }
     }
-    if (t < settings_.iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
+    if (t < settings_
+                .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
       learning_rates(t);
       // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the published loop.
       const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
-      report.skipped_blocks = optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
+      report.skipped_blocks =
+          optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
     }
     report.anchors = model.anchor_count();
     state_.iteration = t;
@@ -136,12 +144,13 @@ class Trainer {
   [[nodiscard]] const State& state() const { return state_; }
   [[nodiscard]] const Model<R>& model() const { return state_.model; }
   [[nodiscard]] const TrainSettings& settings() const { return settings_; }
-  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }    ///< render of the last iteration
-  [[nodiscard]] ImageView<const Scalar> target() const { return target_; }  ///< its ground truth
+  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< render of the last iteration
+  [[nodiscard]] ImageView<const Scalar> target() const { return target_; }        ///< its ground truth
 
  private:
   static DensityPhases resolve_phases(const TrainSettings& s) {
-    return {open_window(s.statistics_after, s.grow_until, s.iterations), open_window(s.grow_after, s.grow_until, s.iterations),
+    return {open_window(s.statistics_after, s.grow_until, s.iterations),
+            open_window(s.grow_after, s.grow_until, s.iterations),
             closed_window(s.pause_from, s.pause_until, s.iterations), s.grow_interval};
   }
 
@@ -179,7 +188,9 @@ class Trainer {
     for (std::size_t b = 0; b < rates_.size(); ++b) {
       const std::string_view name = layout.blocks()[b].name;
       const auto begins = [&](std::string_view prefix) { return name.substr(0, prefix.size()) == prefix; };
-      const auto rate = [&](const LearningRate& r) { return LogLinear{r.initial, r.final, settings_.iterations}.value(t); };
+      const auto rate = [&](const LearningRate& r) {
+        return LogLinear{r.initial, r.final, settings_.iterations}.value(t);
+      };
       if (name == "anchor.offset") {
         rates_[b] = rate({settings_.offset.initial * scene_extent_, settings_.offset.final * scene_extent_});
       } else if (name == "anchor.feature") {

@@ -16,8 +16,12 @@ struct NoDistortion : Absent<NoDistortion> {};
 struct NoQuantizer : Absent<NoQuantizer> {};
 
 template <class Q>
-concept Quantizer = Q::is_absent || requires { typename Q::Settings; };
+concept Quantizer = Q::is_absent || requires {
+  typename Q::Settings;
+};
 template <class D>
-concept DistortionLayer = D::is_absent || requires { typename D::Settings; };
+concept DistortionLayer = D::is_absent || requires {
+  typename D::Settings;
+};
 
 }  // namespace compmark::inline v0

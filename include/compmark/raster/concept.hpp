@@ -33,21 +33,23 @@ struct Camera;
 template <class T>
 struct ScreenStatistics {
   std::span<const std::uint8_t> visible;  ///< 1 where the Gaussian's footprint overlaps the image
-  std::span<const T> gradient_norm;       ///< norm of dL/d(mean in normalised device coordinates): (W/2 dL/du, H/2 dL/dv); empty if not asked for
+  std::span<const T>
+      gradient_norm;  ///< norm of dL/d(mean in normalised device coordinates): (W/2 dL/du, H/2 dL/dv); empty if not asked for
 };
 
 /// What one forward did: counts of every cull, clamp and scrub (nothing is repaired silently).
 struct RasterReport {
-  std::size_t visible = 0;     ///< Gaussians with a footprint on the image
-  std::size_t pairs = 0;       ///< (Gaussian, tile) pairs after the footprint test
-  std::size_t scrubbed = 0;    ///< Gaussians dropped or changed because a value was not finite
+  std::size_t visible = 0;   ///< Gaussians with a footprint on the image
+  std::size_t pairs = 0;     ///< (Gaussian, tile) pairs after the footprint test
+  std::size_t scrubbed = 0;  ///< Gaussians dropped or changed because a value was not finite
 };
 
 template <class R>
-concept Rasterizer = requires(const R& rasterizer, GaussianColumns<const typename R::Scalar> gaussians, const Camera<typename R::Scalar>& camera,
-                              std::array<typename R::Scalar, 3> background, ImageView<typename R::Scalar> image,
-                              ImageView<const typename R::Scalar> d_image, GaussianColumns<typename R::Scalar> d_gaussians,
-                              typename R::Context& context, SerialExecutor& executor) {
+concept Rasterizer = requires(const R& rasterizer, GaussianColumns<const typename R::Scalar> gaussians,
+                              const Camera<typename R::Scalar>& camera, std::array<typename R::Scalar, 3> background,
+                              ImageView<typename R::Scalar> image, ImageView<const typename R::Scalar> d_image,
+                              GaussianColumns<typename R::Scalar> d_gaussians, typename R::Context& context,
+                              SerialExecutor& executor) {
   typename R::Settings;
   { rasterizer.forward(gaussians, camera, background, image, context, executor) } -> std::same_as<RasterReport>;
   rasterizer.backward(gaussians, camera, background, d_image, d_gaussians, context, executor);

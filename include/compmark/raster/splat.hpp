@@ -15,15 +15,15 @@ namespace compmark::inline v0 {
 
 template <class T>
 struct alignas(16 * sizeof(T)) Splat {
-  T u, v;                // mean, pixels (image frame of scene/camera.hpp)
-  T slope;               // covariance(a, b) / variance(b)
-  T major;               // variance(b) / (2 det)
-  T minor;               // 1 / (2 variance(b))
-  T pivot_x;             // 1 if the pivot axis b is x, 0 if it is y
+  T u, v;     // mean, pixels (image frame of scene/camera.hpp)
+  T slope;    // covariance(a, b) / variance(b)
+  T major;    // variance(b) / (2 det)
+  T minor;    // 1 / (2 variance(b))
+  T pivot_x;  // 1 if the pivot axis b is x, 0 if it is y
   T opacity;
   T red, green, blue;
-  T depth;               // camera z
-  T sigma_max;           // ln(opacity / alpha_min): beyond it the splat contributes nothing; infinity when alpha_min is 0
+  T depth;      // camera z
+  T sigma_max;  // ln(opacity / alpha_min): beyond it the splat contributes nothing; infinity when alpha_min is 0
   T extent_x, extent_y;  // half-extents of the region sigma <= sigma_max (or of the published square), pixels
   T unused[2];
 };
@@ -33,11 +33,11 @@ struct alignas(16 * sizeof(T)) Splat {
 ///   dsigma/dd_a = 2 major w,  dsigma/dd_b = 2 minor d_b - slope * 2 major w.
 template <class T>
 struct alignas(16 * sizeof(T)) SplatGradient {
-  T g;                  // sum g;               dL/dopacity = g / opacity
-  T g_w, g_b;           // sum g w,  sum g d_b
-  T g_ww, g_wb, g_bb;   // sum g w^2, sum g w d_b, sum g d_b^2
-  T red, green, blue;   // dL/dcolour
-  T depth;              // dL/ddepth through the depth image, when it was asked for
+  T g;                 // sum g;               dL/dopacity = g / opacity
+  T g_w, g_b;          // sum g w,  sum g d_b
+  T g_ww, g_wb, g_bb;  // sum g w^2, sum g w d_b, sum g d_b^2
+  T red, green, blue;  // dL/dcolour
+  T depth;             // dL/ddepth through the depth image, when it was asked for
   T unused[6];
 };
 

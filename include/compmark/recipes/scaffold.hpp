@@ -31,8 +31,8 @@ struct DefaultRecipe {
 };
 
 /// The five policy axes by position; the same type as a struct that inherits DefaultRecipe and renames them.
-template <AnchorModel Anchors, Rasterizer Raster, DistortionLayer Distortion = NoDistortion, Quantizer Quantization = NoQuantizer,
-          MessageDecoder Decoder = NoMessageDecoder>
+template <AnchorModel Anchors, Rasterizer Raster, DistortionLayer Distortion = NoDistortion,
+          Quantizer Quantization = NoQuantizer, MessageDecoder Decoder = NoMessageDecoder>
 struct Policies : DefaultRecipe<typename Anchors::Scalar, Anchors::shape> {
   using AnchorModel = Anchors;
   using Rasterizer = Raster;

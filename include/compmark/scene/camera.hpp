@@ -21,12 +21,12 @@ inline constexpr T pixel_center = T(0.5);
 /// keeps its digits (numerics case PR7).
 template <class T>
 struct Camera {
-  int width = 0;                                                       ///< pixels
-  int height = 0;                                                      ///< pixels
-  T fx = 1, fy = 1;                                                    ///< focal lengths, pixels
-  T cx = 0, cy = 0;                                                    ///< principal point, pixels, image frame above
-  std::array<T, 9> rotation_camera_world{1, 0, 0, 0, 1, 0, 0, 0, 1};   ///< world to camera, row-major
-  std::array<double, 3> center_world{0, 0, 0};                         ///< camera centre, world units
+  int width = 0;                                                      ///< pixels
+  int height = 0;                                                     ///< pixels
+  T fx = 1, fy = 1;                                                   ///< focal lengths, pixels
+  T cx = 0, cy = 0;                                                   ///< principal point, pixels, image frame above
+  std::array<T, 9> rotation_camera_world{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< world to camera, row-major
+  std::array<double, 3> center_world{0, 0, 0};                        ///< camera centre, world units
 
   /// The same camera over an image resized to new_width x new_height: intrinsics scale by the true ratios (numerics case CA1).
   [[nodiscard]] Camera resized(int new_width, int new_height) const {
