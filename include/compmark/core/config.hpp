@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The three macros of the library and nothing else. No macro selects a feature: behaviour is chosen by types.
+// The few macros of the library and nothing else. No macro selects a feature: behaviour is chosen by types.
 #pragma once
 
 #include <cassert>
@@ -19,3 +19,10 @@
 
 /// Kernels are written once as small functions and must be inlined into one loop to be fast.
 #define COMPMARK_INLINE inline __attribute__((always_inline))
+
+/// One machine code of a function, whatever its callers know of the arguments: two copies may fuse multiply-adds differently.
+#if defined(__clang__)
+#define COMPMARK_ONE_COPY __attribute__((noinline))
+#else
+#define COMPMARK_ONE_COPY __attribute__((noipa))
+#endif
