@@ -91,6 +91,56 @@ void to_gaussians(const SplatTable& table, const std::array<double, 3>& camera_c
   });
 }
 
+/// Where to_gaussians_backward adds: one pointer a column of the table, in the order of SplatTable's members. Means are not among them:
+/// they are exact already, and their path through the view direction (numerics case SH1) is then not needed.
+template <class T>
+struct SplatTableGradient {
+  std::array<T*, 3> log_scale{};
+  std::array<T*, 4> rotation{};
+  T* opacity = nullptr;
+  std::vector<T*> sh;
+};
+
+/// Gradient of to_gaussians: ADDS into `d_table`. `gaussians` is what to_gaussians gave for the same table and camera. A colour held at zero
+/// passes no gradient.
+template <class T, Executor E>
+void to_gaussians_backward(const SplatTable& table, const std::array<double, 3>& camera_center,
+                           const GaussianColumns<const T>& gaussians, const GaussianColumns<const T>& d_gaussians,
+                           const SplatTableGradient<T>& d_table, E& executor) {
+  const std::size_t coefficients = table.coefficients();
+  executor.for_chunks(table.count, 1024, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t i = begin; i < end; ++i) {
+      std::array<T, 3> direction{};
+      T length = T(0);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        d_table.log_scale[axis][i] += d_gaussians.scale[axis][i] * gaussians.scale[axis][i];
+        direction[axis] = static_cast<T>(static_cast<double>(table.mean[axis][i]) - camera_center[axis]);
+        length += direction[axis] * direction[axis];
+      }
+      length = std::sqrt(length);
+      for (T& component : direction) component = length > T(0) ? component / length : T(0);
+      T norm = T(0), along = T(0);
+      for (std::size_t k = 0; k < 4; ++k) {
+        norm += static_cast<T>(table.rotation[k][i]) * static_cast<T>(table.rotation[k][i]);
+        along += gaussians.rotation[k][i] * d_gaussians.rotation[k][i];
+      }
+      norm = std::sqrt(norm);
+      for (std::size_t k = 0; k < 4 && norm > T(0); ++k) {
+        d_table.rotation[k][i] += (d_gaussians.rotation[k][i] - gaussians.rotation[k][i] * along) / norm;
+      }
+      const T opacity = gaussians.opacity[i];
+      d_table.opacity[i] += d_gaussians.opacity[i] * opacity * (T(1) - opacity);
+      const std::array<T, 16> basis = sh_basis(direction);
+      for (std::size_t channel = 0; channel < 3; ++channel) {
+        if (!(gaussians.color[channel][i] > T(0))) continue;
+        for (std::size_t k = 0; k < coefficients; ++k) {
+          d_table.sh[channel * coefficients + k][i] += basis[k] * d_gaussians.color[channel][i];
+        }
+      }
+    }
+  });
+}
+
 /// Explicit Gaussians of one view (colours as they are) as a table of degree 0: exact for that view, whatever the camera. Opacities are
 /// held below 1 - 1e-6 and scales above 1e-20, so that every stored number is finite.
 template <class T>
