@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Projection (without the sort), its backward, the depth sort and binning. `floor` is time over the larger of bytes / measured bandwidth
-// and flops / measured multiply-add rate, so 1 is perfect; both ceilings are measured at start with as many threads. Bytes a Gaussian,
+// and flops / measured multiply-add rate, so 1 is perfect; both are measured at start with as many threads (support/ceiling.hpp). Bytes a Gaussian,
 // from the formulas in project.hpp: forward 56 + 56 read, 64 + 13 + 4 written; backward 124 read, 56 read and written again.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -19,6 +20,7 @@
 #include "compmark/raster/project.hpp"
 #include "compmark/raster/project_backward.hpp"
 #include "compmark/raster/reference.hpp"
+#include "support/ceiling.hpp"
 #include "support/splat_scene.hpp"
 
 namespace {
@@ -27,43 +29,6 @@ using namespace compmark;
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-struct Ceiling {
-  double flops, bandwidth;  // per second
-};
-
-/// 16 independent chains of multiply-adds; and a sum of two arrays into a third, 64 MB together. Best of some.
-Ceiling measure_ceiling(ThreadExecutor& executor) {
-  using P = Pack<float>;
-  Ceiling best{0, 0};
-  std::vector<float> sink(executor.concurrency() * 16);
-  constexpr std::size_t rounds = 200000;
-  Buffer<float> a(5600000), b(5600000), c(5600000);
-  for (std::size_t i = 0; i < a.size(); ++i) a[i] = b[i] = c[i] = 1.0f;
-  for (int trial = 0; trial < 10; ++trial) {
-    auto start = Clock::now();
-    executor.for_chunks(executor.concurrency(), 1, [&](std::size_t chunk, std::size_t, std::size_t) {
-      P x[16];
-      for (int k = 0; k < 16; ++k) x[k] = P(static_cast<float>(k));
-      for (std::size_t i = 0; i < rounds; ++i) {
-        for (P& value : x) value = fma(value, P(0.999f), P(0.001f));
-      }
-      P sum(0.0f);
-      for (const P& value : x) sum += value;
-      sink[chunk] = reduce_add(sum);
-    });
-    best.flops = std::max(
-        best.flops, 2.0 * 16 * P::width * rounds * static_cast<double>(executor.concurrency()) / seconds_since(start));
-    benchmark::DoNotOptimize(sink.data());
-    start = Clock::now();
-    executor.for_chunks(a.size(), std::size_t{1} << 16, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t i = begin; i < end; ++i) c[i] = a[i] + b[i];
-    });
-    best.bandwidth = std::max(best.bandwidth, 12.0 * static_cast<double>(a.size()) / seconds_since(start));
-    benchmark::DoNotOptimize(c.data());
-  }
-  return best;
-}
 
 template <class T>
 struct Problem {
@@ -113,7 +78,6 @@ template <class Step>
 void run(benchmark::State& bench, double bytes, double flops, const Step& step) {
   const auto count = static_cast<std::size_t>(bench.range(0));
   Problem<float> problem(count, static_cast<std::size_t>(bench.range(1)));
-  const Ceiling ceiling = measure_ceiling(problem.executor);
   step(problem);
   double best = 1e9;
   for (auto _ : bench) {
@@ -126,9 +90,10 @@ void run(benchmark::State& bench, double bytes, double flops, const Step& step) 
   bench.counters["ns/Gaussian"] = best * 1e9 / n;
   bench.counters["GB/s"] = bytes * n / best * 1e-9;
   bench.counters["GFLOP/s"] = flops * n / best * 1e-9;
-  bench.counters["ceiling_GB/s"] = ceiling.bandwidth * 1e-9;
-  bench.counters["ceiling_GFLOP/s"] = ceiling.flops * 1e-9;
-  if (bytes > 0) bench.counters["floor"] = best / (n * std::max(bytes / ceiling.bandwidth, flops / ceiling.flops));
+  if (bytes > 0) {
+    bench.counters["floor"] =
+        benchmarks::distance_from_floor(best, flops * n, bytes * n, static_cast<std::size_t>(bench.range(1)));
+  }
   bench.SetItemsProcessed(static_cast<std::int64_t>(bench.iterations()) * static_cast<std::int64_t>(count));
 }
 

@@ -264,6 +264,15 @@ TEST_CASE(
         testing::gradient_law(loss, std::span<double>(x[c], n), std::span<const double>(d[c], n), 1e-6, n);
     CHECK_MESSAGE(broken.empty(), "column " << c << ": " << broken);
   }
+  std::vector<std::span<double>> variables;
+  std::vector<std::span<const double>> gradients;
+  for (std::size_t c = 0; c < 14; ++c) {
+    variables.emplace_back(x[c], n);
+    gradients.emplace_back(d[c], n);
+  }
+  CHECK(testing::directional_error(loss, variables, gradients, 1e-5) <= 1e-8);
+  gradient.columns().scale[1][3] *= 1.01;  // negative control
+  CHECK(testing::directional_error(loss, variables, gradients, 1e-5) > 1e-8);
 }
 
 TEST_CASE("raster/reference: the laws of the concept (R3-R6), in float, double and under the published rules") {

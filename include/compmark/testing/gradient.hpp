@@ -12,6 +12,7 @@
 #include <limits>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "compmark/core/random.hpp"
 #include "compmark/testing/violations.hpp"
@@ -56,6 +57,39 @@ template <class Loss>
                           std::to_string(expected) + ", error " + std::to_string(error));
   }
   return violations.text();
+}
+
+/// The derivative of loss() along a random direction through all variables at once, against the sum of gradient times direction: one
+/// number for a whole pipeline. Variable k is x[k] with gradients gradient[k]; entries move in proportion to (1 + |x|). Two step sizes are
+/// combined so that the truncation is of fourth order. Returns |analytic - difference| / max(|analytic|, |difference|); x is restored.
+template <class Loss>
+[[nodiscard]] double directional_error(const Loss& loss, std::span<const std::span<double>> x,
+                                       std::span<const std::span<const double>> gradient, double step = 1e-4,
+                                       std::uint64_t seed = 1) {
+  const Random random(seed, 0, random_stage("testing/directional_error"));
+  std::vector<double> kept, direction;
+  double analytic = 0;
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    for (std::size_t i = 0; i < x[k].size(); ++i) {
+      kept.push_back(x[k][i]);
+      direction.push_back(static_cast<double>(random.centered(direction.size())) * (1 + std::abs(x[k][i])));
+      analytic += gradient[k][i] * direction.back();
+    }
+  }
+  const auto at = [&](double t) {
+    std::size_t n = 0;
+    for (const std::span<double>& variable : x) {
+      for (double& value : variable) {
+        value = kept[n] + t * direction[n];
+        ++n;
+      }
+    }
+    return loss();
+  };
+  const double wide = (at(step) - at(-step)) / (2 * step), narrow = (at(step / 2) - at(-step / 2)) / step;
+  at(0);
+  const double difference = narrow + (narrow - wide) / 3;
+  return std::abs(analytic - difference) / std::max({std::abs(analytic), std::abs(difference), 1e-300});
 }
 
 }  // namespace testing
