@@ -59,5 +59,7 @@ if(NOT TARGET compmark::stb)
   target_include_directories(compmark::stb SYSTEM INTERFACE "${COMPMARK_STB_INCLUDE_DIR}")
 endif()
 
+# Optional: each is a component of its own, with one header.
 find_package(TBB QUIET)
 find_package(OpenMP QUIET COMPONENTS CXX)
+find_package(xtensor QUIET)

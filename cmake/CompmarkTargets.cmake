@@ -5,10 +5,9 @@
 # (configure with -DCMAKE_VERIFY_INTERFACE_HEADER_SETS=ON).
 file(GLOB_RECURSE compmark_headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/include/compmark/*.hpp")
 
-# The executor adaptors are the only headers that need more than the package's own dependencies: each is a component.
-set(compmark_tbb_headers "${PROJECT_SOURCE_DIR}/include/compmark/core/tbb_executor.hpp")
-set(compmark_openmp_headers "${PROJECT_SOURCE_DIR}/include/compmark/core/openmp_executor.hpp")
-list(REMOVE_ITEM compmark_headers ${compmark_tbb_headers} ${compmark_openmp_headers})
+# Headers that need a library of their own, each a component: name, header, target of the library.
+set(COMPMARK_OPTIONAL_COMPONENTS "tbb core/tbb_executor.hpp TBB::tbb" "openmp core/openmp_executor.hpp OpenMP::OpenMP_CXX"
+                                 "xtensor io/xtensor_adaptor.hpp xtensor")
 
 # compmark_component(<name> <headers...>): target compmark_<name> (compmark for "compmark") with alias compmark::<name>.
 function(compmark_component name)
@@ -30,23 +29,26 @@ function(compmark_component name)
   if(NOT name STREQUAL compmark)
     target_link_libraries(${target} INTERFACE compmark)
   endif()
-  set_property(GLOBAL APPEND PROPERTY COMPMARK_COMPONENTS ${target})
 endfunction()
 
+foreach(entry IN LISTS COMPMARK_OPTIONAL_COMPONENTS)
+  separate_arguments(entry)
+  list(GET entry 1 header)
+  list(REMOVE_ITEM compmark_headers "${PROJECT_SOURCE_DIR}/include/compmark/${header}")
+endforeach()
 compmark_component(compmark ${compmark_headers})
 target_link_libraries(compmark INTERFACE Eigen3::Eigen nlohmann_json::nlohmann_json nanoflann::nanoflann Threads::Threads
                                          compmark::stb)
 
-compmark_component(tbb ${compmark_tbb_headers})
-if(TARGET TBB::tbb)
-  target_link_libraries(compmark_tbb INTERFACE TBB::tbb)
-else()
-  set_target_properties(compmark_tbb PROPERTIES VERIFY_INTERFACE_HEADER_SETS OFF)
-endif()
-
-compmark_component(openmp ${compmark_openmp_headers})
-if(TARGET OpenMP::OpenMP_CXX)
-  target_link_libraries(compmark_openmp INTERFACE OpenMP::OpenMP_CXX)
-else()
-  set_target_properties(compmark_openmp PROPERTIES VERIFY_INTERFACE_HEADER_SETS OFF)
-endif()
+foreach(entry IN LISTS COMPMARK_OPTIONAL_COMPONENTS)
+  separate_arguments(entry)
+  list(GET entry 0 name)
+  list(GET entry 1 header)
+  list(GET entry 2 library)
+  compmark_component(${name} "${PROJECT_SOURCE_DIR}/include/compmark/${header}")
+  if(TARGET ${library})
+    target_link_libraries(compmark_${name} INTERFACE ${library})
+  else()
+    set_target_properties(compmark_${name} PROPERTIES VERIFY_INTERFACE_HEADER_SETS OFF)
+  endif()
+endforeach()

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Everything but the testing kit and the executors that need another library. For examples and quick starts: a program that cares about
+// Everything but the testing kit and the executors and adaptors that need another library. For examples and quick starts: a program that cares about
 // its compile time includes the headers it uses.
 #pragma once
 
@@ -103,6 +103,7 @@
 #include "compmark/loss/concept.hpp"
 #include "compmark/loss/l1.hpp"
 #include "compmark/loss/photometric.hpp"
+#include "compmark/loss/photometric_scratch.hpp"
 #include "compmark/loss/reference_ssim.hpp"
 #include "compmark/loss/scale_volume.hpp"
 #include "compmark/loss/ssim.hpp"
@@ -128,6 +129,7 @@
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/sh_fit.hpp"
+#include "compmark/pipeline/splat_refine.hpp"
 #include "compmark/pipeline/trainer.hpp"
 #include "compmark/pipeline/training_views.hpp"
 
