@@ -171,7 +171,7 @@ void compare(std::size_t n, std::size_t n_visible, double tolerance, double used
 template <class Fast>
 void compare_sizes(double tolerance) {
   for (const std::size_t n_visible : {0u, 1u, 15u, 16u, 17u, 64u, 65u, 200u}) compare<Fast>(300, n_visible, tolerance);
-  compare<Fast>(1500, 1200, tolerance, 0.4);  // several chunks; more than half of the anchors get no gradient
+  compare<Fast>(3500, 3100, tolerance, 0.4);  // several chunks; more than half of the anchors get no gradient
 }
 
 /// Law A1, every block.

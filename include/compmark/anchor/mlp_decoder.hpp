@@ -183,7 +183,7 @@ class MlpDecoder {
   using Forward = detail::ForwardKernels<T, W, shape>;
   using Backward = detail::BackwardKernels<T, W, shape>;
   static constexpr std::size_t forward_grain = 16;         // blocks: 4 panels
-  static constexpr std::size_t least_backward_grain = 32;  // blocks: 8 panels, so that zeroing and adding a chunk's gradients is small
+  static constexpr std::size_t least_backward_grain = 64;  // blocks: 16 panels, so that zeroing and adding a chunk's gradients is small
   static constexpr std::size_t most_backward_chunks = 64;  // bounds the memory of the partial gradients
 
   static std::size_t saved_stride(std::size_t gaussians) { return (gaussians + 15) / 16 * 16; }

@@ -146,7 +146,7 @@ struct BackwardKernels {
     const auto take = [&](const T* column) __attribute__((always_inline)) { return P::expand_load(column + row, mask); };
     const auto saved = [&](int column) __attribute__((always_inline)) { return take(a.saved[static_cast<std::size_t>(column)]); };
     const P d_opacity = take(a.d_gaussians.opacity);
-    P magnitude = abs(d_opacity);
+    P size = magnitude(d_opacity);
     const P opacity = P::load(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane);
     keep(mask, d_opacity * ((P(T(1)) - opacity) * (P(T(1)) + opacity))).store(s.block_output + k * 16 + lane);
     for (int i = 0; i < 3; ++i) {
@@ -165,7 +165,7 @@ struct BackwardKernels {
       add(s.d_geometry + i * 16 + lane, d_mean);
       add(s.d_geometry + (3 + i) * 16 + lane, d_mean * P::load(s.offset + (3 * k + i) * 16 + lane));
       (d_mean * P::load(s.scaling + i * 16 + lane)).store(s.d_offset + (3 * k + i) * 16 + lane);
-      magnitude += abs(d_color) + abs(d_scale) + abs(d_mean);
+      size += magnitude(d_color) + magnitude(d_scale) + magnitude(d_mean);
     }
     P q[4], d_q[4];
     P radial(T{});
@@ -173,14 +173,15 @@ struct BackwardKernels {
       q[i] = saved(L::saved_rotation + i);
       d_q[i] = take(a.d_gaussians.rotation[static_cast<std::size_t>(i)]);
       radial = fma(q[i], d_q[i], radial);
-      magnitude += abs(d_q[i]);
+      size += magnitude(d_q[i]);
     }
     const P inverse_norm = saved(L::saved_inverse_norm);
     for (int i = 0; i < 4; ++i) {  // only the tangential part passes the normalisation (case QU2)
       (fnma(q[i], radial, d_q[i]) * inverse_norm).store(s.block_output + (L::offsets + 7 * k + 3 + i) * 16 + lane);
     }
-    return !(magnitude == P(T{}));
+    return !(size == P(T{}));
   }
+  static COMPMARK_INLINE P magnitude(P x) { return max(x, -x); }  // NaN for NaN
   static COMPMARK_INLINE void add(T* target, P value) { (P::load(target) + value).store(target); }
 
   /// The touched anchors' output gradients, view and inputs go to rows `filled` … of the panel.
@@ -190,8 +191,12 @@ struct BackwardKernels {
       const unsigned bits = touched >> lane & ((1u << W) - 1u);
       if (bits == 0) continue;
       const M mask = M::from_bits(bits);
-      for (int o = 0; o < L::outputs; ++o) {
-        P::load(s.block_output + o * 16 + lane).compress_store(s.d_output + o * L::panel_capacity + next, mask);
+      if (all(mask)) {
+        for (int o = 0; o < L::outputs; ++o) P::load(s.block_output + o * 16 + lane).store(s.d_output + o * L::panel_capacity + next);
+      } else {
+        for (int o = 0; o < L::outputs; ++o) {
+          P::load(s.block_output + o * 16 + lane).compress_store(s.d_output + o * L::panel_capacity + next, mask);
+        }
       }
       const P position[3] = {P::load(s.position + lane), P::load(s.position + 16 + lane), P::load(s.position + 32 + lane)};
       const ViewLanes<T, W> view(a.from, position);

@@ -234,24 +234,28 @@ struct ForwardKernels {
     const T* const covariance = s.output + 7 * k * L::panel + slot * 16 + lane;
     const T* const color = s.output + (7 * L::offsets + 3 * k) * L::panel + slot * 16 + lane;
     put(10, P::load(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane));
+    P logistic[6];
+    for (int i = 0; i < 3; ++i) {
+      logistic[i] = P::load(covariance + i * L::panel);
+      logistic[3 + i] = P::load(color + i * L::panel);
+    }
+    sigmoid_of_six(logistic);
     for (int i = 0; i < 3; ++i) {
       const P extent = P::load(s.scaling + i * 16 + lane);
       const P base = P::load(s.scaling + (3 + i) * 16 + lane);
       put(i, fma(P::load(s.offset + (3 * k + i) * 16 + lane), extent, P::load(s.position + i * 16 + lane)));
-      const P fraction = sigmoid(P::load(covariance + i * L::panel));
-      put(saved + L::saved_sigmoid + i, fraction);
-      put(3 + i, base * fraction);
-      const P channel = sigmoid(P::load(color + i * L::panel));
-      put(saved + L::saved_color + i, channel);
-      put(11 + i, channel);
+      put(saved + L::saved_sigmoid + i, logistic[i]);
+      put(3 + i, base * logistic[i]);
+      put(saved + L::saved_color + i, logistic[3 + i]);
+      put(11 + i, logistic[3 + i]);
     }
     // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction (case QU1).
     P q[4];
     for (int i = 0; i < 4; ++i) q[i] = P::load(covariance + (3 + i) * L::panel);
-    const P largest = max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3])));
+    const P largest = max(max(magnitude(q[0]), magnitude(q[1])), max(magnitude(q[2]), magnitude(q[3])));
     const M directed = !(largest < P(quaternion_floor));  // a NaN passes and is culled by the rasterizer
-    const P divisor = select(directed, largest, P(T(1)));
-    for (P& x : q) x = x / divisor;
+    const P shrink = P(T(1)) / select(directed, largest, P(T(1)));
+    for (P& x : q) x = x * shrink;
     const P norm = select(directed, sqrt(fma(q[0], q[0], fma(q[1], q[1], fma(q[2], q[2], q[3] * q[3])))), P(T(1)));
     const P inverse = P(T(1)) / norm;
     for (int i = 0; i < 4; ++i) {
@@ -259,7 +263,29 @@ struct ForwardKernels {
       put(saved + L::saved_rotation + i, unit);
       put(6 + i, unit);
     }
-    put(saved + L::saved_inverse_norm, keep(directed, inverse / divisor));
+    put(saved + L::saved_inverse_norm, keep(directed, inverse * shrink));
+  }
+
+  static COMPMARK_INLINE P magnitude(P x) { return max(x, -x); }
+
+  /// 1 / (1 + exp(-x)) of six packs with one division: every denominator is in [1, 2], so that their product is in [1, 64]. Divisions were
+  /// a fifth of the time of this pass. Relative error 4e-7 in float.
+  static COMPMARK_INLINE void sigmoid_of_six(P (&x)[6]) {
+    P denominator[6], product_before[6];
+    P numerator[6];
+    P all(T(1));
+    for (int i = 0; i < 6; ++i) {
+      const P e = exp(-magnitude(x[i]));
+      numerator[i] = select(x[i] < P(T{}), e, P(T(1)));
+      denominator[i] = P(T(1)) + e;
+      product_before[i] = all;
+      all = all * denominator[i];
+    }
+    P inverse = P(T(1)) / all;  // of the product of the first i + 1 denominators, walking down
+    for (int i = 5; i >= 0; --i) {
+      x[i] = numerator[i] * (inverse * product_before[i]);
+      inverse = inverse * denominator[i];
+    }
   }
 
   /// Below it a quaternion has no direction: the smallest normal number, doubled so that its reciprocal is finite.
