@@ -64,6 +64,12 @@ consteval void check_recipe() {
                 "Recipe: GaussianDecoder has another Scalar than the recipe");
   static_assert(R::GaussianDecoder::shape == R::AnchorModel::shape,
                 "Recipe: GaussianDecoder reads another shape than AnchorModel stores");
+  if constexpr (present<typename R::DensityControl> && requires { R::Rasterizer::output_policy; }) {
+    static_assert(R::Rasterizer::output_policy.screen_statistics,
+                  "Recipe: DensityControl reads screen statistics, which this Rasterizer does not collect (use "
+                  "TrainingRasterizer, or "
+                  "NoGrowth)");
+  }
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
 }

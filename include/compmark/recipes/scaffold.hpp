@@ -15,13 +15,17 @@
 
 namespace compmark::inline v0 {
 
+/// The tile rasterizer that also collects what growing reads.
+template <class T = float, Accuracy raster_accuracy = accuracy::standard>
+using TrainingRasterizer = TileRasterizer<T, raster_accuracy, RasterOutputs{.screen_statistics = true}>;
+
 /// What every recipe inherits: nothing optional is in.
 template <class T = float, DecoderShape decoder_shape = DecoderShape{}, Accuracy raster_accuracy = accuracy::standard>
 struct DefaultRecipe {
   using Scalar = T;
   using AnchorModel = ScaffoldAnchors<T, decoder_shape>;
   using GaussianDecoder = MlpDecoder<T, decoder_shape>;
-  using Rasterizer = TileRasterizer<T, raster_accuracy, RasterOutputs{.screen_statistics = true}>;
+  using Rasterizer = TrainingRasterizer<T, raster_accuracy>;
   using DensityControl = GradientGrowth<T>;
   using Optimizer = Adam<T>;
   using Embedder = NoEmbedder;
