@@ -8,7 +8,8 @@
 //   accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json FILE] [--html FILE] [--splats N] [--size N]
 //
 // Time is the median over the repetitions of the mean over the views; the cases are interleaved, so that a slow moment of the machine hits
-// all of them. Bytes are counted by this program's own operator new. Longer than 300 lines: it is one table with its means.
+// all of them; with --threads 1 it is processor time. Bytes are counted by this program's own operator new.
+// The rows are in support/accuracy_cases.hpp.
 #include <malloc.h>
 
 #include <algorithm>
@@ -30,15 +31,14 @@
 #include <utility>
 #include <vector>
 
-#include "../examples/compmark/svg_plot.hpp"
 #include "compmark/anchor/visibility.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/pipeline/model_file.hpp"
-#include "compmark/raster/reference.hpp"
-#include "compmark/raster/tile.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "support/accuracy_cases.hpp"
+#include "support/accuracy_rows.hpp"
 
 // ---- live bytes of this program -------------------------------------------------------------------------------------------------------
 namespace {
@@ -65,192 +65,11 @@ void operator delete(void* pointer, std::size_t, std::align_val_t) noexcept { un
 
 namespace {
 
-using namespace compmark;
-using Clock = std::chrono::steady_clock;
-
-/// One view: the Gaussians that the decoder gave for it, in both precisions.
-struct View {
-  std::string name;
-  Camera<double> camera;
-  GaussianBatch<float> gaussians;
-  GaussianBatch<double> gaussians_double;
-  std::vector<double> d_image;  // gradient of an L1-like loss: +-1 / size, constant on 4 x 4 blocks
-};
-
-constexpr std::array<const char*, 5> group_names{"mean", "scale", "rotation", "opacity", "color"};
-constexpr std::array<std::array<std::size_t, 2>, 5> group_columns{{{0, 3}, {3, 6}, {6, 10}, {10, 11}, {11, 14}}};
-
-/// Image and gradient of one view, in double whatever computed it.
-struct Rendered {
-  std::vector<double> image;
-  std::array<std::vector<double>, 14> gradient;
-};
-
-/// One row of the table: a rasterizer type behind a virtual call.
-class Case {
- public:
-  Case(std::string case_name, std::string case_group, std::string case_note)
-      : name(std::move(case_name)),
-        group(std::move(case_group)),
-        note(std::move(case_note)) {}
-  virtual ~Case() = default;
-  virtual double forward(const View& view) = 0;   // returns milliseconds
-  virtual double backward(const View& view) = 0;  // after forward of the same view
-  virtual Rendered rendered(const View& view) const = 0;
-  virtual std::size_t pairs() const = 0;
-  virtual void drop() = 0;  // frees the context
-
-  std::string name, group, note;
-  bool timed = true;
-};
-
-struct Scene {
-  double near_plane = 0.2, blur_variance = 0.3;
-  std::array<double, 3> background{0, 0, 0};
-};
-
-ThreadExecutor* executor = nullptr;
-Scene scene;
-
-template <class Rasterizer>
-class RasterCase final : public Case {
-  using T = typename Rasterizer::Scalar;
-
- public:
-  using Case::Case;
-  double forward(const View& view) override {
-    if (!state_) state_ = std::make_unique<State>();
-    const std::size_t size =
-        3 * static_cast<std::size_t>(view.camera.width) * static_cast<std::size_t>(view.camera.height);
-    state_->image.resize(size);
-    state_->d_image.resize(size);
-    for (std::size_t i = 0; i < size; ++i) state_->d_image[i] = static_cast<T>(view.d_image[i]);
-    state_->gradient.resize(columns(view).count);
-    state_->gradient.set_zero();
-    const Camera<T> camera = view.camera.template cast<T>();
-    const Clock::time_point start = Clock::now();
-    const RasterReport report = rasterizer().forward(columns(view), camera, background(),
-                                                     image_view<T>(view, state_->image), state_->context, *executor);
-    const double time = milliseconds(start);
-    pairs_ = report.pairs;
-    return time;
-  }
-  double backward(const View& view) override {
-    const Camera<T> camera = view.camera.template cast<T>();
-    const Clock::time_point start = Clock::now();
-    rasterizer().backward(columns(view), camera, background(), image_view<const T>(view, state_->d_image),
-                          state_->gradient.columns(), state_->context, *executor);
-    return milliseconds(start);
-  }
-  Rendered rendered(const View&) const override {
-    Rendered result;
-    result.image.assign(state_->image.begin(), state_->image.end());
-    const GaussianColumns<const T> g = std::as_const(state_->gradient).columns();
-    const std::array<const T*, 14> all{g.mean[0],  g.mean[1],     g.mean[2],     g.scale[0],    g.scale[1],
-                                       g.scale[2], g.rotation[0], g.rotation[1], g.rotation[2], g.rotation[3],
-                                       g.opacity,  g.color[0],    g.color[1],    g.color[2]};
-    for (std::size_t c = 0; c < 14; ++c) result.gradient[c].assign(all[c], all[c] + g.count);
-    return result;
-  }
-  std::size_t pairs() const override { return pairs_; }
-  void drop() override { state_.reset(); }
-
- private:
-  struct State {
-    typename Rasterizer::Context context;
-    Buffer<T> image, d_image;
-    GaussianBatch<T> gradient;
-  };
-  static Rasterizer rasterizer() {
-    typename Rasterizer::Settings settings;
-    settings.near_plane = static_cast<T>(scene.near_plane);
-    settings.blur_variance = static_cast<T>(scene.blur_variance);
-    return Rasterizer(settings);
-  }
-  static std::array<T, 3> background() {
-    return {static_cast<T>(scene.background[0]), static_cast<T>(scene.background[1]),
-            static_cast<T>(scene.background[2])};
-  }
-  static GaussianColumns<const T> columns(const View& view) {
-    if constexpr (std::is_same_v<T, double>) {
-      return view.gaussians_double.columns();
-    } else {
-      return view.gaussians.columns();
-    }
-  }
-  template <class U>
-  static ImageView<U> image_view(const View& view, Buffer<T>& buffer) {
-    return {buffer.data(), 3, view.camera.height, view.camera.width};
-  }
-  static double milliseconds(Clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  }
-
-  std::unique_ptr<State> state_;
-  std::size_t pairs_ = 0;
-};
-
-using Cases = std::vector<std::unique_ptr<Case>>;
-
-template <class T, Accuracy accuracy>
-void add(Cases& cases, std::string name, std::string group, std::string note) {
-  cases.push_back(
-      std::make_unique<RasterCase<TileRasterizer<T, accuracy>>>(std::move(name), std::move(group), std::move(note)));
-}
-
-constexpr Accuracy with(void (*change)(Accuracy&), Accuracy accuracy = accuracy::standard) {
-  change(accuracy);
-  return accuracy;
-}
-
-Cases all_cases() {
-  Cases cases;
-  add<double, accuracy::exact>(cases, "exact", "reference", "double, alpha > 1e-7, no stop, alpha <= 1");
-  add<double, accuracy::spec>(cases, "spec", "reference", "double, the published constants");
-  add<float, accuracy::inria>(cases, "inria", "preset", "the published algorithm, literally");
-  add<float, accuracy::quality>(cases, "quality", "preset", "");
-  add<float, accuracy::standard>(cases, "standard", "preset", "default; all knobs below start here");
-  add<float, accuracy::fast>(cases, "fast", "preset", "");
-  add<float, accuracy::draft>(cases, "draft", "preset", "");
-
-  add<double, accuracy::standard>(cases, "scalar double", "knob", "half the lanes");
-  add<float, with([](Accuracy& a) { a.exp_degree = 0; })>(cases, "exp std::exp", "knob", "");
-  add<float, with([](Accuracy& a) { a.exp_degree = 4; })>(cases, "exp degree 4", "knob", "");
-  add<float, with([](Accuracy& a) { a.exp_degree = 3; })>(cases, "exp degree 3", "knob", "");
-  add<float, with([](Accuracy& a) { a.exp_degree = 2; })>(cases, "exp degree 2", "knob", "");
-  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 1024; })>(cases, "alpha_min 1/1024", "knob", "");
-  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 512; })>(cases, "alpha_min 1/512", "knob", "");
-  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 128; })>(cases, "alpha_min 1/128", "knob", "");
-  add<float, with([](Accuracy& a) { a.alpha_min = 1.0f / 64; })>(cases, "alpha_min 1/64", "knob", "");
-  add<float, with([](Accuracy& a) { a.alpha_max = 0.9999f; })>(cases, "alpha_max 0.9999", "knob", "");
-  add<float, with([](Accuracy& a) { a.transmittance_stop = 0; })>(cases, "stop never", "knob", "");
-  add<float, with([](Accuracy& a) { a.transmittance_stop = 1e-3f; })>(cases, "stop 1e-3", "knob", "");
-  add<float, with([](Accuracy& a) { a.transmittance_stop = 1e-2f; })>(cases, "stop 1e-2", "knob", "");
-  add<float, with([](Accuracy& a) { a.stop = StopRule::exclusive; })>(cases, "stop exclusive", "knob",
-                                                                      "the published rule");
-  add<float, with([](Accuracy& a) { a.footprint = FootprintRule::opacity_box; })>(cases, "footprint box", "knob",
-                                                                                  "no tile test");
-  add<float, with([](Accuracy& a) { a.footprint = FootprintRule::square_three_sigma; })>(
-      cases, "footprint square 3 sigma", "knob", "the published rule");
-  add<float, with([](Accuracy& a) { a.tile_size = 32; })>(cases, "tile 32", "knob", "");
-  add<float, with([](Accuracy& a) { a.published_backward = true; })>(cases, "published backward", "knob", "same image");
-
-  constexpr auto exact_tiles = [](Accuracy& a) { a.footprint = FootprintRule::exact_tiles; };
-  constexpr auto and_polynomial = [](Accuracy& a) { a.footprint = FootprintRule::exact_tiles, a.exp_degree = 5; };
-  constexpr auto and_inclusive = [](Accuracy& a) {
-    a.footprint = FootprintRule::exact_tiles, a.exp_degree = 5, a.stop = StopRule::inclusive;
-  };
-  add<float, with(exact_tiles, accuracy::inria)>(cases, "inria + exact tiles", "ladder",
-                                                 "from inria to standard, step by step");
-  add<float, with(and_polynomial, accuracy::inria)>(cases, "+ polynomial exp", "ladder", "");
-  add<float, with(and_inclusive, accuracy::inria)>(cases, "+ inclusive stop", "ladder",
-                                                   "standard adds the exact gradient");
-  return cases;
-}
+using namespace accuracy_bench;
 
 // ---- scenes ---------------------------------------------------------------------------------------------------------------------------
 
-void finish_view(View& view) {
+void finish_view(BenchView& view) {
   const std::size_t count = view.gaussians.size();
   view.gaussians_double.resize(count);
   const auto copy = [&](const float* from, double* to) { std::copy_n(from, count, to); };
@@ -275,12 +94,12 @@ void finish_view(View& view) {
 }
 
 /// Views of the sheet's K-table scene: log-normal anisotropic footprints, white background.
-std::vector<View> synthetic_views(std::size_t splats, int size) {
+std::vector<BenchView> synthetic_views(std::size_t splats, int size) {
   scene.background = {1, 1, 1};
   const Random random(1, 0, random_stage("accuracy_vs_time scene"));
-  std::vector<View> views(2);
+  std::vector<BenchView> views(2);
   for (std::size_t v = 0; v < views.size(); ++v) {
-    View& view = views[v];
+    BenchView& view = views[v];
     view.name = "synthetic " + std::to_string(v);
     view.camera.width = view.camera.height = size;
     view.camera.fx = view.camera.fy = 1.2 * size;
@@ -312,7 +131,7 @@ std::vector<View> synthetic_views(std::size_t splats, int size) {
 
 /// Test views of a trained model (all views where it has no test views), evenly spread.
 template <Recipe R>
-Result<std::vector<View>> model_views(const std::filesystem::path& path, std::size_t wanted) {
+Result<std::vector<BenchView>> model_views(const std::filesystem::path& path, std::size_t wanted) {
   Result<LoadedModel<R>> loaded = read_model<R>(path);
   if (!loaded) return loaded.error();
   const Model<R>& model = loaded->model;
@@ -328,7 +147,7 @@ Result<std::vector<View>> model_views(const std::filesystem::path& path, std::si
     return Error{ErrorKind::invalid, path.string(), "views", "the model has no cameras",
                  "train it again with this version"};
   const std::size_t count = std::min(std::max<std::size_t>(1, wanted), candidates.size());
-  std::vector<View> views(count);
+  std::vector<BenchView> views(count);
   const typename R::GaussianDecoder decoder{};
   typename R::GaussianDecoder::Context context;
   Buffer<std::uint32_t> visible;
@@ -346,87 +165,24 @@ Result<std::vector<View>> model_views(const std::filesystem::path& path, std::si
   return views;
 }
 
-Result<std::vector<View>> load_views(const std::filesystem::path& path, std::size_t wanted) {
+Result<std::vector<BenchView>> load_views(const std::filesystem::path& path, std::size_t wanted) {
   const Result<SafetensorsFile> file = read_safetensors(path);
   if (!file) return file.error();
   const Result<std::string> recipe = model_recipe(*file);
   if (!recipe) return recipe.error();
-  Result<std::vector<View>> views = model_views<recipes::Scaffold>(path, wanted);
-  if (!views) views = model_views<recipes::CompMarkHost>(path, wanted);
-  if (!views) views = model_views<recipes::CompMarkPaperHost>(path, wanted);
+  Result<std::vector<BenchView>> views = model_views<recipes::Scaffold>(path, wanted);
+  if (views) return views;
+  if (Result<std::vector<BenchView>> host = model_views<recipes::CompMarkHost>(path, wanted); host) return host;
+  if (Result<std::vector<BenchView>> host = model_views<recipes::CompMarkPaperHost>(path, wanted); host) return host;
   return views;
 }
 
-// ---- comparison -----------------------------------------------------------------------------------------------------------------------
-
-double psnr_of(double squares, std::size_t count) {
-  return squares > 0 ? -10 * std::log10(squares / static_cast<double>(count)) : 999;
-}
-
-struct Difference {
-  double squares = 0, largest = 0;
-  std::size_t count = 0;
-  void add(const std::vector<double>& a, const std::vector<double>& b) {
-    for (std::size_t i = 0; i < a.size(); ++i) {
-      const double d = std::abs(a[i] - b[i]);
-      squares += d * d;
-      largest = std::max(largest, d);
-    }
-    count += a.size();
-  }
-  [[nodiscard]] double psnr() const { return psnr_of(squares, count); }
-};
-
-/// Sums that give relative L2 distance, cosine and signed bias of a gradient g against the reference r.
-struct GradientDifference {
-  double gg = 0, rr = 0, gr = 0, dd = 0;
-  void add(const std::vector<double>& g, const std::vector<double>& r) {
-    for (std::size_t i = 0; i < g.size(); ++i)
-      gg += g[i] * g[i], rr += r[i] * r[i], gr += g[i] * r[i], dd += (g[i] - r[i]) * (g[i] - r[i]);
-  }
-  [[nodiscard]] double relative() const { return std::sqrt(dd / rr); }
-  [[nodiscard]] double cosine() const { return gr / std::sqrt(gg * rr); }
-  [[nodiscard]] double bias() const { return gr / rr - 1; }  // > 0: too long along the true direction
-};
-
-struct Row {
-  std::vector<double> forward_ms, backward_ms;  // a repetition each, mean over views
-  Difference to_exact, to_spec;
-  std::array<GradientDifference, 5> gradient;
-  std::ptrdiff_t bytes = 0;
-  double pairs = 0;
-  static double median(std::vector<double> values) {
-    if (values.empty()) return NAN;
-    std::sort(values.begin(), values.end());
-    const std::size_t n = values.size();
-    return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
-  }
-  [[nodiscard]] double forward() const { return median(forward_ms); }
-  [[nodiscard]] double backward() const { return median(backward_ms); }
-  [[nodiscard]] double total() const { return forward() + backward(); }
-  template <class F>
-  [[nodiscard]] double mean_of_groups(const F& f) const {
-    double sum = 0;
-    for (const GradientDifference& group : gradient) sum += f(group);
-    return sum / static_cast<double>(gradient.size());
-  }
-  [[nodiscard]] double relative() const {
-    return mean_of_groups([](const GradientDifference& g) { return g.relative(); });
-  }
-  [[nodiscard]] double cosine() const {
-    return mean_of_groups([](const GradientDifference& g) { return g.cosine(); });
-  }
-  [[nodiscard]] double bias() const {
-    return mean_of_groups([](const GradientDifference& g) { return g.bias(); });
-  }
-};
-
 /// TileRasterizer<double> stands in for the slow ReferenceRasterizer; here it is compared with it on a crop of every view.
 template <Accuracy accuracy>
-std::string prove_reference(const std::vector<View>& views, int crop) {
+std::string prove_reference(const std::vector<BenchView>& views, int crop) {
   double image_error = 0, gradient_error = 0;
-  for (const View& whole : views) {
-    View view;
+  for (const BenchView& whole : views) {
+    BenchView view;
     const int size = std::min({crop, whole.camera.width, whole.camera.height});
     view.camera = whole.camera.cropped((whole.camera.width - size) / 2, (whole.camera.height - size) / 2, size, size);
     view.gaussians = whole.gaussians;
@@ -491,45 +247,6 @@ std::optional<Options> parse(int argc, char** argv) {
   return options;
 }
 
-struct Table {
-  std::vector<std::string> columns;
-  std::vector<std::vector<std::string>> rows;
-  /// Aligned Markdown.
-  [[nodiscard]] std::string markdown() const {
-    std::vector<std::size_t> width;
-    for (const std::string& column : columns) width.push_back(column.size());
-    for (const std::vector<std::string>& row : rows) {
-      for (std::size_t c = 0; c < row.size(); ++c) width[c] = std::max(width[c], row[c].size());
-    }
-    const auto line = [&](const std::vector<std::string>& cells) {
-      std::string text = "|";
-      for (std::size_t c = 0; c < cells.size(); ++c) {
-        const std::string space(width[c] - cells[c].size(), ' ');
-        text.append(" ").append(c == 0 ? cells[c] : space).append(c == 0 ? space : cells[c]).append(" |");
-      }
-      return text + "\n";
-    };
-    std::string text = line(columns) + "|";
-    for (std::size_t c = 0; c < width.size(); ++c) {
-      text.append(c == 0 ? ":" : "-").append(width[c], '-').append(c == 0 ? "-|" : ":|");
-    }
-    text += "\n";
-    for (const std::vector<std::string>& row : rows) text += line(row);
-    return text;
-  }
-  [[nodiscard]] std::string html() const {
-    std::string text = "<table><tr>";
-    for (const std::string& column : columns) text += "<th>" + tool::escape_html(column) + "</th>";
-    text += "</tr>";
-    for (const std::vector<std::string>& row : rows) {
-      text += "<tr>";
-      for (const std::string& cell : row) text += "<td>" + tool::escape_html(cell) + "</td>";
-      text += "</tr>";
-    }
-    return text + "</table>\n";
-  }
-};
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -537,11 +254,11 @@ int main(int argc, char** argv) {
   if (!options) return 2;
   ThreadExecutor threads(options->threads);
   executor = &threads;
-  std::vector<View> views;
+  std::vector<BenchView> views;
   if (options->model.empty()) {
     views = synthetic_views(options->splats, options->size);
   } else {
-    Result<std::vector<View>> loaded = load_views(options->model, options->views);
+    Result<std::vector<BenchView>> loaded = load_views(options->model, options->views);
     if (!loaded) {
       std::fprintf(stderr, "accuracy_vs_time: %s\n", loaded.error().line().c_str());
       return 1;
@@ -549,12 +266,15 @@ int main(int argc, char** argv) {
     views = std::move(*loaded);
   }
   double gaussians = 0;
-  for (const View& view : views)
+  for (const BenchView& view : views)
     gaussians += static_cast<double>(view.gaussians.size()) / static_cast<double>(views.size());
   std::string head = tool::format_text(
-      "%s: %zu views of %d x %d, %.0f Gaussians a view, %zu threads, median of %d repetitions, interleaved",
+      "%s: %zu views of %d x %d, %.0f Gaussians a view, %s, median of %d repetitions, interleaved",
       options->model.empty() ? "synthetic scene" : options->model.filename().c_str(), views.size(),
-      views[0].camera.width, views[0].camera.height, gaussians, threads.concurrency(), options->repetitions);
+      views[0].camera.width, views[0].camera.height, gaussians,
+      threads.concurrency() == 1 ? "1 thread, processor time"
+                                 : (std::to_string(threads.concurrency()) + " threads, wall clock").c_str(),
+      options->repetitions);
   std::printf("%s\n", head.c_str());
   const std::string proof =
       "References: TileRasterizer<double>. Largest difference to ReferenceRasterizer<double> on the central 48 x 48 "
@@ -592,7 +312,7 @@ int main(int argc, char** argv) {
     if (reference) {
       for (int repetition = 0; repetition < reference_repetitions; ++repetition) {
         double forward = 0, backward = 0;
-        for (const View& view : views) forward += cases[i]->forward(view), backward += cases[i]->backward(view);
+        for (const BenchView& view : views) forward += cases[i]->forward(view), backward += cases[i]->backward(view);
         rows[i].forward_ms.push_back(forward / static_cast<double>(views.size()));
         rows[i].backward_ms.push_back(backward / static_cast<double>(views.size()));
       }
@@ -605,7 +325,7 @@ int main(int argc, char** argv) {
     for (std::size_t i = 0; i < cases.size(); ++i) {
       if (cases[i]->group == "reference") continue;
       double forward = 0, backward = 0;
-      for (const View& view : views) forward += cases[i]->forward(view), backward += cases[i]->backward(view);
+      for (const BenchView& view : views) forward += cases[i]->forward(view), backward += cases[i]->backward(view);
       rows[i].forward_ms.push_back(forward / static_cast<double>(views.size()));
       rows[i].backward_ms.push_back(backward / static_cast<double>(views.size()));
     }
@@ -685,6 +405,7 @@ int main(int argc, char** argv) {
                     .x_label = "ms forward + backward",
                     .y_label = "PSNR against exact, dB",
                     .series = {},
+                    .log_x = true,
                     .width = 860,
                     .height = 520};
     tool::PlotSeries line{.label = "Pareto front", .points = {}, .names = {}, .color = 5};
@@ -693,11 +414,12 @@ int main(int argc, char** argv) {
     int color = 0;
     for (const char* group : {"preset", "knob", "ladder"}) {
       tool::PlotSeries series{.label = group, .points = {}, .names = {}, .color = color++, .line = false, .dots = true};
+      series.names_left = series.label == "knob";
       for (std::size_t i = 0; i < cases.size(); ++i) {
         if (cases[i]->group != group) continue;
         series.points.push_back({rows[i].total(), rows[i].to_exact.psnr()});
-        series.names.push_back(
-            cases[i]->group == "knob" && std::find(front.begin(), front.end(), i) == front.end() ? "" : cases[i]->name);
+        const bool named = cases[i]->group == "preset" || std::find(front.begin(), front.end(), i) != front.end();
+        series.names.push_back(named ? cases[i]->name : "");
       }
       plot.series.push_back(std::move(series));
     }

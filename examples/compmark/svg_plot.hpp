@@ -25,6 +25,7 @@ struct PlotSeries {
   int color = 0;                   ///< 0 … 5, see plot_style
   bool line = true;
   bool dots = false;
+  bool names_left = false;  ///< names stand left of and below their points instead of right and above
 };
 
 struct Plot {
@@ -103,6 +104,12 @@ struct Axis {
   }
 };
 
+/// The least of 1, 2, 5, 10 times a power of ten that is not below `raw`.
+inline double nice_step(double raw) {
+  const double power = std::pow(10.0, std::floor(std::log10(raw)));
+  return power * (raw / power > 5 ? 10 : (raw / power > 2 ? 5 : (raw / power > 1 ? 2 : 1)));
+}
+
 inline Axis make_axis(double low, double high, bool logarithmic, int wanted) {
   Axis axis;
   axis.logarithmic = logarithmic;
@@ -111,6 +118,11 @@ inline Axis make_axis(double low, double high, bool logarithmic, int wanted) {
     if (high / low < 1.5) low /= 1.25, high *= 1.25;
     axis.low = low / 1.06;
     axis.high = high * 1.06;
+    if (high / low < 8) {  // less than a decade: round numbers of equal distance
+      const double step = nice_step((high - low) / wanted);
+      for (double tick = std::ceil(axis.low / step) * step; tick <= axis.high; tick += step) axis.ticks.push_back(tick);
+      return axis;
+    }
     const bool wide = high / low > 30;
     for (int decade = static_cast<int>(std::floor(std::log10(axis.low))); decade <= 12; ++decade) {
       for (const double digit : {1.0, 2.0, 5.0}) {
@@ -122,9 +134,7 @@ inline Axis make_axis(double low, double high, bool logarithmic, int wanted) {
     return axis;
   }
   if (high - low <= 1e-12 * std::max(1.0, std::abs(high))) low -= 0.5, high += 0.5;
-  const double raw = (high - low) / wanted;
-  const double power = std::pow(10.0, std::floor(std::log10(raw)));
-  const double step = power * (raw / power > 5 ? 10 : (raw / power > 2 ? 5 : (raw / power > 1 ? 2 : 1)));
+  const double step = nice_step((high - low) / wanted);
   axis.low = std::floor(low / step + 1e-9) * step;
   axis.high = std::ceil(high / step - 1e-9) * step;
   for (int i = 0; axis.low + i * step <= axis.high + 0.5 * step; ++i) {
@@ -210,9 +220,9 @@ inline std::string svg(const Plot& plot) {
                            at_y(p[1]), series.color);
       }
       if (i < series.names.size() && !series.names[i].empty()) {
-        const bool near_right = at_x(p[0]) > left + 0.8 * wide;
-        out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", at_x(p[0]) + (near_right ? -6 : 6),
-                           at_y(p[1]) - 5, near_right ? "end" : "start") +
+        const bool left_side = at_x(p[0]) > left + (series.names_left ? 110 : 0.8 * wide);
+        out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", at_x(p[0]) + (left_side ? -6 : 6),
+                           at_y(p[1]) + (series.names_left ? 13 : -5), left_side ? "end" : "start") +
                escape_html(series.names[i]) + "</text>";
       }
     }
