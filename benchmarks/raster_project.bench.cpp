@@ -63,7 +63,11 @@ struct Problem {
       detail::find_visible<accuracy::standard, T, W>(gaussians(), view, settings, begin, end, scratch, workspace);
     });
     executor.for_chunks(gaussians().count, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      detail::write_splats<accuracy::standard, T, W>(gaussians(), view, settings, begin, end, splats);
+      if (splats.count * sizeof(Splat<T>) > detail::streaming_bytes) {
+        detail::write_splats<accuracy::standard, true, T, W>(gaussians(), view, settings, begin, end, splats);
+      } else {
+        detail::write_splats<accuracy::standard, false, T, W>(gaussians(), view, settings, begin, end, splats);
+      }
     });
   }
   template <int W>

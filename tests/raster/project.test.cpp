@@ -291,6 +291,18 @@ TEST_CASE("raster/project: the same bits at any thread count, the same splats at
   close(run<accuracy::standard, 8>(scene));
 }
 
+TEST_CASE_TEMPLATE("raster/project: streaming stores write the same splats", T, float, double) {
+  const RasterScene<T> scene = raster_scene<T>(11, 3000, 200, 150);
+  const auto expected = run(scene);
+  auto got = run(scene);
+  std::memset(got.splats.splats.data(), 0, got.splats.count * sizeof(Splat<T>));
+  const detail::PinholeView<T> view(scene.camera);
+  const GaussianColumns<const T> gaussians = scene.gaussians.columns();
+  constexpr int W = native_width<T>;
+  detail::write_splats<accuracy::standard, true, T, W>(gaussians, view, ProjectionSettings<T>{}, 0, 3000, got.splats);
+  CHECK(same_splats(got, expected));
+}
+
 TEST_CASE("raster/project: no Gaussian, and none visible (TB10)") {
   RasterScene<float> scene = raster_scene<float>(8, 20, 64, 48);
   for (std::size_t i = 0; i < 20; ++i) scene.gaussians.columns().mean[2][i] = -3;

@@ -207,6 +207,26 @@ struct Pack {
     return pack;
   }
   COMPMARK_INLINE void store(T* target) const { std::memcpy(target, &native, sizeof(Native)); }
+  /// A store past the caches, for whole cache lines that are not read again soon: it does not read the line first. `target` is aligned to
+  /// the pack. Call streaming_fence() before another thread may read.
+  COMPMARK_INLINE void store_streaming(T* target) const {
+#if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+    if constexpr (std::is_same_v<T, float> && W == 16) {
+      _mm512_stream_ps(target, (__m512)native);
+      return;
+    }
+    if constexpr (std::is_same_v<T, double> && W == 8) {
+      _mm512_stream_pd(target, (__m512d)native);
+      return;
+    }
+#elif defined(__AVX__)
+    if constexpr (std::is_same_v<T, float> && W == 8) {
+      _mm256_stream_ps(target, (__m256)native);
+      return;
+    }
+#endif
+    store(target);
+  }
   /// Lanes where the mask is false read nothing and become zero.
   static COMPMARK_INLINE Pack load(const T* source, MaskType mask) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
@@ -351,6 +371,13 @@ struct Pack {
     }
   }
 };
+
+/// Orders store_streaming before what follows.
+COMPMARK_INLINE void streaming_fence() {
+#if defined(__x86_64__) || defined(__i386__)
+  _mm_sfence();
+#endif
+}
 
 /// mask ? a : b, lane by lane.
 template <class T, int W>

@@ -37,7 +37,8 @@ COMPMARK_INLINE void transpose(std::array<P, P::width>& rows) {
 }
 
 /// fields[k].lane(i) becomes element k of the 16-element record i; records whose pointer is null are not written.
-template <class P>
+/// `streaming` writes past the caches: records aligned to the pack, and streaming_fence() at the end.
+template <bool streaming = false, class P>
 COMPMARK_INLINE void store_records(const std::array<P, 16>& fields,
                                    const std::array<typename P::Scalar*, P::width>& record) {
   constexpr std::size_t W = P::width;
@@ -47,7 +48,12 @@ COMPMARK_INLINE void store_records(const std::array<P, 16>& fields,
     for (std::size_t k = 0; k < W; ++k) block[k] = fields[part * W + k];
     transpose(block);
     for (std::size_t i = 0; i < W; ++i) {
-      if (record[i] != nullptr) block[i].store(record[i] + part * W);
+      if (record[i] == nullptr) continue;
+      if constexpr (streaming) {
+        block[i].store_streaming(record[i] + part * W);
+      } else {
+        block[i].store(record[i] + part * W);
+      }
     }
   }
 }
