@@ -200,7 +200,7 @@ void write_splats(const GaussianColumns<const T>& gaussians, const PinholeView<T
     }
     const P zero(T(0));
     const P pivot = select(s.footprint.pivot_x, P(T(1)), zero);
-    store_records<streaming, P>(
+    store_records<P, streaming>(
         {s.u, s.v, s.footprint.slope, s.footprint.major, s.footprint.minor, pivot, g.opacity, color[0], color[1],
          color[2], s.at.point[2], s.sigma_max, s.extent_x, s.extent_y, zero, zero},
         record);

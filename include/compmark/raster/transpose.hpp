@@ -38,7 +38,7 @@ COMPMARK_INLINE void transpose(std::array<P, P::width>& rows) {
 
 /// fields[k].lane(i) becomes element k of the 16-element record i; records whose pointer is null are not written.
 /// `streaming` writes past the caches: records aligned to the pack, and streaming_fence() at the end.
-template <bool streaming = false, class P>
+template <class P, bool streaming = false>
 COMPMARK_INLINE void store_records(const std::array<P, 16>& fields,
                                    const std::array<typename P::Scalar*, P::width>& record) {
   constexpr std::size_t W = P::width;
