@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <span>
@@ -43,6 +44,41 @@ inline constexpr std::int64_t image_pixel_limit = std::int64_t{1} << 28;
 inline constexpr std::uintmax_t image_file_limit = std::uintmax_t{1} << 31;
 
 namespace detail {
+
+/// True if every Huffman table of a JPEG has at most 256 codes. stb before its release 2.29 writes past its tables otherwise, so files
+/// are checked first. Segments are walked as stb walks them; anything odd that is not a table is left for stb to refuse.
+[[nodiscard]] inline bool huffman_tables_fit(std::span<const std::byte> bytes) {
+  const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(bytes[i]); };
+  if (bytes.size() < 2 || at(0) != 0xFF || at(1) != 0xD8) return true;  // not a JPEG
+  for (std::size_t i = 2; i + 3 < bytes.size();) {
+    if (at(i) != 0xFF) {
+      ++i;
+      continue;
+    }
+    const unsigned marker = at(i + 1);
+    if (marker == 0xFF) {
+      ++i;
+      continue;
+    }
+    if (marker < 0xC0 ||
+        (marker >= 0xD0 && marker <= 0xD9)) {  // a stuffed byte, a restart, the start or the end: no contents
+      i += 2;
+      continue;
+    }
+    const std::size_t end = i + 2 + 256 * at(i + 2) + at(i + 3);
+    if (marker == 0xC4) {
+      for (std::size_t table = i + 4; table + 17 <= bytes.size() && table + 17 <= end;) {
+        unsigned codes = 0;
+        for (std::size_t k = 1; k <= 16; ++k) codes += at(table + k);
+        if (codes > 256) return false;
+        table += 17 + codes;
+      }
+    }
+    i = end;
+  }
+  return true;
+}
+
 inline Error image_error(ErrorKind kind, const std::string& name, std::string problem, std::string remedy) {
   return {kind, name, "", std::move(problem), std::move(remedy)};
 }
@@ -70,10 +106,14 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
   return info;
 }
 
-/// Decodes a PNG or JPEG in memory (BMP, TGA, PNM and GIF work too). 16-bit channels are reduced to 8.
+/// Decodes a PNG or JPEG in memory. 16-bit channels are reduced to 8.
 [[nodiscard]] inline Result<ImageBytes> decode_image(std::span<const std::byte> bytes, const std::string& name) {
   const Result<ImageInfo> info = decode_image_info(bytes, name);
   if (!info) return info.error();
+  if (!detail::huffman_tables_fit(bytes)) {
+    return detail::image_error(ErrorKind::malformed, name, "the image is damaged (an oversized Huffman table)",
+                               "copy it again or remove it from the dataset");
+  }
   int width = 0;
   int height = 0;
   int channels = 0;

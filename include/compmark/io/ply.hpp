@@ -163,7 +163,7 @@ class PlyParser {
     const void* newline = std::memchr(begin, '\n', bytes_.size() - position_);
     std::size_t length = newline != nullptr ? static_cast<std::size_t>(static_cast<const char*>(newline) - begin)
                                             : bytes_.size() - position_;
-    position_ += length + 1;
+    position_ = std::min(position_ + length + 1, bytes_.size());  // the last line may lack its newline
     if (length > 0 && begin[length - 1] == '\r') --length;
     return std::string_view(begin, length);
   }
@@ -228,8 +228,7 @@ class PlyParser {
     if (format_ != Format::ascii) {
       for (const PlyProperty& p : element.properties) least += p.list_count ? ply_size(*p.list_count) : 0;
     }
-    const std::size_t left =
-        bytes_.size() - std::min(position_, bytes_.size()) + 1;  // the last ASCII line may lack its newline
+    const std::size_t left = bytes_.size() - position_ + 1;  // the last ASCII line may lack its newline
     return element.count == 0 || (least > 0 && element.count <= left / least);
   }
 

@@ -140,7 +140,8 @@ class Solid {
 
   [[nodiscard]] std::optional<SolidHit> hit_torus(const Vector3& o, const Vector3& d, double begin, double end) const {
     double t = begin;
-    for (int step = 0; step < 200 && t < end; ++step) {
+    for (int step = 0; step < 4000 && t < end;
+         ++step) {  // ~10 steps as a rule; thousands for a ray that grazes the surface
       const Vector3 p = o + d * t;
       const double in_plane = std::sqrt(p.x * p.x + p.y * p.y);
       const double off_ring = in_plane - size_.x;

@@ -38,7 +38,29 @@
 #pragma push_macro("STBIWDEF")
 #pragma push_macro("STBI_ASSERT")
 #pragma push_macro("STBIW_ASSERT")
+#pragma push_macro("STBI_ONLY_JPEG")
+#pragma push_macro("STBI_ONLY_PNG")
+#pragma push_macro("STBI_NO_JPEG")
+#pragma push_macro("STBI_NO_PNG")
+#pragma push_macro("STBI_NO_BMP")
+#pragma push_macro("STBI_NO_PSD")
+#pragma push_macro("STBI_NO_TGA")
+#pragma push_macro("STBI_NO_GIF")
+#pragma push_macro("STBI_NO_HDR")
+#pragma push_macro("STBI_NO_PIC")
+#pragma push_macro("STBI_NO_PNM")
 #undef STBI_INCLUDE_STB_IMAGE_H
+#undef STBI_ONLY_JPEG
+#undef STBI_ONLY_PNG
+#undef STBI_NO_JPEG
+#undef STBI_NO_PNG
+#undef STBI_NO_BMP
+#undef STBI_NO_PSD
+#undef STBI_NO_TGA
+#undef STBI_NO_GIF
+#undef STBI_NO_HDR
+#undef STBI_NO_PIC
+#undef STBI_NO_PNM
 #undef INCLUDE_STB_IMAGE_WRITE_H
 #undef STBI_MAX_DIMENSIONS
 #undef STBIDEF
@@ -56,6 +78,8 @@
 #define STB_IMAGE_STATIC
 #define STB_IMAGE_WRITE_STATIC
 #define STBI_NO_STDIO
+#define STBI_ONLY_JPEG  // the other decoders are the ones with a history of overruns, and no dataset needs them
+#define STBI_ONLY_PNG
 #define STBI_WRITE_NO_STDIO
 #define STBI_MAX_DIMENSIONS 65536
 #define STBI_ASSERT(x) COMPMARK_ASSERT(x, "stb_image")
@@ -84,6 +108,17 @@ namespace compmark::inline v0::detail::stb {
 
 #pragma GCC diagnostic pop
 
+#pragma pop_macro("STBI_NO_PNM")
+#pragma pop_macro("STBI_NO_PIC")
+#pragma pop_macro("STBI_NO_HDR")
+#pragma pop_macro("STBI_NO_GIF")
+#pragma pop_macro("STBI_NO_TGA")
+#pragma pop_macro("STBI_NO_PSD")
+#pragma pop_macro("STBI_NO_BMP")
+#pragma pop_macro("STBI_NO_PNG")
+#pragma pop_macro("STBI_NO_JPEG")
+#pragma pop_macro("STBI_ONLY_PNG")
+#pragma pop_macro("STBI_ONLY_JPEG")
 #pragma pop_macro("STBIW_ASSERT")
 #pragma pop_macro("STBI_ASSERT")
 #pragma pop_macro("STBIWDEF")
