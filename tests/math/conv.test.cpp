@@ -60,11 +60,11 @@ double worst_error(const ConvShape& shape, int height, int width) {
   const Convolution<T> convolution(shape, weight, bias);
   ConvInput<T> packed;
   FeatureMaps<T> maps;
-  Buffer<std::ptrdiff_t> offsets;
+  ConvScratch<T> scratch;
   SerialExecutor executor;
   packed.pack(dense(input, shape.in, height, width), shape.stride, shape.padding, executor);
   convolution.resize_output(packed, maps);
-  convolution.forward(packed, maps.view(), offsets, executor, IdentityFinish{});
+  convolution.forward(packed, maps.view(), scratch, executor, IdentityFinish{});
   const auto output = std::as_const(maps).view();
   REQUIRE(output.channels == shape.out);
   REQUIRE(output.height == shape.output_size(height));
@@ -112,13 +112,13 @@ TEST_CASE("math/conv: several kernels share one padded copy and write side by si
   const std::vector<double> narrow_bias(bias.begin(), bias.begin() + 3);
   ConvInput<double> packed;
   FeatureMaps<double> maps;
-  Buffer<std::ptrdiff_t> offsets;
+  ConvScratch<double> scratch;
   SerialExecutor executor;
   packed.pack(dense(input, 2, height, width), 1, 1, executor);
   const Convolution<double> first(narrow, narrow_weight, narrow_bias), second(wide, wide_weight, bias);
   second.resize_output(packed, maps, 7);
-  first.forward(packed, maps.view().channel_range(0, 3), offsets, executor, ReluFinish{});
-  second.forward(packed, maps.view().channel_range(3, 4), offsets, executor, IdentityFinish{});
+  first.forward(packed, maps.view().channel_range(0, 3), scratch, executor, ReluFinish{});
+  second.forward(packed, maps.view().channel_range(3, 4), scratch, executor, IdentityFinish{});
   const auto output = std::as_const(maps).view();
   long double worst = 0;
   for (int y = 0; y < height; ++y) {
@@ -148,10 +148,10 @@ TEST_CASE("math/conv: same bits at any thread count") {
     ThreadExecutor executor(threads);
     ConvInput<float> packed;
     FeatureMaps<float> maps;
-    Buffer<std::ptrdiff_t> offsets;
+    ConvScratch<float> scratch;
     packed.pack(dense(input, 6, height, width), 1, 1, executor);
     convolution.resize_output(packed, maps);
-    convolution.forward(packed, maps.view(), offsets, executor, ReluFinish{});
+    convolution.forward(packed, maps.view(), scratch, executor, ReluFinish{});
     results.emplace_back();
     for (int o = 0; o < 20; ++o) {
       for (int y = 0; y < height; ++y)

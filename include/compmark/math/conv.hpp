@@ -4,8 +4,10 @@
 // Two-dimensional convolution (cross-correlation, as networks define it) of planar maps. The input is copied once into padded planes, one
 // per channel and stride phase; then every tap is one fixed offset and every output position one place of a flat array:
 //   out[o][n] = bias[o] + sum_k weight[o][k] input[n + offset[k]],   k = (channel, row, column) of the kernel.
-// So one register-blocked kernel (8 output channels by 3 packs of positions) serves all sizes, strides and paddings; no im2col.
-// Waste: kernel - 1 columns a row. Cost: 2 out in kernel^2 flop a pixel; 80 % of the FMA ceiling from 32 channels up.
+// The values of 48 positions are copied side by side for every tap, and one register-blocked kernel (8 output channels by 3 packs of positions)
+// walks over that panel once a block of channels: reading the planes in place instead costs a third of the speed. All sizes, strides and
+// paddings are one code. Waste: kernel - 1 columns a row. Cost: 2 in out kernel^2 flop a pixel, at 70 to 80 % of the multiply-add rate
+// (benchmarks/metric_lpips.bench.cpp).
 #pragma once
 
 #include <algorithm>
@@ -132,6 +134,13 @@ struct ConvInput {
   [[nodiscard]] std::size_t slack() const { return 64 * 4 + 17 * (row_stride + 1); }
 };
 
+/// Scratch of a convolution, grow-only: taps * 8 bytes, and taps * 48 scalars a worker.
+template <class T>
+struct ConvScratch {
+  Buffer<std::ptrdiff_t> offsets;
+  Buffer<T> panel;
+};
+
 /// Weights in kernel order and the kernel itself. T is float in production, double in tests.
 template <class T>
 class Convolution {
@@ -167,18 +176,19 @@ class Convolution {
 
   /// Fills `output` (shaped by resize_output, or a channel range of it) with finish(sum + bias). Columns behind output.width are scratch.
   template <Executor E, class Finish>
-  void forward(const ConvInput<T>& input, FeatureView<T> output, Buffer<std::ptrdiff_t>& offsets, E& executor,
+  void forward(const ConvInput<T>& input, FeatureView<T> output, ConvScratch<T>& scratch, E& executor,
                const Finish& finish) const {
     COMPMARK_ASSERT(input.channels == shape_.in && input.stride == shape_.stride && input.padding >= shape_.padding,
                     "Convolution: input");
     COMPMARK_ASSERT(output.channels == shape_.out && output.row_stride == input.row_stride, "Convolution: output");
-    fill_offsets(input, offsets);
+    fill_offsets(input, scratch.offsets);
+    const std::size_t taps = shape_.taps();
+    scratch.panel.resize(executor.concurrency() * taps * tile);
     const std::size_t positions = static_cast<std::size_t>(output.height) * input.row_stride;
-    executor.for_chunks(positions, 3 * tile, [&](std::size_t begin, std::size_t end, std::size_t) {
-      // One block of weights stays in the first-level cache while it meets the chunk's positions.
-      for (std::size_t block = 0; block < blocks(); ++block) {
-        for (std::size_t n = begin; n < end; n += tile) compute_tile(input, output, offsets.data(), block, n, finish);
-      }
+    executor.for_chunks(positions, tile, [&](std::size_t begin, std::size_t, std::size_t worker) {
+      T* const panel = scratch.panel.data() + worker * taps * tile;
+      copy_panel(input.planes.data() + begin, scratch.offsets.data(), panel);
+      for (std::size_t block = 0; block < blocks(); ++block) compute_tile(panel, output, block, begin, finish);
     });
   }
 
@@ -209,12 +219,18 @@ class Convolution {
     }
   }
 
+  /// The tile's values of every tap, one after the other: read once from the planes, then by every block of channels in order.
+  void copy_panel(const T* source, const std::ptrdiff_t* offsets, T* panel) const {
+    for (std::size_t k = 0; k < shape_.taps(); ++k, panel += tile) {
+      for (int j = 0; j < position_packs; ++j) P::load(source + offsets[k] + j * P::width).store(panel + j * P::width);
+    }
+  }
+
   template <class Finish>
-  void compute_tile(const ConvInput<T>& input, FeatureView<T> output, const std::ptrdiff_t* offsets, std::size_t block,
-                    std::size_t n, const Finish& finish) const {
+  void compute_tile(const T* place, FeatureView<T> output, std::size_t block, std::size_t n,
+                    const Finish& finish) const {
     constexpr int lanes = P::width;
     const std::size_t taps = shape_.taps();
-    const T* source = input.planes.data() + n;
     const T* weight = weights_.data() + block * taps * channel_block;
     P sum[channel_block][position_packs];
 #pragma GCC unroll 8
@@ -223,8 +239,7 @@ class Convolution {
       for (int j = 0; j < position_packs; ++j)
         sum[m][j] = P(bias_[block * channel_block + static_cast<std::size_t>(m)]);
     }
-    for (std::size_t k = 0; k < taps; ++k, weight += channel_block) {
-      const T* place = source + offsets[k];
+    for (std::size_t k = 0; k < taps; ++k, weight += channel_block, place += tile) {
       P value[position_packs];
 #pragma GCC unroll 3
       for (int j = 0; j < position_packs; ++j) value[j] = P::load(place + j * lanes);

@@ -41,7 +41,7 @@ class Lpips {
  public:
   struct Context {
     ConvInput<float> packed;
-    Buffer<std::ptrdiff_t> offsets;
+    ConvScratch<float> convolution;
     std::array<std::array<FeatureMaps<float>, 2>, 2> maps;  ///< [image][front, back]
     FeatureMaps<float> squeezed;
     Buffer<float> rows;
@@ -173,7 +173,7 @@ class Lpips {
     context.packed.pack(std::as_const(maps[0]).view(), convolution.shape().stride, convolution.shape().padding,
                         executor);
     convolution.resize_output(context.packed, maps[1]);
-    convolution.forward(context.packed, maps[1].view(), context.offsets, executor, ReluFinish{});
+    convolution.forward(context.packed, maps[1].view(), context.convolution, executor, ReluFinish{});
     std::swap(maps[0], maps[1]);
   }
   /// squeeze 1 x 1, then expand 1 x 1 and 3 x 3 side by side; the two expansions share one padded copy.
@@ -184,14 +184,14 @@ class Lpips {
     const Convolution<float>& wide = convolutions_[first + 2];
     context.packed.pack(std::as_const(maps[0]).view(), 1, 0, executor);
     squeeze.resize_output(context.packed, context.squeezed);
-    squeeze.forward(context.packed, context.squeezed.view(), context.offsets, executor, ReluFinish{});
+    squeeze.forward(context.packed, context.squeezed.view(), context.convolution, executor, ReluFinish{});
     context.packed.pack(std::as_const(context.squeezed).view(), 1, 1, executor);
     wide.resize_output(context.packed, maps[1], narrow.shape().out + wide.shape().out);
     const FeatureView<float> output = maps[1].view();
-    narrow.forward(context.packed, output.channel_range(0, narrow.shape().out), context.offsets, executor,
+    narrow.forward(context.packed, output.channel_range(0, narrow.shape().out), context.convolution, executor,
                    ReluFinish{});
-    wide.forward(context.packed, output.channel_range(narrow.shape().out, wide.shape().out), context.offsets, executor,
-                 ReluFinish{});
+    wide.forward(context.packed, output.channel_range(narrow.shape().out, wide.shape().out), context.convolution,
+                 executor, ReluFinish{});
     std::swap(maps[0], maps[1]);
   }
 
