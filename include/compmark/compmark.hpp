@@ -93,7 +93,9 @@
 #include "compmark/raster/tile.hpp"
 #include "compmark/raster/tile_backward.hpp"
 #include "compmark/raster/tile_block.hpp"
+#include "compmark/raster/tile_cell.hpp"
 #include "compmark/raster/tile_forward.hpp"
+#include "compmark/raster/tile_reach.hpp"
 #include "compmark/raster/transpose.hpp"
 
 #include "compmark/mark/concept.hpp"
