@@ -148,7 +148,7 @@ TEST_CASE("io/ply: no count is believed, and each mistake of a header is named b
   CHECK(names(error(start + "element vertex 1\nproperty list uint double x\nend_header\n\xff\xff\xff\xff" + "12345678"),
               "test.ply", "vertex", "export"));
   const std::string ascii = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nend_header\n";
-  CHECK(names(error(ascii + "1 2\n3\n"), "test.ply", "row 1", "correct the line"));
+  CHECK(names(error(ascii + "1 2\n3   \n"), "test.ply", "row 1", "correct the line"));
   CHECK(names(error(ascii + "1 2\n3 four\n"), "test.ply", "row 1", "correct the line"));
   CHECK(names(error(ascii + "1 2\n"), "test.ply", "vertex", "export"));
 }

@@ -79,6 +79,19 @@ namespace detail {
   return true;
 }
 
+/// True for a PNG whose header asks for more than image_pixel_limit pixels.
+[[nodiscard]] inline bool promises_too_much(std::span<const std::byte> bytes) {
+  constexpr std::size_t size_field = 16;
+  if (bytes.size() < size_field + 8 || std::memcmp(bytes.data(), "\x89PNG", 4) != 0) return false;
+  double pixels = 1;
+  for (const std::size_t side : {size_field, size_field + 4}) {
+    double length = 0;
+    for (std::size_t k = 0; k < 4; ++k) length = 256 * length + std::to_integer<int>(bytes[side + k]);
+    pixels *= length;
+  }
+  return pixels > static_cast<double>(image_pixel_limit);
+}
+
 inline Error image_error(ErrorKind kind, const std::string& name, std::string problem, std::string remedy) {
   return {kind, name, "", std::move(problem), std::move(remedy)};
 }
@@ -93,6 +106,10 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
   if (bytes.size() > image_file_limit - 1 ||
       detail::stb::stbi_info_from_memory(data, static_cast<int>(bytes.size()), &info.width, &info.height,
                                          &info.channels) == 0) {
+    if (detail::promises_too_much(bytes)) {  // stb forgets this reason
+      return detail::image_error(ErrorKind::exhausted, name, "has more pixels than are allowed",
+                                 "scale it down below 256 megapixels");
+    }
     return detail::image_error(ErrorKind::unreadable, name, "is not an image that can be read",
                                "convert it to PNG or JPEG");
   }
