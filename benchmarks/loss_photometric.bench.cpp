@@ -5,7 +5,7 @@
 // multiply-add as two, without the halo rows a band recomputes:
 //   forward 225 a sample: 4 blurs of 11 + 11 taps (172), products and differences (18), the point formula (35);
 //   backward 144: 3 blurs (129), the combination with x, d and sign (15). The loss's own arithmetic is 369 a sample, its bytes are 16.
-// `floor` is best time / (operations / multiply-add rate measured between the runs), so 1 is perfect; `reference` is the plain
+// `floor` is best time / (operations / multiply-add rate measured at start), so 1 is perfect; `reference` is the plain
 // two-dimensional window on 3 x 96 x 96, in double, on one thread. Also the figures of merit of one view: PSNR, SSIM.
 #include <benchmark/benchmark.h>
 
@@ -18,9 +18,9 @@
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/loss/photometric.hpp"
 #include "compmark/loss/reference_ssim.hpp"
-#include "compmark/math/pack.hpp"
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/ssim.hpp"
+#include "support/ceiling.hpp"
 
 namespace {
 
@@ -55,29 +55,6 @@ double seconds_of(const Work& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// Fused multiply-adds in registers, twelve independent chains a thread: operations a second of all threads.
-double multiply_add_rate(ThreadExecutor& executor) {
-  using P = Pack<float>;
-  constexpr std::size_t rounds = 100000;
-  const std::size_t threads = executor.concurrency();
-  std::vector<float> sink(threads);
-  const double seconds = seconds_of([&] {
-    executor.for_chunks(threads, 1, [&](std::size_t begin, std::size_t, std::size_t) {
-      P sum[12];
-      for (int i = 0; i < 12; ++i) sum[i] = P(static_cast<float>(i));
-      const P a(0.999f), b(0.001f);
-      for (std::size_t round = 0; round < rounds; ++round) {
-        for (int i = 0; i < 12; ++i) sum[i] = fma(sum[i], a, b);
-      }
-      P total(0.0f);
-      for (int i = 0; i < 12; ++i) total += sum[i];
-      sink[begin] = reduce_add(total);
-    });
-  });
-  benchmark::DoNotOptimize(sink.data());
-  return 2.0 * 12 * P::width * static_cast<double>(rounds * threads) / seconds;
-}
-
 template <bool Backward>
 void photometric(benchmark::State& bench) {
   Problem<float> problem(800, 800);
@@ -91,13 +68,13 @@ void photometric(benchmark::State& bench) {
       benchmark::DoNotOptimize(loss.forward(problem.x(), problem.y(), context, executor));
     }
   };
+  const double rate = benchmarks::ceiling(executor.concurrency()).flops;
   run();  // warm up: scratch is allocated
-  double best = 1e9, rate = 0;
+  double best = 1e9;
   for (auto _ : bench) {
     const double seconds = seconds_of(run);
     bench.SetIterationTime(seconds);
     best = std::min(best, seconds);
-    rate = std::max(rate, multiply_add_rate(executor));
   }
   const double samples = static_cast<double>(problem.rendered.size());
   const double flops = samples * (forward_flops + (Backward ? backward_flops : 0));

@@ -6,8 +6,8 @@
 //   out[o][n] = bias[o] + sum_k weight[o][k] input[n + offset[k]],   k = (channel, row, column) of the kernel.
 // The values of 48 positions are copied side by side for every tap, and one register-blocked kernel (8 output channels by 3 packs of positions)
 // walks over that panel once a block of channels: reading the planes in place instead costs a third of the speed. All sizes, strides and
-// paddings are one code. Waste: kernel - 1 columns a row. Cost: 2 in out kernel^2 flop a pixel, at 70 to 80 % of the multiply-add rate
-// (benchmarks/metric_lpips.bench.cpp).
+// paddings are one code. Waste: kernel - 1 columns a row. Cost: 2 in out kernel^2 flop a pixel, at 70 to 80 % of the multiply-add rate from
+// 64 channels up; with 3 input channels the writing of the output decides (benchmarks/metric_lpips.bench.cpp).
 #pragma once
 
 #include <algorithm>
