@@ -85,7 +85,7 @@ struct Problem {
                      std::as_const(d_gaussians).columns(), anchor_gradients(arena, anchors), context, executor);
   }
   double forward_bytes() const {
-    return static_cast<double>(visible.size()) * 4 * (71 + 35) + static_cast<double>(gaussians.size()) * 4 * 26;
+    return static_cast<double>(visible.size()) * 4 * (71 + 35) + static_cast<double>(gaussians.size()) * 4 * 16;
   }
   double backward_bytes() const {
     return static_cast<double>(visible.size()) * 4 * 71 * 3 + static_cast<double>(gaussians.size()) * 4 * 25;

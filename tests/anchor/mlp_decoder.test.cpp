@@ -445,12 +445,12 @@ TEST_CASE("anchor/mlp_decoder: a second view allocates nothing") {
   ThreadExecutor executor(2);
   f.forward_backward(executor);
   const std::size_t bytes = f.context.memory_bytes();
-  const void* const first = f.context.saved.data();
+  const void* const first = f.context.inverse_norm.data();
   f.visible.resize(1500);
   f.forward_backward(executor);
   f.forward_backward(executor);
   CHECK(f.context.memory_bytes() == bytes);
-  CHECK(f.context.saved.data() == first);
+  CHECK(f.context.inverse_norm.data() == first);
 }
 
 TEST_CASE("anchor/mlp_decoder: an option that is off leaves nothing behind") {

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 
 #include "compmark/anchor/mlp_decoder_backward.hpp"
 #include "compmark/anchor/mlp_decoder_forward.hpp"
@@ -21,7 +22,7 @@
 namespace compmark::inline v0 {
 
 /// Fused decoder. T: scalar; W: lanes. Nothing allocates once the Context has seen the largest view.
-/// Memory of the Context for n visible anchors and P Gaussians: 5 n K + 48 P bytes (float) and at most 64 partial gradients of the heads.
+/// Memory of the Context for n visible anchors and P Gaussians: 6 n K + 8 P bytes (float) and at most 64 partial gradients of the heads.
 template <class T, DecoderShape decoder_shape = DecoderShape{}, int W = native_width<T>>
 class MlpDecoder {
  public:
@@ -36,18 +37,20 @@ class MlpDecoder {
     double min_distance = 1e-12;  ///< world units; an anchor nearer to the camera has no direction and gets (0, 0, 1) (case PR9)
   };
 
-  /// What forward leaves for backward and statistics. `visible` is a view of the caller's list.
+  /// What forward leaves for backward and statistics. `visible` and `decoded` are views of the caller's list and batch: both must stay as
+  /// they are until backward (a batch of colours, scales and rotations is not worth copying: 40 bytes a Gaussian, written and read).
   struct Context {
     std::span<const std::uint32_t> visible;
+    GaussianColumns<const T> decoded;
     std::size_t gaussians = 0;
     std::size_t non_finite_anchors = 0;  ///< visible anchors with a NaN or infinity among their inputs: they gave no Gaussians
-    Buffer<T> opacity, opacity_sum, saved, color_bias1, bank, packed, chunk_gradients, total_gradients;
+    Buffer<T> opacity, opacity_sum, inverse_norm, color_bias1, bank, packed, chunk_gradients, total_gradients;
     Buffer<std::uint16_t> mask;
     Buffer<std::uint32_t> block_count, block_bad, block_row, slot;
     Buffer<detail::DecodeForwardScratch<T, W, shape>> forward_scratch;    // one a worker
     Buffer<detail::DecodeBackwardScratch<T, W, shape>> backward_scratch;  // one a worker
     [[nodiscard]] std::size_t memory_bytes() const {
-      return opacity.capacity_bytes() + opacity_sum.capacity_bytes() + saved.capacity_bytes() + color_bias1.capacity_bytes() +
+      return opacity.capacity_bytes() + opacity_sum.capacity_bytes() + inverse_norm.capacity_bytes() + color_bias1.capacity_bytes() +
              bank.capacity_bytes() + packed.capacity_bytes() + chunk_gradients.capacity_bytes() + total_gradients.capacity_bytes() +
              mask.capacity_bytes() + block_count.capacity_bytes() + block_bad.capacity_bytes() + block_row.capacity_bytes() +
              slot.capacity_bytes() + forward_scratch.capacity_bytes() + backward_scratch.capacity_bytes();
@@ -112,11 +115,10 @@ class MlpDecoder {
     context.gaussians = gaussians;
     out.resize(gaussians);
     context.slot.resize(gaussians);
-    context.saved.resize(saved_stride(gaussians) * Layout::saved_columns);
+    context.inverse_norm.resize(gaussians);
+    context.decoded = std::as_const(out).columns();
     arguments.out = out.columns();
-    for (std::size_t column = 0; column < arguments.saved.size(); ++column) {
-      arguments.saved[column] = context.saved.data() + column * saved_stride(gaussians);
-    }
+    arguments.inverse_norm = context.inverse_norm.data();
     arguments.slot = context.slot.data();
     arguments.block_row = context.block_row.data();
     executor.for_chunks(blocks, forward_grain, [&](std::size_t begin, std::size_t end, std::size_t worker) {
@@ -152,9 +154,8 @@ class MlpDecoder {
     arguments.opacity = context.opacity.data();
     arguments.mask = context.mask.data();
     arguments.block_row = context.block_row.data();
-    for (std::size_t column = 0; column < arguments.saved.size(); ++column) {
-      arguments.saved[column] = context.saved.data() + column * saved_stride(context.gaussians);
-    }
+    arguments.gaussians = context.decoded;
+    arguments.inverse_norm = context.inverse_norm.data();
     arguments.d_gaussians = d_gaussians;
     arguments.d_anchors = d_anchors;
     executor.for_chunks(blocks, grain, [&](std::size_t begin, std::size_t end, std::size_t worker) {
@@ -186,7 +187,6 @@ class MlpDecoder {
   static constexpr std::size_t least_backward_grain = 64;  // blocks: 16 panels, so that zeroing and adding a chunk's gradients is small
   static constexpr std::size_t most_backward_chunks = 64;  // bounds the memory of the partial gradients
 
-  static std::size_t saved_stride(std::size_t gaussians) { return (gaussians + 15) / 16 * 16; }
   static void check([[maybe_unused]] const AnchorColumns<const T>& anchors) {
     COMPMARK_ASSERT(anchors.feature.columns == static_cast<std::size_t>(shape.feature_dim), "MlpDecoder: the table has another feature width");
     COMPMARK_ASSERT(anchors.offset.columns == 3 * static_cast<std::size_t>(shape.offsets), "MlpDecoder: the table has another offset count");

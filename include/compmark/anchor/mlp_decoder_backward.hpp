@@ -9,7 +9,6 @@
 // of the hidden layer, which measured faster than storing 3 D values in the forward pass (docs/concepts/GaussianDecoder.md).
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -38,6 +37,7 @@ struct DecodeBackwardScratch {
   // Block, lanes are anchors.
   alignas(64) T position[3 * L::block];
   alignas(64) T scaling[6 * L::block];
+  alignas(64) T inverse_base[3 * L::block];  // exp(-scaling[3:6])
   alignas(64) T offset[3 * L::offsets * L::block];
   alignas(64) T d_offset[3 * L::offsets * L::block];
   alignas(64) T d_geometry[9 * L::block];  // position 3, log scaling 6
@@ -54,7 +54,8 @@ struct BackwardArguments {
   const T* opacity;                // [blocks, K, 16]
   const std::uint16_t* mask;       // [blocks, K]
   const std::uint32_t* block_row;  // [blocks + 1]
-  std::array<const T*, 11> saved;
+  GaussianColumns<const T> gaussians;  // what forward wrote
+  const T* inverse_norm;               // [P]
   GaussianColumns<const T> d_gaussians;
   AnchorColumns<T> d_anchors;
 };
@@ -96,6 +97,7 @@ struct BackwardKernels {
     gather_geometry<T>(a.anchors, rows, valid, s.position, s.scaling);
     gather_transposed<3 * L::offsets, 16, W>(a.anchors.offset, rows, valid, s.offset);
     for (int i = 0; i < 6 * 16; i += W) exp(P::load(s.scaling + i)).store(s.scaling + i);
+    for (int i = 0; i < 3 * 16; i += W) (P(T(1)) / P::load(s.scaling + 3 * 16 + i)).store(s.inverse_base + i);
     for (T& value : s.d_geometry) value = T(0);
     unsigned touched = 0;
     std::size_t row = a.block_row[block];
@@ -144,7 +146,6 @@ struct BackwardKernels {
   /// (a NaN counts as gradient: it must arrive where it is reported).
   static COMPMARK_INLINE M chain_pack(const Arguments& a, std::size_t block, int k, int lane, M mask, std::size_t row, Scratch& s) {
     const auto take = [&](const T* column) __attribute__((always_inline)) { return P::expand_load(column + row, mask); };
-    const auto saved = [&](int column) __attribute__((always_inline)) { return take(a.saved[static_cast<std::size_t>(column)]); };
     const P d_opacity = take(a.d_gaussians.opacity);
     P size = magnitude(d_opacity);
     const P opacity = P::load(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane);
@@ -152,12 +153,13 @@ struct BackwardKernels {
     for (int i = 0; i < 3; ++i) {
       const std::size_t axis = static_cast<std::size_t>(i);
       const P d_color = take(a.d_gaussians.color[axis]);
-      const P color = saved(L::saved_color + i);
+      const P color = take(a.gaussians.color[axis]);
       (d_color * (color * (P(T(1)) - color))).store(s.block_output + (8 * L::offsets + 3 * k + i) * 16 + lane);
 
       const P d_scale = take(a.d_gaussians.scale[axis]);
-      const P fraction = saved(L::saved_sigmoid + i);
-      const P d_log_scale = d_scale * (P::load(s.scaling + (3 + i) * 16 + lane) * fraction);
+      const P scale = take(a.gaussians.scale[axis]);  // base * fraction, fraction = sigmoid(logit)
+      const P fraction = scale * P::load(s.inverse_base + i * 16 + lane);
+      const P d_log_scale = d_scale * scale;
       (d_log_scale * (P(T(1)) - fraction)).store(s.block_output + (L::offsets + 7 * k + i) * 16 + lane);
       add(s.d_geometry + (6 + i) * 16 + lane, d_log_scale);
 
@@ -170,12 +172,12 @@ struct BackwardKernels {
     P q[4], d_q[4];
     P radial(T{});
     for (int i = 0; i < 4; ++i) {
-      q[i] = saved(L::saved_rotation + i);
+      q[i] = take(a.gaussians.rotation[static_cast<std::size_t>(i)]);
       d_q[i] = take(a.d_gaussians.rotation[static_cast<std::size_t>(i)]);
       radial = fma(q[i], d_q[i], radial);
       size += magnitude(d_q[i]);
     }
-    const P inverse_norm = saved(L::saved_inverse_norm);
+    const P inverse_norm = take(a.inverse_norm);
     for (int i = 0; i < 4; ++i) {  // only the tangential part passes the normalisation (case QU2)
       (fnma(q[i], radial, d_q[i]) * inverse_norm).store(s.block_output + (L::offsets + 7 * k + 3 + i) * 16 + lane);
     }

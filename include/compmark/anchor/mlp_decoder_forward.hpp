@@ -29,7 +29,7 @@ struct DecodeForwardScratch {
   alignas(64) T position[3 * L::block];
   alignas(64) T scaling[6 * L::block];
   alignas(64) T offset[3 * L::offsets * L::block];
-  alignas(64) T tail[(14 + L::saved_columns) * L::block];  // a pack that would reach into the next chunk's rows
+  alignas(64) T tail[15 * L::block];  // a pack that would reach into the next chunk's rows
 };
 
 /// What the two passes read and write, apart from scratch. Pointers are the beginnings of whole arrays.
@@ -48,7 +48,7 @@ struct ForwardArguments {
   std::uint32_t* block_bad;          // [blocks] anchors with a non-finite input (pass 1)
   const std::uint32_t* block_row;    // [blocks + 1] first row of the block (pass 2)
   GaussianColumns<T> out;            // (pass 2)
-  std::array<T*, 11> saved;          // (pass 2)
+  T* inverse_norm;                   // [P] 1 / norm of the quaternion logits, 0 where they have no direction (pass 2)
   std::uint32_t* slot;               // [P] (pass 2)
 };
 
@@ -204,9 +204,8 @@ struct ForwardKernels {
     }
   }
 
-  /// Where a pack of Gaussians goes: mean 3, scale 3, rotation 4, opacity, color 3, then the saved columns.
-  static constexpr std::size_t batch_columns = 14;
-  using Columns = std::array<T*, batch_columns + L::saved_columns>;
+  /// Where a pack of Gaussians goes: mean 3, scale 3, rotation 4, opacity, color 3, inverse norm.
+  using Columns = std::array<T*, 15>;
   static COMPMARK_INLINE Columns columns_at(const Arguments& a, std::size_t row) {
     Columns to;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -216,7 +215,7 @@ struct ForwardKernels {
     }
     for (std::size_t i = 0; i < 4; ++i) to[6 + i] = a.out.rotation[i] + row;
     to[10] = a.out.opacity + row;
-    for (std::size_t i = 0; i < L::saved_columns; ++i) to[batch_columns + i] = a.saved[i] + row;
+    to[14] = a.inverse_norm + row;
     return to;
   }
   static Columns tail_columns(Scratch& s) {
@@ -230,7 +229,6 @@ struct ForwardKernels {
     const auto put = [&](int column, P value) __attribute__((always_inline)) {
       value.compress_store(to[static_cast<std::size_t>(column)], mask);
     };
-    constexpr int saved = static_cast<int>(batch_columns);
     const T* const covariance = s.output + 7 * k * L::panel + slot * 16 + lane;
     const T* const color = s.output + (7 * L::offsets + 3 * k) * L::panel + slot * 16 + lane;
     put(10, P::load(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane));
@@ -244,9 +242,7 @@ struct ForwardKernels {
       const P extent = P::load(s.scaling + i * 16 + lane);
       const P base = P::load(s.scaling + (3 + i) * 16 + lane);
       put(i, fma(P::load(s.offset + (3 * k + i) * 16 + lane), extent, P::load(s.position + i * 16 + lane)));
-      put(saved + L::saved_sigmoid + i, logistic[i]);
       put(3 + i, base * logistic[i]);
-      put(saved + L::saved_color + i, logistic[3 + i]);
       put(11 + i, logistic[3 + i]);
     }
     // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction (case QU1).
@@ -259,11 +255,9 @@ struct ForwardKernels {
     const P norm = select(directed, sqrt(fma(q[0], q[0], fma(q[1], q[1], fma(q[2], q[2], q[3] * q[3])))), P(T(1)));
     const P inverse = P(T(1)) / norm;
     for (int i = 0; i < 4; ++i) {
-      const P unit = select(directed, q[i] * inverse, P(T(i == 0 ? 1 : 0)));
-      put(saved + L::saved_rotation + i, unit);
-      put(6 + i, unit);
+      put(6 + i, select(directed, q[i] * inverse, P(T(i == 0 ? 1 : 0))));
     }
-    put(saved + L::saved_inverse_norm, keep(directed, inverse * shrink));
+    put(14, keep(directed, inverse * shrink));
   }
 
   static COMPMARK_INLINE P magnitude(P x) { return max(x, -x); }

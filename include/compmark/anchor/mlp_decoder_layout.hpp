@@ -38,9 +38,6 @@ struct DecoderLayout {
   static constexpr int output_begin(int head) { return head == 0 ? 0 : (head == 1 ? offsets : 8 * offsets); }
   static constexpr int output_count(int head) { return head == 0 ? offsets : (head == 1 ? 7 * offsets : 3 * offsets); }
 
-  // What forward leaves of each Gaussian beside its opacity: color 3, sigmoid of the scale logits 3, quaternion 4, 1 / norm of its logits.
-  static constexpr int saved_color = 0, saved_sigmoid = 3, saved_rotation = 6, saved_inverse_norm = 10, saved_columns = 11;
-
   // One chunk's gradients of the networks.
   static constexpr int bank_parameters = [] {
     if constexpr (shape.feature_bank) {
