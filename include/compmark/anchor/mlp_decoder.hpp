@@ -22,7 +22,7 @@
 namespace compmark::inline v0 {
 
 /// Fused decoder. T: scalar; W: lanes. Nothing allocates once the Context has seen the largest view.
-/// Memory of the Context for n visible anchors and P Gaussians: 6 n K + 8 P bytes (float) and at most 64 partial gradients of the heads.
+/// Memory of the Context for n visible anchors and P Gaussians: 4.2 n K + 8 P bytes (float) and at most 64 partial gradients of the heads.
 template <class T, DecoderShape decoder_shape = DecoderShape{}, int W = native_width<T>>
 class MlpDecoder {
  public:
