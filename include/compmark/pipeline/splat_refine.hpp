@@ -30,19 +30,19 @@ namespace compmark::inline v0 {
 struct SplatRefineSettings {
   std::int64_t iterations = 500;
   double opacity = 0.02;  ///< a logit
-  double log_scale = 0.005;
-  double rotation = 0.001;
-  double color = 0.0025;  ///< coefficient of degree 0
-  double color_rest = 0.0005;
+  double log_scale = 0.01;
+  double rotation = 0.003;
+  double color = 0.01;  ///< coefficient of degree 0
+  double color_rest = 0.002;
   double final_rate = 0.1;
   std::uint64_t seed = 0;  ///< of the order of the cameras
   std::size_t appearance_view = 0;
 };
 
 struct SplatRefineReport {
-  double first_mse =
-      0;  ///< against the model's render, mean over the first pass over the cameras (or as many as there were iterations)
-  double last_mse = 0;             ///< over the last
+  /// Mean square distance to the model's renders, over the first pass over the cameras and over the last (or all iterations, if fewer).
+  double first_mse = 0;
+  double last_mse = 0;
   std::size_t skipped_blocks = 0;  ///< columns whose gradient was not finite
 };
 
