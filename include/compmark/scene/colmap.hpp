@@ -40,11 +40,14 @@ namespace detail {
   return std::filesystem::exists(path, ignored);
 }
 
+[[nodiscard]] inline bool has_binary(const std::filesystem::path& folder) {
+  return file_exists(folder / "images.bin") || file_exists(folder / "cameras.bin");
+}
+
 /// The folder with the model, or an empty path.
 [[nodiscard]] inline std::filesystem::path colmap_model_folder(const std::filesystem::path& root) {
   for (const std::filesystem::path& folder : {root / "sparse" / "0", root / "sparse", root}) {
-    if (file_exists(folder / "images.bin") || file_exists(folder / "images.txt")) return folder;
-    if (file_exists(folder / "cameras.bin") || file_exists(folder / "cameras.txt")) return folder;
+    if (has_binary(folder) || file_exists(folder / "images.txt") || file_exists(folder / "cameras.txt")) return folder;
   }
   return {};
 }
@@ -171,17 +174,13 @@ namespace detail {
 /// Reads a model from a folder with cameras, images and points3D, binary if there, else text.
 [[nodiscard]] inline Result<ColmapModel> read_colmap_model(const std::filesystem::path& folder,
                                                            const ColmapReadSettings& settings = {}) {
-  return detail::file_exists(folder / "images.bin") || detail::file_exists(folder / "cameras.bin")
-             ? read_colmap_binary(folder, settings)
-             : read_colmap_text(folder, settings);
+  return detail::has_binary(folder) ? read_colmap_binary(folder, settings) : read_colmap_text(folder, settings);
 }
 
 /// Opens a COLMAP dataset.
 [[nodiscard]] inline Result<Dataset> open_colmap(const std::filesystem::path& root, const DatasetSettings& settings) {
   const std::filesystem::path model_folder = detail::colmap_model_folder(root);
-  const bool binary =
-      detail::file_exists(model_folder / "images.bin") || detail::file_exists(model_folder / "cameras.bin");
-  const std::string suffix = binary ? ".bin" : ".txt";
+  const std::string suffix = detail::has_binary(model_folder) ? ".bin" : ".txt";
   const std::string cameras_file = (model_folder / ("cameras" + suffix)).string();
   const std::string images_file = (model_folder / ("images" + suffix)).string();
   const std::string points_file = (model_folder / ("points3D" + suffix)).string();
@@ -196,7 +195,7 @@ namespace detail {
   dataset.kind = "colmap";
   dataset.root = root;
   std::vector<const ColmapImage*> images;
-  for (const auto& [id, image] : model->images) images.push_back(&image);
+  for (const auto& entry : model->images) images.push_back(&entry.second);
   std::sort(images.begin(), images.end(), [](const ColmapImage* a, const ColmapImage* b) {
     return detail::colmap_sort_key(a->name) < detail::colmap_sort_key(b->name);
   });
@@ -282,10 +281,8 @@ namespace detail {
       position[c] = static_cast<float>(point.position[c]);
       finite = finite && std::isfinite(position[c]);
     }
-    if (!finite) {
-      ++rejected;
-      continue;
-    }
+    rejected += finite ? 0 : 1;
+    if (!finite) continue;
     dataset.points.position.push_back(position);
     dataset.points.color.push_back(point.color);
   }
