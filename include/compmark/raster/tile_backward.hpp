@@ -245,7 +245,7 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
     scratch.reach.by_splat(count);
     for (std::size_t k = 0; k < count; ++k) {
       if ((scratch.reach.low[k] | scratch.reach.high[k]) != 0)
-        scratch.splats[k] = to_cell(splats[list[first + k]], cell_x, cell_y);
+        to_cell(splats[list[first + k]], cell_x, cell_y, scratch.splats[k]);
     }
     for (std::size_t k = count - std::min(count, record_ahead); k < count; ++k)
       __builtin_prefetch(&records[slots[first + k]], 1);
@@ -262,13 +262,13 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
       }
       // Records are scattered over memory: ask for one a splat, in time for the splat after next but some.
       if (k >= record_ahead) __builtin_prefetch(&records[slots[first + k - record_ahead]], 1);
-      alignas(64) T sums[16];
-      gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, sums);
-      T* target = &records[slots[first + k]].g;
+      T* const target = &records[slots[first + k]].g;
       if (add) {
+        alignas(64) T sums[16];
+        gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, sums);
         for (std::size_t i = 0; i < 16; ++i) target[i] += sums[i];
       } else {
-        std::memcpy(target, sums, sizeof(sums));
+        gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, target);
       }
     }
   }

@@ -1,17 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The pixel loop's common ground: blocks of 4 x 4 pixels (the lanes), cells of 16 blocks (16 x 16 pixels), chunks of 256 splats, and the
-// one function that says what alpha a splat has at a pixel (numerics case BF6: forward and backward call it, so they cannot disagree).
+// What a splat does to a block of pixels: the one function that says what alpha it has at a pixel, and the one that blends it
+// (numerics case BF6: forward and backward call both, so they cannot disagree).
 //
 // A splat is evaluated in whitened coordinates, w = wx dx + wy dy and b = bx dx + by dy, where sigma = w^2 + b^2 whatever its pivot axis
 // (numerics case CV2; one of bx, by is zero). When the exponential is a polynomial, sigma is kept in units of ln 2.
-// Why 4 x 4 and not 16 x 1: an ellipse of 30 x 30 pixels touches 22 % fewer blocks, one of 15 x 15 30 % fewer (docs/concepts/TileRasterizer.md).
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -23,50 +20,9 @@
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/projected.hpp"
 #include "compmark/raster/splat.hpp"
-#include "compmark/scene/camera.hpp"
+#include "compmark/raster/tile_cell.hpp"
 
 namespace compmark::inline v0::detail {
-
-inline constexpr int cell_side = 16;              ///< pixels
-inline constexpr int block_side = 4;              ///< pixels
-inline constexpr int cell_blocks = 16;            ///< row-major in the cell
-inline constexpr int block_pixels = 16;           ///< row-major in the block
-inline constexpr std::size_t chunk_splats = 256;  ///< splats of a tile's list that are worked on together
-inline constexpr std::size_t chunk_words = chunk_splats / 64;
-inline constexpr std::size_t record_ahead = 8;  ///< splats between asking for a record and writing it
-
-/// Widest pack a block can be cut into.
-template <class T>
-inline constexpr int block_width = native_width<T> < block_pixels ? native_width<T> : block_pixels;
-
-/// Pixel centres of a cell relative to its corner: at[axis][block][lane], axis 0 is x; and per block its first pixel and its middle.
-template <class T>
-struct CellTable {
-  alignas(64) T at[2][cell_blocks][block_pixels];
-  alignas(64) T first[2][cell_blocks];
-  alignas(64) T middle[2][cell_blocks];
-  alignas(64) T lane[2][block_pixels];  ///< pixel centre relative to the block's middle
-};
-
-template <class T>
-inline constexpr CellTable<T> cell_table = [] {
-  CellTable<T> table{};
-  for (int b = 0; b < cell_blocks; ++b) {
-    const int origin[2] = {b % 4 * block_side, b / 4 * block_side};
-    for (int axis = 0; axis < 2; ++axis) {
-      table.first[axis][b] = static_cast<T>(origin[axis]) + pixel_center<T>;
-      table.middle[axis][b] = static_cast<T>(origin[axis]) + T(2);
-    }
-    for (int lane = 0; lane < block_pixels; ++lane) {
-      const int inside[2] = {lane % 4, lane / 4};
-      for (int axis = 0; axis < 2; ++axis) {
-        table.at[axis][b][lane] = static_cast<T>(origin[axis] + inside[axis]) + pixel_center<T>;
-        table.lane[axis][lane] = static_cast<T>(inside[axis]) + pixel_center<T> - T(2);
-      }
-    }
-  }
-  return table;
-}();
 
 /// Units of sigma: 1 with std::exp, 1 / ln 2 with a polynomial of 2^f.
 template <Accuracy accuracy, class T>
@@ -82,7 +38,8 @@ struct alignas(16 * sizeof(T)) WhiteSplat {
   T y_per_x, x_per_y;  // along a line of constant dx, sigma is least at dy = y_per_x dx; and the other way round
   T red, green, blue;
   T depth;
-  T unused[2];
+  T bd;                // bx or by, whichever is not zero
+  std::uint32_t axis;  // offset of the pivot axis in CellTable::at, in scalars
 };
 
 template <Accuracy accuracy, class T>
@@ -108,6 +65,8 @@ template <Accuracy accuracy, class T>
   white.green = splat.green;
   white.blue = splat.blue;
   white.depth = splat.depth;
+  white.bd = b;
+  white.axis = pivot_x ? 0u : static_cast<std::uint32_t>(cell_blocks * block_pixels);
   return white;
 }
 
@@ -137,29 +96,25 @@ template <int W, class T>
 /// A splat relative to one cell: what the loop over the blocks reads.
 template <class T>
 struct alignas(16 * sizeof(T)) CellSplat {
-  T w0, wx, wy;  // w = w0 + wx x + wy y, x and y from the cell's corner
-  T b0, bd;      // b = b0 + bd d, d is x or y
+  T w0, b0;  // w = w0 + wx x + wy y and b = b0 + bd d, x and y from the cell's corner, d one of them
+  T wx, wy;
+  T unused[3];
   T opacity;
-  T red, green, blue, depth;
-  std::uint32_t axis;  // offset of the pivot axis in CellTable::at, in scalars
+  T unused_too[2];
+  T red, green, blue;
+  T depth;
+  T bd;
+  std::uint32_t axis;
 };
 
+/// The layouts agree in all that does not depend on the cell: one copy, then two numbers.
 template <class T>
-[[nodiscard]] COMPMARK_INLINE CellSplat<T> to_cell(const WhiteSplat<T>& splat, T cell_x, T cell_y) {
+COMPMARK_INLINE void to_cell(const WhiteSplat<T>& splat, T cell_x, T cell_y, CellSplat<T>& local) {
+  static_assert(sizeof(WhiteSplat<T>) == sizeof(CellSplat<T>));
   const T x = cell_x - splat.u, y = cell_y - splat.v;
-  CellSplat<T> local;
+  std::memcpy(&local, &splat, sizeof(local));
   local.w0 = splat.wx * x + splat.wy * y;
-  local.wx = splat.wx;
-  local.wy = splat.wy;
   local.b0 = splat.bx * x + splat.by * y;
-  local.bd = splat.bx + splat.by;
-  local.opacity = splat.opacity;
-  local.red = splat.red;
-  local.green = splat.green;
-  local.blue = splat.blue;
-  local.depth = splat.depth;
-  local.axis = splat.bx != T(0) ? 0u : static_cast<std::uint32_t>(cell_blocks * block_pixels);
-  return local;
 }
 
 /// N packs that are computed in step: N independent chains of instructions next to each other, so that the processor waits for none of
@@ -192,9 +147,6 @@ struct InStep {
     return of([&](std::size_t i) __attribute__((always_inline)) { return fma(a.part[i], b.part[i], c.part[i]); });
   }
 };
-
-/// Splats that a block works on together.
-inline constexpr int step_splats = 4;
 
 /// opacity * exp(-sigma) of N splats at W pixels: x, y their centres in the cell, `axis` where the pivot coordinate of the first is.
 template <Accuracy accuracy, int N, class T, int W>
@@ -298,151 +250,6 @@ template <Accuracy accuracy, bool want_chain, class T, int W>
     }
   }
   return result;
-}
-
-/// Transposes 8 rows of 8 bits.
-[[nodiscard]] constexpr std::uint64_t transpose_bits(std::uint64_t x) {
-  std::uint64_t t = (x ^ (x >> 7)) & 0x00AA00AA00AA00AAull;
-  x ^= t ^ (t << 7);
-  t = (x ^ (x >> 14)) & 0x0000CCCC0000CCCCull;
-  x ^= t ^ (t << 14);
-  t = (x ^ (x >> 28)) & 0x00000000F0F0F0F0ull;
-  return x ^ t ^ (t << 28);
-}
-
-/// The blocks each splat of a chunk reaches, as bits, both ways round.
-struct ReachBits {
-  alignas(64) std::uint8_t low[chunk_splats], high[chunk_splats];  // splat by splat: blocks 0 … 7 and 8 … 15
-  alignas(64) std::uint64_t word[cell_blocks][chunk_words];        // block by block: bit k of word k / 64 is splat k
-
-  /// Fills `word` from the first `count` splats.
-  void by_block(std::size_t count) {
-    static_assert(std::endian::native == std::endian::little, "ReachBits reads eight bytes as one little-endian word");
-    for (std::size_t k = count; k < (count + 63) / 64 * 64; ++k) low[k] = high[k] = 0;
-    for (std::size_t i = 0; i < (count + 63) / 64; ++i) {
-      for (int half = 0; half < 2; ++half) {
-        std::uint64_t words[8] = {};
-        for (std::size_t group = 0; group < 8; ++group) {
-          std::uint64_t bits;
-          std::memcpy(&bits, (half == 0 ? low : high) + 64 * i + 8 * group, 8);
-          bits = transpose_bits(bits);
-          for (std::size_t b = 0; b < 8; ++b) words[b] |= (bits >> (8 * b) & 0xFFu) << (8 * group);
-        }
-        for (std::size_t b = 0; b < 8; ++b) word[static_cast<std::size_t>(8 * half) + b][i] = words[b];
-      }
-    }
-  }
-  /// Fills `low` and `high` from `word`.
-  void by_splat(std::size_t count) {
-    for (std::size_t i = 0; i < (count + 63) / 64; ++i) {
-      for (int half = 0; half < 2; ++half) {
-        for (std::size_t group = 0; group < 8; ++group) {
-          std::uint64_t bits = 0;
-          for (std::size_t b = 0; b < 8; ++b)
-            bits |= (word[static_cast<std::size_t>(8 * half) + b][i] >> (8 * group) & 0xFFu) << (8 * b);
-          bits = transpose_bits(bits);
-          std::memcpy((half == 0 ? low : high) + 64 * i + 8 * group, &bits, 8);
-        }
-      }
-    }
-  }
-};
-
-/// The splats of one block in order, as indices into the chunk, padded to whole steps with `chunk_splats` (a splat of opacity 0).
-struct BlockList {
-  std::uint16_t index[chunk_splats + step_splats];
-  std::size_t size = 0;
-
-  COMPMARK_INLINE BlockList(const std::uint64_t (&words)[chunk_words], std::size_t count) {
-    for (std::size_t i = 0; i < count; ++i) {
-      for (std::uint64_t bits = words[i]; bits != 0; bits &= bits - 1) {
-        index[size++] = static_cast<std::uint16_t>(64 * i + static_cast<std::size_t>(std::countr_zero(bits)));
-      }
-    }
-    for (std::size_t i = size; i < size + step_splats; ++i) index[i] = static_cast<std::uint16_t>(chunk_splats);
-  }
-};
-
-/// Number of chunks of a list.
-[[nodiscard]] constexpr std::size_t list_chunks(std::size_t length) {
-  return (length + chunk_splats - 1) / chunk_splats;
-}
-
-/// Where a cell lies in the image.
-struct CellPlace {
-  int x, y;           // pixels
-  int width, height;  // of the image
-  /// Bit b is set where block b has a pixel in the image.
-  [[nodiscard]] unsigned blocks() const {
-    if (x + cell_side <= width && y + cell_side <= height) return 0xFFFFu;
-    unsigned mask = 0;
-    for (int b = 0; b < cell_blocks; ++b) {
-      if (x + b % 4 * block_side < width && y + b / 4 * block_side < height) mask |= 1u << b;
-    }
-    return mask;
-  }
-};
-
-/// Calls row(block, lane, offset, count) for each row of four pixels of a cell: block and lane of its first pixel, the offset of that pixel
-/// in a plane, and how many of the four are in the image (0 to 4; the offset is valid if there are any).
-template <class Row>
-COMPMARK_INLINE void each_block_row(const CellPlace& place, const Row& row) {
-  const bool whole = place.x + cell_side <= place.width && place.y + cell_side <= place.height;
-  const auto stride = static_cast<std::size_t>(place.width);
-  for (int y = 0; y < cell_side; ++y) {
-    const bool in_rows = whole || place.y + y < place.height;
-    const std::size_t start = static_cast<std::size_t>(place.y + y) * stride + static_cast<std::size_t>(place.x);
-    for (int x = 0; x < cell_side; x += block_side) {
-      const int block = y / block_side * 4 + x / block_side, lane = y % block_side * block_side;
-      if (whole) {
-        row(block, lane, start + static_cast<std::size_t>(x), block_side);
-      } else {
-        row(block, lane, start + static_cast<std::size_t>(x),
-            in_rows ? std::clamp(place.width - place.x - x, 0, block_side) : 0);
-      }
-    }
-  }
-}
-
-/// Asks for the cache lines of a cell in one plane, long before load_cell or store_cell needs them.
-template <bool write, class T>
-COMPMARK_INLINE void prefetch_cell(const T* plane, const CellPlace& place) {
-  const int rows = std::min(cell_side, place.height - place.y), columns = std::min(cell_side, place.width - place.x);
-  for (int y = 0; y < rows; ++y) {
-    const T* row = plane + static_cast<std::size_t>(place.y + y) * static_cast<std::size_t>(place.width) +
-                   static_cast<std::size_t>(place.x);
-    __builtin_prefetch(row, write ? 1 : 0);
-    __builtin_prefetch(row + columns - 1, write ? 1 : 0);
-  }
-}
-
-/// Copies a plane's pixels of one cell into blocks: to[block][lane]; pixels outside the image become 0.
-template <class T>
-inline void load_cell(const T* plane, const CellPlace& place, T (&to)[cell_blocks][block_pixels]) {
-  each_block_row(
-      place, [&](int block, int lane, std::size_t offset, int count) __attribute__((always_inline)) {
-        T* const target = to[block] + lane;
-        if (count == block_side) {
-          std::memcpy(target, plane + offset, block_side * sizeof(T));
-        } else {
-          for (int i = 0; i < block_side; ++i)
-            target[i] = i < count ? plane[offset + static_cast<std::size_t>(i)] : T(0);
-        }
-      });
-}
-
-/// The inverse of load_cell; pixels outside the image are dropped.
-template <class T>
-inline void store_cell(const T (&from)[cell_blocks][block_pixels], const CellPlace& place, T* plane) {
-  each_block_row(
-      place, [&](int block, int lane, std::size_t offset, int count) __attribute__((always_inline)) {
-        const T* const source = from[block] + lane;
-        if (count == block_side) {
-          std::memcpy(plane + offset, source, block_side * sizeof(T));
-        } else {
-          for (int i = 0; i < count; ++i) plane[offset + static_cast<std::size_t>(i)] = source[i];
-        }
-      });
 }
 
 }  // namespace compmark::inline v0::detail

@@ -14,6 +14,8 @@
 
 #include "compmark/raster/outputs.hpp"
 #include "compmark/raster/tile_block.hpp"
+#include "compmark/raster/tile_cell.hpp"
+#include "compmark/raster/tile_reach.hpp"
 
 namespace compmark::inline v0::detail {
 
@@ -44,7 +46,7 @@ inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const st
     const unsigned mask = blocks_reached<W>(splat, cell_x, cell_y) & open;
     reach.low[k] = static_cast<std::uint8_t>(mask);
     reach.high[k] = static_cast<std::uint8_t>(mask >> 8);
-    local[k] = to_cell(splat, cell_x, cell_y);
+    to_cell(splat, cell_x, cell_y, local[k]);
   }
 }
 
