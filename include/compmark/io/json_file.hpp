@@ -36,6 +36,8 @@ namespace compmark::inline v0 {
     return Error{bytes->empty() ? ErrorKind::truncated : ErrorKind::malformed, path.string(),
                  "line " + std::to_string(line) + " column " + std::to_string(place - line_begin + 1),
                  bytes->empty() ? "the file is empty" : "is not valid JSON", "correct it or create the file again"};
+  } catch (const nlohmann::json::exception& mistake) {  // a number outside double's range
+    return Error{ErrorKind::invalid, path.string(), {}, mistake.what(), "correct it or create the file again"};
   }
 }
 
