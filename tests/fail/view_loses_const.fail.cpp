@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A view to const never becomes a view to non-const.
-// message: (could not convert|no viable conversion|cannot convert)
+// message: (could not convert|no viable conversion|no matching function|cannot convert)
 #include "compmark/core/views.hpp"
 
 void write(compmark::ImageView<float> image);
