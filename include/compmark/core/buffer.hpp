@@ -11,6 +11,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "compmark/core/huge_pages.hpp"
+
 namespace compmark::inline v0 {
 
 /// 64-byte aligned storage of trivial values, grow-only. The capacity is padded by one cache line, so that a kernel may load or
@@ -50,6 +52,7 @@ class Buffer {
       data_.reset();
       capacity_ = 0;
       data_.reset(static_cast<T*>(::operator new (wanted * sizeof(T) + alignment, std::align_val_t{alignment})));
+      detail::prefer_huge_pages(data_.get(), wanted * sizeof(T));
       capacity_ = wanted;
     }
     size_ = count;
