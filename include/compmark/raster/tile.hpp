@@ -3,8 +3,8 @@
 //
 // TileRasterizer: project, sort, bin, blend tile by tile; the production rasterizer (concept Rasterizer, laws R1 to R6). Tiles are the
 // chunks of the executor and every sum has a fixed order, so the bits do not depend on the number of threads.
-// Cost (docs/concepts/TileRasterizer.md): ~13 cycles forward and ~22 backward per 4 x 4 pixel block and splat at W = 16; memory 64 bytes a
-// Gaussian, 84 bytes a (splat, tile) pair.
+// Cost (docs/concepts/TileRasterizer.md), all included, measured with AVX-512 at 3.8 GHz: ~27 cycles forward and ~47 backward per block of
+// 4 x 4 pixels and splat. Memory: 128 bytes a visible Gaussian, 72 bytes a (splat, tile) pair, 0.6 MB a worker.
 #pragma once
 
 #include <array>
