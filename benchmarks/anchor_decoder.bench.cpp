@@ -1,13 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The heads of the anchor decoder, D = 32, K = 10, gather from the row-major table and writing of the Gaussians included. Operations are
-// those of the published formulas, 13,760 an anchor forward and twice that backward (the recomputation of the hidden layer is not
-// counted: it is ours); bytes are the table read in both passes, its gradient read and written, and the Gaussians with what is kept for
-// backward. `floor` is time over the larger of operations / measured rate and bytes / measured bandwidth. Beside it: the same three heads
-// as Eigen matrix products (inputs ready made, no Gaussians written), and the plain reference. Last: the visibility prefilter.
+// The heads of the anchor decoder, D = 32, K = 10, gather from the row-major table and writing of the Gaussians
+// included. Operations are those of the published formulas, 13,760 an anchor forward and twice that backward (the
+// recomputation of the hidden layer is not counted: it is ours); bytes are the table read in both passes, its gradient
+// read and written, and the Gaussians with what is kept for backward. `floor` is time over the larger of operations /
+// measured rate and bytes / measured bandwidth. Beside it: the same three heads as Eigen matrix products (inputs ready
+// made, no Gaussians written), and the plain reference. Last: the visibility prefilter.
 #if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // false in g++ 12's own AVX-512 header, once Eigen's reductions are inlined
+#pragma GCC diagnostic ignored \
+    "-Wmaybe-uninitialized"  // false in g++ 12's own AVX-512 header, once Eigen's reductions are inlined
 #endif
 
 #include <benchmark/benchmark.h>
@@ -78,7 +80,8 @@ struct Problem {
     }
   }
   std::size_t forward() {
-    return decoder.forward(anchor_values(std::as_const(arena), anchors), visible, {0.1, 0.2, 4}, 0, arena, heads, gaussians, context, executor);
+    return decoder.forward(anchor_values(std::as_const(arena), anchors), visible, {0.1, 0.2, 4}, 0, arena, heads,
+                           gaussians, context, executor);
   }
   void backward() {
     decoder.backward(anchor_values(std::as_const(arena), anchors), visible, {0.1, 0.2, 4}, 0, arena, heads,
@@ -116,29 +119,33 @@ using Fast = MlpDecoder<float>;
 void decoder_forward(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0)), threads = static_cast<std::size_t>(state.range(1));
   Problem<Fast> p(n, threads);
-  measure(state, static_cast<double>(n), forward_flops * static_cast<double>(n), p.forward_bytes(), threads, [&] { p.forward(); });
+  measure(state, static_cast<double>(n), forward_flops * static_cast<double>(n), p.forward_bytes(), threads,
+          [&] { p.forward(); });
 }
 void decoder_backward(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0)), threads = static_cast<std::size_t>(state.range(1));
   const auto stride = static_cast<std::uint32_t>(state.range(2));
   Problem<Fast> p(n, threads, stride);
-  measure(state, static_cast<double>(n), 2 * forward_flops * static_cast<double>(n) / stride, p.backward_bytes(), threads, [&] { p.backward(); });
+  measure(state, static_cast<double>(n), 2 * forward_flops * static_cast<double>(n) / stride, p.backward_bytes(),
+          threads, [&] { p.backward(); });
 }
 void decoder_both(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0)), threads = static_cast<std::size_t>(state.range(1));
   Problem<Fast> p(n, threads);
-  measure(state, static_cast<double>(n), 3 * forward_flops * static_cast<double>(n), p.forward_bytes() + p.backward_bytes(), threads, [&] {
-    p.forward();
-    p.backward();
-  });
+  measure(state, static_cast<double>(n), 3 * forward_flops * static_cast<double>(n),
+          p.forward_bytes() + p.backward_bytes(), threads, [&] {
+            p.forward();
+            p.backward();
+          });
 }
 void reference_both(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0));
   Problem<ReferenceDecoder<float>> p(n, 1);
-  measure(state, static_cast<double>(n), 3 * forward_flops * static_cast<double>(n), p.forward_bytes() + p.backward_bytes(), 1, [&] {
-    p.forward();
-    p.backward();
-  });
+  measure(state, static_cast<double>(n), 3 * forward_flops * static_cast<double>(n),
+          p.forward_bytes() + p.backward_bytes(), 1, [&] {
+            p.forward();
+            p.backward();
+          });
 }
 
 /// Three heads forward and backward as Eigen products over panels of rows, one set of weight gradients a worker.
@@ -205,7 +212,10 @@ void visibility(benchmark::State& state) {
 }
 
 BENCHMARK(decoder_forward)->ArgsProduct({{20000, 100000}, {1, 2}})->UseManualTime()->Unit(benchmark::kMillisecond);
-BENCHMARK(decoder_backward)->ArgsProduct({{20000, 100000}, {1, 2}, {1, 2}})->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK(decoder_backward)
+    ->ArgsProduct({{20000, 100000}, {1, 2}, {1, 2}})
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK(decoder_both)->ArgsProduct({{20000, 100000}, {1, 2}})->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK(eigen_both)->ArgsProduct({{20000, 100000}, {1, 2}})->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK(reference_both)->Arg(2000)->UseManualTime()->Unit(benchmark::kMillisecond);

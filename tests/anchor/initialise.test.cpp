@@ -25,7 +25,8 @@ std::vector<Point> random_cloud(std::size_t n, double spread, std::uint64_t seed
   std::vector<Point> cloud(n);
   const Random random(seed, 0, 0);
   for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t axis = 0; axis < 3; ++axis) cloud[i][axis] = static_cast<float>(spread * (random.uniform(3 * i + axis) - 0.5));
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      cloud[i][axis] = static_cast<float>(spread * (random.uniform(3 * i + axis) - 0.5));
   }
   return cloud;
 }
@@ -63,7 +64,8 @@ TEST_CASE("anchor/initialise: one anchor a voxel, sorted, with the scale of its 
     }
     std::sort(squared.begin(), squared.end());
     const double mean = (squared[1] + squared[2] + squared[3]) / 3;
-    for (std::size_t i = 0; i < 6; ++i) CHECK(std::abs(static_cast<double>(anchors.scaling[6 * row + i]) - 0.5 * std::log(mean)) < 1e-6);
+    for (std::size_t i = 0; i < 6; ++i)
+      CHECK(std::abs(static_cast<double>(anchors.scaling[6 * row + i]) - 0.5 * std::log(mean)) < 1e-6);
     ++row;
   }
 }
@@ -140,7 +142,8 @@ TEST_CASE("anchor/initialise: the automatic voxel size is a length") {
   std::vector<Point> cloud;
   for (int x = 0; x < 6; ++x) {
     for (int y = 0; y < 6; ++y) {
-      for (int z = 0; z < 6; ++z) cloud.push_back({0.25f * static_cast<float>(x), 0.25f * static_cast<float>(y), 0.25f * static_cast<float>(z)});
+      for (int z = 0; z < 6; ++z)
+        cloud.push_back({0.25f * static_cast<float>(x), 0.25f * static_cast<float>(y), 0.25f * static_cast<float>(z)});
     }
   }
   CHECK(std::abs(anchors_of(cloud, 0).voxel_size - 0.25) < 1e-12);

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// MlpDecoder against ReferenceDecoder (float, double, one lane and many), both against central differences for every parameter block and
-// option, the laws A1-A4 of anchor/concept.hpp, and the cases PR7, PR9, QU1, QU2, ML4 of the numerics sheet with their negative controls.
-// More than 300 lines: the fixture is shared by all cases.
+// MlpDecoder against ReferenceDecoder (float, double, one lane and many), both against central differences for every
+// parameter block and option, the laws A1-A4 of anchor/concept.hpp, and the cases PR7, PR9, QU1, QU2, ML4 of the
+// numerics sheet with their negative controls. More than 300 lines: the fixture is shared by all cases.
 #include "compmark/anchor/mlp_decoder.hpp"
 
 #include <doctest/doctest.h>
@@ -70,7 +70,8 @@ struct Fixture {
     fill(anchors.offset, 0, 0.5);
     fill(anchors.scaling, -1, 0.4);
     fill(anchors.feature, 0, 1);
-    for (std::size_t i = 0; i < n_visible; ++i) visible.push_back(static_cast<std::uint32_t>((i * n) / std::max<std::size_t>(n_visible, 1)));
+    for (std::size_t i = 0; i < n_visible; ++i)
+      visible.push_back(static_cast<std::uint32_t>((i * n) / std::max<std::size_t>(n_visible, 1)));
   }
   AnchorColumns<const T> table() const { return anchor_values(arena, anchors); }
 
@@ -95,7 +96,8 @@ struct Fixture {
     const auto columns = list(std::as_const(batch).columns());
     for (std::size_t c = 0; c < 14; ++c) {
       for (std::size_t row = 0; row < count; ++row) {
-        sum += static_cast<double>(loss_weight(statistics.gaussian_slot[row], c)) * static_cast<double>(columns[c][row]);
+        sum +=
+            static_cast<double>(loss_weight(statistics.gaussian_slot[row], c)) * static_cast<double>(columns[c][row]);
       }
     }
     return sum;
@@ -109,8 +111,8 @@ struct Fixture {
     for (std::size_t c = 0; c < 14; ++c) {
       for (std::size_t row = 0; row < count; ++row) columns[c][row] = loss_weight(statistics.gaussian_slot[row], c);
     }
-    decoder.backward(table(), visible, center, view, arena, heads, std::as_const(d_batch).columns(), anchor_gradients(arena, anchors),
-                     context, executor);
+    decoder.backward(table(), visible, center, view, arena, heads, std::as_const(d_batch).columns(),
+                     anchor_gradients(arena, anchors), context, executor);
     return count;
   }
   std::size_t forward_backward() {
@@ -140,7 +142,8 @@ struct Fixture {
   }
 };
 
-/// Fast decoder against the reference of the same scalar; the largest differences over Gaussians (absolute) and blocks (relative L2).
+/// Fast decoder against the reference of the same scalar; the largest differences over Gaussians (absolute) and blocks
+/// (relative L2).
 template <class Fast>
 void compare(std::size_t n, std::size_t n_visible, double tolerance, double used_share = 1) {
   using T = typename Fast::Scalar;
@@ -158,7 +161,8 @@ void compare(std::size_t n, std::size_t n_visible, double tolerance, double used
   double worst = 0;
   const auto x = list(std::as_const(fast.batch).columns()), y = list(std::as_const(reference.batch).columns());
   for (std::size_t c = 0; c < 14; ++c) {
-    for (std::size_t row = 0; row < count; ++row) worst = std::max(worst, std::abs(static_cast<double>(x[c][row] - y[c][row])));
+    for (std::size_t row = 0; row < count; ++row)
+      worst = std::max(worst, std::abs(static_cast<double>(x[c][row] - y[c][row])));
   }
   CHECK(worst <= tolerance);
   const std::vector<double> expected(reference.arena.all_gradients().begin(), reference.arena.all_gradients().end());
@@ -185,7 +189,8 @@ void check_gradients(std::uint64_t seed) {
     CAPTURE(place.name);
     const std::span<double> values = f.arena.values({block}).flat();
     // Measured: at most 3e-9 of the largest entry; the bound leaves room for another compiler's rounding.
-    CHECK(testing::gradient_law([&] { return f.loss(); }, values, std::span(gradients).subspan(place.offset, place.size()), 1e-7, 24) == "");
+    CHECK(testing::gradient_law([&] { return f.loss(); }, values,
+                                std::span(gradients).subspan(place.offset, place.size()), 1e-7, 24) == "");
   }
 }
 
@@ -229,7 +234,8 @@ TEST_CASE("anchor/mlp_decoder: an anchor that is not visible gets exactly zero g
   const auto gradients = anchor_gradients(f.arena, f.anchors);
   for (std::uint32_t row = 0; row < 100; ++row) {
     double size = 0;
-    for (const MatrixView<float>& block : {gradients.position, gradients.offset, gradients.scaling, gradients.feature}) {
+    for (const MatrixView<float>& block :
+         {gradients.position, gradients.offset, gradients.scaling, gradients.feature}) {
       for (std::size_t c = 0; c < block.columns; ++c) size += std::abs(block(row, c));
     }
     if (visible.count(row) == 0) CHECK(size == 0);
@@ -267,7 +273,8 @@ TEST_CASE("anchor/mlp_decoder: Gaussians are those of positive opacity, in the p
     previous = place;
     sums[i] += columns.opacity[row];
   }
-  for (std::size_t i = 0; i < sums.size(); ++i) CHECK(std::abs(sums[i] - static_cast<double>(statistics.opacity_sum[i])) < 1e-5);
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    CHECK(std::abs(sums[i] - static_cast<double>(statistics.opacity_sum[i])) < 1e-5);
   CHECK(count > 1000);
   CHECK(count < 2500);
 }
@@ -288,18 +295,21 @@ TEST_CASE("anchor/mlp_decoder: gradients are added, not written") {
   f.forward_backward();
   const std::vector<double> once(f.arena.all_gradients().begin(), f.arena.all_gradients().end());
   f.forward_backward();
-  for (std::size_t i = 0; i < once.size(); ++i) CHECK(std::abs(f.arena.all_gradients()[i] - 2 * once[i]) <= 1e-12 * (1 + std::abs(once[i])));
+  for (std::size_t i = 0; i < once.size(); ++i)
+    CHECK(std::abs(f.arena.all_gradients()[i] - 2 * once[i]) <= 1e-12 * (1 + std::abs(once[i])));
 }
 
 TEST_CASE("anchor/mlp_decoder: a poisoned anchor gives no Gaussians, is counted, and harms no other (ML4)") {
-  for (const float poison : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity()}) {
+  for (const float poison : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(),
+                             -std::numeric_limits<float>::infinity()}) {
     Fixture<MlpDecoder<float>> clean(100, 100), poisoned(100, 100);
     poisoned.arena.values(poisoned.anchors.feature)(42, 5) = poison;
     const std::size_t all = clean.forward_backward(), rest = poisoned.forward_backward();
     CHECK(poisoned.context.non_finite_anchors == 1);
     CHECK(clean.context.non_finite_anchors == 0);
     std::size_t of_poisoned = 0;
-    for (const std::uint32_t slot : clean.decoder.statistics(clean.context).gaussian_slot) of_poisoned += slot / 10 == 42 ? 1u : 0u;
+    for (const std::uint32_t slot : clean.decoder.statistics(clean.context).gaussian_slot)
+      of_poisoned += slot / 10 == 42 ? 1u : 0u;
     CHECK(rest + of_poisoned == all);
     for (const float gradient : poisoned.arena.all_gradients()) CHECK(std::isfinite(gradient));
     // Negative control: an activation that absorbs the NaN would have let the anchor through.
@@ -313,7 +323,8 @@ TEST_CASE("anchor/mlp_decoder: a Gaussian without gradient passes no infinity on
   const auto hit = [&](std::uint32_t anchor) { return f.loss_weight(anchor * 10, 0) != 0; };
   std::uint32_t unused = 0;
   while (hit(unused)) ++unused;
-  for (std::size_t c = 0; c < 30; ++c) f.arena.values(f.anchors.offset)(unused, c) = std::numeric_limits<float>::infinity();
+  for (std::size_t c = 0; c < 30; ++c)
+    f.arena.values(f.anchors.offset)(unused, c) = std::numeric_limits<float>::infinity();
   f.forward_backward();
   for (const float gradient : f.arena.all_gradients()) CHECK(std::isfinite(gradient));
 }
@@ -331,7 +342,8 @@ TEST_CASE("anchor/mlp_decoder: an anchor at the camera centre has a direction an
       const auto to = reference.arena.values(block).flat();
       for (std::size_t i = 0; i < from.size(); ++i) to[i] = static_cast<double>(from[i]);
     };
-    for (std::size_t i = 0; i < 3; ++i) fast.arena.values(fast.anchors.position)(7, i) = static_cast<float>(delta * toward[i]);
+    for (std::size_t i = 0; i < 3; ++i)
+      fast.arena.values(fast.anchors.position)(7, i) = static_cast<float>(delta * toward[i]);
     for (std::size_t block = 0; block < fast.arena.layout().blocks().size(); ++block) copy({block});
     REQUIRE(fast.forward_backward() == reference.forward_backward());
     for (const double value : fast.everything()) CHECK(std::isfinite(value));
@@ -377,7 +389,8 @@ TEST_CASE("anchor/mlp_decoder: the view direction keeps its digits far from the 
     REQUIRE(near.forward() == far.forward());
     const auto x = std::as_const(near.batch).columns(), y = std::as_const(far.batch).columns();
     double worst = 0;
-    for (std::size_t row = 0; row < near.batch.size(); ++row) worst = std::max(worst, std::abs(static_cast<double>(x.color[0][row] - y.color[0][row])));
+    for (std::size_t row = 0; row < near.batch.size(); ++row)
+      worst = std::max(worst, std::abs(static_cast<double>(x.color[0][row] - y.color[0][row])));
     CHECK(worst <= 1e-6);
     // Negative control: the centre rounded to float first moves the direction by 1e-3 at 131072.
     if (shift > 1e5) CHECK(std::abs(static_cast<double>(static_cast<float>(0.3 + shift)) - (0.3 + shift)) > 1e-4);
@@ -386,7 +399,8 @@ TEST_CASE("anchor/mlp_decoder: the view direction keeps its digits far from the 
 
 namespace {
 
-/// One anchor whose covariance head is a constant: returns the rotation of its first Gaussian and d loss / d quaternion logits.
+/// One anchor whose covariance head is a constant: returns the rotation of its first Gaussian and d loss / d quaternion
+/// logits.
 struct QuaternionProbe {
   Fixture<MlpDecoder<float, odd>> f{1, 1};
   std::size_t k = 0;
@@ -470,7 +484,8 @@ TEST_CASE("anchor/mlp_decoder: an option that is off leaves nothing behind") {
 
 TEST_CASE("anchor/mlp_decoder: initialisation is PyTorch's Linear, keyed by the seed") {
   ParameterArena<float> a, b, c;
-  const auto ha = MlpDecoder<float>::add_parameters(a, 1), hb = MlpDecoder<float>::add_parameters(b, 1), hc = MlpDecoder<float>::add_parameters(c, 1);
+  const auto ha = MlpDecoder<float>::add_parameters(a, 1), hb = MlpDecoder<float>::add_parameters(b, 1),
+             hc = MlpDecoder<float>::add_parameters(c, 1);
   MlpDecoder<float>::initialise(a, ha, 1);
   MlpDecoder<float>::initialise(b, hb, 1);
   MlpDecoder<float>::initialise(c, hc, 2);

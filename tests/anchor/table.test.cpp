@@ -45,7 +45,8 @@ TEST_CASE("anchor/table: keep and append move all columns in step (A5)") {
   CHECK(anchor_gradients(arena, anchors).rows() == 5);
   for (const MatrixView<double>& block : {columns.position, columns.offset, columns.scaling, columns.feature}) {
     for (std::size_t row = 0; row < 5; ++row) {
-      for (std::size_t c = 0; c < block.columns; ++c) CHECK(block(row, c) == (row < 3 ? kept[row] + static_cast<double>(c) / 100 : 0));
+      for (std::size_t c = 0; c < block.columns; ++c)
+        CHECK(block(row, c) == (row < 3 ? kept[row] + static_cast<double>(c) / 100 : 0));
     }
   }
 }

@@ -26,7 +26,8 @@ struct Cloud {
     const Random random(seed, 0, 0);
     // Rounded to float, so that float and double see the same cloud.
     for (std::size_t i = 0; i < 3 * n; ++i) position[i] = static_cast<T>(static_cast<float>(spread * random.normal(i)));
-    for (std::size_t i = 0; i < 6 * n; ++i) scaling[i] = static_cast<T>(static_cast<float>(-3 + random.normal((1u << 30) + i)));
+    for (std::size_t i = 0; i < 6 * n; ++i)
+      scaling[i] = static_cast<T>(static_cast<float>(-3 + random.normal((1u << 30) + i)));
   }
   std::size_t size() const { return position.size() / 3; }
   AnchorColumns<const T> columns() const {
@@ -49,23 +50,28 @@ Camera<T> test_camera() {
   camera.center_world = {0.5, -0.25, -4};
   // Rotation of the unit quaternion (w, x, y, z) = (0.9, 0.1, -0.4, 0.1414…).
   const double w = 0.9, x = 0.1, y = -0.4, z = std::sqrt(1 - 0.81 - 0.01 - 0.16);
-  const std::array<double, 9> r{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
-                                2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
+  const std::array<double, 9> r{1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+                                2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+                                2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
   for (std::size_t i = 0; i < 9; ++i) camera.rotation_camera_world[i] = static_cast<T>(r[i]);
   return camera;
 }
 
-/// The published test of one anchor, literally (method sheet, 2.1), identity rotation; principal point at the image centre.
-bool published_visible(const Camera<double>& camera, const double* position, const double* log_scale, double near_plane) {
+/// The published test of one anchor, literally (method sheet, 2.1), identity rotation; principal point at the image
+/// centre.
+bool published_visible(const Camera<double>& camera, const double* position, const double* log_scale,
+                       double near_plane) {
   double t[3] = {};
   for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j) t[i] += camera.rotation_camera_world[3 * i + j] * (position[j] - camera.center_world[j]);
+    for (std::size_t j = 0; j < 3; ++j)
+      t[i] += camera.rotation_camera_world[3 * i + j] * (position[j] - camera.center_world[j]);
   }
   if (t[2] <= near_plane) return false;
   const double tan_x = camera.width / (2 * camera.fx), tan_y = camera.height / (2 * camera.fy);
   const double tx = std::min(1.3 * tan_x, std::max(-1.3 * tan_x, t[0] / t[2])) * t[2];
   const double ty = std::min(1.3 * tan_y, std::max(-1.3 * tan_y, t[1] / t[2])) * t[2];
-  const double j[2][3] = {{camera.fx / t[2], 0, -camera.fx * tx / (t[2] * t[2])}, {0, camera.fy / t[2], -camera.fy * ty / (t[2] * t[2])}};
+  const double j[2][3] = {{camera.fx / t[2], 0, -camera.fx * tx / (t[2] * t[2])},
+                          {0, camera.fy / t[2], -camera.fy * ty / (t[2] * t[2])}};
   double c[2][2] = {};
   for (std::size_t a = 0; a < 2; ++a) {
     for (std::size_t b = 0; b < 2; ++b) {
@@ -95,7 +101,8 @@ bool published_visible(const Camera<double>& camera, const double* position, con
 }
 
 template <class T, int W = native_width<T>>
-std::vector<std::uint32_t> visible_of(const AnchorColumns<const T>& columns, const Camera<T>& camera, const VisibilitySettings& settings = {}) {
+std::vector<std::uint32_t> visible_of(const AnchorColumns<const T>& columns, const Camera<T>& camera,
+                                      const VisibilitySettings& settings = {}) {
   Buffer<std::uint32_t> visible;
   VisibilityWorkspace workspace;
   SerialExecutor executor;
@@ -125,7 +132,8 @@ TEST_CASE("anchor/visibility: the published set, at any number of anchors and la
     const Cloud<double> cloud(n);
     std::vector<std::uint32_t> expected;
     for (std::uint32_t i = 0; i < n; ++i) {
-      if (published_visible(camera, cloud.position.data() + 3 * i, cloud.scaling.data() + 6 * i, 0.2)) expected.push_back(i);
+      if (published_visible(camera, cloud.position.data() + 3 * i, cloud.scaling.data() + 6 * i, 0.2))
+        expected.push_back(i);
     }
     CHECK(visible_of<double>(cloud.columns(), camera) == expected);
     CHECK(visible_of<double, 1>(cloud.columns(), camera) == expected);
@@ -159,7 +167,8 @@ TEST_CASE("anchor/visibility: the same list at any thread count") {
 }
 
 TEST_CASE("anchor/visibility: at and behind the near plane nothing is visible (PR1)") {
-  for (const float z : {-1.0f, -0.0f, 0.0f, 1e-30f, 0.2f, std::numeric_limits<float>::quiet_NaN(), -std::numeric_limits<float>::infinity()}) {
+  for (const float z : {-1.0f, -0.0f, 0.0f, 1e-30f, 0.2f, std::numeric_limits<float>::quiet_NaN(),
+                        -std::numeric_limits<float>::infinity()}) {
     CAPTURE(z);
     CHECK_FALSE(sees({0, 0, z}));
   }
@@ -175,7 +184,8 @@ TEST_CASE("anchor/visibility: giants and dwarfs ahead of the camera are visible 
   // Negative control: the plain discriminant overflows there and the comparison with a NaN radius would drop the giant.
   const float variance = std::exp(2 * 40.0f) * 400;
   CHECK_FALSE(std::isfinite(variance * variance - variance * variance));
-  const float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity()};
+  const float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(),
+                       -std::numeric_limits<float>::infinity()};
   for (const float value : bad) {
     for (std::size_t i = 0; i < 3; ++i) {
       std::array<float, 3> position{0, 0, 3}, log_scale{-3, -3, -3};

@@ -1,10 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Appearance embedding: one trained vector e a training view, which the colour head sees after its other inputs (method sheet, 1.3). It is
-// the same for all anchors of a view, so that its part of the first layer is a bias: b' = b + W_e e. Nothing happens per anchor:
+// Appearance embedding: one trained vector e a training view, which the colour head sees after its other inputs (method
+// sheet, 1.3). It is the same for all anchors of a view, so that its part of the first layer is a bias: b' = b + W_e e.
+// Nothing happens per anchor:
 //   forward   b' = b + W_e e                                     backward   dW_e += db' e^T,  de += W_e^T db',  db += db'
-// Cost: 2 D A operations a view. A view that was not trained uses the embedding of the last one (the published code clamps the index).
+// Cost: 2 D A operations a view. A view that was not trained uses the embedding of the last one (the published code
+// clamps the index).
 #pragma once
 
 #include <algorithm>
@@ -18,12 +20,14 @@ namespace compmark::inline v0 {
 /// No embedding: no table, no input, no work.
 struct NoAppearance : Absent<NoAppearance> {};
 
-/// The embedding as a bias. `weight` is the first layer of the colour head [D, inputs + A]; its last A columns belong to the embedding.
+/// The embedding as a bias. `weight` is the first layer of the colour head [D, inputs + A]; its last A columns belong
+/// to the embedding.
 struct AppearanceEmbedding {
   [[nodiscard]] static std::size_t row_of_view(std::size_t view, std::size_t rows) { return std::min(view, rows - 1); }
 
   template <class T>
-  static void fold(MatrixView<const T> weight, MatrixView<const T> bias, MatrixView<const T> table, std::size_t view, T* folded_bias) {
+  static void fold(MatrixView<const T> weight, MatrixView<const T> bias, MatrixView<const T> table, std::size_t view,
+                   T* folded_bias) {
     const T* const embedding = table.row(row_of_view(view, table.rows));
     const std::size_t first = weight.columns - table.columns;
     for (std::size_t h = 0; h < weight.rows; ++h) {
@@ -35,8 +39,8 @@ struct AppearanceEmbedding {
 
   /// Adds the gradients of W_e and e; the gradient of the bias itself is d_bias and is added by the caller.
   template <class T>
-  static void backward(MatrixView<const T> weight, MatrixView<const T> table, std::size_t view, const T* d_bias, MatrixView<T> d_weight,
-                       MatrixView<T> d_table) {
+  static void backward(MatrixView<const T> weight, MatrixView<const T> table, std::size_t view, const T* d_bias,
+                       MatrixView<T> d_weight, MatrixView<T> d_table) {
     const std::size_t row = row_of_view(view, table.rows);
     const T* const embedding = table.row(row);
     T* const d_embedding = d_table.row(row);

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What of the Gaussian decoder trains: three heads Linear -> ReLU -> Linear (method sheet, 1.3), and where the shape says so the feature
-// bank's network and the table of appearance embeddings. Blocks of the arena are named as PyTorch's Sequential names them.
+// What of the Gaussian decoder trains: three heads Linear -> ReLU -> Linear (method sheet, 1.3), and where the shape
+// says so the feature bank's network and the table of appearance embeddings. Blocks of the arena are named as PyTorch's
+// Sequential names them.
 #pragma once
 
 #include <cmath>
@@ -19,7 +20,8 @@
 
 namespace compmark::inline v0 {
 
-/// Linear -> ReLU -> Linear: "NAME.0.weight" [D, in], "NAME.0.bias" [1, D], "NAME.2.weight" [out, D], "NAME.2.bias" [1, out].
+/// Linear -> ReLU -> Linear: "NAME.0.weight" [D, in], "NAME.0.bias" [1, D], "NAME.2.weight" [out, D], "NAME.2.bias" [1,
+/// out].
 struct HeadHandles {
   BlockHandle weight1, bias1, weight2, bias2;
 };
@@ -39,8 +41,10 @@ struct DecoderHandles {
   HeadHandles opacity;     ///< "mlp_opacity"     out K, tanh
   HeadHandles covariance;  ///< "mlp_covariance"  out 7 K, linear; row 7 k + (0–2 scale logits, 3–6 quaternion w x y z)
   HeadHandles color;       ///< "mlp_color"       out 3 K, sigmoid
-  [[no_unique_address]] std::conditional_t<shape.feature_bank, HeadHandles, detail::NoBankHandles> feature_bank;      ///< "feature_bank"
-  [[no_unique_address]] std::conditional_t<shape.appearance_dim != 0, BlockHandle, detail::NoEmbeddingHandle> appearance;  ///< [views, A]
+  [[no_unique_address]] std::conditional_t<shape.feature_bank, HeadHandles, detail::NoBankHandles>
+      feature_bank;  ///< "feature_bank"
+  [[no_unique_address]] std::conditional_t<shape.appearance_dim != 0, BlockHandle, detail::NoEmbeddingHandle>
+      appearance;  ///< [views, A]
 };
 
 /// The same as views: of values (T const) or gradients.
@@ -48,7 +52,8 @@ template <class T, DecoderShape shape>
 struct DecoderParams {
   HeadViews<T> opacity, covariance, color;
   [[no_unique_address]] std::conditional_t<shape.feature_bank, HeadViews<T>, detail::NoBankHandles> feature_bank;
-  [[no_unique_address]] std::conditional_t<shape.appearance_dim != 0, MatrixView<T>, detail::NoEmbeddingHandle> appearance;
+  [[no_unique_address]] std::conditional_t<shape.appearance_dim != 0, MatrixView<T>, detail::NoEmbeddingHandle>
+      appearance;
 };
 
 namespace detail {
@@ -81,10 +86,11 @@ void initialise_head(ParameterArena<T>& arena, const HeadHandles& head, std::uin
   fill(head.bias2, hidden);
 }
 
-
 template <class U, DecoderShape shape, class Pick>
 DecoderParams<U, shape> decoder_views(const DecoderHandles<shape>& handles, const Pick& pick) {
-  const auto head = [&](const HeadHandles& h) { return HeadViews<U>{pick(h.weight1), pick(h.bias1), pick(h.weight2), pick(h.bias2)}; };
+  const auto head = [&](const HeadHandles& h) {
+    return HeadViews<U>{pick(h.weight1), pick(h.bias1), pick(h.weight2), pick(h.bias2)};
+  };
   DecoderParams<U, shape> params;
   params.opacity = head(handles.opacity);
   params.covariance = head(handles.covariance);
@@ -108,7 +114,8 @@ DecoderHandles<shape> add_decoder_blocks(ParameterArena<T>& arena, [[maybe_unuse
   if constexpr (shape.feature_bank) handles.feature_bank = detail::add_head(arena, "feature_bank", 4, d, 3);
   if constexpr (shape.appearance_dim != 0) {
     COMPMARK_ASSERT(train_views > 0, "add_decoder_blocks: an appearance embedding needs at least one view");
-    handles.appearance = arena.add("appearance", train_views, static_cast<std::size_t>(shape.appearance_dim), RowKind::fixed);
+    handles.appearance =
+        arena.add("appearance", train_views, static_cast<std::size_t>(shape.appearance_dim), RowKind::fixed);
   }
   return handles;
 }
@@ -128,11 +135,13 @@ void initialise_decoder(ParameterArena<T>& arena, const DecoderHandles<shape>& h
 }
 
 template <DecoderShape shape, class T>
-[[nodiscard]] DecoderParams<const T, shape> decoder_values(const ParameterArena<T>& arena, const DecoderHandles<shape>& handles) {
+[[nodiscard]] DecoderParams<const T, shape> decoder_values(const ParameterArena<T>& arena,
+                                                           const DecoderHandles<shape>& handles) {
   return detail::decoder_views<const T, shape>(handles, [&](BlockHandle handle) { return arena.values(handle); });
 }
 template <DecoderShape shape, class T>
-[[nodiscard]] DecoderParams<T, shape> decoder_gradients(ParameterArena<T>& arena, const DecoderHandles<shape>& handles) {
+[[nodiscard]] DecoderParams<T, shape> decoder_gradients(ParameterArena<T>& arena,
+                                                        const DecoderHandles<shape>& handles) {
   return detail::decoder_views<T, shape>(handles, [&](BlockHandle handle) { return arena.gradients(handle); });
 }
 

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The numbers of the anchor model that the compiler needs: widths of the table's columns and of the three heads, and which optional
-// inputs exist. A structural type, so that it is a template argument; an option that is off leaves no member, parameter or branch.
+// The numbers of the anchor model that the compiler needs: widths of the table's columns and of the three heads, and
+// which optional inputs exist. A structural type, so that it is a template argument; an option that is off leaves no
+// member, parameter or branch.
 #pragma once
 
 #include <cstddef>

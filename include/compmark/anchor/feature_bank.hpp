@@ -1,10 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Feature bank (method sheet, 1.3; off in every published script): the heads see a mixture of the feature at three resolutions whose weights
-// depend on the view. With (w0, w1, w2) = softmax of a network of (direction, distance), 4 -> D ReLU -> 3, and q = D / 4, h = D / 2:
+// Feature bank (method sheet, 1.3; off in every published script): the heads see a mixture of the feature at three
+// resolutions whose weights depend on the view. With (w0, w1, w2) = softmax of a network of (direction, distance), 4 ->
+// D ReLU -> 3, and q = D / 4, h = D / 2:
 //   mixed[c] = w0 f[4 (c mod q)] + w1 f[2 (c mod h)] + w2 f[c]
-// One anchor at a time, in plain loops of known length; about 25 D operations an anchor forward and twice that backward.
+// One anchor at a time, in plain loops of known length; about 25 D operations an anchor forward and twice that
+// backward.
 #pragma once
 
 #include <cmath>
@@ -18,8 +20,8 @@ namespace compmark::inline v0 {
 /// The heads see the feature itself.
 struct NoFeatureBank : Absent<NoFeatureBank> {};
 
-/// Forward and backward of one anchor; D is the feature's width and the hidden width. The gradients of the network are one plain record,
-/// so that a chunk of anchors accumulates into its own.
+/// Forward and backward of one anchor; D is the feature's width and the hidden width. The gradients of the network are
+/// one plain record, so that a chunk of anchors accumulates into its own.
 template <class T, int D>
 struct FeatureBank {
   static_assert(D % 4 == 0, "FeatureBank needs a feature width divisible by 4");
@@ -50,7 +52,8 @@ struct FeatureBank {
     for (int o = 0; o < outputs; ++o) {
       for (int h = 0; h < D; ++h) logit[o] += parameters[weight2 + o * D + h] * record.hidden[h];
     }
-    const T most = logit[0] > logit[1] ? (logit[0] > logit[2] ? logit[0] : logit[2]) : (logit[1] > logit[2] ? logit[1] : logit[2]);
+    const T most =
+        logit[0] > logit[1] ? (logit[0] > logit[2] ? logit[0] : logit[2]) : (logit[1] > logit[2] ? logit[1] : logit[2]);
     T total = 0;
     for (int o = 0; o < outputs; ++o) {
       record.weight[o] = std::exp(logit[o] - most);  // at most 1: no overflow
@@ -58,13 +61,14 @@ struct FeatureBank {
     }
     for (int o = 0; o < outputs; ++o) record.weight[o] /= total;
     for (int c = 0; c < D; ++c) {
-      mixed[c] = record.weight[0] * feature[4 * (c % (D / 4))] + record.weight[1] * feature[2 * (c % (D / 2))] + record.weight[2] * feature[c];
+      mixed[c] = record.weight[0] * feature[4 * (c % (D / 4))] + record.weight[1] * feature[2 * (c % (D / 2))] +
+                 record.weight[2] * feature[c];
     }
   }
 
   /// Adds into d_parameters, d_view and d_feature.
-  static void backward(const T* parameters, const T (&view)[inputs], const T* feature, const Record& record, const T* d_mixed,
-                       T* d_parameters, T (&d_view)[inputs], T* d_feature) {
+  static void backward(const T* parameters, const T (&view)[inputs], const T* feature, const Record& record,
+                       const T* d_mixed, T* d_parameters, T (&d_view)[inputs], T* d_feature) {
     T d_weight[outputs] = {};
     for (int c = 0; c < D; ++c) {
       d_weight[0] += d_mixed[c] * feature[4 * (c % (D / 4))];

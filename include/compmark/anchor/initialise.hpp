@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// First anchors from a point cloud (method sheet, 1.2): one anchor at the centre of every occupied voxel, all six log scales the root mean
-// square distance to the three nearest other anchors. Neighbours are exact (nanoflann). Four deliberate differences from the published
-// code, each a case of the numerics sheet:
+// First anchors from a point cloud (method sheet, 1.2): one anchor at the centre of every occupied voxel, all six log
+// scales the root mean square distance to the three nearest other anchors. Neighbours are exact (nanoflann). Four
+// deliberate differences from the published code, each a case of the numerics sheet:
 //   automatic voxel size   the square root is taken, so that it is a length (published: a squared length; `auto_voxel_squared` restores it)
 //   AN1, AN3               cells are rounded half to even in double and compared as three integers, so that far cells neither merge nor tear
 //   AN2                    the automatic size never falls below 1e-6 of the cloud's extent: duplicated points give one anchor, not none
@@ -28,8 +28,10 @@
 namespace compmark::inline v0 {
 
 struct InitialiseSettings {
-  double voxel_size = 0.001;        ///< world units; 0 or less: the median over points of the root mean square distance to 3 neighbours
-  bool auto_voxel_squared = false;  ///< the published automatic size: the mean squared distance itself, a length only by accident
+  double voxel_size =
+      0.001;  ///< world units; 0 or less: the median over points of the root mean square distance to 3 neighbours
+  bool auto_voxel_squared =
+      false;  ///< the published automatic size: the mean squared distance itself, a length only by accident
 };
 
 /// Anchors sorted by voxel (x, then y, then z). Offsets and features start at zero and are not listed.
@@ -55,11 +57,12 @@ struct PointList {
   }
 };
 
-/// Mean squared distance of every point to its three nearest others (fewer where there are fewer; 0 for a point alone). The point itself is
-/// excluded by index, so that duplicates count as distance 0.
+/// Mean squared distance of every point to its three nearest others (fewer where there are fewer; 0 for a point alone).
+/// The point itself is excluded by index, so that duplicates count as distance 0.
 [[nodiscard]] inline std::vector<double> mean_squared_neighbour_distance(const PointList& list) {
-  using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointList, double, std::uint32_t>, PointList, 3,
-                                                   std::uint32_t>;
+  using Tree =
+      nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointList, double, std::uint32_t>,
+                                          PointList, 3, std::uint32_t>;
   const std::size_t n = list.points.size();
   std::vector<double> result(n, 0.0);
   if (n < 2) return result;
@@ -84,7 +87,8 @@ struct PointList {
 /// The automatic voxel size of a cloud of finite points.
 [[nodiscard]] inline double automatic_voxel_size(const detail::PointList& cloud, bool squared) {
   std::vector<double> distance = detail::mean_squared_neighbour_distance(cloud);
-  const std::size_t middle = std::max<std::size_t>(distance.size() / 2, 1) - 1;  // the floor(n / 2)-th smallest, counted from one
+  const std::size_t middle =
+      std::max<std::size_t>(distance.size() / 2, 1) - 1;  // the floor(n / 2)-th smallest, counted from one
   std::nth_element(distance.begin(), distance.begin() + static_cast<std::ptrdiff_t>(middle), distance.end());
   const double size = squared ? distance[middle] : std::sqrt(distance[middle]);
   double extent = 0, magnitude = 0;
@@ -97,15 +101,18 @@ struct PointList {
     extent = std::max(extent, high - low);
     magnitude = std::max({magnitude, std::abs(low), std::abs(high)});
   }
-  const double least = std::max(1e-6 * extent, 1e-9 * magnitude);  // the second: far from the origin, cells must fit 32 bits
+  const double least =
+      std::max(1e-6 * extent, 1e-9 * magnitude);  // the second: far from the origin, cells must fit 32 bits
   return std::max({size, least, 1e-12});
 }
 
 template <class T = float>
-[[nodiscard]] Result<InitialAnchors<T>> initial_anchors(std::span<const std::array<float, 3>> points, const InitialiseSettings& settings) {
+[[nodiscard]] Result<InitialAnchors<T>> initial_anchors(std::span<const std::array<float, 3>> points,
+                                                        const InitialiseSettings& settings) {
   InitialAnchors<T> anchors;
   if (points.empty()) {
-    return Error{ErrorKind::invalid, {}, "points", "the point cloud is empty", "give a scene with a point cloud, or sample one"};
+    return Error{
+        ErrorKind::invalid, {}, "points", "the point cloud is empty", "give a scene with a point cloud, or sample one"};
   }
   detail::PointList cloud;
   cloud.points.reserve(points.size());
@@ -114,14 +121,18 @@ template <class T = float>
       ++anchors.skipped_points;
       continue;
     }
-    cloud.points.push_back({static_cast<double>(point[0]), static_cast<double>(point[1]), static_cast<double>(point[2])});
+    cloud.points.push_back(
+        {static_cast<double>(point[0]), static_cast<double>(point[1]), static_cast<double>(point[2])});
   }
   if (cloud.points.empty()) {
-    return Error{ErrorKind::invalid, {}, "points", "no point of the cloud is finite", "repair or re-export the point cloud"};
+    return Error{
+        ErrorKind::invalid, {}, "points", "no point of the cloud is finite", "repair or re-export the point cloud"};
   }
-  anchors.voxel_size = settings.voxel_size > 0 ? settings.voxel_size : automatic_voxel_size(cloud, settings.auto_voxel_squared);
+  anchors.voxel_size =
+      settings.voxel_size > 0 ? settings.voxel_size : automatic_voxel_size(cloud, settings.auto_voxel_squared);
   if (!std::isfinite(anchors.voxel_size)) {
-    return Error{ErrorKind::invalid, {}, "voxel_size", "the voxel size is not finite", "give a positive length in world units"};
+    return Error{
+        ErrorKind::invalid, {}, "voxel_size", "the voxel size is not finite", "give a positive length in world units"};
   }
 
   std::vector<Cell> cells;
@@ -135,7 +146,10 @@ template <class T = float>
     }
   }
   if (cells.empty()) {
-    return Error{ErrorKind::invalid, {}, "voxel_size", "every point is more than 2^31 voxels of " + std::to_string(anchors.voxel_size) + " away",
+    return Error{ErrorKind::invalid,
+                 {},
+                 "voxel_size",
+                 "every point is more than 2^31 voxels of " + std::to_string(anchors.voxel_size) + " away",
                  "give a larger voxel size"};
   }
   std::sort(cells.begin(), cells.end());
@@ -145,7 +159,8 @@ template <class T = float>
   centers.points.reserve(cells.size());
   anchors.position.reserve(3 * cells.size());
   for (const Cell& cell : cells) {
-    const std::array<double, 3> center{cell.x * anchors.voxel_size, cell.y * anchors.voxel_size, cell.z * anchors.voxel_size};
+    const std::array<double, 3> center{cell.x * anchors.voxel_size, cell.y * anchors.voxel_size,
+                                       cell.z * anchors.voxel_size};
     centers.points.push_back(center);
     for (const double x : center) anchors.position.push_back(static_cast<T>(x));
   }

@@ -1,10 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// MlpDecoder, the GaussianDecoder of Scaffold-GS (method sheet, 1.3, 1.5, 1.6): from each visible anchor's feature and view direction three
-// small networks give the opacity, shape and colour of K Gaussians; those with positive opacity are handed to the rasterizer.
+// MlpDecoder, the GaussianDecoder of Scaffold-GS (method sheet, 1.3, 1.5, 1.6): from each visible anchor's feature and
+// view direction three small networks give the opacity, shape and colour of K Gaussians; those with positive opacity
+// are handed to the rasterizer.
 //   mean = x + O exp(S[0:3]),  scale = exp(S[3:6]) sigmoid(u[0:3]),  rotation = u[3:7] / |u[3:7]|,  opacity = tanh(…),  color = sigmoid(…)
-// This file wires the fused kernels (mlp_decoder_forward.hpp, mlp_decoder_backward.hpp); ReferenceDecoder is the same in plain loops.
+// This file wires the fused kernels (mlp_decoder_forward.hpp, mlp_decoder_backward.hpp); ReferenceDecoder is the same
+// in plain loops.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +24,8 @@
 namespace compmark::inline v0 {
 
 /// Fused decoder. T: scalar; W: lanes. Nothing allocates once the Context has seen the largest view.
-/// Memory of the Context for n visible anchors and P Gaussians: 4.2 n K + 8 P bytes (float) and at most 64 partial gradients of the heads.
+/// Memory of the Context for n visible anchors and P Gaussians: 4.2 n K + 8 P bytes (float) and at most 64 partial
+/// gradients of the heads.
 template <class T, DecoderShape decoder_shape = DecoderShape{}, int W = native_width<T>>
 class MlpDecoder {
  public:
@@ -34,25 +37,29 @@ class MlpDecoder {
   using Params = ParamsOf<T>;
 
   struct Settings {
-    double min_distance = 1e-12;  ///< world units; an anchor nearer to the camera has no direction and gets (0, 0, 1) (case PR9)
+    double min_distance =
+        1e-12;  ///< world units; an anchor nearer to the camera has no direction and gets (0, 0, 1) (case PR9)
   };
 
-  /// What forward leaves for backward and statistics. `visible` and `decoded` are views of the caller's list and batch: both must stay as
-  /// they are until backward (a batch of colours, scales and rotations is not worth copying: 40 bytes a Gaussian, written and read).
+  /// What forward leaves for backward and statistics. `visible` and `decoded` are views of the caller's list and batch:
+  /// both must stay as they are until backward (a batch of colours, scales and rotations is not worth copying: 40 bytes
+  /// a Gaussian, written and read).
   struct Context {
     std::span<const std::uint32_t> visible;
     GaussianColumns<const T> decoded;
     std::size_t gaussians = 0;
-    std::size_t non_finite_anchors = 0;  ///< visible anchors with a NaN or infinity among their inputs: they gave no Gaussians
+    std::size_t non_finite_anchors =
+        0;  ///< visible anchors with a NaN or infinity among their inputs: they gave no Gaussians
     Buffer<T> opacity, opacity_sum, inverse_norm, color_bias1, bank, packed, chunk_gradients, total_gradients;
     Buffer<std::uint16_t> mask;
     Buffer<std::uint32_t> block_count, block_bad, block_row, slot;
     Buffer<detail::DecodeForwardScratch<T, W, shape>> forward_scratch;    // one a worker
     Buffer<detail::DecodeBackwardScratch<T, W, shape>> backward_scratch;  // one a worker
     [[nodiscard]] std::size_t memory_bytes() const {
-      return opacity.capacity_bytes() + opacity_sum.capacity_bytes() + inverse_norm.capacity_bytes() + color_bias1.capacity_bytes() +
-             bank.capacity_bytes() + packed.capacity_bytes() + chunk_gradients.capacity_bytes() + total_gradients.capacity_bytes() +
-             mask.capacity_bytes() + block_count.capacity_bytes() + block_bad.capacity_bytes() + block_row.capacity_bytes() +
+      return opacity.capacity_bytes() + opacity_sum.capacity_bytes() + inverse_norm.capacity_bytes() +
+             color_bias1.capacity_bytes() + bank.capacity_bytes() + packed.capacity_bytes() +
+             chunk_gradients.capacity_bytes() + total_gradients.capacity_bytes() + mask.capacity_bytes() +
+             block_count.capacity_bytes() + block_bad.capacity_bytes() + block_row.capacity_bytes() +
              slot.capacity_bytes() + forward_scratch.capacity_bytes() + backward_scratch.capacity_bytes();
     }
   };
@@ -61,7 +68,9 @@ class MlpDecoder {
   explicit MlpDecoder(const Settings& settings) : settings_(settings) {}
 
   /// Blocks "mlp_opacity.0.weight" … of the arena; train_views sizes the appearance table where the shape has one.
-  static Handles add_parameters(ParameterArena<T>& arena, std::size_t train_views) { return add_decoder_blocks<shape>(arena, train_views); }
+  static Handles add_parameters(ParameterArena<T>& arena, std::size_t train_views) {
+    return add_decoder_blocks<shape>(arena, train_views);
+  }
   /// PyTorch's default initialisation of Linear, keyed by seed and block name.
   static void initialise(ParameterArena<T>& arena, const Handles& handles, std::uint64_t seed) {
     initialise_decoder<shape>(arena, handles, seed);
@@ -70,11 +79,13 @@ class MlpDecoder {
     return decoder_values<shape>(arena, handles);
   }
 
-  /// Decodes rows `visible` of the table into `out` (resized); returns the number of Gaussians. view_index picks the embedding.
+  /// Decodes rows `visible` of the table into `out` (resized); returns the number of Gaussians. view_index picks the
+  /// embedding.
   template <Executor E>
   std::size_t forward(const AnchorColumns<const T>& anchors, std::span<const std::uint32_t> visible,
-                      const std::array<double, 3>& camera_center, [[maybe_unused]] std::size_t view_index, const ParameterArena<T>& arena,
-                      const Handles& handles, GaussianBatch<T>& out, Context& context, E& executor) const {
+                      const std::array<double, 3>& camera_center, [[maybe_unused]] std::size_t view_index,
+                      const ParameterArena<T>& arena, const Handles& handles, GaussianBatch<T>& out, Context& context,
+                      E& executor) const {
     check(anchors);
     const std::size_t blocks = chunk_count(visible.size(), Layout::block);
     const auto k = static_cast<std::size_t>(shape.offsets);
@@ -127,13 +138,16 @@ class MlpDecoder {
     return gaussians;
   }
 
-  /// Adds the gradients of all that the last forward read: rows `visible` of d_anchors and the gradients of the networks in the arena.
+  /// Adds the gradients of all that the last forward read: rows `visible` of d_anchors and the gradients of the
+  /// networks in the arena.
   template <Executor E>
-  void backward(const AnchorColumns<const T>& anchors, std::span<const std::uint32_t> visible, const std::array<double, 3>& camera_center,
-                [[maybe_unused]] std::size_t view_index, ParameterArena<T>& arena, const Handles& handles,
-                const GaussianColumns<const T>& d_gaussians, const AnchorColumns<T>& d_anchors, Context& context, E& executor) const {
+  void backward(const AnchorColumns<const T>& anchors, std::span<const std::uint32_t> visible,
+                const std::array<double, 3>& camera_center, [[maybe_unused]] std::size_t view_index,
+                ParameterArena<T>& arena, const Handles& handles, const GaussianColumns<const T>& d_gaussians,
+                const AnchorColumns<T>& d_anchors, Context& context, E& executor) const {
     check(anchors);
-    COMPMARK_ASSERT(visible.size() == context.visible.size(), "MlpDecoder::backward: not the anchors of the last forward");
+    COMPMARK_ASSERT(visible.size() == context.visible.size(),
+                    "MlpDecoder::backward: not the anchors of the last forward");
     if (context.gaussians == 0) return;
     const std::size_t blocks = chunk_count(visible.size(), Layout::block);
     const std::size_t grain = std::max(least_backward_grain, chunk_count(blocks, most_backward_chunks));
@@ -159,7 +173,8 @@ class MlpDecoder {
     arguments.d_gaussians = d_gaussians;
     arguments.d_anchors = d_anchors;
     executor.for_chunks(blocks, grain, [&](std::size_t begin, std::size_t end, std::size_t worker) {
-      Backward::run_chunk(arguments, begin, end, context.chunk_gradients.data() + begin / grain * Layout::gradient_count,
+      Backward::run_chunk(arguments, begin, end,
+                          context.chunk_gradients.data() + begin / grain * Layout::gradient_count,
                           context.backward_scratch[worker]);
     });
 
@@ -176,36 +191,45 @@ class MlpDecoder {
 
   /// What growing reads; valid until the next forward and as long as the list of visible anchors.
   [[nodiscard]] DecodedStatistics<T> statistics(const Context& context) const {
-    return {context.visible, {context.opacity_sum.data(), context.visible.size()}, {context.slot.data(), context.gaussians}};
+    return {context.visible,
+            {context.opacity_sum.data(), context.visible.size()},
+            {context.slot.data(), context.gaussians}};
   }
 
  private:
   using Layout = detail::DecoderLayout<T, W, shape>;
   using Forward = detail::ForwardKernels<T, W, shape>;
   using Backward = detail::BackwardKernels<T, W, shape>;
-  static constexpr std::size_t forward_grain = 16;         // blocks: 4 panels
-  static constexpr std::size_t least_backward_grain = 64;  // blocks: 16 panels, so that zeroing and adding a chunk's gradients is small
+  static constexpr std::size_t forward_grain = 16;  // blocks: 4 panels
+  static constexpr std::size_t least_backward_grain =
+      64;  // blocks: 16 panels, so that zeroing and adding a chunk's gradients is small
   static constexpr std::size_t most_backward_chunks = 64;  // bounds the memory of the partial gradients
 
   static void check([[maybe_unused]] const AnchorColumns<const T>& anchors) {
-    COMPMARK_ASSERT(anchors.feature.columns == static_cast<std::size_t>(shape.feature_dim), "MlpDecoder: the table has another feature width");
-    COMPMARK_ASSERT(anchors.offset.columns == 3 * static_cast<std::size_t>(shape.offsets), "MlpDecoder: the table has another offset count");
+    COMPMARK_ASSERT(anchors.feature.columns == static_cast<std::size_t>(shape.feature_dim),
+                    "MlpDecoder: the table has another feature width");
+    COMPMARK_ASSERT(anchors.offset.columns == 3 * static_cast<std::size_t>(shape.offsets),
+                    "MlpDecoder: the table has another offset count");
   }
-  [[nodiscard]] detail::ViewPoint<T> view_point(const std::array<double, 3>& center) const { return {center, settings_.min_distance}; }
+  [[nodiscard]] detail::ViewPoint<T> view_point(const std::array<double, 3>& center) const {
+    return {center, settings_.min_distance};
+  }
 
   /// The colour head's first bias with the view's embedding in it, and the feature bank's parameters in one piece.
-  static void prepare_options(const ParamsOf<const T>& params, [[maybe_unused]] std::size_t view_index, Context& context) {
+  static void prepare_options(const ParamsOf<const T>& params, [[maybe_unused]] std::size_t view_index,
+                              Context& context) {
     context.color_bias1.resize(static_cast<std::size_t>(shape.feature_dim));
     if constexpr (shape.appearance_dim != 0) {
-      AppearanceEmbedding::fold<T>(params.color.weight1, params.color.bias1, params.appearance, view_index, context.color_bias1.data());
+      AppearanceEmbedding::fold<T>(params.color.weight1, params.color.bias1, params.appearance, view_index,
+                                   context.color_bias1.data());
     } else {
       std::copy_n(params.color.bias1.data, context.color_bias1.size(), context.color_bias1.data());
     }
     if constexpr (shape.feature_bank) {
       context.bank.resize(static_cast<std::size_t>(Layout::bank_parameters));
       T* target = context.bank.data();
-      for (const MatrixView<const T>& view :
-           {params.feature_bank.weight1, params.feature_bank.bias1, params.feature_bank.weight2, params.feature_bank.bias2}) {
+      for (const MatrixView<const T>& view : {params.feature_bank.weight1, params.feature_bank.bias1,
+                                              params.feature_bank.weight2, params.feature_bank.bias2}) {
         target = std::copy_n(view.data, view.size(), target);
       }
     }
@@ -233,7 +257,8 @@ class MlpDecoder {
         packed[Layout::packed_weight1 + Layout::inputs * Layout::hidden + column] =
             head == 2 ? context.color_bias1[at(h)] : from.bias1(0, at(h));
         for (int o = 0; o < Layout::output_count(head); ++o) {
-          packed[Layout::packed_weight2 + (Layout::output_begin(head) + o) * Layout::head_hidden + h] = from.weight2(at(o), at(h));
+          packed[Layout::packed_weight2 + (Layout::output_begin(head) + o) * Layout::head_hidden + h] =
+              from.weight2(at(o), at(h));
         }
       }
     }
@@ -255,20 +280,21 @@ class MlpDecoder {
       }
       for (int o = 0; o < Layout::output_count(head); ++o) {
         const int row = Layout::output_begin(head) + o;
-        for (int h = 0; h < Layout::width; ++h) to.weight2(at(o), at(h)) += total[Layout::d_weight2 + row * Layout::head_hidden + h];
+        for (int h = 0; h < Layout::width; ++h)
+          to.weight2(at(o), at(h)) += total[Layout::d_weight2 + row * Layout::head_hidden + h];
         to.bias2(0, at(o)) += total[Layout::d_bias2 + row];
       }
       if constexpr (shape.appearance_dim != 0) {
         if (head == 2) {
-          AppearanceEmbedding::backward<T>(params.color.weight1, params.appearance, view_index, d_bias1, gradients.color.weight1,
-                                           gradients.appearance);
+          AppearanceEmbedding::backward<T>(params.color.weight1, params.appearance, view_index, d_bias1,
+                                           gradients.color.weight1, gradients.appearance);
         }
       }
     }
     if constexpr (shape.feature_bank) {
       const T* source = total + Layout::d_bank;
-      for (const MatrixView<T>& view : {gradients.feature_bank.weight1, gradients.feature_bank.bias1, gradients.feature_bank.weight2,
-                                        gradients.feature_bank.bias2}) {
+      for (const MatrixView<T>& view : {gradients.feature_bank.weight1, gradients.feature_bank.bias1,
+                                        gradients.feature_bank.weight2, gradients.feature_bank.bias2}) {
         for (T& value : view.flat()) value += *source++;
       }
     }

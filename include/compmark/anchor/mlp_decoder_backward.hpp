@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Backward kernels of the fused decoder (method sheet, 1.6). Per block, lanes are anchors: gradients of Gaussians become gradients of the
-// heads' outputs and of offset, scaling and position. Anchors that received any gradient are packed into panels of 64 rows (an occluded
-// or culled anchor costs nothing from there on), and per panel, lanes are hidden units: five products recompute the hidden layer and
-// give the gradients of weights and inputs. Weight gradients belong to a fixed chunk of blocks and are added in chunk order.
-// Cost an anchor with gradient: 2 (2 (D + 4) 3 D + D 3 D + 2 D 11 K) operations (33 k for D = 32, K = 10), a fifth of them recomputation
-// of the hidden layer, so that no memory of 3 D values an anchor grows with the view (docs/concepts/GaussianDecoder.md has the figures).
+// Backward kernels of the fused decoder (method sheet, 1.6). Per block, lanes are anchors: gradients of Gaussians
+// become gradients of the heads' outputs and of offset, scaling and position. Anchors that received any gradient are
+// packed into panels of 64 rows (an occluded or culled anchor costs nothing from there on), and per panel, lanes are
+// hidden units: five products recompute the hidden layer and give the gradients of weights and inputs. Weight gradients
+// belong to a fixed chunk of blocks and are added in chunk order. Cost an anchor with gradient: 2 (2 (D + 4) 3 D + D 3
+// D + 2 D 11 K) operations (33 k for D = 32, K = 10), a fifth of them recomputation of the hidden layer, so that no
+// memory of 3 D values an anchor grows with the view (docs/concepts/GaussianDecoder.md has the figures).
 #pragma once
 
 #include <cstddef>
@@ -49,11 +50,11 @@ struct BackwardArguments {
   AnchorColumns<const T> anchors;
   std::span<const std::uint32_t> visible;
   ViewPoint<T> from;
-  const T* packed;                 // DecoderLayout::packed_…
-  const T* bank;                   // feature bank parameters in one piece; null without it
-  const T* opacity;                // [blocks, K, 16]
-  const std::uint16_t* mask;       // [blocks, K]
-  const std::uint32_t* block_row;  // [blocks + 1]
+  const T* packed;                     // DecoderLayout::packed_…
+  const T* bank;                       // feature bank parameters in one piece; null without it
+  const T* opacity;                    // [blocks, K, 16]
+  const std::uint16_t* mask;           // [blocks, K]
+  const std::uint32_t* block_row;      // [blocks + 1]
   GaussianColumns<const T> gaussians;  // what forward wrote
   const T* inverse_norm;               // [P]
   GaussianColumns<const T> d_gaussians;
@@ -89,7 +90,8 @@ struct BackwardKernels {
     for (int o = 0; o < L::outputs; ++o) gradients[L::d_bias2 + o] = reduce_add(P::load(s.d_bias2 + o * W));
   }
 
-  /// Everything of a block that stays in lanes; its anchors with gradient are appended to the panel. Returns the panel's new fill.
+  /// Everything of a block that stays in lanes; its anchors with gradient are appended to the panel. Returns the
+  /// panel's new fill.
   static int append_block(const Arguments& a, std::size_t block, int filled, Scratch& s) {
     const std::uint32_t* const rows = a.visible.data() + block * 16;
     const std::size_t left = a.visible.size() - block * 16;
@@ -114,7 +116,8 @@ struct BackwardKernels {
       }
     }
     if (touched == 0) return filled;
-    // position: d mean; log scaling: d extent * extent (chain rule of exp) and the sum of d scale * scale (already complete)
+    // position: d mean; log scaling: d extent * extent (chain rule of exp) and the sum of d scale * scale (already
+    // complete)
     for (int i = 0; i < 3; ++i) {
       for (int lane = 0; lane < 16; lane += W) {
         T* const target = s.d_geometry + (3 + i) * 16 + lane;
@@ -142,10 +145,13 @@ struct BackwardKernels {
     }
   }
 
-  /// Gaussians (k, W anchors): gradients of the heads' outputs, of offset and of geometry. Returns the lanes with any gradient at all
-  /// (a NaN counts as gradient: it must arrive where it is reported).
-  static COMPMARK_INLINE M chain_pack(const Arguments& a, std::size_t block, int k, int lane, M mask, std::size_t row, Scratch& s) {
-    const auto take = [&](const T* column) __attribute__((always_inline)) { return P::expand_load(column + row, mask); };
+  /// Gaussians (k, W anchors): gradients of the heads' outputs, of offset and of geometry. Returns the lanes with any
+  /// gradient at all (a NaN counts as gradient: it must arrive where it is reported).
+  static COMPMARK_INLINE M chain_pack(const Arguments& a, std::size_t block, int k, int lane, M mask, std::size_t row,
+                                      Scratch& s) {
+    const auto take = [&](const T* column) __attribute__((always_inline)) {
+      return P::expand_load(column + row, mask);
+    };
     const P d_opacity = take(a.d_gaussians.opacity);
     P size = magnitude(d_opacity);
     const P opacity = P::load(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane);
@@ -194,13 +200,15 @@ struct BackwardKernels {
       if (bits == 0) continue;
       const M mask = M::from_bits(bits);
       if (all(mask)) {
-        for (int o = 0; o < L::outputs; ++o) P::load(s.block_output + o * 16 + lane).store(s.d_output + o * L::panel_capacity + next);
+        for (int o = 0; o < L::outputs; ++o)
+          P::load(s.block_output + o * 16 + lane).store(s.d_output + o * L::panel_capacity + next);
       } else {
         for (int o = 0; o < L::outputs; ++o) {
           P::load(s.block_output + o * 16 + lane).compress_store(s.d_output + o * L::panel_capacity + next, mask);
         }
       }
-      const P position[3] = {P::load(s.position + lane), P::load(s.position + 16 + lane), P::load(s.position + 32 + lane)};
+      const P position[3] = {P::load(s.position + lane), P::load(s.position + 16 + lane),
+                             P::load(s.position + 32 + lane)};
       const ViewLanes<T, W> view(a.from, position);
       for (int i = 0; i < 3; ++i) view.direction[i].compress_store(s.view + i * L::panel_capacity + next, mask);
       view.distance.compress_store(s.view + 3 * L::panel_capacity + next, mask);
@@ -270,9 +278,10 @@ struct BackwardKernels {
     constexpr ProductShape outer{count, L::head_hidden, L::panel, L::panel_capacity, 1, L::hidden, L::head_hidden};
     const T* const d_output = s.d_output + first * L::panel_capacity;
     const T* const hidden = s.hidden + Head * L::head_hidden;
-    product<T, W, back>(d_output, a.packed + L::packed_weight2 + first * L::head_hidden, s.d_hidden + Head * L::head_hidden,
-                        StartZero<T, W>{}, FinishReluGradient{hidden});
-    product<T, W, outer>(d_output, hidden, gradients + L::d_weight2 + first * L::head_hidden, StartAccumulate<T, W>{}, FinishLinear<T, W>{});
+    product<T, W, back>(d_output, a.packed + L::packed_weight2 + first * L::head_hidden,
+                        s.d_hidden + Head * L::head_hidden, StartZero<T, W>{}, FinishReluGradient{hidden});
+    product<T, W, outer>(d_output, hidden, gradients + L::d_weight2 + first * L::head_hidden, StartAccumulate<T, W>{},
+                         FinishLinear<T, W>{});
   }
 
   static void run_panel(const Arguments& a, int filled, T* gradients, Scratch& s) {
@@ -291,8 +300,10 @@ struct BackwardKernels {
       sum.store(s.d_bias2 + o * W);
     }
     view_gradient(a, filled, s);
-    if constexpr (shape.feature_bank) bank_gradient(a, filled, gradients, s);
-    else feature_gradient(a, filled, s);
+    if constexpr (shape.feature_bank)
+      bank_gradient(a, filled, gradients, s);
+    else
+      feature_gradient(a, filled, s);
     direction_gradient(a, filled, s);
   }
 
@@ -303,7 +314,8 @@ struct BackwardKernels {
       for (int i = 0; i < L::view_inputs; ++i) {
         P sum(T{});
         for (int h = 0; h < L::hidden; h += W) {
-          sum = fma(P::load(s.d_hidden + row * L::hidden + h), P::load(a.packed + L::packed_view + i * L::hidden + h), sum);
+          sum = fma(P::load(s.d_hidden + row * L::hidden + h), P::load(a.packed + L::packed_view + i * L::hidden + h),
+                    sum);
         }
         s.d_view[i * L::panel + row] = reduce_add(sum);
       }
@@ -326,16 +338,19 @@ struct BackwardKernels {
       T d_view[4] = {};
       typename Bank::Record record;
       Bank::forward(a.bank, view.values, feature, mixed, record);
-      Bank::backward(a.bank, view.values, feature, record, s.d_feature + row * L::feature_row, gradients + L::d_bank, d_view,
-                     a.d_anchors.feature.row(s.row[row]));
+      Bank::backward(a.bank, view.values, feature, record, s.d_feature + row * L::feature_row, gradients + L::d_bank,
+                     d_view, a.d_anchors.feature.row(s.row[row]));
       for (int i = 0; i < 4; ++i) s.d_view[i * L::panel + row] += d_view[i];
     }
   }
 
-  /// Through direction = v / |v| and distance = |v|: (g - d (d g)) / |v| + g_distance d; nothing at the camera (case PR9).
+  /// Through direction = v / |v| and distance = |v|: (g - d (d g)) / |v| + g_distance d; nothing at the camera (case
+  /// PR9).
   static void direction_gradient(const Arguments& a, int filled, Scratch& s) {
     for (int first = 0; first < L::panel; first += W) {
-      const auto view = [&](int i) __attribute__((always_inline)) { return P::load(s.view + i * L::panel_capacity + first); };
+      const auto view = [&](int i) __attribute__((always_inline)) {
+        return P::load(s.view + i * L::panel_capacity + first);
+      };
       const auto slope = [&](int i) __attribute__((always_inline)) { return P::load(s.d_view + i * L::panel + first); };
       const P inverse = view(4);
       P radial(T{});

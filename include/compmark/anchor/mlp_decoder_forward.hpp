@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Forward kernels of the fused decoder (method sheet, 1.5). Lanes are anchors. Pass 1 runs the opacity head and finds which Gaussians
-// exist; after a prefix sum over blocks, pass 2 runs the covariance and colour heads and writes each Gaussian to its final row.
-// Cost an anchor: 2 (D + 3) 3 D + 2 D 11 K operations (13.8 k for D = 32, K = 10), 14 K exponentials; reads 71 floats (the feature twice).
+// Forward kernels of the fused decoder (method sheet, 1.5). Lanes are anchors. Pass 1 runs the opacity head and finds
+// which Gaussians exist; after a prefix sum over blocks, pass 2 runs the covariance and colour heads and writes each
+// Gaussian to its final row. Cost an anchor: 2 (D + 3) 3 D + 2 D 11 K operations (13.8 k for D = 32, K = 10), 14 K
+// exponentials; reads 71 floats (the feature twice).
 #pragma once
 
 #include <algorithm>
@@ -39,17 +40,17 @@ struct ForwardArguments {
   std::span<const std::uint32_t> visible;
   ViewPoint<T> from;
   DecoderParams<const T, shape> params;
-  const T* color_bias1;              // [D], with the view's appearance folded in
-  const T* bank;                     // feature bank parameters in one piece; null without it
-  T* opacity;                        // [blocks, K, 16] tanh of the opacity head
-  std::uint16_t* mask;               // [blocks, K] which lanes are Gaussians
-  T* opacity_sum;                    // [blocks, 16]
-  std::uint32_t* block_count;        // [blocks] Gaussians of the block (pass 1)
-  std::uint32_t* block_bad;          // [blocks] anchors with a non-finite input (pass 1)
-  const std::uint32_t* block_row;    // [blocks + 1] first row of the block (pass 2)
-  GaussianColumns<T> out;            // (pass 2)
-  T* inverse_norm;                   // [P] 1 / norm of the quaternion logits, 0 where they have no direction (pass 2)
-  std::uint32_t* slot;               // [P] (pass 2)
+  const T* color_bias1;            // [D], with the view's appearance folded in
+  const T* bank;                   // feature bank parameters in one piece; null without it
+  T* opacity;                      // [blocks, K, 16] tanh of the opacity head
+  std::uint16_t* mask;             // [blocks, K] which lanes are Gaussians
+  T* opacity_sum;                  // [blocks, 16]
+  std::uint32_t* block_count;      // [blocks] Gaussians of the block (pass 1)
+  std::uint32_t* block_bad;        // [blocks] anchors with a non-finite input (pass 1)
+  const std::uint32_t* block_row;  // [blocks + 1] first row of the block (pass 2)
+  GaussianColumns<T> out;          // (pass 2)
+  T* inverse_norm;                 // [P] 1 / norm of the quaternion logits, 0 where they have no direction (pass 2)
+  std::uint32_t* slot;             // [P] (pass 2)
 };
 
 template <class T, int W, DecoderShape shape>
@@ -74,7 +75,8 @@ struct ForwardKernels {
     gather_geometry<T>(a.anchors, rows, valid, s.position, nullptr);
     alignas(64) T view[4][16];
     for (int lane = 0; lane < 16; lane += W) {
-      const P position[3] = {P::load(s.position + lane), P::load(s.position + 16 + lane), P::load(s.position + 32 + lane)};
+      const P position[3] = {P::load(s.position + lane), P::load(s.position + 16 + lane),
+                             P::load(s.position + 32 + lane)};
       const ViewLanes<T, W> lanes(a.from, position);
       for (int i = 0; i < 3; ++i) lanes.direction[i].store(view[i] + lane);
       lanes.distance.store(view[3] + lane);
@@ -133,7 +135,8 @@ struct ForwardKernels {
     std::uint32_t gaussians = 0;
     std::uint32_t bad = 0;
     for (int lane = 0; lane < 16; lane += W) {
-      // An anchor with a non-finite input gives no Gaussians and is counted, before an activation could hide it (numerics case ML4).
+      // An anchor with a non-finite input gives no Gaussians and is counted, before an activation could hide it
+      // (numerics case ML4).
       P zero(T{});
       for (int i = 0; i < L::inputs; ++i) zero = fma(P::load(s.input + i * L::panel + slot * 16 + lane), P(T{}), zero);
       const M real = M::first(valid - lane);
@@ -167,8 +170,10 @@ struct ForwardKernels {
       }
       if (count == 0) return;
       for (int slot = count; slot < 4; ++slot) clear_inputs(slot, s);
-      head<shape.head_inputs(), 7 * L::offsets>(a.params.covariance, a.params.covariance.bias1.data, s, s.hidden, s.output);
-      head<shape.color_inputs(), 3 * L::offsets>(a.params.color, a.color_bias1, s, s.hidden, s.output + 7 * L::offsets * L::panel);
+      head<shape.head_inputs(), 7 * L::offsets>(a.params.covariance, a.params.covariance.bias1.data, s, s.hidden,
+                                                s.output);
+      head<shape.color_inputs(), 3 * L::offsets>(a.params.color, a.color_bias1, s, s.hidden,
+                                                 s.output + 7 * L::offsets * L::panel);
       for (int slot = 0; slot < count; ++slot) write_block(a, members[slot], slot, last_row, s);
     }
   }
@@ -197,7 +202,8 @@ struct ForwardKernels {
         std::uint32_t* const slots = a.slot + row;
         int next = 0;
         for (unsigned left = bits; left != 0; left &= left - 1) {
-          slots[next++] = rows[lane + __builtin_ctz(left)] * static_cast<std::uint32_t>(L::offsets) + static_cast<std::uint32_t>(k);
+          slots[next++] =
+              rows[lane + __builtin_ctz(left)] * static_cast<std::uint32_t>(L::offsets) + static_cast<std::uint32_t>(k);
         }
         row += static_cast<std::size_t>(gaussians);
       }
@@ -224,8 +230,8 @@ struct ForwardKernels {
     return to;
   }
 
-  static COMPMARK_INLINE void write_pack(const Arguments& a, std::size_t block, int k, int slot, int lane, M mask, const Columns& to,
-                                         const Scratch& s) {
+  static COMPMARK_INLINE void write_pack(const Arguments& a, std::size_t block, int k, int slot, int lane, M mask,
+                                         const Columns& to, const Scratch& s) {
     const auto put = [&](int column, P value) __attribute__((always_inline)) {
       value.compress_store(to[static_cast<std::size_t>(column)], mask);
     };
@@ -245,7 +251,8 @@ struct ForwardKernels {
       put(3 + i, base * logistic[i]);
       put(11 + i, logistic[3 + i]);
     }
-    // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction (case QU1).
+    // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction
+    // (case QU1).
     P q[4];
     for (int i = 0; i < 4; ++i) q[i] = P::load(covariance + (3 + i) * L::panel);
     const P largest = max(max(magnitude(q[0]), magnitude(q[1])), max(magnitude(q[2]), magnitude(q[3])));
@@ -262,8 +269,8 @@ struct ForwardKernels {
 
   static COMPMARK_INLINE P magnitude(P x) { return max(x, -x); }
 
-  /// 1 / (1 + exp(-x)) of six packs with one division: every denominator is in [1, 2], so that their product is in [1, 64]. Divisions were
-  /// a fifth of the time of this pass. Relative error 4e-7 in float.
+  /// 1 / (1 + exp(-x)) of six packs with one division: every denominator is in [1, 2], so that their product is in [1,
+  /// 64]. Divisions were a fifth of the time of this pass. Relative error 4e-7 in float.
   static COMPMARK_INLINE void sigmoid_of_six(P (&x)[6]) {
     P denominator[6], product_before[6];
     P numerator[6];

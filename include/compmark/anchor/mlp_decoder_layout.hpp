@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Constants, scratch memory and row movers of the fused decoder: how a block of 16 visible anchors gets from the rows of the table into
-// lanes and back. Lanes are anchors in the forward pass and in everything that touches Gaussians; lanes are hidden units in the backward
-// pass, because sums over anchors (weight gradients) then need no transposition at all.
+// Constants, scratch memory and row movers of the fused decoder: how a block of 16 visible anchors gets from the rows
+// of the table into lanes and back. Lanes are anchors in the forward pass and in everything that touches Gaussians;
+// lanes are hidden units in the backward pass, because sums over anchors (weight gradients) then need no transposition
+// at all.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +19,8 @@
 
 namespace compmark::inline v0::detail {
 
-/// Sizes that follow from the shape. A block (16 anchors) is the unit of the order of Gaussians, a panel (64) that of the products.
+/// Sizes that follow from the shape. A block (16 anchors) is the unit of the order of Gaussians, a panel (64) that of
+/// the products.
 template <class T, int W, DecoderShape shape>
 struct DecoderLayout {
   static_assert(16 % W == 0, "the decoder's blocks have 16 lanes");
@@ -30,7 +32,8 @@ struct DecoderLayout {
   static constexpr int offsets = shape.offsets;
   static constexpr int view_inputs = shape.distance ? 4 : 3;
   static constexpr int inputs = shape.head_inputs();
-  static constexpr int input_row = inputs + 1;         // row-major inputs end with a one, so that biases are a row of the weights
+  static constexpr int input_row =
+      inputs + 1;  // row-major inputs end with a one, so that biases are a row of the weights
   static constexpr int head_hidden = round_up(width);  // padded with zeros to whole packs
   static constexpr int hidden = 3 * head_hidden;       // the three heads side by side: opacity, covariance, colour
   static constexpr int feature_row = round_up(width);
@@ -46,21 +49,22 @@ struct DecoderLayout {
       return 0;
     }
   }();
-  static constexpr int d_weight2 = 0;                                // [outputs, head_hidden]
+  static constexpr int d_weight2 = 0;                                  // [outputs, head_hidden]
   static constexpr int d_weight1 = d_weight2 + outputs * head_hidden;  // [input_row, hidden], last row: biases
-  static constexpr int d_bias2 = d_weight1 + input_row * hidden;     // [outputs]
+  static constexpr int d_bias2 = d_weight1 + input_row * hidden;       // [outputs]
   static constexpr int d_bank = d_bias2 + outputs;
   static constexpr int gradient_count = (d_bank + bank_parameters + 15) / 16 * 16;
 
   // The networks' values as the backward pass wants them.
-  static constexpr int packed_weight1 = 0;                                              // [input_row, hidden], last row: biases
-  static constexpr int packed_feature = packed_weight1 + input_row * hidden;            // [hidden, feature_row]
-  static constexpr int packed_view = packed_feature + hidden * feature_row;             // [view_inputs, hidden]
-  static constexpr int packed_weight2 = packed_view + view_inputs * hidden;             // [outputs, head_hidden]
+  static constexpr int packed_weight1 = 0;                                    // [input_row, hidden], last row: biases
+  static constexpr int packed_feature = packed_weight1 + input_row * hidden;  // [hidden, feature_row]
+  static constexpr int packed_view = packed_feature + hidden * feature_row;   // [view_inputs, hidden]
+  static constexpr int packed_weight2 = packed_view + view_inputs * hidden;   // [outputs, head_hidden]
   static constexpr int packed_count = packed_weight2 + outputs * head_hidden;
 };
 
-/// Unit direction and distance of W anchors seen from the view point; (0, 0, 1) and 0 where the anchor is at the camera (case PR9).
+/// Unit direction and distance of W anchors seen from the view point; (0, 0, 1) and 0 where the anchor is at the camera
+/// (case PR9).
 template <class T, int W>
 struct ViewLanes {
   Pack<T, W> direction[3];
@@ -83,7 +87,8 @@ struct ViewLanes {
   }
 };
 
-/// `Count` columns of W anchors into W rows of lanes (the transposed columns). Row pointers may be null: those lanes become zero.
+/// `Count` columns of W anchors into W rows of lanes (the transposed columns). Row pointers may be null: those lanes
+/// become zero.
 template <int Count, int Stride, int W, class T>
 inline void gather_strip(const T* const (&lines)[W], std::size_t column, T* target) {
   using P = Pack<T, W>;
@@ -101,7 +106,8 @@ inline void gather_strip(const T* const (&lines)[W], std::size_t column, T* targ
   for (int j = 0; j < Count; ++j) packs[j].store(target + j * Stride);
 }
 
-/// target[column * Stride + lane] = table(rows[lane], column); lanes beyond `valid` become zero. Reads inside the rows only.
+/// target[column * Stride + lane] = table(rows[lane], column); lanes beyond `valid` become zero. Reads inside the rows
+/// only.
 template <int Columns, int Stride, int W, class T>
 inline void gather_transposed(MatrixView<const T> table, const std::uint32_t* rows, int valid, T* target) {
   for (int first = 0; first < 16; first += W) {
@@ -142,16 +148,19 @@ inline void scatter_add_transposed(const T* source, const std::uint32_t* rows, u
     T* lines[W];
     for (int i = 0; i < W; ++i) lines[i] = (lanes >> (first + i) & 1u) != 0 ? table.row(rows[first + i]) : nullptr;
     int column = 0;
-    for (; column + W <= Columns; column += W) scatter_strip<W, W>(source + column * 16 + first, lines, static_cast<std::size_t>(column));
+    for (; column + W <= Columns; column += W)
+      scatter_strip<W, W>(source + column * 16 + first, lines, static_cast<std::size_t>(column));
     if constexpr (Columns % W != 0) {
       scatter_strip<Columns % W, W>(source + column * 16 + first, lines, static_cast<std::size_t>(column));
     }
   }
 }
 
-/// Position (3 rows) and log scaling (6 rows) of a block as lanes, target[column * 16 + lane]; too narrow for register transposition.
+/// Position (3 rows) and log scaling (6 rows) of a block as lanes, target[column * 16 + lane]; too narrow for register
+/// transposition.
 template <class T>
-inline void gather_geometry(const AnchorColumns<const T>& anchors, const std::uint32_t* rows, int valid, T* position, T* scaling) {
+inline void gather_geometry(const AnchorColumns<const T>& anchors, const std::uint32_t* rows, int valid, T* position,
+                            T* scaling) {
   for (int lane = 0; lane < 16; ++lane) {
     const bool real = lane < valid;
     const T* const x = real ? anchors.position.row(rows[lane]) : nullptr;

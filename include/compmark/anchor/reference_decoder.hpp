@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// ReferenceDecoder: MlpDecoder's interface and order of Gaussians in plain loops over one anchor at a time, for any scalar, on one thread
-// whatever the executor. It is written from the formulas (method sheet, 1.3, 1.5, 1.6) and shares no kernel with the fast one, optional
-// inputs included; tests hold the two against each other and both against central differences. Kept for ever. Cost: about 30 times that
-// of MlpDecoder in float on one core.
+// ReferenceDecoder: MlpDecoder's interface and order of Gaussians in plain loops over one anchor at a time, for any
+// scalar, on one thread whatever the executor. It is written from the formulas (method sheet, 1.3, 1.5, 1.6) and shares
+// no kernel with the fast one, optional inputs included; tests hold the two against each other and both against central
+// differences. Kept for ever. Cost: about 30 times that of MlpDecoder in float on one core.
 #pragma once
 
 #include <algorithm>
@@ -44,7 +44,8 @@ struct ReferenceHead {
     }
   }
   /// Adds the gradients of the network; returns that of the input.
-  [[nodiscard]] std::vector<T> backward(const HeadViews<const T>& head, const std::vector<T>& d_output, const HeadViews<T>& d_head) const {
+  [[nodiscard]] std::vector<T> backward(const HeadViews<const T>& head, const std::vector<T>& d_output,
+                                        const HeadViews<T>& d_head) const {
     std::vector<T> d_input(input.size(), T(0));
     for (std::size_t o = 0; o < output.size(); ++o) {
       d_head.bias2(0, o) += d_output[o];
@@ -104,14 +105,17 @@ class ReferenceDecoder {
   ReferenceDecoder() = default;
   explicit ReferenceDecoder(const Settings& settings) : settings_(settings) {}
 
-  static Handles add_parameters(ParameterArena<T>& arena, std::size_t train_views) { return add_decoder_blocks<shape>(arena, train_views); }
+  static Handles add_parameters(ParameterArena<T>& arena, std::size_t train_views) {
+    return add_decoder_blocks<shape>(arena, train_views);
+  }
   static void initialise(ParameterArena<T>& arena, const Handles& handles, std::uint64_t seed) {
     initialise_decoder<shape>(arena, handles, seed);
   }
 
   template <Executor E>
-  std::size_t forward(const AnchorColumns<const T>& table, std::span<const std::uint32_t> visible, const std::array<double, 3>& camera_center,
-                      std::size_t view_index, const ParameterArena<T>& arena, const Handles& handles, GaussianBatch<T>& out, Context& context,
+  std::size_t forward(const AnchorColumns<const T>& table, std::span<const std::uint32_t> visible,
+                      const std::array<double, 3>& camera_center, std::size_t view_index,
+                      const ParameterArena<T>& arena, const Handles& handles, GaussianBatch<T>& out, Context& context,
                       E& /*executor*/) const {
     const auto params = decoder_values<shape>(arena, handles);
     context.visible = visible;
@@ -154,9 +158,10 @@ class ReferenceDecoder {
   }
 
   template <Executor E>
-  void backward(const AnchorColumns<const T>& table, std::span<const std::uint32_t> visible, const std::array<double, 3>& /*camera_center*/,
-                [[maybe_unused]] std::size_t view_index, ParameterArena<T>& arena, const Handles& handles,
-                const GaussianColumns<const T>& d_gaussians, const AnchorColumns<T>& d_table, Context& context, E& /*executor*/) const {
+  void backward(const AnchorColumns<const T>& table, std::span<const std::uint32_t> visible,
+                const std::array<double, 3>& /*camera_center*/, [[maybe_unused]] std::size_t view_index,
+                ParameterArena<T>& arena, const Handles& handles, const GaussianColumns<const T>& d_gaussians,
+                const AnchorColumns<T>& d_table, Context& context, E& /*executor*/) const {
     const auto params = decoder_values<shape>(static_cast<const ParameterArena<T>&>(arena), handles);
     const Params d_params = decoder_gradients<shape>(arena, handles);
     std::vector<Outputs> d_outputs(visible.size());
@@ -171,7 +176,8 @@ class ReferenceDecoder {
       const Quaternion rotation = quaternion(anchor, k);
       for (std::size_t i = 0; i < 4; ++i) radial += rotation.unit[i] * d_gaussians.rotation[i][row];
       for (std::size_t i = 0; i < 4; ++i) {
-        d.covariance[7 * k + 3 + i] = (d_gaussians.rotation[i][row] - rotation.unit[i] * radial) * rotation.inverse_norm;
+        d.covariance[7 * k + 3 + i] =
+            (d_gaussians.rotation[i][row] - rotation.unit[i] * radial) * rotation.inverse_norm;
       }
       for (std::size_t i = 0; i < 3; ++i) {
         const T color = logistic(anchor.color.output[3 * k + i]);
@@ -189,15 +195,18 @@ class ReferenceDecoder {
       if (d_outputs[n].opacity.empty()) continue;
       const Anchor& anchor = context.anchors[n];
       std::vector<T> d_input = anchor.opacity.backward(params.opacity, d_outputs[n].opacity, d_params.opacity);
-      const std::vector<T> d_covariance = anchor.covariance.backward(params.covariance, d_outputs[n].covariance, d_params.covariance);
+      const std::vector<T> d_covariance =
+          anchor.covariance.backward(params.covariance, d_outputs[n].covariance, d_params.covariance);
       const std::vector<T> d_color = anchor.color.backward(params.color, d_outputs[n].color, d_params.color);
       for (std::size_t i = 0; i < d_input.size(); ++i) d_input[i] += d_covariance[i] + d_color[i];
       if constexpr (shape.appearance_dim != 0) {
         const std::size_t view = std::min(view_index, params.appearance.rows - 1);
-        for (std::size_t i = 0; i < params.appearance.columns; ++i) d_params.appearance(view, i) += d_color[d_input.size() + i];
+        for (std::size_t i = 0; i < params.appearance.columns; ++i)
+          d_params.appearance(view, i) += d_color[d_input.size() + i];
       }
       std::array<T, 4> d_view{};
-      for (std::size_t i = 0; i < static_cast<std::size_t>(shape.head_inputs()) - width; ++i) d_view[i] = d_input[width + i];
+      for (std::size_t i = 0; i < static_cast<std::size_t>(shape.head_inputs()) - width; ++i)
+        d_view[i] = d_input[width + i];
       T* const d_feature = d_table.feature.row(visible[n]);
       if constexpr (shape.feature_bank) {
         const T* const feature = table.feature.row(visible[n]);
@@ -224,7 +233,8 @@ class ReferenceDecoder {
       T radial = 0;
       for (std::size_t i = 0; i < 3; ++i) radial += anchor.direction[i] * d_view[i];
       for (std::size_t i = 0; i < 3; ++i) {
-        d_table.position(visible[n], i) += (d_view[i] - anchor.direction[i] * radial) / anchor.distance + d_view[3] * anchor.direction[i];
+        d_table.position(visible[n], i) +=
+            (d_view[i] - anchor.direction[i] * radial) / anchor.distance + d_view[3] * anchor.direction[i];
       }
     }
   }
@@ -246,7 +256,9 @@ class ReferenceDecoder {
   };
 
   static T logistic(T x) { return x < T(0) ? std::exp(x) / (1 + std::exp(x)) : 1 / (1 + std::exp(-x)); }
-  static bool exists(const Anchor& anchor, std::size_t k) { return anchor.finite && std::tanh(anchor.opacity.output[k]) > T(0); }
+  static bool exists(const Anchor& anchor, std::size_t k) {
+    return anchor.finite && std::tanh(anchor.opacity.output[k]) > T(0);
+  }
   static std::size_t bank_source(std::size_t c, std::size_t level) {
     return level == 0 ? 4 * (c % (width / 4)) : (level == 1 ? 2 * (c % (width / 2)) : c);
   }
@@ -292,7 +304,8 @@ class ReferenceDecoder {
       for (std::size_t i = 0; i < 3; ++i) anchor.weight[i] = std::exp(logit[i] - largest) / total;
       for (std::size_t c = 0; c < width; ++c) {
         input[c] = 0;
-        for (std::size_t level = 0; level < 3; ++level) input[c] += anchor.weight[level] * feature[bank_source(c, level)];
+        for (std::size_t level = 0; level < 3; ++level)
+          input[c] += anchor.weight[level] * feature[bank_source(c, level)];
       }
     }
     input.insert(input.end(), anchor.direction.begin(), anchor.direction.end());

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which anchors a view may see (method sheet, 1.4; no gradient): each anchor is taken as one Gaussian with scales exp(S[0:3]) along the
-// world axes and projected as the rasterizer does; it is visible if it lies beyond the near plane and the square of its published radius
-// meets a tile of the image. Opacity plays no role. The projection goes through V = J R diag(s), never through the 3-D covariance, and its
-// entries are bounded, so that a giant is visible (numerics case PR2) and a NaN is not (PR1).
-// Lanes are anchors. Cost: about 110 operations and 36 bytes an anchor.
+// Which anchors a view may see (method sheet, 1.4; no gradient): each anchor is taken as one Gaussian with scales
+// exp(S[0:3]) along the world axes and projected as the rasterizer does; it is visible if it lies beyond the near plane
+// and the square of its published radius meets a tile of the image. Opacity plays no role. The projection goes through
+// V = J R diag(s), never through the 3-D covariance, and its entries are bounded, so that a giant is visible (numerics
+// case PR2) and a NaN is not (PR1). Lanes are anchors. Cost: about 110 operations and 36 bytes an anchor.
 #pragma once
 
 #include <cstddef>
@@ -56,7 +56,8 @@ struct VisibilityCamera {
         blur(static_cast<T>(settings.blur)) {
     for (std::size_t i = 0; i < 9; ++i) rotation[i] = camera.rotation_camera_world[i];
     const T width = static_cast<T>(camera.width), height = static_cast<T>(camera.height);
-    const T margin_x = T(0.15) * width / fx, margin_y = T(0.15) * height / fy;  // 0.3 of the tangent of half the field of view
+    const T margin_x = T(0.15) * width / fx,
+            margin_y = T(0.15) * height / fy;  // 0.3 of the tangent of half the field of view
     least_x = -cx / fx - margin_x;
     most_x = (width - cx) / fx + margin_x;
     least_y = -cy / fy - margin_y;
@@ -81,7 +82,8 @@ template <class T, int W>
 }
 
 template <class T, int W>
-[[nodiscard]] COMPMARK_INLINE Mask<T, W> visible_lanes(const VisibilityCamera<T>& camera, const Pack<T, W> (&position)[3],
+[[nodiscard]] COMPMARK_INLINE Mask<T, W> visible_lanes(const VisibilityCamera<T>& camera,
+                                                       const Pack<T, W> (&position)[3],
                                                        const Pack<T, W> (&log_scale)[3]) {
   using P = Pack<T, W>;
   P world[3], view[3];
@@ -128,7 +130,8 @@ template <class T, int W>
 
 }  // namespace detail
 
-/// Rows of the visible anchors in ascending order; `visible` is resized to their count. W lanes, any width gives the same list.
+/// Rows of the visible anchors in ascending order; `visible` is resized to their count. W lanes, any width gives the
+/// same list.
 template <class T, int W = native_width<T>, Executor E>
 void visible_anchors(const AnchorColumns<const T>& anchors, const Camera<T>& camera, const VisibilitySettings& settings,
                      Buffer<std::uint32_t>& visible, VisibilityWorkspace& workspace, E& executor) {
@@ -156,7 +159,8 @@ void visible_anchors(const AnchorColumns<const T>& anchors, const Camera<T>& cam
         scaling[i] = P::gather(anchors.scaling.row(first) + i, row6);
       }
       unsigned bits = detail::visible_lanes<T, W>(view, position, scaling).bits() & Mask<T, W>::first(lanes).bits();
-      for (; bits != 0; bits &= bits - 1) found[count++] = static_cast<std::uint32_t>(first) + static_cast<std::uint32_t>(__builtin_ctz(bits));
+      for (; bits != 0; bits &= bits - 1)
+        found[count++] = static_cast<std::uint32_t>(first) + static_cast<std::uint32_t>(__builtin_ctz(bits));
     }
     workspace.count[begin / grain] = count;
   });
@@ -171,7 +175,8 @@ void visible_anchors(const AnchorColumns<const T>& anchors, const Camera<T>& cam
   executor.for_chunks(chunks, 8, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
       const std::uint32_t row = workspace.count[chunk];
-      for (std::uint32_t i = row; i < workspace.count[chunk + 1]; ++i) visible[i] = workspace.found[chunk * grain + (i - row)];
+      for (std::uint32_t i = row; i < workspace.count[chunk + 1]; ++i)
+        visible[i] = workspace.found[chunk * grain + (i - row)];
     }
   });
 }

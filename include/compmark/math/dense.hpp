@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Small dense products whose shape the compiler knows: C = start + A B, rows of C in registers, elements of A broadcast, rows of B in
-// packs. The networks of this library are tens of columns wide, so that a general matrix product spends its time on packing and edges;
-// here every stride is a constant, and the caller's `start` and `finish` fuse bias, activation and accumulation into the registers.
-// Sums run over `steps` in ascending order with one fused multiply-add each: the bits do not depend on the width of the packs.
-// Cost: rows * columns * steps multiply-adds; per step a tile loads Packs + Rows values for Packs * Rows packs of multiply-adds.
+// Small dense products whose shape the compiler knows: C = start + A B, rows of C in registers, elements of A
+// broadcast, rows of B in packs. The networks of this library are tens of columns wide, so that a general matrix
+// product spends its time on packing and edges; here every stride is a constant, and the caller's `start` and `finish`
+// fuse bias, activation and accumulation into the registers. Sums run over `steps` in ascending order with one fused
+// multiply-add each: the bits do not depend on the width of the packs. Cost: rows * columns * steps multiply-adds; per
+// step a tile loads Packs + Rows values for Packs * Rows packs of multiply-adds.
 #pragma once
 
 #include <cstddef>
@@ -37,8 +38,9 @@ struct ProductShape {
 
 namespace detail {
 
-/// Accumulators that fit the register file beside B and one element of A: 24 of 32 registers with AVX-512, 12 of 16 otherwise. Builds for
-/// debugging take small tiles, because instrumented unrolled code compiles for minutes; the sums are the same bits at any tile.
+/// Accumulators that fit the register file beside B and one element of A: 24 of 32 registers with AVX-512, 12 of 16
+/// otherwise. Builds for debugging take small tiles, because instrumented unrolled code compiles for minutes; the sums
+/// are the same bits at any tile.
 template <class T, int W>
 inline constexpr int product_accumulators = [] {
 #if !defined(__OPTIMIZE__) || defined(__SANITIZE_ADDRESS__) || defined(COMPMARK_DETAIL_SANITIZED)
@@ -48,7 +50,8 @@ inline constexpr int product_accumulators = [] {
 #endif
 }();
 
-/// Rows x Packs accumulators. The loops have constant lengths and are unrolled completely (clang does so unasked, g++ at -O2 when told).
+/// Rows x Packs accumulators. The loops have constant lengths and are unrolled completely (clang does so unasked, g++
+/// at -O2 when told).
 template <class T, int W, ProductShape shape, int Rows, int Packs, class Start, class Finish>
 inline void product_tile(const T* a, const T* b, T* c, int row, int column, const Start& start, const Finish& finish) {
   using P = Pack<T, W>;
@@ -121,7 +124,8 @@ COMPMARK_INLINE void product_strip(const T* a, const T* b, T* c, int column, con
 
 }  // namespace detail
 
-/// The product of ProductShape. start(row, column, c) gives the first value of a pack of C, finish(row, column, sum) the stored one.
+/// The product of ProductShape. start(row, column, c) gives the first value of a pack of C, finish(row, column, sum)
+/// the stored one.
 template <class T, int W, ProductShape shape, class Start, class Finish>
 inline void product(const T* a, const T* b, T* c, const Start& start, const Finish& finish) {
   static_assert(shape.columns % W == 0, "product: pad the columns to whole packs");
@@ -164,14 +168,16 @@ template <class T, int W>
 COMPMARK_INLINE void transpose(Pack<T, W> (&rows)[W]) {
   if constexpr (W > 1) {
     using P = Pack<T, W>;
-    const auto round = [&]<int Distance, int... Lane>(std::integral_constant<int, Distance>, std::integer_sequence<int, Lane...>)
-        __attribute__((always_inline)) {
+    const auto round = [&]<int Distance, int... Lane>(
+        std::integral_constant<int, Distance>, std::integer_sequence<int, Lane...>) __attribute__((always_inline)) {
       detail::unroll<W>([&](auto i) __attribute__((always_inline)) {
         if constexpr ((i & Distance) == 0) {
           const auto x = rows[i].native;
           const auto y = rows[i + Distance].native;
-          rows[i] = P::from_native(__builtin_shufflevector(x, y, ((Lane & Distance) == 0 ? Lane : W + Lane - Distance)...));
-          rows[i + Distance] = P::from_native(__builtin_shufflevector(x, y, ((Lane & Distance) == 0 ? Lane + Distance : W + Lane)...));
+          rows[i] =
+              P::from_native(__builtin_shufflevector(x, y, ((Lane & Distance) == 0 ? Lane : W + Lane - Distance)...));
+          rows[i + Distance] =
+              P::from_native(__builtin_shufflevector(x, y, ((Lane & Distance) == 0 ? Lane + Distance : W + Lane)...));
         }
       });
     };
