@@ -5,7 +5,7 @@
 // single knob turned away from `standard`, and compares image and gradient with two references in double, never mixed (numerics sheet,
 // section 2):  exact (no cut-offs)  and  spec (the published constants).
 //
-//   accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json FILE] [--html FILE] [--splats N] [--size N]
+//   accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json FILE] [--html FILE] [--svg FILE] [--splats N] [--size N]
 //
 // Time is the median over the repetitions of the mean over the views; the cases are interleaved, so that a slow moment of the machine hits
 // all of them; with --threads 1 it is processor time. Bytes are counted by this program's own operator new.
@@ -210,7 +210,7 @@ std::string prove_reference(const std::vector<BenchView>& views, int crop) {
 std::string bytes_text(std::ptrdiff_t bytes) { return tool::format_text("%.1f", static_cast<double>(bytes) / 1e6); }
 
 struct Options {
-  std::filesystem::path model, json, html;
+  std::filesystem::path model, json, html, svg;
   std::size_t views = 4, splats = 60000, threads = 0;
   int repetitions = 7, size = 512;
 };
@@ -234,10 +234,12 @@ std::optional<Options> parse(int argc, char** argv) {
       options.json = value();
     } else if (argument == "--html") {
       options.html = value();
+    } else if (argument == "--svg") {
+      options.svg = value();
     } else if (argument.substr(0, 2) == "--" || !options.model.empty()) {
       std::fprintf(stderr,
                    "usage: accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json "
-                   "FILE] [--html FILE] "
+                   "FILE] [--html FILE] [--svg FILE] "
                    "[--splats N] [--size N]\n");
       return std::nullopt;
     } else {
@@ -400,7 +402,7 @@ int main(int argc, char** argv) {
       return 1;
     }
   }
-  if (!options->html.empty()) {
+  if (!options->html.empty() || !options->svg.empty()) {
     tool::Plot plot{.title = "Closeness to exact against time",
                     .x_label = "ms forward + backward",
                     .y_label = "PSNR against exact, dB",
@@ -435,8 +437,11 @@ int main(int argc, char** argv) {
         std::string(tool::plot_style) + "</style></head><body><h1>Accuracy against time</h1><p>" +
         tool::escape_html(head) + "</p>" + tool::svg(plot) + "<p>" + tool::escape_html(proof) + "</p>" + table.html() +
         "</body></html>\n";
-    if (const Result<Done> written = write_file(options->html, page); !written) {
-      std::fprintf(stderr, "accuracy_vs_time: %s\n", written.error().line().c_str());
+    const Result<Done> svg =
+        options->svg.empty() ? Result<Done>(Done{}) : write_file(options->svg, tool::standalone_svg(plot));
+    const Result<Done> html = options->html.empty() ? Result<Done>(Done{}) : write_file(options->html, page);
+    if (!svg || !html) {
+      std::fprintf(stderr, "accuracy_vs_time: %s\n", (svg ? html : svg).error().line().c_str());
       return 1;
     }
   }

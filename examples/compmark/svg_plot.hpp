@@ -230,4 +230,18 @@ inline std::string svg(const Plot& plot) {
   return out + "</svg>";
 }
 
+/// The plot as a file of its own, with the colours that a page would give it.
+inline std::string standalone_svg(const Plot& plot) {
+  std::string text = svg(plot);
+  const std::string head = "<svg class=\"plot\"", title_end = "</title>";
+  text.insert(text.find(title_end) + title_end.size(),
+              "<style>svg{--ink:#16202c;--soft:#5b6878;--line:#dfe4ea;--paper:#fff}@media(prefers-color-scheme:dark){"
+              "svg{--ink:#e6ebf1;"
+              "--soft:#98a5b5;--line:#2d3742;--paper:#12171d}}" +
+                  std::string(plot_style) +
+                  "</style><rect width=\"100%\" height=\"100%\" style=\"fill:var(--paper)\"/>");
+  text.replace(text.find(head), head.size(), "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\"");
+  return text + "\n";
+}
+
 }  // namespace tool
