@@ -77,7 +77,8 @@ TEST_CASE("io/image_file: JPEG keeps a smooth picture within its quality") {
     CHECK(sum < previous);
     previous = sum;
   }
-  CHECK(std::sqrt(previous / static_cast<double>(image.pixels.size())) < 2);  // levels, at quality 95: a loose bound, not derived
+  CHECK(std::sqrt(previous / static_cast<double>(image.pixels.size())) <
+        2);  // levels, at quality 95: a loose bound, not derived
 }
 
 TEST_CASE("io/image_file: a truncated file is an error wherever it is cut, never a partly grey picture") {

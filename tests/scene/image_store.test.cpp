@@ -219,6 +219,5 @@ TEST_CASE("scene/resize: what aliases under point sampling averages out") {
   for (std::size_t x = 0; x < 120; ++x) stripes[x] = x % 2 == 0 ? 0 : 200;
   std::vector<std::uint8_t> out(24);
   resize_plane(stripes, {120, 1}, out, {24, 1});
-  for (std::size_t i = 1; i < 23; ++i)
-    CHECK(std::abs(out[i] - 100) <= 5);  // point sampling gives 0 or 200
+  for (std::size_t i = 1; i < 23; ++i) CHECK(std::abs(out[i] - 100) <= 5);  // point sampling gives 0 or 200
 }

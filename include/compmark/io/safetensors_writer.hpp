@@ -37,7 +37,8 @@ class SafetensorsWriter {
     add(std::move(name), std::string(safetensors_dtype<T>()), std::move(shape), std::as_bytes(values));
   }
   template <class T>
-  void add_values(std::string name, std::vector<std::int64_t> shape, std::vector<T>&& values) = delete;  // a temporary: use add_copy
+  void add_values(std::string name, std::vector<std::int64_t> shape,
+                  std::vector<T>&& values) = delete;  // a temporary: use add_copy
   /// As add, keeping a copy (for temporaries).
   template <class T>
   void add_copy(std::string name, std::vector<std::int64_t> shape, std::span<const T> values) {
