@@ -1,20 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the subcommands of the tool share: one error line, the closed list of recipes, a dataset as training views.
+// What the subcommands of the tool share: one error line, a dataset as training views.
 #pragma once
 
 #include <compmark/core/result.hpp>
 #include <compmark/core/views.hpp>
-#include <compmark/pipeline/model_file.hpp>
-#include <compmark/recipes/scaffold.hpp>
 #include <compmark/scene/dataset.hpp>
 #include <compmark/scene/image_store.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 namespace tool {
@@ -24,23 +21,6 @@ enum : int { success = 0, failure = 2, interrupted_exit = 130 };
 
 /// Prints "compmark: error: <line>" and returns the exit code.
 int fail(const compmark::Error& error);
-
-/// The recipes that this tool is built with. One place maps strings to types.
-template <class R>
-struct Tag {
-  using Recipe = R;
-};
-template <class F>
-int with_recipe(std::string_view name, F&& f) {
-  if (name == "scaffold") return f(Tag<compmark::recipes::Scaffold>{});
-  if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
-  if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
-  return fail({compmark::ErrorKind::invalid,
-               {},
-               "--recipe",
-               "unknown recipe \"" + std::string(name) + "\"",
-               "choose scaffold, compmark-host or compmark-paper-host"});
-}
 
 /// Recipe that a profile runs with unless --recipe says otherwise.
 std::string default_recipe(std::string_view profile);

@@ -28,13 +28,13 @@ struct EvaluateOptions {
   LpipsFiles lpips;
 };
 
-template <class R>
 int run(const EvaluateOptions& options) {
-  Result<LoadedModel<R>> loaded = read_model<R>(options.model);
-  if (!loaded) return fail(loaded.error());
+  Result<std::unique_ptr<AnyModel>> model = load_model(options.model);
+  if (!model) return fail(model.error());
   DatasetSettings settings;
   settings.downscale = options.downscale;
-  for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(loaded->model.render.background[c]);
+  for (std::size_t c = 0; c < 3; ++c)
+    settings.background[c] = static_cast<float>((*model)->render_settings.background[c]);
   Result<Dataset> dataset = open_dataset(options.data, settings);
   if (!dataset) return fail(dataset.error());
   for (const std::string& warning : dataset->warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
@@ -46,7 +46,7 @@ int run(const EvaluateOptions& options) {
   }
   ThreadExecutor executor(options.threads);
   Result<Evaluation> evaluation =
-      evaluate_views(loaded->model, views, options.lpips, executor,
+      evaluate_views(**model, views, options.lpips, executor,
                      [](std::size_t, const ViewResult& view, ImageView<const float>, ImageView<const float>) {
                        std::printf("%-24s PSNR %6.2f dB  SSIM %.4f", view.name.c_str(), view.psnr, view.ssim);
                        if (view.lpips_alex) std::printf("  LPIPS-alex %.4f", *view.lpips_alex);
@@ -98,13 +98,7 @@ Command add_evaluate(CLI::App& app) {
   app.add_option("--lpips-alex", options->lpips.alex, "LPIPS AlexNet weights (safetensors)");
   app.add_option("--lpips-squeeze", options->lpips.squeeze, "LPIPS SqueezeNet weights (safetensors)");
   app.add_flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
-  return [options]() -> int {
-    Result<SafetensorsFile> file = read_safetensors(options->model);
-    if (!file) return fail(file.error());
-    Result<std::string> recipe = model_recipe(*file);
-    if (!recipe) return fail(recipe.error());
-    return with_recipe(*recipe, [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options); });
-  };
+  return [options]() -> int { return run(*options); };
 }
 
 }  // namespace tool

@@ -8,13 +8,16 @@
 #include <compmark/io/anchor_ply.hpp>
 #include <compmark/io/splat_ply.hpp>
 #include <compmark/pipeline/bake.hpp>
+#include <compmark/pipeline/model_file.hpp>
 #include <compmark/pipeline/sh_fit.hpp>
+#include <compmark/pipeline/splat_refine.hpp>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "recipe_list.hpp"
 
 namespace tool {
 namespace {
@@ -27,6 +30,7 @@ struct ExportOptions {
   std::string kind = "splat";
   std::string view;
   int degree = 3;
+  int refine = 500;
   std::filesystem::path data;
   std::size_t compare = 10;
   std::size_t threads = 0;
@@ -81,8 +85,16 @@ int run(const ExportOptions& options) {
     table = fit_splats(model, std::span<const Camera<double>>(train), settings, report, executor);
     std::printf("fitted %zu of %zu slots over %zu cameras (%zu faint, %zu unseen), colour residual %.4f\n", report.kept,
                 report.slots, train.size(), report.faint, report.unseen, report.color_rms);
+    if (options.refine > 0) {
+      SplatRefineSettings refine;
+      refine.iterations = options.refine;
+      const SplatRefineReport refined =
+          refine_splats(model, table, std::span<const Camera<double>>(train), refine, executor);
+      std::printf("refined in %d iterations: mean square distance to the model's renders %.2e -> %.2e\n",
+                  options.refine, refined.first_mse, refined.last_mse);
+    }
   }
-  if (Result<Done> written = write_splat_ply(options.out, table, comments); !written) return fail(written.error());
+  if (Result<Done> written = write_splat_ply(options.out, table); !written) return fail(written.error());
   std::printf("%s: %zu Gaussians, SH degree %d\n", options.out.string().c_str(), static_cast<std::size_t>(table.count),
               options.view.empty() ? options.degree : 0);
 
@@ -138,6 +150,10 @@ Command add_export(CLI::App& app) {
   app.add_option("--sh-degree", options->degree, "degree of the fitted colour")
       ->capture_default_str()
       ->check(CLI::Range(0, 3));
+  app.add_option("--refine", options->refine,
+                 "iterations that move the fitted splats towards the model's own renders; 0: none")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--data", options->data, "dataset, to report the loss against photographs too");
   app.add_option("--compare", options->compare, "number of views to measure the loss on; 0: none")
       ->capture_default_str();
@@ -147,7 +163,7 @@ Command add_export(CLI::App& app) {
     if (!file) return fail(file.error());
     Result<std::string> recipe = model_recipe(*file);
     if (!recipe) return fail(recipe.error());
-    return with_recipe(*recipe, [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options); });
+    return with_recipe(*recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options); }));
   };
 }
 

@@ -3,6 +3,7 @@
 //
 // compmark info: what a model file holds, and the digest that names it.
 #include <compmark/io/safetensors.hpp>
+#include <compmark/pipeline/model_file.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>

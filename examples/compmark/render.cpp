@@ -10,10 +10,12 @@
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
+#include <string>
+#include <vector>
 
+#include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
-#include "evaluation.hpp"
 
 namespace tool {
 namespace {
@@ -40,11 +42,10 @@ std::string file_name(std::string name) {
   return name.empty() ? "view" : name;
 }
 
-template <class R>
 int run(const RenderOptions& options) {
-  Result<LoadedModel<R>> loaded = read_model<R>(options.model);
-  if (!loaded) return fail(loaded.error());
-  std::vector<StoredView> views = loaded->info.views;
+  Result<std::unique_ptr<AnyModel>> model = load_model(options.model);
+  if (!model) return fail(model.error());
+  std::vector<StoredView> views = (*model)->info.views;
   if (!options.data.empty()) {
     DatasetSettings settings;
     settings.downscale = options.downscale;
@@ -70,16 +71,14 @@ int run(const RenderOptions& options) {
   if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
 
   ThreadExecutor executor(options.threads);
-  const Pipeline<R> pipeline;
-  typename Pipeline<R>::Context context;
   std::vector<double> milliseconds;
   for (const StoredView& view : views) {
     const auto begin = std::chrono::steady_clock::now();
-    static_cast<void>(pipeline.forward(loaded->model, view.camera, 0, context, executor));
+    const RenderedView rendered = (*model)->render(view.camera, executor);
     milliseconds.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
-    round_to_8bit<float>(context.image, context.image);
+    round_to_8bit<float>(rendered.image, rendered.image);
     const std::filesystem::path path = options.out / (file_name(view.name) + ".png");
-    if (Result<Done> written = write_png(path, context.image); !written) return fail(written.error());
+    if (Result<Done> written = write_png(path, rendered.image); !written) return fail(written.error());
   }
   std::sort(milliseconds.begin(), milliseconds.end());
   std::printf("%zu views in %s, median %.1f ms a view\n", views.size(), options.out.string().c_str(),
@@ -102,13 +101,7 @@ Command add_render(CLI::App& app) {
       ->capture_default_str()
       ->check(CLI::Range(1.0, 64.0));
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
-  return [options]() -> int {
-    Result<SafetensorsFile> file = read_safetensors(options->model);
-    if (!file) return fail(file.error());
-    Result<std::string> recipe = model_recipe(*file);
-    if (!recipe) return fail(recipe.error());
-    return with_recipe(*recipe, [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options); });
-  };
+  return [options]() -> int { return run(*options); };
 }
 
 }  // namespace tool

@@ -17,10 +17,12 @@
 #include <string>
 #include <thread>
 
+#include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 #include "evaluation.hpp"
 #include "progress.hpp"
+#include "recipe_list.hpp"
 #include "report.hpp"
 #include "results.hpp"
 
@@ -204,8 +206,10 @@ int run(const TrainOptions& options, TrainSettings settings) {
   const DatasetViews measured = has_test ? test : train;
   const std::size_t shown = std::min<std::size_t>(3, measured.size());
   ReportInput report;
+  Result<std::unique_ptr<AnyModel>> model = load_model(model_path);  // what was written is what is measured
+  if (!model) return fail(model.error());
   Result<Evaluation> evaluation = evaluate_views(
-      trainer.model(), measured, options.lpips, executor,
+      **model, measured, options.lpips, executor,
       [&](std::size_t i, const ViewResult& view, ImageView<const float> render, ImageView<const float> truth) {
         for (std::size_t s = 0; s < shown; ++s) {
           if (i != s * measured.size() / shown) continue;
@@ -336,7 +340,7 @@ Command add_train(CLI::App& app) {
                    "choose black or white"});
     }
     return with_recipe(options->recipe,
-                       [&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); });
+                       ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); }));
   };
 }
 

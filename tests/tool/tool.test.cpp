@@ -137,7 +137,7 @@ TEST_CASE("tool: scene, train, info, render, evaluate and export work on the bui
   CHECK(tool("export --model " + at("run/model.safetensors") + " --out " + at("anchors.ply") + " --format anchors")
             .code == 0);
   const Outcome splat = tool("export --model " + at("run/model.safetensors") + " --out " + at("splats.ply") +
-                             " --sh-degree 2 --data " + scene());
+                             " --sh-degree 2 --refine 20 --data " + scene());
   INFO(splat.text);
   CHECK(splat.code == 0);
   CHECK(splat.text.find("loss of the bake") != std::string::npos);

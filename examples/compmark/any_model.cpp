@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "any_model.hpp"
+
+#include <compmark/pipeline/pipeline.hpp>
+#include <utility>
+
+#include "recipe_list.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+using Loaded = Result<std::unique_ptr<AnyModel>>;
+
+template <class R>
+class RecipeModel final : public AnyModel {
+ public:
+  explicit RecipeModel(LoadedModel<R> loaded) : model_(std::move(loaded.model)) {
+    info = std::move(loaded.info);
+    render_settings = model_.render;
+  }
+  RenderedView render(const Camera<double>& camera, ThreadExecutor& executor) override {
+    const ForwardReport report = pipeline_.forward(model_, camera, 0, context_, executor);
+    return {context_.image, report.gaussians};
+  }
+
+ private:
+  Model<R> model_;
+  Pipeline<R> pipeline_;
+  typename Pipeline<R>::Context context_;
+};
+
+struct Load {
+  const std::filesystem::path& path;
+  template <class R>
+  Loaded operator()(Tag<R>) const {
+    Result<LoadedModel<R>> loaded = read_model<R>(path);
+    if (!loaded) return loaded.error();
+    return Loaded(std::make_unique<RecipeModel<R>>(std::move(*loaded)));
+  }
+  [[nodiscard]] Loaded unknown(Error error) const {
+    error.file = path.string();
+    return error;
+  }
+};
+
+}  // namespace
+
+Loaded load_model(const std::filesystem::path& path) {
+  Result<std::string> recipe = [&]() -> Result<std::string> {
+    const Result<SafetensorsFile> file = read_safetensors(path);
+    if (!file) return file.error();
+    return model_recipe(*file);
+  }();
+  if (!recipe) return recipe.error();
+  return with_recipe(*recipe, Load{path});
+}
+
+}  // namespace tool

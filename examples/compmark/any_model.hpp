@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A model of any recipe behind one interface, so that commands that only render are compiled once and not for every recipe.
+#pragma once
+
+#include <compmark/core/result.hpp>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/core/views.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <compmark/scene/camera.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+
+namespace tool {
+
+struct RenderedView {
+  compmark::ImageView<float> image;  ///< [3, height, width], valid until the next render
+  std::size_t gaussians = 0;         ///< with positive opacity
+};
+
+class AnyModel {
+ public:
+  virtual ~AnyModel() = default;
+  virtual RenderedView render(const compmark::Camera<double>& camera, compmark::ThreadExecutor& executor) = 0;
+
+  compmark::ModelInfo info;
+  compmark::RenderSettings render_settings;
+};
+
+/// Reads a model file; the recipe's name in it chooses the type.
+compmark::Result<std::unique_ptr<AnyModel>> load_model(const std::filesystem::path& path);
+
+}  // namespace tool

@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "evaluation.hpp"
+
+#include <chrono>
+#include <compmark/io/safetensors.hpp>
+#include <compmark/metric/lpips.hpp>
+#include <compmark/metric/psnr.hpp>
+#include <compmark/metric/rounding.hpp>
+#include <compmark/metric/ssim.hpp>
+#include <tuple>
+#include <utility>
+
+namespace tool {
+
+compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
+                                            compmark::ThreadExecutor& executor, const KeepView& keep) {
+  using namespace compmark;
+  std::optional<Lpips> alex;
+  std::optional<Lpips> squeeze;
+  for (const auto& [path, network, target] : {std::tuple(&lpips.alex, LpipsNetwork::alex, &alex),
+                                              std::tuple(&lpips.squeeze, LpipsNetwork::squeeze, &squeeze)}) {
+    if (path->empty()) continue;
+    const Result<SafetensorsFile> file = read_safetensors(*path);
+    if (!file) return file.error();
+    Result<Lpips> loaded = Lpips::load(*file);
+    if (!loaded) return loaded.error();
+    if (loaded->network() != network) {
+      return Error{ErrorKind::invalid, path->string(), "features", "holds the weights of the other network",
+                   "swap --lpips-alex and --lpips-squeeze"};
+    }
+    *target = std::move(*loaded);
+  }
+  const LpipsRange range = lpips.family_range ? LpipsRange::family_unit : LpipsRange::signed_unit;
+  Lpips::Context lpips_context;
+  const auto measure = [&](const std::optional<Lpips>& net, ImageView<const float> image, ImageView<const float> truth,
+                           std::optional<double>& value) -> Result<Done> {
+    if (!net) return Done{};
+    const Result<LpipsReport> report = net->distance(image, truth, lpips_context, executor, range);
+    if (!report) return report.error();
+    value = report->value;
+    return Done{};
+  };
+
+  Evaluation evaluation;
+  Buffer<float> truth_storage;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Camera<double> camera = views.camera(i);
+    const auto begin = std::chrono::steady_clock::now();
+    const RenderedView rendered = model.render(camera, executor);
+    const auto end = std::chrono::steady_clock::now();
+    round_to_8bit<float>(rendered.image, rendered.image);
+    truth_storage.resize(rendered.image.size());
+    const ImageView<float> truth{truth_storage.data(), 3, camera.height, camera.width};
+    if (Result<Done> loaded = views.load(i, truth); !loaded) return loaded.error();
+
+    ViewResult result;
+    result.name = views.dataset->views[views.index[i]].name;
+    result.psnr = psnr(rendered.image, truth);
+    result.ssim = ssim(rendered.image, truth);
+    if (Result<Done> r = measure(alex, rendered.image, truth, result.lpips_alex); !r) return r.error();
+    if (Result<Done> r = measure(squeeze, rendered.image, truth, result.lpips_squeeze); !r) return r.error();
+    result.milliseconds = std::chrono::duration<double, std::milli>(end - begin).count();
+    result.gaussians = rendered.gaussians;
+    keep(i, result, ImageView<const float>(rendered.image), ImageView<const float>(truth));
+    evaluation.views.push_back(std::move(result));
+  }
+  return evaluation;
+}
+
+}  // namespace tool

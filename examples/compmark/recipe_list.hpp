@@ -1,0 +1,40 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The recipes that this tool is built with: the one place that maps their names to types. Include it only where the types are needed, since
+// every stage of every recipe is compiled there.
+#pragma once
+
+#include <compmark/recipes/scaffold.hpp>
+#include <string>
+#include <string_view>
+
+#include "common.hpp"
+
+namespace tool {
+
+template <class R>
+struct Tag {
+  using Recipe = R;
+};
+template <class F>
+auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::Scaffold>{})) {
+  if (name == "scaffold") return f(Tag<compmark::recipes::Scaffold>{});
+  if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
+  if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
+  return f.unknown(compmark::Error{compmark::ErrorKind::invalid,
+                                   {},
+                                   "recipe",
+                                   "unknown recipe \"" + std::string(name) + "\"",
+                                   "this tool knows scaffold, compmark-host and compmark-paper-host"});
+}
+
+/// A generic lambda and what to return for a name that is in no list.
+template <class F>
+struct ExitCode : F {
+  explicit ExitCode(F f) : F(f) {}
+  using F::operator();
+  [[nodiscard]] int unknown(const compmark::Error& error) const { return fail(error); }
+};
+
+}  // namespace tool
