@@ -56,7 +56,7 @@ class TintedRasterizer {
   Inner inner_;
 };
 
-using Tinted = TintedRasterizer<compmark::TileRasterizer<float>>;
+using Tinted = TintedRasterizer<compmark::TrainingRasterizer<float>>;
 static_assert(compmark::Rasterizer<Tinted>);
 
 struct Mine : compmark::recipes::Scaffold {  // all of Scaffold but the rasterizer
