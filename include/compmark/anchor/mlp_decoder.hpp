@@ -7,6 +7,7 @@
 //   mean = x + O exp(S[0:3]),  scale = exp(S[3:6]) sigmoid(u[0:3]),  rotation = u[3:7] / |u[3:7]|,  opacity = tanh(…),  color = sigmoid(…)
 // This file wires the fused kernels (mlp_decoder_forward.hpp, mlp_decoder_backward.hpp); ReferenceDecoder is the same
 // in plain loops.
+// Longer than 300 lines: forward, backward and the packed layout they share are one thing to read.
 #pragma once
 
 #include <algorithm>

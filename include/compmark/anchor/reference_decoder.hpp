@@ -5,6 +5,7 @@
 // scalar, on one thread whatever the executor. It is written from the formulas (method sheet, 1.3, 1.5, 1.6) and shares
 // no kernel with the fast one, optional inputs included; tests hold the two against each other and both against central
 // differences. Kept for ever. Cost: about 30 times that of MlpDecoder in float on one core.
+// Longer than 300 lines: the whole road, both ways, is meant to be read in one place.
 #pragma once
 
 #include <algorithm>

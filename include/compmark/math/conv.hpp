@@ -8,6 +8,7 @@
 // walks over that panel once a block of channels: reading the planes in place instead costs a third of the speed. All sizes, strides and
 // paddings are one code. Waste: kernel - 1 columns a row. Cost: 2 in out kernel^2 flop a pixel, at 70 to 80 % of the multiply-add rate from
 // 64 channels up; with 3 input channels the writing of the output decides (benchmarks/metric_lpips.bench.cpp).
+// Longer than 300 lines: the panel and the kernels that walk over it share one layout.
 #pragma once
 
 #include <algorithm>
