@@ -41,6 +41,10 @@ int run(const ExportOptions& options) {
   Result<LoadedModel<R>> loaded = read_model<R>(options.model);
   if (!loaded) return fail(loaded.error());
   const Model<R>& model = loaded->model;
+  const std::filesystem::path folder = options.out.has_parent_path() ? options.out.parent_path() : ".";
+  if (!std::filesystem::is_directory(folder)) {  // said now, not after minutes of fitting
+    return fail({ErrorKind::unwritable, options.out.string(), "--out", "its folder does not exist", "create it first"});
+  }
   const std::vector<std::string> comments{"compmark " + options.kind + " export"};
   if (options.kind == "anchors") {
     if (Result<Done> written = write_anchor_ply(options.out, model.columns(), comments); !written)
