@@ -64,10 +64,10 @@ TEST_CASE("io/json_file: fields have the type asked for, or the error names them
 }  // namespace
 
 TEST_CASE("io/json_file: a number no double can hold is an error, not an exception") {
-  const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark-json-huge.json";
-  REQUIRE(compmark::write_file(path, std::string_view("{\"x\": 1e999}")).ok());
-  const auto read = compmark::read_json(path);
+  const std::filesystem::path huge = std::filesystem::temp_directory_path() / "compmark-json-huge.json";
+  REQUIRE(compmark::write_file(huge, std::string_view("{\"x\": 1e999}")).ok());
+  const auto read = compmark::read_json(huge);
   REQUIRE(!read.ok());
-  CHECK(read.error().file == path.string());
-  std::filesystem::remove(path);
+  CHECK(read.error().file == huge.string());
+  std::filesystem::remove(huge);
 }
