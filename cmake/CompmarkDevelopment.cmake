@@ -18,7 +18,8 @@ endif()
 
 add_library(compmark_warnings INTERFACE)
 if(CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
-  target_compile_options(compmark_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+  # Tests instantiate packs wider than the machine's registers; no such function is ever called across files, so their ABI is nobody's.
+  target_compile_options(compmark_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-psabi
                          $<$<BOOL:${COMPMARK_WARNINGS_AS_ERRORS}>:-Werror>)
 endif()
 
