@@ -19,7 +19,9 @@ endif()
 add_library(compmark_warnings INTERFACE)
 if(CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
   # Tests instantiate packs wider than the machine's registers; no such function is ever called across files, so their ABI is nobody's.
+  # g++ 12 sees an overlap of 2^63 bytes in std::string's operator+ (its bug 105651).
   target_compile_options(compmark_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-psabi
+                         $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
                          $<$<BOOL:${COMPMARK_WARNINGS_AS_ERRORS}>:-Werror>)
 endif()
 
