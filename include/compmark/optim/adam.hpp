@@ -10,9 +10,10 @@
 //
 // Guard (OP6): a block with a gradient whose square is not finite (NaN, infinity, |g| > 1.8e19) is left out of this step and counted; its
 // step count stays. Hence moments are always finite. The price is one read of the gradients first.
-// Underflow (OP2): moments below twice the smallest normal number become zero. Without it the m of a row that is out of sight turns
-// denormal after ~800 steps and rounds to itself for ever, at a hundred cycles a step. Then flush-to-zero mode changes no bit for
-// |g| >= 1e-15, and the update differs from exact Adam by less than lr / 100 where |g| < 1e-17.
+// Underflow (OP2): a moment whose next step would hold a denormal number becomes zero: v below twice the smallest normal number, m below
+// that over 1 - beta1, because a build without fused multiply-add rounds (1 - beta1) m on its own. Without it the m of a row that is out of
+// sight turns denormal after ~800 steps and rounds to itself for ever, at a hundred cycles a step. Then flush-to-zero mode changes no bit
+// for |g| >= 1e-15 (beta2 >= 1/2), and the update differs from exact Adam by less than lr / 100 where |g| < 1e-17.
 //
 // Cost: 28 bytes a parameter (read p, g, m, v; write p, m, v), 4 for the guard, 4 to zero the gradient; a square root and a division.
 #pragma once
@@ -84,6 +85,11 @@ void edit_adam_rows(const RowEdit& edit, const ArenaLayout& old_layout, const Ar
     move_rows<T>(old_layout, new_layout, edit, std::as_const(*moment).span(), state.scratch.spare.span());
     std::swap(*moment, state.scratch.spare);
   }
+}
+/// The smallest first moment that is kept: (1 - beta1) m is then a normal number, so no build and no floating-point mode loses it.
+template <class T>
+[[nodiscard]] T smallest_first_moment(const AdamSettings& settings) {
+  return 2 * std::numeric_limits<T>::min() / static_cast<T>(1 - settings.beta1);
 }
 /// 1 - beta^t without cancellation.
 [[nodiscard]] inline double bias_correction(double beta, std::uint64_t steps) {
@@ -232,7 +238,7 @@ class Adam {
     first = fma(P(static_cast<T>(1 - settings_.beta1)), gradient - first, first);
     second =
         fma(P(static_cast<T>(1 - settings_.beta2)) * gradient, gradient, P(static_cast<T>(settings_.beta2)) * second);
-    first = keep(abs(first) >= tiny, first);
+    first = keep(abs(first) >= P(detail::smallest_first_moment<T>(settings_)), first);
     second = keep(second >= tiny, second);
     const P denominator = fma(sqrt(second), P(c.inverse_root), P(static_cast<T>(settings_.epsilon)));
     fnma(P(c.step_size), first / denominator, P::load(p)).store(p);

@@ -65,14 +65,14 @@ class ReferenceAdam {
     const T beta2 = static_cast<T>(settings_.beta2), weight2 = static_cast<T>(1 - settings_.beta2);
     const T step_size = static_cast<T>(rate / correction1), root = static_cast<T>(std::sqrt(correction2));
     const T epsilon = static_cast<T>(settings_.epsilon);
-    const T tiny = 2 * std::numeric_limits<T>::min();
+    const T tiny = 2 * std::numeric_limits<T>::min(), tiny_first = detail::smallest_first_moment<T>(settings_);
     for (std::size_t i = block.offset; i < block.offset + block.size(); ++i) {
       T& m = state.first_moment[i];
       T& v = state.second_moment[i];
       const T g = arena.all_gradients()[i];
       m = beta1 * m + weight1 * g;
       v = beta2 * v + weight2 * g * g;
-      if (std::abs(m) < tiny) m = T{};
+      if (std::abs(m) < tiny_first) m = T{};
       if (v < tiny) v = T{};
       arena.all_values()[i] -= step_size * m / (std::sqrt(v) / root + epsilon);
     }
