@@ -163,6 +163,30 @@ std::array<float, 16> apply(const std::array<float, 16>& x, const F& f) {
   return result;
 }
 
+template <int W>
+void check_that_nan_stays() {
+  using P = Pack<float, W>;
+  for (const float nan : {std::numeric_limits<float>::quiet_NaN(), -std::numeric_limits<float>::quiet_NaN()}) {
+    P x(1.0f);
+    x.set(W - 1, nan);
+    const P results[] = {exp(x), sigmoid(x), tanh(x)};
+    const float expected[] = {std::exp(1.0f), 1 / (1 + std::exp(-1.0f)), std::tanh(1.0f)};
+    for (std::size_t i = 0; i < 3; ++i) {
+      CHECK(std::isnan(results[i].lane(W - 1)));
+      if (W > 1) CHECK(results[i].lane(0) == doctest::Approx(static_cast<double>(expected[i])).epsilon(1e-6));
+    }
+    // Negative control: clamped with the operands the other way round, the NaN is a number.
+    CHECK(min(max(x, P(-87.0f)), P(88.0f)).lane(W - 1) == -87.0f);
+  }
+}
+
+TEST_CASE("math/functions: a NaN goes through exp, sigmoid and tanh and is not absorbed, at every width (ML4)") {
+  check_that_nan_stays<1>();
+  check_that_nan_stays<4>();
+  check_that_nan_stays<8>();
+  check_that_nan_stays<16>();
+}
+
 TEST_CASE("math/functions: widths 1, 4, 8 and 16 give the same bits") {
   const Random random(4, 0, random_stage("test"));
   for (std::uint64_t round = 0; round < 2000; ++round) {

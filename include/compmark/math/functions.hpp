@@ -60,7 +60,8 @@ template <int Degree, class T, int W>
   }
 }
 
-/// exp(x) for x in [-87, 88] (clamped to it): two-constant reduction, degree 6, relative error 1.2e-7 in float.
+/// exp(x) for x in [-87, 88] (clamped to it): two-constant reduction, degree 6, relative error 1.2e-7 in float. A NaN stays one, and so it
+/// does in sigmoid and tanh (numerics case ML4): it is the second operand of max and min, and only its share of the exponent is zero.
 /// Scalars other than float use std::exp, so that double and long double references are exact to 1 ulp.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> exp(Pack<T, W> x) {
@@ -70,8 +71,9 @@ template <class T, int W>
     for (int i = 0; i < W; ++i) result.set(i, std::exp(x.lane(i)));
     return result;
   } else {
-    x = min(max(x, P(-87.0f)), P(88.0f));
-    const P n = round_to_even(x * P(1.44269504f));
+    x = min(P(88.0f), max(P(-87.0f), x));
+    P n = round_to_even(x * P(1.44269504f));
+    if constexpr (!detail::uses_mask_register<T, W>) n = keep(n == n, n);  // there, n is converted to an integer
     P f = fma(n, P(-0.693359375f), x);
     f = fma(n, P(2.12194440e-4f), f);
     return scale_by_power_of_two(detail::exp2_fraction<6>(f * P(1.44269504f)), n);
