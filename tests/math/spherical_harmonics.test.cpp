@@ -124,7 +124,9 @@ TEST_CASE("math/spherical_harmonics: orthonormal over the sphere; a wrong consta
 }
 
 TEST_CASE("math/spherical_harmonics: colours and band energies are invariant under rotation (case SH2)") {
-  CHECK(rotation_error([](const Direction& d) { return sh_basis(d); }) < 1e-13);
+  const double error = rotation_error([](const Direction& d) { return sh_basis(d); });
+  INFO("worst error " << error);
+  CHECK(error < 5e-13);  // measured: 0.7e-13 without fused multiply-add, 0.8e-13 (g++) and 1.2e-13 (clang++) with it
   CHECK(rotation_error(wrong_basis) > 1e-2);  // negative control
 }
 
