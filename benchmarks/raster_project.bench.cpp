@@ -48,7 +48,7 @@ struct Problem {
         executor(threads) {
     project<accuracy::standard>(gaussians(), scene.camera, settings, splats, workspace, executor);
     project<accuracy::standard>(gaussians(), scene.camera, settings, scratch, workspace, executor);
-    sums.resize(splats.count, SplatGradient<T>{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, {}});
+    sums.resize(count, SplatGradient<T>{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, {}});
     gradient.resize(count);
     gradient.set_zero();
     norms.resize(count);

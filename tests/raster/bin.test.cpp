@@ -75,7 +75,7 @@ std::vector<char> tiles_by_force(const Splat<float>& s, int width, int height, i
 bool same_lists(const TileLists& a, const TileLists& b) {
   return a.pairs == b.pairs && std::equal(a.begin.begin(), a.begin.end(), b.begin.begin(), b.begin.end()) &&
          std::equal(a.splat.begin(), a.splat.end(), b.splat.begin(), b.splat.end()) &&
-         std::equal(a.slot.begin(), a.slot.end(), b.slot.begin(), b.slot.end()) &&
+         std::equal(a.position.begin(), a.position.end(), b.position.begin(), b.position.end()) &&
          std::equal(a.first_slot.begin(), a.first_slot.end(), b.first_slot.begin(), b.first_slot.end());
 }
 
@@ -94,7 +94,7 @@ void check_structure(const Binned<T>& binned) {
   for (std::size_t tile = 0; tile < tiles; ++tile) {
     for (std::size_t p = lists.begin[tile]; p < lists.begin[tile + 1]; ++p) {
       if (p > lists.begin[tile] && lists.splat[p - 1] >= lists.splat[p]) ++wrong;
-      if (lists.slot[p] != next[lists.splat[p]]++) ++wrong;
+      if (lists.position[next[lists.splat[p]]++] != p) ++wrong;
     }
   }
   for (std::size_t i = 0; i < binned.projected.count; ++i) wrong += next[i] == lists.first_slot[i + 1] ? 0 : 1;

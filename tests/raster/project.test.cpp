@@ -206,7 +206,8 @@ TEST_CASE_TEMPLATE("raster/project: any poison in any of the 14 slots leaves eve
       TileLists lists;
       BinWorkspace bins;
       REQUIRE(bin<accuracy::standard>(got.splats, 64, 48, BinSettings{}, lists, bins, serial).ok());
-      const std::vector<SplatGradient<T>> sums(got.splats.count, SplatGradient<T>{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, {}});
+      const std::vector<SplatGradient<T>> sums(got.splats.gaussians,
+                                               SplatGradient<T>{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, {}});
       GaussianBatch<T> gradient;
       gradient.resize(40);
       gradient.set_zero();

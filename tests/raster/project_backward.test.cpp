@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -92,6 +93,15 @@ ProjectedSplats<T> projected(const RasterScene<T>& scene, ProjectionSettings<T> 
   return result;
 }
 
+/// One sum per splat, in depth order, to one per Gaussian; those of invisible ones are NaN, because nobody may use them.
+template <class T>
+std::vector<SplatGradient<T>> by_gaussian(const ProjectedSplats<T>& splats, const std::vector<SplatGradient<T>>& sums) {
+  constexpr T nan = std::numeric_limits<T>::quiet_NaN();
+  std::vector<SplatGradient<T>> result(splats.gaussians, {nan, nan, nan, nan, nan, nan, nan, nan, nan, nan, {}});
+  for (std::size_t i = 0; i < splats.count; ++i) result[splats.source[i]] = sums[i];
+  return result;
+}
+
 template <Accuracy accuracy, int W, class T, Executor E>
 Backward<T> backward(const RasterScene<T>& scene, const Probes<T>& loss, ProjectionSettings<T> settings, E& executor) {
   Backward<T> result;
@@ -101,8 +111,8 @@ Backward<T> backward(const RasterScene<T>& scene, const Probes<T>& loss, Project
   result.gradient.set_zero();
   result.norm.assign(scene.gaussians.size(), T(-1));
   const GaussianColumns<const T> gaussians = scene.gaussians.columns();
-  project_backward<accuracy, T, W>(gaussians, scene.camera, settings, splats, result.sums, result.gradient.columns(),
-                                   result.norm, executor);
+  project_backward<accuracy, T, W>(gaussians, scene.camera, settings, splats, by_gaussian(splats, result.sums),
+                                   result.gradient.columns(), result.norm, executor);
   return result;
 }
 
@@ -237,8 +247,8 @@ TEST_CASE("raster/project_backward: float against double, condition numbers up t
     comparable[source] = 1;
   }
   const GaussianColumns<const float> gaussians = std::as_const(scene.gaussians).columns();
-  project_backward<accuracy::spec, float>(gaussians, scene.camera, {}, float_splats, sums, gradient.columns(), {},
-                                          serial);
+  project_backward<accuracy::spec, float>(gaussians, scene.camera, {}, float_splats, by_gaussian(float_splats, sums),
+                                          gradient.columns(), {}, serial);
   const auto a = testing::all_columns(gradient.columns());
   const auto b = testing::all_columns(expected.gradient.columns());
   for (std::size_t c = 0; c < 14; ++c) {
@@ -288,8 +298,8 @@ TEST_CASE("raster/project_backward: adds, leaves invisible rows alone, same bits
   GaussianBatch<float> twice = expected.gradient;
   const auto splats = projected<accuracy::spec, 16>(scene, {});
   const GaussianColumns<const float> gaussians = std::as_const(scene.gaussians).columns();
-  project_backward<accuracy::spec, float>(gaussians, scene.camera, {}, splats, expected.sums, twice.columns(), {},
-                                          serial);
+  project_backward<accuracy::spec, float>(gaussians, scene.camera, {}, splats, by_gaussian(splats, expected.sums),
+                                          twice.columns(), {}, serial);
   const auto a = testing::all_columns(twice.columns());
   const auto b = testing::all_columns(expected.gradient.columns());
   std::size_t wrong = 0;

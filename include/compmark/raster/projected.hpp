@@ -29,14 +29,14 @@ struct ProjectedSplats {
   static constexpr std::uint32_t pivot_bit = 0x80000000u;
 };
 
-/// Per tile (row-major over the grid) the splats that reach it, front to back. Pairs are also numbered splat by splat (tiles row-major
-/// within a splat): that number is the pair's slot, so that a sum over the pairs of splat i is a walk over
-/// [first_slot[i], first_slot[i + 1]), in the same order at any thread count.
+/// Per tile (row-major over the grid) the splats that reach it, front to back: the pairs. They are also numbered splat by splat (tiles
+/// row-major within a splat), and `position` says where pair number s lies in `splat`, so that a sum over the pairs of splat i is a walk over
+/// position[first_slot[i]] ... position[first_slot[i + 1] - 1], in the same order at any thread count.
 struct TileLists {
   int tiles_x = 0, tiles_y = 0;
-  Buffer<std::size_t> begin;       ///< [tiles + 1] range of each tile in `splat` and `slot`
+  Buffer<std::size_t> begin;       ///< [tiles + 1] range of each tile in `splat`
   Buffer<std::uint32_t> splat;     ///< [pairs] index into ProjectedSplats::splats, ascending in each tile
-  Buffer<std::uint32_t> slot;      ///< [pairs]
+  Buffer<std::uint32_t> position;  ///< [pairs] index into `splat`
   Buffer<std::size_t> first_slot;  ///< [count + 1]
   std::size_t pairs = 0;
 };

@@ -83,8 +83,8 @@ class TileRasterizer {
     Buffer<std::uint32_t> opened;                                   // [tiles * cells] chunks that forward worked on
     Buffer<detail::ForwardScratch<T>> forward_scratch;              // [workers]
     Buffer<detail::BackwardScratch<accuracy, T>> backward_scratch;  // [workers]
-    Buffer<SplatGradient<T>> pair_gradients;                        // [pairs] by slot
-    Buffer<SplatGradient<T>> splat_gradients;                       // [count]
+    Buffer<SplatGradient<T>> pair_gradients;                        // [pairs] as TileLists::splat
+    Buffer<SplatGradient<T>> splat_gradients;                       // [gaussians], of the visible ones
   };
 
   TileRasterizer() = default;
@@ -114,7 +114,10 @@ class TileRasterizer {
     const std::size_t count = ctx.projected.count, tiles = tile_count(ctx.lists);
     ctx.white.resize(count);
     executor.for_chunks(count, splat_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t i = begin; i < end; ++i) ctx.white[i] = detail::whiten<accuracy>(ctx.projected.splats[i]);
+      for (std::size_t i = begin; i < end; ++i) {
+        __builtin_prefetch(&ctx.projected.splats[i] + detail::splats_ahead);
+        ctx.white[i] = detail::whiten<accuracy>(ctx.projected.splats[i]);
+      }
     });
     ctx.first_chunk.resize(tiles + 1);
     std::size_t chunks = 0;
@@ -184,6 +187,7 @@ class TileRasterizer {
     const std::size_t tiles = tile_count(ctx.lists);
     ctx.pair_gradients.resize(ctx.lists.pairs);
     ctx.backward_scratch.resize(executor.concurrency());
+    const bool streaming = cells == 1 && ctx.lists.pairs > detail::streaming_records;
     const detail::BackwardPlanes<T> planes{d_image, d_planes.alpha.data, d_planes.depth.data};
     executor.for_chunks(tiles, tile_grain, [&](std::size_t begin, std::size_t end, std::size_t worker) {
       for (std::size_t tile = begin; tile < end; ++tile) {
@@ -191,15 +195,16 @@ class TileRasterizer {
           const detail::CellPlace place = place_of(ctx.lists, tile, cell, width, height);
           if (place.x >= width || place.y >= height) continue;  // cell 0 is always inside
           detail::backward_cell<accuracy, outputs, W, T>(
-              ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile), list_of(ctx.lists, ctx.lists.slot, tile),
-              upcoming(ctx.lists, tile, end), place, background, planes, chunks_of(ctx, tile, cell),
-              ctx.opened[tile * cells + cell], cell != 0, ctx.pair_gradients.data(), ctx.backward_scratch[worker]);
+              ctx.white.span(), list_of(ctx.lists, ctx.lists.splat, tile), last_chunk(ctx, tile + 1, end), place,
+              background, planes, chunks_of(ctx, tile, cell), ctx.opened[tile * cells + cell], cell != 0, streaming,
+              ctx.pair_gradients.data() + ctx.lists.begin[tile], ctx.backward_scratch[worker]);
         }
       }
     });
-    ctx.splat_gradients.resize(ctx.projected.count);
+    ctx.splat_gradients.resize(ctx.projected.gaussians);
     executor.for_chunks(ctx.projected.count, splat_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t i = begin; i < end; ++i) sum_pairs(ctx, i);
+      streaming_fence();
     });
   }
 
@@ -211,6 +216,7 @@ class TileRasterizer {
 
  private:
   static constexpr std::size_t splat_grain = 1024;
+  static constexpr std::size_t records_ahead = 64;  // pairs between asking for a record and adding it
   static constexpr std::size_t tile_grain =
       8;  // neighbours share most of their splats, which then stay in the worker's cache
   static constexpr std::size_t cells_x = static_cast<std::size_t>(accuracy.tile_size / detail::cell_side);
@@ -229,6 +235,14 @@ class TileRasterizer {
                                                                std::size_t end) {
     return tile + 1 < end ? list_of(lists, lists.splat, tile + 1) : std::span<const std::uint32_t>{};
   }
+  /// The same for backward, which begins with the last chunk that forward opened.
+  [[nodiscard]] static std::span<const std::uint32_t> last_chunk(const Context& ctx, std::size_t tile,
+                                                                 std::size_t end) {
+    if (tile >= end) return {};
+    const std::span<const std::uint32_t> list = list_of(ctx.lists, ctx.lists.splat, tile);
+    const std::size_t opened = ctx.opened[tile * cells];
+    return opened == 0 ? std::span<const std::uint32_t>{} : list.subspan((opened - 1) * detail::chunk_splats);
+  }
   [[nodiscard]] static detail::CellPlace place_of(const TileLists& lists, std::size_t tile, std::size_t cell, int width,
                                                   int height) {
     const auto tiles_x = static_cast<std::size_t>(lists.tiles_x);
@@ -242,23 +256,34 @@ class TileRasterizer {
 
   /// Ordered sum over the pairs of splat i, 32 at a time (numerics case BB3), and from whitened units to pixels.
   static void sum_pairs(Context& ctx, std::size_t i) {
+    using P = Pack<T, W>;
+    constexpr std::size_t packs = 16 / W;
     const std::size_t first = ctx.lists.first_slot[i], last = ctx.lists.first_slot[i + 1];
-    std::array<T, 16> total{};
+    const std::uint32_t* const position = ctx.lists.position.data();
+    std::array<P, packs> sums;
+    sums.fill(P(T(0)));
     for (std::size_t begin = first; begin < last; begin += 32) {
-      std::array<T, 16> part{};
+      std::array<P, packs> part;
+      part.fill(P(T(0)));
       for (std::size_t slot = begin; slot < last && slot < begin + 32; ++slot) {
-        const T* record = &ctx.pair_gradients[slot].g;
-        for (std::size_t m = 0; m < 16; ++m) part[m] += record[m];
+        if (slot + records_ahead < ctx.lists.pairs)
+          __builtin_prefetch(&ctx.pair_gradients[position[slot + records_ahead]], 0, 2);
+        const T* record = &ctx.pair_gradients[position[slot]].g;
+        for (std::size_t m = 0; m < packs; ++m) part[m] += P::load(record + m * W);
       }
-      for (std::size_t m = 0; m < 16; ++m) total[m] += part[m];
+      for (std::size_t m = 0; m < packs; ++m) sums[m] += part[m];
     }
+    alignas(64) std::array<T, 16> total;
+    for (std::size_t m = 0; m < packs; ++m) sums[m].store(total.data() + m * W);
     const detail::WhiteSplat<T>& white = ctx.white[i];
     const bool pivot_x = white.bx != T(0);
     const T w = T(1) / (pivot_x ? white.wy : white.wx), b = T(1) / (white.bx + white.by);
     const auto sum = [&](std::size_t m) { return total[detail::record_lane[m]]; };
-    ctx.splat_gradients[i] = {sum(0),         sum(1) * w,     sum(2) * b, sum(3) * w * w,
-                              sum(4) * w * b, sum(5) * b * b, sum(6),     sum(7),
-                              sum(8),         sum(9),         {}};
+    // To the row of its Gaussian, whole lines past the caches, so that projection's way back reads in sequence.
+    alignas(64) const std::array<T, 16> result{sum(0),         sum(1) * w, sum(2) * b, sum(3) * w * w, sum(4) * w * b,
+                                               sum(5) * b * b, sum(6),     sum(7),     sum(8),         sum(9)};
+    T* const target = &ctx.splat_gradients[ctx.projected.source[i]].g;
+    for (std::size_t m = 0; m < packs; ++m) P::load(result.data() + m * W).store_streaming(target + m * W);
   }
 
   Settings settings_{};

@@ -83,10 +83,14 @@ template <std::size_t bit, class P, std::size_t... lane>
   return P::from_native(a.native + __builtin_shufflevector(a.native, a.native, (lane ^ bit)...));
 }
 
+/// More bytes of records than this are written past the caches: they are next read, in another order, when all of them are written.
+inline constexpr std::size_t streaming_records = (std::size_t{8} << 20) / 64;
+
 /// Sums over all lanes of ten packs: record[record_lane[i]] = the sum of sums[i], other elements are of no use. At W = 16 the packs are
 /// folded into one: 11 additions and 19 shuffles in place of 40 and 40.
+/// `streaming`: see Pack::store_streaming.
 template <class T, int W>
-COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* record) {
+COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* record, bool streaming) {
   if constexpr (W == 16) {
     using Lanes = std::make_index_sequence<16>;
     using P = Pack<T, W>;
@@ -94,7 +98,12 @@ COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* r
             c = fold_two<8>(sums[4], sums[5], Lanes{}), d = fold_two<8>(sums[6], sums[7], Lanes{}),
             e = fold_two<8>(sums[8], sums[9], Lanes{});
     const P ab = fold_two<4>(a, b, Lanes{}), cd = fold_two<4>(c, d, Lanes{}), ee = fold_one<4>(e, Lanes{});
-    fold_two<1>(fold_two<2>(ab, cd, Lanes{}), fold_one<2>(ee, Lanes{}), Lanes{}).store(record);
+    const P all = fold_two<1>(fold_two<2>(ab, cd, Lanes{}), fold_one<2>(ee, Lanes{}), Lanes{});
+    if (streaming) {
+      all.store_streaming(record);
+    } else {
+      all.store(record);
+    }
   } else {
     for (std::size_t i = 0; i < 16; ++i) record[i] = T(0);
     for (std::size_t i = 0; i < 10; ++i) record[record_lane[i]] = reduce_add(sums[i]);
@@ -103,7 +112,8 @@ COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* r
 
 /// Step 2 for one splat: adds into nothing, overwrites `record` with the sums over the blocks of `mask` (in whitened units).
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
-COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScratch<accuracy, T>& scratch, T* record) {
+COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScratch<accuracy, T>& scratch, T* record,
+                                       bool streaming) {
   using P = Pack<T, W>;
   constexpr int packs = block_pixels / W;
   const CellTable<T>& table = cell_table<T>;
@@ -180,7 +190,7 @@ COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScr
     sums[4] += fma(w_in, b, fma(b_in, gw[at], gwb[at]));
     sums[5] += fma(b_in, gb[at] + b, gbb[at]);
   }
-  reduce_columns<T, W>(sums, record);
+  reduce_columns<T, W>(sums, record, streaming);
 }
 
 /// Gradients of the planes; alpha and depth may be null (zero).
@@ -222,19 +232,19 @@ inline void load_gradients(const CellPlace& place, const std::array<T, 3>& backg
   }
 }
 
-/// One cell: for each entry of the list, the sums of its pixels go to records[slots[entry]] (added to it when `add`), in the order and
-/// the units of the pixel loop: see record_lane.
+/// One cell: for each entry of the list, the sums of its pixels go to the entry's record (added to it when `add`), in the order and the
+/// units of the pixel loop: see record_lane. `streaming`: the records are written past the caches (only where the tile is one cell).
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list,
-                          std::span<const std::uint32_t> slots, std::span<const std::uint32_t> upcoming,
-                          const CellPlace& place, const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
-                          const ChunkRecord<T>* chunks, std::size_t opened, bool add, SplatGradient<T>* records,
-                          BackwardScratch<accuracy, T>& scratch) {
+                          std::span<const std::uint32_t> upcoming, const CellPlace& place,
+                          const std::array<T, 3>& background, const BackwardPlanes<T>& planes,
+                          const ChunkRecord<T>* chunks, std::size_t opened, bool add, bool streaming,
+                          SplatGradient<T>* records, BackwardScratch<accuracy, T>& scratch) {
   for (int c = 0; c < 3; ++c) prefetch_cell<false>(planes.image.plane(c), place);
   scratch.splats[chunk_splats] = CellSplat<T>{};
   const T cell_x = static_cast<T>(place.x), cell_y = static_cast<T>(place.y);
   const auto clear = [&](std::size_t entry) {
-    if (!add) records[slots[entry]] = SplatGradient<T>{};
+    if (!add) records[entry] = SplatGradient<T>{};
   };
   for (std::size_t entry = opened * chunk_splats; entry < list.size(); ++entry) clear(entry);
   for (std::size_t chunk = opened; chunk-- > 0;) {
@@ -244,13 +254,14 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
     std::memcpy(scratch.reach.word, record.blended, sizeof(record.blended));
     scratch.reach.by_splat(count);
     for (std::size_t k = 0; k < count; ++k) {
+      if (k + splats_in_flight < count) __builtin_prefetch(&splats[list[first + k + splats_in_flight]]);
       if ((scratch.reach.low[k] | scratch.reach.high[k]) != 0)
         to_cell(splats[list[first + k]], cell_x, cell_y, scratch.splats[k]);
     }
-    for (std::size_t k = count - std::min(count, record_ahead); k < count; ++k)
-      __builtin_prefetch(&records[slots[first + k]], 1);
+    const std::span<const std::uint32_t> following =
+        chunk > 0 ? list.subspan(first - chunk_splats, chunk_splats) : upcoming;
     for (int b = 0; b < cell_blocks; ++b) {
-      prefetch_share(splats, upcoming, b);
+      prefetch_share(splats, following, b);
       recompute_block<accuracy, W>(record.blended[b], words, b, record.transmittance[b], scratch);
     }
     if (chunk + 1 == opened) load_gradients<accuracy, outputs, W>(place, background, planes, scratch);
@@ -260,18 +271,17 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
         clear(first + k);
         continue;
       }
-      // Records are scattered over memory: ask for one a splat, in time for the splat after next but some.
-      if (k >= record_ahead) __builtin_prefetch(&records[slots[first + k - record_ahead]], 1);
-      T* const target = &records[slots[first + k]].g;
+      T* const target = &records[first + k].g;
       if (add) {
         alignas(64) T sums[16];
-        gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, sums);
+        gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, sums, false);
         for (std::size_t i = 0; i < 16; ++i) target[i] += sums[i];
       } else {
-        gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, target);
+        gradient_of_splat<accuracy, outputs, W>(k, mask, scratch, target, streaming);
       }
     }
   }
+  if (streaming) streaming_fence();
 }
 
 }  // namespace compmark::inline v0::detail

@@ -18,7 +18,6 @@ namespace compmark::inline v0::detail {
 
 inline constexpr std::size_t chunk_splats = 256;  ///< splats of a tile's list that are worked on together
 inline constexpr std::size_t chunk_words = chunk_splats / 64;
-inline constexpr std::size_t record_ahead = 8;  ///< splats between asking for a record and writing it
 
 /// Splats that a block works on together.
 inline constexpr int step_splats = 4;
