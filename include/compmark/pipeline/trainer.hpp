@@ -154,17 +154,16 @@ class Trainer {
             closed_window(s.pause_from, s.pause_until, s.iterations), s.grow_interval};
   }
 
+  /// The policy is told those of the run's numbers that its Settings name: the concept asks for none of them.
   [[nodiscard]] Growth growth() const {
     typename Growth::Settings settings;
-    if constexpr (present<Growth>) {
-      settings.gradient_threshold = settings_.gradient_threshold;
-      settings.success_threshold = settings_.success_threshold;
-      settings.min_opacity = settings_.min_opacity;
-      settings.init_factor = settings_.init_factor;
-      settings.interval = settings_.grow_interval;
-      settings.max_anchors = settings_.max_anchors;
-      settings.offsets = R::AnchorModel::shape.offsets;
-    }
+    if constexpr (requires { settings.gradient_threshold; }) settings.gradient_threshold = settings_.gradient_threshold;
+    if constexpr (requires { settings.success_threshold; }) settings.success_threshold = settings_.success_threshold;
+    if constexpr (requires { settings.min_opacity; }) settings.min_opacity = settings_.min_opacity;
+    if constexpr (requires { settings.init_factor; }) settings.init_factor = settings_.init_factor;
+    if constexpr (requires { settings.interval; }) settings.interval = settings_.grow_interval;
+    if constexpr (requires { settings.max_anchors; }) settings.max_anchors = settings_.max_anchors;
+    if constexpr (requires { settings.offsets; }) settings.offsets = R::AnchorModel::shape.offsets;
     return Growth{settings};
   }
 

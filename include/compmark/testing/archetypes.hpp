@@ -7,8 +7,10 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
+#include "compmark/anchor/density_control.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
 #include "compmark/core/parameters.hpp"
@@ -94,6 +96,27 @@ struct OptimizerArchetype {
   }
   void edit_rows(const RowEdit& /*edit*/, const ArenaLayout& /*old_layout*/, const ArenaLayout& /*new_layout*/,
                  State& /*state*/) const {}
+};
+
+/// DensityControl: no anchor is born and none dies.
+template <class T>
+struct DensityControlArchetype {
+  using Scalar = T;
+  struct Settings {};
+  struct State {};
+
+  DensityControlArchetype() = default;
+  explicit DensityControlArchetype(const Settings& /*settings*/) {}
+
+  void prepare(std::size_t /*anchors*/, State& /*state*/) const {}
+  template <Executor E>
+  void observe(const DecodedStatistics<T>& /*decoded*/, std::span<const std::uint8_t> /*gaussian_visible*/,
+               std::span<const T> /*gradient_norm*/, State& /*state*/, E& /*executor*/) const {}
+  template <class OnEdit>
+  GrowthReport adapt(ParameterArena<T>& /*arena*/, const AnchorHandles& /*handles*/, State& /*state*/,
+                     const AdaptContext& /*context*/, OnEdit&& /*on_edit*/) const {
+    return {};
+  }
 };
 
 }  // namespace testing
