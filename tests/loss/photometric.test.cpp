@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <vector>
 
 #include "compmark/core/random.hpp"
@@ -295,6 +296,18 @@ TEST_CASE("loss/photometric: gradients are added, linear in the weight (G5)") {
   double gap = 0;
   for (std::size_t i = 0; i < once.size(); ++i) gap = std::max(gap, std::abs(pair.d[i] - 3 * once[i]));
   CHECK(gap < 1e-17);
+}
+
+TEST_CASE("loss/photometric: GradientMode::set is add on a cleared gradient, whatever was there before") {
+  Pair<float> pair(3, 19, 37, 0, 0, 1);
+  const PhotometricLoss<float> loss;
+  PhotometricLoss<float>::Context context;
+  SerialExecutor executor;
+  loss.forward_backward(pair.view_x(), pair.view_y(), 1.0f, pair.view_d(), context, executor);
+  const std::vector<float> added = pair.d;
+  std::fill(pair.d.begin(), pair.d.end(), std::numeric_limits<float>::quiet_NaN());
+  loss.forward_backward<GradientMode::set>(pair.view_x(), pair.view_y(), 1.0f, pair.view_d(), context, executor);
+  CHECK(pair.d == added);
 }
 
 TEST_CASE("loss/photometric: the border sees zeros outside the image, as published") {

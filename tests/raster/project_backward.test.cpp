@@ -308,3 +308,24 @@ TEST_CASE("raster/project_backward: adds, leaves invisible rows alone, same bits
   }
   CHECK(wrong == 0);
 }
+
+TEST_CASE("raster/project_backward: GradientMode::set is add on cleared gradients, whatever was there before") {
+  RasterScene<float> scene = raster_scene<float>(6, 1003, 120, 90);
+  for (std::size_t i = 0; i < 1003; i += 5) scene.gaussians.columns().mean[2][i] = -1;
+  for (std::size_t i = 320; i < 352; ++i) scene.gaussians.columns().mean[2][i] = -1;  // whole packs are invisible too
+  SerialExecutor serial;
+  const auto splats = projected<accuracy::spec, 16>(scene, {});
+  const auto expected = backward<accuracy::spec, 16>(scene, Probes<float>(splats), {}, serial);
+  GaussianBatch<float> set = expected.gradient;
+  for (float& value : set.storage()) value = std::numeric_limits<float>::quiet_NaN();
+  const GaussianColumns<const float> gaussians = std::as_const(scene.gaussians).columns();
+  project_backward<accuracy::spec, float, 16, GradientMode::set>(
+      gaussians, scene.camera, {}, splats, by_gaussian(splats, expected.sums), set.columns(), {}, serial);
+  const auto a = testing::all_columns(set.columns());
+  const auto b = testing::all_columns(expected.gradient.columns());
+  std::size_t different = 0;
+  for (std::size_t c = 0; c < 14; ++c) {
+    for (std::size_t i = 0; i < 1003; ++i) different += a[c][i] == b[c][i] ? 0 : 1;
+  }
+  CHECK(different == 0);
+}

@@ -15,6 +15,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/gradient_mode.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/loss/photometric_scratch.hpp"
 #include "compmark/loss/ssim.hpp"
@@ -51,14 +52,14 @@ class PhotometricLoss {
   template <Executor E>
   PhotometricReport forward(ImageView<const T> rendered, ImageView<const T> target, Context& context,
                             E& executor) const {
-    return run<false>(rendered, target, T(0), {}, context, executor);
+    return run<false, GradientMode::add>(rendered, target, T(0), {}, context, executor);
   }
-  /// ADDS weight dloss/drendered to d_rendered. Neither image is clamped (the published loss is not).
-  template <Executor E>
+  /// ADDS weight dloss/drendered to d_rendered, or sets it. Neither image is clamped (the published loss is not).
+  template <GradientMode mode = GradientMode::add, Executor E>
   PhotometricReport forward_backward(ImageView<const T> rendered, ImageView<const T> target, T weight,
                                      ImageView<T> d_rendered, Context& context, E& executor) const {
     COMPMARK_ASSERT(d_rendered.size() == rendered.size(), "PhotometricLoss: gradient and image differ in size");
-    return run<true>(rendered, target, weight, d_rendered, context, executor);
+    return run<true, mode>(rendered, target, weight, d_rendered, context, executor);
   }
 
  private:
@@ -76,7 +77,7 @@ class PhotometricLoss {
     double distance = 0;
   };
 
-  template <bool Backward, class E>
+  template <bool Backward, GradientMode mode, class E>
   PhotometricReport run(ImageView<const T> x, ImageView<const T> y, T weight, ImageView<T> d_x, Context& context,
                         E& executor) const {
     COMPMARK_ASSERT(x.channels == y.channels && x.height == y.height && x.width == y.width,
@@ -94,7 +95,7 @@ class PhotometricLoss {
       const int begin = static_cast<int>(chunk % bands) * band_rows;
       const Scratch scratch{context.scratch.data() + worker * stride * Scratch::rows, stride};
       const Sums sums =
-          band<Backward>(x, y, scale, d_x, channel, begin, std::min(begin + band_rows, x.height), scratch);
+          band<Backward, mode>(x, y, scale, d_x, channel, begin, std::min(begin + band_rows, x.height), scratch);
       context.partial[2 * chunk] = sums.l1;
       context.partial[2 * chunk + 1] = sums.distance;
     });
@@ -110,7 +111,7 @@ class PhotometricLoss {
     return {l1, 1 - distance, (1 - lambda) * l1 + lambda * distance};
   }
 
-  template <bool Backward>
+  template <bool Backward, GradientMode mode>
   Sums band(ImageView<const T> x, ImageView<const T> y, T scale, ImageView<T> d_x, int channel, int begin, int end,
             const Scratch& scratch) const {
     scratch.clear_margins();
@@ -127,7 +128,8 @@ class PhotometricLoss {
       }
       if constexpr (Backward) {
         while (gradient_row < end && (std::min(gradient_row + step, end) + ssim_radius <= done || done == last_map)) {
-          add_gradient(x, y, scale, d_x, channel, gradient_row, std::min(gradient_row + step, end), last_map, scratch);
+          add_gradient<mode>(x, y, scale, d_x, channel, gradient_row, std::min(gradient_row + step, end), last_map,
+                             scratch);
           gradient_row += step;
         }
       }
@@ -214,6 +216,7 @@ class PhotometricLoss {
     }
   }
 
+  template <GradientMode mode>
   void add_gradient(ImageView<const T> x, ImageView<const T> y, T scale, ImageView<T> d_x, int channel, int begin,
                     int end, int map_end, const Scratch& scratch) const {
     const Taps taps;
@@ -257,7 +260,8 @@ class PhotometricLoss {
             const P zero(T(0));
             const P sign =
                 select(d > zero, P(T(1)), select(d < zero, P(T(-1)), zero));  // 0 at 0, unlike copysign (case LS9)
-            const P old = load<decltype(full)::value>(d_row + column, mask);
+            P old = zero;
+            if constexpr (mode == GradientMode::add) old = load<decltype(full)::value>(d_row + column, mask);
             const P sum = fma(weight_l1, sign, fma(weight_ssim, slope, old));
             if constexpr (decltype(full)::value) {
               sum.store(d_row + column);

@@ -18,11 +18,13 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/gradient_mode.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/loss/photometric.hpp"
 #include "compmark/loss/scale_volume.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
+#include "compmark/raster/concept.hpp"
 #include "compmark/scene/camera.hpp"
 
 namespace compmark::inline v0 {
@@ -63,6 +65,7 @@ class Pipeline {
     Buffer<Scalar> image_storage;
     Buffer<Scalar> d_image_storage;
     typename ScaleVolumeLoss<Scalar>::Context volume;
+    Scalar volume_weight = 0;  ///< of the loss that backward differentiates
     ImageView<Scalar> image;
     ImageView<Scalar> d_image;
   };
@@ -90,42 +93,49 @@ class Pipeline {
     return report;
   }
 
-  /// Loss of context.image against `target` and its gradient in context.d_image and context.d_gaussians (set, not added: the first links
-  /// of the way back). Call after forward.
+  /// Loss of context.image against `target` and its gradient in context.d_image (set, not added: the first link of the way back). Call
+  /// after forward.
   template <Executor E>
   LossReport loss(ImageView<const Scalar> target, const LossWeights& weights, Context& context, E& executor) const {
     context.d_image_storage.resize(context.image.size());
     context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
-    set_zero(context.d_image.flat(), executor);
-    context.d_gaussians.resize(context.gaussians.size());
-    set_zero(context.d_gaussians.storage(), executor);
-
     LossReport report;
     const PhotometricLoss<Scalar> photometric({static_cast<Scalar>(weights.lambda_dssim)});
-    const PhotometricReport image_loss =
-        photometric.forward_backward(context.image, target, Scalar(1), context.d_image, context.photometric, executor);
+    const PhotometricReport image_loss = photometric.template forward_backward<GradientMode::set>(
+        context.image, target, Scalar(1), context.d_image, context.photometric, executor);
     report.l1 = image_loss.l1;
     report.ssim = image_loss.ssim;
     report.total = image_loss.loss;
+    context.volume_weight = static_cast<Scalar>(weights.lambda_volume);
     if (weights.lambda_volume != 0) {
       const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
       report.volume =
-          ScaleVolumeLoss<Scalar>{}
-              .forward_backward(gaussians.scale, gaussians.count, static_cast<Scalar>(weights.lambda_volume),
-                                context.d_gaussians.columns().scale, context.volume, executor)
-              .loss;
+          ScaleVolumeLoss<Scalar>{}.forward(gaussians.scale, gaussians.count, context.volume, executor).loss;
       report.total += weights.lambda_volume * report.volume;
     }
     return report;
   }
 
-  /// Carries context.d_image and context.d_gaussians back into the gradients of the model's arena (adds).
+  /// Carries context.d_image back to context.d_gaussians (set) and on into the gradients of the model's arena (adds).
   template <Executor E>
   void backward(Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context, E& executor) const {
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
-    rasterizer(model.render)
-        .backward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render), context.d_image,
-                  context.d_gaussians.columns(), context.raster, executor);
+    const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
+    context.d_gaussians.resize(context.gaussians.size());
+    const GaussianColumns<Scalar> d_gaussians = context.d_gaussians.columns();
+    const typename R::Rasterizer raster = rasterizer(model.render);
+    const std::array<Scalar, 3> behind = background(model.render);
+    if constexpr (GradientSettingRasterizer<typename R::Rasterizer>) {
+      raster.template backward<GradientMode::set>(gaussians, scalar_camera, behind, context.d_image, d_gaussians,
+                                                  context.raster, executor);
+    } else {
+      set_zero(context.d_gaussians.storage(), executor);
+      raster.backward(gaussians, scalar_camera, behind, context.d_image, d_gaussians, context.raster, executor);
+    }
+    if (context.volume_weight != Scalar(0)) {
+      ScaleVolumeLoss<Scalar>{}.forward_backward(gaussians.scale, gaussians.count, context.volume_weight,
+                                                 d_gaussians.scale, context.volume, executor);
+    }
     decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena,
                       model.decoder, std::as_const(context.d_gaussians).columns(),
                       anchor_gradients(model.arena, model.anchors), context.decoder, executor);

@@ -22,6 +22,7 @@
 
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/gradient_mode.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark::inline v0 {
@@ -54,6 +55,17 @@ concept Rasterizer = requires(const R& rasterizer, GaussianColumns<const typenam
   { rasterizer.forward(gaussians, camera, background, image, context, executor) } -> std::same_as<RasterReport>;
   rasterizer.backward(gaussians, camera, background, d_image, d_gaussians, context, executor);
   { rasterizer.screen(context) } -> std::same_as<ScreenStatistics<typename R::Scalar>>;
+};
+
+/// A Rasterizer whose backward can also overwrite d_gaussians. Optional: a pipeline clears the gradients for the others.
+template <class R>
+concept GradientSettingRasterizer = Rasterizer<R> &&
+    requires(const R& rasterizer, GaussianColumns<const typename R::Scalar> gaussians,
+             const Camera<typename R::Scalar>& camera, std::array<typename R::Scalar, 3> background,
+             ImageView<const typename R::Scalar> d_image, GaussianColumns<typename R::Scalar> d_gaussians,
+             typename R::Context& context, SerialExecutor& executor) {
+  rasterizer.template backward<GradientMode::set>(gaussians, camera, background, d_image, d_gaussians, context,
+                                                  executor);
 };
 
 }  // namespace compmark::inline v0

@@ -14,6 +14,7 @@
 
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/gradient_mode.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/footprint.hpp"
@@ -80,9 +81,20 @@ template <class P>
           two * (w * a + x * f + y * h - two * z * (d[0] + d[4]))};
 }
 
+template <class P>
+COMPMARK_INLINE void set_rows(const GaussianColumns<typename P::Scalar>& to, std::size_t i, P value) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    value.store(to.mean[k] + i);
+    value.store(to.scale[k] + i);
+    value.store(to.color[k] + i);
+  }
+  for (std::size_t k = 0; k < 4; ++k) value.store(to.rotation[k] + i);
+  value.store(to.opacity + i);
+}
+
 inline constexpr std::size_t sums_ahead = 48;  // Gaussians
 
-template <Accuracy accuracy, class T, int W>
+template <Accuracy accuracy, GradientMode mode, class T, int W>
 void project_backward_chunk(const GaussianColumns<const T>& gaussians, const PinholeView<T>& view,
                             const ProjectionSettings<T>& settings, const ProjectedSplats<T>& projected,
                             std::span<const SplatGradient<T>> sums, const GaussianColumns<T>& d_gaussians,
@@ -104,6 +116,7 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
     const Mask<T, W> live = Mask<T, W>::from_bits(bits), inside = Mask<T, W>::first(static_cast<std::ptrdiff_t>(lanes));
     if (bits == 0) {
       if (!gradient_norm.empty()) P(T(0)).store(gradient_norm.data() + i, inside);
+      if constexpr (mode == GradientMode::set) set_rows(d_gaussians, i, P(T(0)));
       continue;
     }
     const LoadedGaussians<P> g = load_gaussians<T, W>(gaussians, i);
@@ -141,7 +154,11 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
     d_point[2] -= fma(d_point[0], at.x_over_z, d_point[1] * at.y_over_z);
     add_jacobian_gradient<accuracy.published_backward, T, W>(view, at, d_m, d_point);
 
-    const auto add = [&](T* column, P value) { (P::load(column + i) + keep(live, value)).store(column + i); };
+    const auto add = [&](T* column, P value) {
+      P result = keep(live, value);
+      if constexpr (mode == GradientMode::add) result += P::load(column + i);
+      result.store(column + i);
+    };
     for (std::size_t k = 0; k < 3; ++k) {
       add(d_gaussians.mean[k], fma(P(view.rotation[k]), d_point[0],
                                    fma(P(view.rotation[3 + k]), d_point[1], P(view.rotation[6 + k]) * d_point[2])));
@@ -161,10 +178,11 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
 
 }  // namespace detail
 
-/// ADDS into d_gaussians. Takes what project() took and left. `sums`: one per input Gaussian; those of invisible ones are not used.
+/// ADDS into d_gaussians, or sets it. Takes what project() took and left. `sums`: one per input Gaussian; those of invisible ones are not used.
 /// `gradient_norm` is empty, or one per input Gaussian (overwritten): the norm of (W/2 dL/du, H/2 dL/dv), 0 where not visible.
-/// Columns must be readable and writable up to the next multiple of 16 rows. Rows of invisible Gaussians do not change.
-template <Accuracy accuracy, class T, int W = native_width<T>, Executor E>
+/// Columns must be readable and writable up to the next multiple of 16 rows. Rows of invisible Gaussians do not
+/// change, or become 0.
+template <Accuracy accuracy, class T, int W = native_width<T>, GradientMode mode = GradientMode::add, Executor E>
 void project_backward(GaussianColumns<const T> gaussians, const Camera<T>& camera,
                       const ProjectionSettings<T>& settings, const ProjectedSplats<T>& projected,
                       std::span<const SplatGradient<T>> sums, GaussianColumns<T> d_gaussians,
@@ -175,8 +193,8 @@ void project_backward(GaussianColumns<const T> gaussians, const Camera<T>& camer
                   "project_backward: one norm per Gaussian");
   const detail::PinholeView<T> view(camera);
   executor.for_chunks(gaussians.count, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-    detail::project_backward_chunk<accuracy, T, W>(gaussians, view, settings, projected, sums, d_gaussians,
-                                                   gradient_norm, begin, end);
+    detail::project_backward_chunk<accuracy, mode, T, W>(gaussians, view, settings, projected, sums, d_gaussians,
+                                                         gradient_norm, begin, end);
   });
 }
 

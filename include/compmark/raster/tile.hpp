@@ -17,6 +17,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/gradient_mode.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/bin.hpp"
@@ -154,14 +155,15 @@ class TileRasterizer {
     });
   }
 
-  template <Executor E>
+  /// With GradientMode::set, d_gaussians is overwritten instead of added to (rows of invisible Gaussians become 0).
+  template <GradientMode mode = GradientMode::add, Executor E>
   void backward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background,
                 ImageView<const T> d_image, GaussianColumns<T> d_gaussians, Context& ctx, E& executor) const {
-    backward(gaussians, camera, background, d_image, PlaneGradients<T>{}, d_gaussians, ctx, executor);
+    backward<mode>(gaussians, camera, background, d_image, PlaneGradients<T>{}, d_gaussians, ctx, executor);
   }
 
   /// With gradients of the alpha and depth planes that `outputs` asked for.
-  template <Executor E>
+  template <GradientMode mode = GradientMode::add, Executor E>
   void backward(GaussianColumns<const T> gaussians, const Camera<T>& camera, std::array<T, 3> background,
                 ImageView<const T> d_image, const PlaneGradients<T>& d_planes, GaussianColumns<T> d_gaussians,
                 Context& ctx, E& executor) const {
@@ -171,9 +173,9 @@ class TileRasterizer {
       ctx.gradient_norm.resize(gaussians.count);
       norms = ctx.gradient_norm.span();
     }
-    project_backward<accuracy>(gaussians, camera, projection(), ctx.projected,
-                               std::span<const SplatGradient<T>>(ctx.splat_gradients.span()), d_gaussians, norms,
-                               executor);
+    project_backward<accuracy, T, native_width<T>, mode>(gaussians, camera, projection(), ctx.projected,
+                                                         std::span<const SplatGradient<T>>(ctx.splat_gradients.span()),
+                                                         d_gaussians, norms, executor);
   }
 
   /// The pixel loop alone: leaves the sums of every splat in ctx.splat_gradients.
