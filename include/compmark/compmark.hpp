@@ -10,6 +10,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/gradient_mode.hpp"
 #include "compmark/core/huge_pages.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"
