@@ -323,9 +323,17 @@ TEST_CASE("raster/project_backward: GradientMode::set is add on cleared gradient
       gaussians, scene.camera, {}, splats, by_gaussian(splats, expected.sums), set.columns(), {}, serial);
   const auto a = testing::all_columns(set.columns());
   const auto b = testing::all_columns(expected.gradient.columns());
-  std::size_t different = 0;
+  // Two instantiations: the compiler may fuse a multiply-add in one and not in the other, so that the last bits differ.
   for (std::size_t c = 0; c < 14; ++c) {
-    for (std::size_t i = 0; i < 1003; ++i) different += a[c][i] == b[c][i] ? 0 : 1;
+    float largest = 0, difference = 0;
+    bool zero = true;
+    for (std::size_t i = 0; i < 1003; ++i) {
+      largest = std::max(largest, std::abs(b[c][i]));
+      difference = std::max(difference, std::isfinite(a[c][i]) ? std::abs(a[c][i] - b[c][i]) : 1e30f);
+      if (splats.visible[i] == 0) zero = zero && a[c][i] == 0;
+    }
+    CAPTURE(c);
+    CHECK(difference <= 1e-5f * largest);
+    CHECK(zero);
   }
-  CHECK(different == 0);
 }
