@@ -115,7 +115,8 @@ TEST_CASE("scene/colmap: renamed files are paired in sorted order, with a word")
   CHECK(dataset->warnings.size() == 1);
 }
 
-TEST_CASE("scene/colmap: a lens that moves no pixel by a quarter is a pinhole; a stronger one is reported") {
+TEST_CASE(
+    "scene/colmap: a lens that moves no pixel by a quarter is a pinhole; what becomes of a stronger one is said") {
   const TemporaryFolder folder;
   ColmapModel model = small_colmap_model();
   put_colmap_images(folder.path() / "images", model);
@@ -123,12 +124,23 @@ TEST_CASE("scene/colmap: a lens that moves no pixel by a quarter is a pinhole; a
   for (const double k : {0.08, 0.2}) {
     for (auto& [id, camera] : model.cameras) camera = {2, 16, 12, {20, 8, 6, k}};
     put_colmap_binary(folder.path() / "sparse/0", model);
-    const Result<Dataset> dataset = open_dataset(folder.path(), {});
-    REQUIRE(dataset.ok());
-    REQUIRE(dataset->warnings.size() == 1);
-    CHECK(dataset->warnings[0].find(k < 0.1 ? "0.20; it is treated as SIMPLE_PINHOLE" : "0.50; it is ignored") !=
-          std::string::npos);
-    CHECK(dataset->views[0].camera.fy == 20);
+    for (const LensTreatment treatment : {LensTreatment::undistort, LensTreatment::ignore, LensTreatment::keep}) {
+      DatasetSettings settings;
+      settings.lens = treatment;
+      const Result<Dataset> dataset = open_dataset(folder.path(), settings);
+      REQUIRE(dataset.ok());
+      REQUIRE(dataset->warnings.size() == 1);
+      const std::string expected = treatment == LensTreatment::ignore ? "it is ignored"
+                                   : treatment == LensTreatment::keep ? "images keep it"
+                                   : k < 0.1                          ? "it is treated as a pinhole"
+                                                                      : "it is taken out";
+      CHECK(dataset->warnings[0].find((k < 0.1 ? "0.20; " : "0.50; ") + expected) != std::string::npos);
+      const View& view = dataset->views[0];
+      CHECK(view.camera.fy == 20);
+      CHECK(view.lens == Lens{LensModel::simple_radial, {k}});
+      CHECK(view.lens_treatment ==
+            (treatment == LensTreatment::undistort && k < 0.1 ? LensTreatment::ignore : treatment));
+    }
   }
 }
 
@@ -144,9 +156,11 @@ TEST_CASE("scene/colmap: bad input is named by file, field and remedy") {
     return dataset.error();
   };
   SUBCASE("lens model") {
-    model.cameras[3].model = 5;
-    CHECK(names(error(), "cameras.bin", "camera 3", "image_undistorter"));
-    CHECK(error().problem.find("OPENCV_FISHEYE") != std::string::npos);
+    model.cameras[3].model = 17;
+    CHECK(names(error(), "cameras.bin", "camera 3", "perspective views"));
+    CHECK(error().problem.find("EQUIRECTANGULAR") != std::string::npos);
+    model.cameras[3] = {16, 16, 12, {20, 20, 8, 6, 1.5, 1}};  // EUCM with alpha above 1
+    CHECK(names(error(), "cameras.bin", "camera 3", "export"));
   }
   SUBCASE("focal length") {
     model.cameras[3].parameters[0] = -1;
@@ -169,16 +183,10 @@ TEST_CASE("scene/colmap: bad input is named by file, field and remedy") {
     model.images.clear();
     CHECK(names(error(), "images.bin", "images", "mapper"));
   }
-  SUBCASE("no points") {
-    model.points.clear();
-    CHECK(names(error(), "points3D.bin", "points", "point_triangulator"));
-    model.points[1] = {{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {0, 0, 0}};
-    CHECK(names(error(), "points3D.bin", "points", "point_triangulator"));
-  }
-  SUBCASE("missing image") {
-    std::filesystem::remove(folder.path() / "images/view5.png");
-    CHECK(names(error(), "images", "view5.png", "add the images"));
-    CHECK(error().problem.find("1 of the 9") != std::string::npos);
+  SUBCASE("no image is there") {
+    for (int i = 0; i < 9; ++i) std::filesystem::remove(folder.path() / ("images/view" + std::to_string(i) + ".png"));
+    std::filesystem::rename(folder.path() / "images/with space.png", folder.path() / "images/other.png");
+    CHECK(names(error(), "images", "view0.png", "add the images"));
   }
   SUBCASE("no image at all") {
     std::filesystem::remove_all(folder.path() / "images");
@@ -190,6 +198,57 @@ TEST_CASE("scene/colmap: bad input is named by file, field and remedy") {
     put_image(folder.path() / "images/view2.png", 12, 16);
     CHECK(names(error(), "view2.png", "image size", "neither cropped nor rotated"));
   }
+}
+
+TEST_CASE("scene/colmap: images that are missing are counted and left out") {
+  const TemporaryFolder folder;
+  ColmapModel model = small_colmap_model();
+  put_colmap_binary(folder.path() / "sparse/0", model);
+  put_colmap_images(folder.path() / "images", model);
+  std::filesystem::remove(folder.path() / "images/view5.png");
+  const Result<Dataset> dataset = open_dataset(folder.path(), {});
+  REQUIRE(dataset.ok());
+  CHECK(dataset->views.size() == 8);
+  REQUIRE(dataset->warnings.size() == 1);
+  CHECK(dataset->warnings[0].find("1 of 9 images are missing and left out, the first is \"view5.png\"") !=
+        std::string::npos);
+}
+
+TEST_CASE("scene/colmap: without usable points random ones are drawn around what the cameras look at") {
+  const TemporaryFolder folder;
+  ColmapModel model = small_colmap_model();
+  put_colmap_images(folder.path() / "images", model);
+  for (const bool not_finite : {false, true}) {
+    model.points.clear();
+    if (not_finite) model.points[1] = {{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {0, 0, 0}};
+    put_colmap_binary(folder.path() / "sparse/0", model);
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    CHECK(dataset->points_are_random);
+    CHECK(dataset->points.size() == 10000);
+    CHECK(dataset->warnings.size() == (not_finite ? 2 : 1));
+  }
+}
+
+TEST_CASE("scene/colmap: the largest sub-model is taken and the others are named") {
+  const TemporaryFolder folder;
+  const ColmapModel model = small_colmap_model();
+  ColmapModel small = model;
+  while (small.images.size() > 2) small.images.erase(small.images.begin());
+  put_colmap_images(folder.path() / "images", model);
+  put_colmap_binary(folder.path() / "sparse/0", small);
+  put_colmap_text(folder.path() / "sparse/1", model);
+  put_colmap_binary(folder.path() / "sparse/10", small);
+  // Files of rigs and frames, of any content, are of no concern; nor is a folder without a model.
+  put(folder.path() / "sparse/1/rigs.txt", "1 1 CAMERA 1");
+  put(folder.path() / "sparse/1/frames.bin", "x");
+  put(folder.path() / "sparse/2/notes.txt", "x");
+  const Result<Dataset> dataset = open_dataset(folder.path(), {});
+  REQUIRE(dataset.ok());
+  CHECK(dataset->views.size() == 9);
+  REQUIRE(dataset->warnings.size() == 1);
+  CHECK(dataset->warnings[0].find("sparse/1: the largest sub-model, with 9 images, is used; left out: 0 with 2 10 with "
+                                  "2") != std::string::npos);
 }
 
 TEST_CASE("scene/colmap_binary: a file cut anywhere is an error, and no count is believed") {

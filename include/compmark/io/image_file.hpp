@@ -19,14 +19,17 @@
 #include "compmark/core/views.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/detail/stb.hpp"
+#include "compmark/io/exif.hpp"
 
 namespace compmark::inline v0 {
 
 /// What the header of an image file says.
 struct ImageInfo {
-  int width = 0;     ///< pixels
-  int height = 0;    ///< pixels
-  int channels = 0;  ///< 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and (straight) alpha
+  int width = 0;        ///< pixels
+  int height = 0;       ///< pixels
+  int channels = 0;     ///< 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and (straight) alpha
+  int bits = 8;         ///< a channel in the file, 8 or 16; decoded images have 8
+  int orientation = 1;  ///< Exif orientation of a JPEG, 1 … 8 (io/exif.hpp); decoding does not turn
 
   [[nodiscard]] bool has_alpha() const { return channels == 2 || channels == 4; }
 };
@@ -120,6 +123,8 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
         "has " + std::to_string(info.width) + " x " + std::to_string(info.height) + " pixels, more than is allowed",
         "scale it down below " + std::to_string(image_pixel_limit >> 20) + " megapixels");
   }
+  if (detail::stb::stbi_is_16_bit_from_memory(data, static_cast<int>(bytes.size())) != 0) info.bits = 16;
+  info.orientation = jpeg_orientation(bytes);
   return info;
 }
 

@@ -13,10 +13,18 @@
 #include <vector>
 
 #include "compmark/scene/camera.hpp"
+#include "compmark/scene/lens_model.hpp"
 
 namespace compmark::inline v0 {
 
 enum class Split { train, test };
+
+/// What becomes of a lens that is not a pinhole.
+enum class LensTreatment : std::uint8_t {
+  undistort,  ///< images are resampled to the pinhole when they are loaded, with a mask of the pixels that the photograph has
+  ignore,  ///< as if it were a pinhole (what the published loaders do with SIMPLE_RADIAL)
+  keep     ///< images stay as they are; whoever renders projects through the lens
+};
 
 /// One photograph: where its pixels are and the camera that took it.
 struct View {
@@ -25,8 +33,13 @@ struct View {
   Camera<double> camera;             ///< at the size after downscaling, which is the size ImageStore delivers
   Split split = Split::train;
   bool has_alpha = false;  ///< the file has an alpha channel, to be composited over the background
-  int file_width = 0;      ///< size of the file when the dataset was opened; 0: not known
+  int file_width = 0;      ///< size of the file, turned, when the dataset was opened; 0: not known
   int file_height = 0;
+  Lens lens;  ///< of the photograph, on the camera's normalised coordinates
+  LensTreatment lens_treatment =
+      LensTreatment::ignore;        ///< never undistort for a lens that moves no pixel by a quarter
+  std::filesystem::path mask_path;  ///< 8-bit grey, size of the file, black = ignore; empty: none
+  int orientation = 1;              ///< how the file is turned when decoded (io/exif.hpp)
 };
 
 /// Points of structure from motion, or random ones. Rows of both columns correspond.
@@ -38,12 +51,13 @@ struct PointCloud {
 };
 
 struct Dataset {
-  std::string kind;            ///< "blender" or "colmap"
+  std::string kind;            ///< "blender" (transforms_train.json), "transforms", "colmap" or "llff"
   std::filesystem::path root;  ///< the folder that was opened
-  std::vector<View> views;     ///< a deterministic order: the file's own (Blender), by name (COLMAP)
+  std::vector<View> views;     ///< a deterministic order: the file's own (Blender), by name (the others)
   PointCloud points;
   bool points_are_random = false;
-  std::vector<std::string> warnings;  ///< one complete sentence each, for the user
+  std::vector<std::string> warnings;      ///< one complete sentence each, for the user
+  std::array<double, 3> origin{0, 0, 0};  ///< plus a position here is the position in the files' coordinates
 
   [[nodiscard]] std::vector<std::size_t> indices(Split split) const {
     std::vector<std::size_t> result;
@@ -54,15 +68,17 @@ struct Dataset {
   }
 };
 
-/// How to open a dataset. The defaults are the published ones (method sheet, sections 3.4 and 3.5).
+/// How to open a dataset. The defaults are the published ones (method sheet, sections 3.4 and 3.5), but for the lens, which they ignore.
 struct DatasetSettings {
   double downscale = 1;                      ///< divides width and height, rounded; intrinsics follow the true ratio
   std::array<float, 3> background{0, 0, 0};  ///< behind transparent images
   std::uint64_t seed = 0;                    ///< of the random points
   std::size_t random_points = 10000;         ///< where a dataset has no points: uniform in [-1.3, 1.3]^3 (Blender)
-  int test_every = 8;                        ///< COLMAP: every n-th image by name is a test view; 0: none
-  int max_width = 1600;                      ///< with downscale 1, wider images are scaled down to this; 0: no limit
-  bool use_point_file = false;               ///< Blender: take points3d.ply, if there, instead of random points
+  int test_every = 8;           ///< datasets without a split: every n-th image by name is a test view; 0: none
+  int max_width = 1600;         ///< with downscale 1, wider images are scaled down to this; 0: no limit
+  bool use_point_file = false;  ///< Blender: take points3d.ply, if there, instead of random points
+  LensTreatment lens = LensTreatment::undistort;
+  bool masks = true;  ///< take masks (mask_path of a frame, folder masks) where there are any
 };
 
 }  // namespace compmark::inline v0

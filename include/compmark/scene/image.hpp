@@ -20,15 +20,17 @@ namespace compmark::inline v0 {
 /// How a composited value becomes a byte. The published code truncates, which darkens by half a level on average; nearest does not.
 enum class AlphaRounding { truncate, nearest };
 
-/// Planar RGB [3, height, width], 8 bits.
+/// Planar RGB [3, height, width], 8 bits, and where there is a mask how much each pixel counts: 0 not at all, 255 whole.
 struct StoredImage {
   int width = 0;
   int height = 0;
   std::vector<std::uint8_t> planes;
+  std::vector<std::uint8_t> mask = {};  ///< [height, width]; empty: every pixel counts whole
 
   [[nodiscard]] std::size_t plane_size() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   }
+  [[nodiscard]] std::size_t bytes() const { return planes.size() + mask.size(); }
   [[nodiscard]] ImageView<const std::uint8_t> view() const { return {planes.data(), 3, height, width}; }
 
   /// Fills out [3, height, width] with value / 255, correctly rounded. Cost: one pass, ~5 bytes of traffic a value.

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The images of a dataset, decoded when first asked for and kept in 8 bits within a memory budget; the least recently used go first.
-// Order of operations, as published: decode, composite over the background at full size, then resize the 8-bit RGB. What the store
-// delivers always has the size of the view's camera; a file that no longer has the size it had when the dataset was opened is an Error.
+// What an image is made of, and in which order, says scene/decode.hpp. What the store delivers always has the size of the view's camera; a
+// file that no longer has the size it had when the dataset was opened is an Error.
 // Cost of a hit: O(1); of a miss: decoding (~20 ns a pixel) and resizing. The result never depends on the budget or on the order of use.
 #pragma once
 
@@ -19,8 +19,8 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/io/image_file.hpp"
 #include "compmark/scene/dataset.hpp"
+#include "compmark/scene/decode.hpp"
 #include "compmark/scene/image.hpp"
 #include "compmark/scene/resize.hpp"
 
@@ -30,6 +30,7 @@ struct ImageStoreSettings {
   std::size_t memory_budget_bytes = std::size_t{768} << 20;  ///< of decoded images; one image is always kept
   AlphaRounding alpha_rounding = AlphaRounding::truncate;    ///< published behaviour
   ResizeFilter filter = ResizeFilter::bicubic;               ///< published behaviour
+  bool alpha_mask = false;  ///< transparent pixels get a mask, as well as the background
 };
 
 /// What the store did so far.
@@ -62,11 +63,12 @@ class ImageStore {
       ++statistics_.hits;
       return &entry.image;
     }
-    Result<StoredImage> image = decode(entry.view);
+    Result<StoredImage> image =
+        decode_view(entry.view, {background_, settings_.alpha_rounding, settings_.filter, settings_.alpha_mask});
     if (!image) return image.error();
-    make_room(image->planes.size());
+    make_room(image->bytes());
     entry.image = std::move(*image);
-    statistics_.bytes += entry.image.planes.size();
+    statistics_.bytes += entry.image.bytes();
     ++statistics_.decoded;
     return &entry.image;
   }
@@ -78,6 +80,12 @@ class ImageStore {
                    "use a view of the dataset"};
     }
     return get(found->second);
+  }
+  /// How much each pixel of view i counts, 0 … 255, [height, width]; empty: all of them, whole. Valid as long as the pointer of get.
+  [[nodiscard]] Result<std::span<const std::uint8_t>> mask(std::size_t i) {
+    const Result<const StoredImage*> image = get(i);
+    if (!image) return image.error();
+    return std::span<const std::uint8_t>((*image)->mask);
   }
   /// Fills image [3, height, width] of the size of the view's camera with colours in [0, 1].
   [[nodiscard]] Result<Done> load(const View& view, ImageView<float> image) { return load(get(view), image); }
@@ -94,48 +102,13 @@ class ImageStore {
   };
 
   static std::string key(const View& view) {
-    return view.image_path.string() + '\n' + std::to_string(view.camera.width) + 'x' +
+    return view.image_path.string() + '\n' + view.name + '\n' + std::to_string(view.camera.width) + 'x' +
            std::to_string(view.camera.height);
   }
   static Result<Done> load(const Result<const StoredImage*>& image, ImageView<float> out) {
     if (!image) return image.error();
     (*image)->to_float(out);
     return Done{};
-  }
-
-  [[nodiscard]] Result<StoredImage> decode(const View& view) const {
-    Result<ImageBytes> file = read_image(view.image_path);
-    if (!file) return file.error();
-    if (Result<Done> matches = check_size(view, *file); !matches) return matches.error();
-    StoredImage full{file->width, file->height, {}};
-    full.planes.resize(3 * full.plane_size());
-    composite(file->pixels, file->channels, background_, settings_.alpha_rounding, full.planes);
-    const ImageSize from{full.width, full.height};
-    const ImageSize to{view.camera.width, view.camera.height};
-    if (from == to) return full;
-    StoredImage small{to.width, to.height, {}};
-    small.planes.resize(3 * small.plane_size());
-    for (std::size_t c = 0; c < 3; ++c) {
-      resize_plane(std::span<const std::uint8_t>(full.planes).subspan(c * full.plane_size(), full.plane_size()), from,
-                   std::span<std::uint8_t>(small.planes).subspan(c * small.plane_size(), small.plane_size()), to,
-                   settings_.filter);
-    }
-    return small;
-  }
-
-  static Result<Done> check_size(const View& view, const ImageBytes& file) {
-    const auto text = [](int width, int height) { return std::to_string(width) + " x " + std::to_string(height); };
-    const bool known = view.file_width > 0;
-    // Without a recorded size the proportions must agree: a rounded side may be off by one pixel of the smaller image.
-    const double expected_height = static_cast<double>(file.height) * view.camera.width / file.width;
-    const bool same = known ? file.width == view.file_width && file.height == view.file_height
-                            : std::abs(expected_height - view.camera.height) <= 1.0;
-    if (same) return Done{};
-    return Error{ErrorKind::invalid, view.image_path.string(), "image size",
-                 "is " + text(file.width, file.height) + " pixels, but the camera of view \"" + view.name +
-                     "\" is for " +
-                     (known ? text(view.file_width, view.file_height) : text(view.camera.width, view.camera.height)),
-                 "put back the image that belongs to this dataset"};
   }
 
   /// Evicts least recently used images until `bytes` more fit.
@@ -145,7 +118,7 @@ class ImageStore {
       for (Entry& entry : entries_) {
         if (!entry.image.planes.empty() && (oldest == nullptr || entry.last_use < oldest->last_use)) oldest = &entry;
       }
-      statistics_.bytes -= oldest->image.planes.size();
+      statistics_.bytes -= oldest->image.bytes();
       ++statistics_.evicted;
       oldest->image = {};
     }

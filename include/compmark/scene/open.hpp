@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One door for all datasets: looks at what a folder holds and calls the reader of that kind. A folder with both kinds opens as COLMAP,
-// as published (method sheet, section 3.5: Blender where transforms_train.json is and no folder sparse).
+// One door for all datasets: looks at what a folder holds and calls the reader of that kind. COLMAP comes first, as published (method
+// sheet, section 3.5: Blender where transforms_train.json is and no folder sparse), then transforms*.json, then LLFF's poses_bounds.npy.
+// A transforms file may also be named itself.
 #pragma once
 
 #include <cmath>
@@ -12,9 +13,10 @@
 #include <utility>
 
 #include "compmark/core/result.hpp"
-#include "compmark/scene/blender.hpp"
 #include "compmark/scene/colmap.hpp"
 #include "compmark/scene/dataset.hpp"
+#include "compmark/scene/llff.hpp"
+#include "compmark/scene/transforms.hpp"
 
 namespace compmark::inline v0 {
 
@@ -31,22 +33,25 @@ namespace compmark::inline v0 {
   std::error_code status;
   if (!std::filesystem::exists(folder, status))
     return fail(ErrorKind::not_found, "", "there is no such folder", "check the path of the dataset");
+  if (folder.extension() == ".json" && std::filesystem::is_regular_file(folder, status))
+    return open_transforms(folder, settings);
   if (!std::filesystem::is_directory(folder, status))
     return fail(ErrorKind::invalid, "", "is a file, not a folder", "give the folder of the dataset");
   if (std::filesystem::is_empty(folder, status) && !status)
     return fail(ErrorKind::not_found, "", "the folder is empty", "check the path of the dataset");
   if (status)
     return fail(ErrorKind::unreadable, "", "the folder cannot be read: " + status.message(), "check its permissions");
-  const bool has_sparse = std::filesystem::is_directory(folder / "sparse", status) && is_colmap(folder);
-  if (is_blender(folder) && !has_sparse) return open_blender(folder, settings);
-  if (is_colmap(folder)) return open_colmap(folder, settings);
-  if (std::filesystem::exists(folder / "transforms.json", status)) {
-    return fail(ErrorKind::unsupported, "transforms.json", "datasets with one transforms.json are not handled yet",
-                "split it into transforms_train.json and transforms_test.json in the Blender layout");
-  }
-  return fail(ErrorKind::not_found, "",
-              "holds neither transforms_train.json (Blender) nor a COLMAP model (sparse/0/images.bin or .txt)",
-              "give the folder that contains one of them");
+  const std::filesystem::path transforms = find_transforms(folder);
+  const bool blender = transforms.filename() == "transforms_train.json";
+  const bool has_sparse = std::filesystem::is_directory(folder / "sparse", status);
+  if (is_colmap(folder) && (has_sparse || !blender)) return open_colmap(folder, settings);
+  if (!transforms.empty()) return open_transforms(transforms, settings);
+  if (is_llff(folder)) return open_llff(folder, settings);
+  return fail(
+      ErrorKind::not_found, "",
+      "holds neither a COLMAP model (sparse/0/images.bin or .txt) nor transforms_train.json, transforms.json or "
+      "poses_bounds.npy",
+      "give the folder that contains one of them");
 }
 
 }  // namespace compmark::inline v0

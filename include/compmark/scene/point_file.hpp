@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "compmark/core/result.hpp"
@@ -18,8 +19,14 @@
 
 namespace compmark::inline v0 {
 
+/// Points before they are rounded to float, so that a scene far from the origin can be moved to it first (numerics case PR7).
+struct PrecisePoints {
+  std::vector<std::array<double, 3>> position;
+  std::vector<std::array<std::uint8_t, 3>> color;
+};
+
 /// Points that are not finite are left out.
-[[nodiscard]] inline Result<PointCloud> read_point_file(const std::filesystem::path& path) {
+[[nodiscard]] inline Result<PrecisePoints> read_precise_points(const std::filesystem::path& path) {
   const Result<PlyFile> file = read_ply(path);
   if (!file) return file.error();
   const PlyElement* vertex = file->find("vertex");
@@ -29,8 +36,8 @@ namespace compmark::inline v0 {
                    "give a PLY file with vertices x y z"};
     }
   }
-  const std::array<std::vector<float>, 3> position{vertex->column<float>("x"), vertex->column<float>("y"),
-                                                   vertex->column<float>("z")};
+  const std::array<std::vector<double>, 3> position{vertex->column<double>("x"), vertex->column<double>("y"),
+                                                    vertex->column<double>("z")};
   std::array<std::vector<double>, 3> color;
   constexpr std::array<const char*, 3> color_names{"red", "green", "blue"};
   double scale = 1;
@@ -42,9 +49,9 @@ namespace compmark::inline v0 {
     for (const double v : color[c]) largest = std::fmax(largest, v);
     if (property->type >= PlyType::float32 && largest <= 1) scale = 255;
   }
-  PointCloud points;
+  PrecisePoints points;
   for (std::size_t i = 0; i < vertex->count; ++i) {
-    const std::array<float, 3> p{position[0][i], position[1][i], position[2][i]};
+    const std::array<double, 3> p{position[0][i], position[1][i], position[2][i]};
     if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) continue;
     std::array<std::uint8_t, 3> rgb{127, 127, 127};
     for (std::size_t c = 0; c < 3; ++c) {
@@ -56,6 +63,18 @@ namespace compmark::inline v0 {
   }
   if (points.position.empty())
     return Error{ErrorKind::invalid, path.string(), "vertex", "holds no finite point", "give a file with points"};
+  return points;
+}
+
+/// The same in float, as a Dataset holds them.
+[[nodiscard]] inline Result<PointCloud> read_point_file(const std::filesystem::path& path) {
+  Result<PrecisePoints> precise = read_precise_points(path);
+  if (!precise) return precise.error();
+  PointCloud points;
+  points.color = std::move(precise->color);
+  points.position.reserve(precise->position.size());
+  for (const std::array<double, 3>& p : precise->position)
+    points.position.push_back({static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])});
   return points;
 }
 

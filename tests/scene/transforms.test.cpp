@@ -24,7 +24,7 @@ std::array<double, 3> project(const Camera<double>& camera, const std::array<dou
 
 }  // namespace
 
-TEST_CASE("scene/blender: OpenGL poses land where the optics say") {
+TEST_CASE("scene/transforms: OpenGL poses land where the optics say") {
   // Camera at z = 4 looking down -z with y up. A point to the right and above the origin appears right of and above (smaller v) the centre.
   const TemporaryFolder folder;
   put_blender(folder.path());
@@ -45,7 +45,7 @@ TEST_CASE("scene/blender: OpenGL poses land where the optics say") {
   CHECK(dataset->views[0].has_alpha);
 }
 
-TEST_CASE("scene/blender: rotations are re-orthonormalised, scale and mirror are noticed") {
+TEST_CASE("scene/transforms: rotations are re-orthonormalised, scale and mirror are noticed") {
   const TemporaryFolder folder;
   put_blender(folder.path());
   const auto open_with = [&](const std::string& matrix) {
@@ -81,7 +81,7 @@ TEST_CASE("scene/blender: rotations are re-orthonormalised, scale and mirror are
   }
 }
 
-TEST_CASE("scene/blender: random points fill the cube, depend on the seed alone and stay off the disk") {
+TEST_CASE("scene/transforms: random points fill the cube, depend on the seed alone and stay off the disk") {
   const TemporaryFolder folder;
   put_blender(folder.path());
   DatasetSettings settings;
@@ -111,7 +111,7 @@ TEST_CASE("scene/blender: random points fill the cube, depend on the seed alone 
   CHECK(files == std::set<std::string>{"train", "test", "transforms_train.json", "transforms_test.json"});
 }
 
-TEST_CASE("scene/blender: downscaling follows the true size ratio (case CA1)") {
+TEST_CASE("scene/transforms: downscaling follows the true size ratio (case CA1)") {
   const TemporaryFolder folder;
   put_blender(folder.path());
   DatasetSettings settings;
@@ -127,7 +127,7 @@ TEST_CASE("scene/blender: downscaling follows the true size ratio (case CA1)") {
   CHECK(camera.fx != doctest::Approx(f / 5).epsilon(0.01));  // negative control: the nominal factor
 }
 
-TEST_CASE("scene/blender: points3d.ply is used only if asked for") {
+TEST_CASE("scene/transforms: points3d.ply is used only if asked for") {
   const TemporaryFolder folder;
   put_blender(folder.path());
   put(folder.path() / "points3d.ply",
@@ -145,7 +145,7 @@ TEST_CASE("scene/blender: points3d.ply is used only if asked for") {
   CHECK(dataset->points.color[0] == std::array<std::uint8_t, 3>{4, 5, 6});
 }
 
-TEST_CASE("scene/blender: bad input is named by file, field and remedy") {
+TEST_CASE("scene/transforms: bad input is named by file, field and remedy") {
   const TemporaryFolder folder;
   put_blender(folder.path());
   const std::filesystem::path json = folder.path() / "transforms_train.json";
@@ -191,7 +191,7 @@ TEST_CASE("scene/blender: bad input is named by file, field and remedy") {
   CHECK(names(error(transforms_text(frame_text("train/a"))), "a.png", "", "copy it again"));
 }
 
-TEST_CASE("scene/blender: a name with NaN in it is left alone") {
+TEST_CASE("scene/transforms: a name with NaN in it is left alone") {
   const TemporaryFolder folder;
   put_blender(folder.path());
   put_image(folder.path() / "train/NaN \"inf\".png", 16, 12);
@@ -214,7 +214,7 @@ TEST_CASE("scene/open: a folder that holds no dataset is named") {
   CHECK(names(error(folder.path()), folder.path().string(), "", "contains one of them"));
   CHECK(names(error(folder.path() / "note.txt"), "note.txt", "", "give the folder"));
   put(folder.path() / "transforms.json", "{}");
-  CHECK(error(folder.path()).kind == ErrorKind::unsupported);
+  CHECK(names(error(folder.path()), "transforms.json", "frames", "list of frames"));
   put_blender(folder.path());
   DatasetSettings settings;
   settings.downscale = 0;

@@ -1,0 +1,136 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// NumPy's .npy files (format versions 1 to 3): a header that is a Python dictionary, then the numbers. Little-endian floats and integers in
+// C order are read, as doubles. No count is believed: the shape's product is compared with the bytes that follow before anything is
+// allocated.
+#pragma once
+
+#include <charconv>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/atomic_file.hpp"
+
+namespace compmark::inline v0 {
+
+/// An array of any rank, the last index running fastest.
+struct NpyArray {
+  std::vector<std::size_t> shape;
+  std::vector<double> values;
+};
+
+namespace detail {
+
+/// What follows the quoted key and its colon in the header, or an empty text.
+[[nodiscard]] inline std::string_view npy_field(std::string_view header, std::string_view key) {
+  for (std::size_t i = header.find(key); i != std::string_view::npos; i = header.find(key, i + 1)) {
+    if (i == 0 || (header[i - 1] != '\'' && header[i - 1] != '"')) continue;
+    std::string_view rest = header.substr(i + key.size());
+    if (rest.empty() || (rest[0] != '\'' && rest[0] != '"')) continue;
+    rest.remove_prefix(1);
+    while (!rest.empty() && (rest[0] == ' ' || rest[0] == ':')) rest.remove_prefix(1);
+    return rest;
+  }
+  return {};
+}
+
+template <class T>
+void npy_values(std::span<const std::byte> bytes, std::vector<double>& values) {
+  values.resize(bytes.size() / sizeof(T));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    T value;
+    std::memcpy(&value, bytes.data() + i * sizeof(T), sizeof(T));
+    values[i] = static_cast<double>(value);
+  }
+}
+
+}  // namespace detail
+
+/// Parses a whole file; `name` is for the message.
+[[nodiscard]] inline Result<NpyArray> parse_npy(std::span<const std::byte> bytes, const std::string& name) {
+  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+    return Error{kind, name, std::move(field), std::move(problem), std::move(remedy)};
+  };
+  constexpr std::size_t prefix = 10;
+  if (bytes.size() < prefix) {
+    return fail(ErrorKind::truncated, "byte 0", "the file is too short to be an .npy file", "copy it again");
+  }
+  if (std::memcmp(bytes.data(), "\x93NUMPY", 6) != 0)
+    return fail(ErrorKind::malformed, "byte 0", "does not begin as an .npy file does",
+                "save the array with numpy.save");
+  const auto at = [&](std::size_t i) { return std::to_integer<std::size_t>(bytes[i]); };
+  const std::size_t version = at(6);
+  if (version < 1 || version > 3)
+    return fail(ErrorKind::unsupported, "byte 6", "has the unknown format version " + std::to_string(version),
+                "save the array with numpy.save");
+  const std::size_t begin = version == 1 ? prefix : prefix + 2;
+  if (bytes.size() < begin) return fail(ErrorKind::truncated, "byte 8", "ends within its header", "copy it again");
+  std::size_t length = at(8) | at(9) << 8;
+  if (version > 1) length |= at(10) << 16 | at(11) << 24;
+  if (length > bytes.size() - begin)
+    return fail(ErrorKind::truncated, "byte 8",
+                "promises a header of " + std::to_string(length) + " bytes, but the file ends before", "copy it again");
+  const std::string_view header(reinterpret_cast<const char*>(bytes.data()) + begin, length);
+
+  const std::string_view order = detail::npy_field(header, "fortran_order");
+  if (!order.starts_with("False"))
+    return fail(order.starts_with("True") ? ErrorKind::unsupported : ErrorKind::malformed, "fortran_order",
+                "is not False", "save numpy.ascontiguousarray of the array");
+  std::string_view type = detail::npy_field(header, "descr");
+  type = type.size() >= 5 ? type.substr(1, 3) : std::string_view();
+  const std::size_t size = type == "<f8" || type == "<i8"   ? 8
+                           : type == "<f4" || type == "<i4" ? 4
+                           : type == "|u1"                  ? 1
+                                                            : 0;
+  if (size == 0)
+    return fail(ErrorKind::unsupported, "descr",
+                "is a type that is not handled (little-endian f4, f8, i4, i8 or u1 are)", "save the array as float64");
+  std::string_view shape = detail::npy_field(header, "shape");
+  NpyArray array;
+  const std::size_t available = (bytes.size() - begin - length) / size;
+  std::size_t count = 1;
+  if (!shape.starts_with("("))
+    return fail(ErrorKind::malformed, "shape", "is missing", "save the array with numpy.save");
+  shape.remove_prefix(1);
+  while (true) {
+    while (!shape.empty() && (shape[0] == ' ' || shape[0] == ',')) shape.remove_prefix(1);
+    if (shape.starts_with(")")) break;
+    std::uint64_t side = 0;
+    const auto [end, status] = std::from_chars(shape.data(), shape.data() + shape.size(), side);
+    if (status != std::errc() || array.shape.size() == 8)
+      return fail(ErrorKind::malformed, "shape", "is not a list of up to 8 numbers", "save the array with numpy.save");
+    shape.remove_prefix(static_cast<std::size_t>(end - shape.data()));
+    if (side != 0 && count > available / side) {
+      return fail(ErrorKind::truncated, "shape",
+                  "promises more numbers than the " + std::to_string(available) + " that the file holds",
+                  "copy it again");
+    }
+    count *= static_cast<std::size_t>(side);
+    array.shape.push_back(static_cast<std::size_t>(side));
+  }
+  const std::span<const std::byte> body = bytes.subspan(begin + length, count * size);
+  if (type == "<f8") detail::npy_values<double>(body, array.values);
+  if (type == "<f4") detail::npy_values<float>(body, array.values);
+  if (type == "<i8") detail::npy_values<std::int64_t>(body, array.values);
+  if (type == "<i4") detail::npy_values<std::int32_t>(body, array.values);
+  if (type == "|u1") detail::npy_values<std::uint8_t>(body, array.values);
+  return array;
+}
+
+[[nodiscard]] inline Result<NpyArray> read_npy(const std::filesystem::path& path) {
+  const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 32);
+  if (!bytes) return bytes.error();
+  return parse_npy(*bytes, path.string());
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,125 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The last steps of every reader. A scene far from the origin of its coordinates is moved to it in double, before points become floats
+// (numerics case PR7). Points that are not finite or lie in the centre of a camera (a failed triangulation, and no direction to look along:
+// case PR9) are dropped. Without points, random ones are drawn. Cost: O((points + cameras) log cameras).
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/scene/dataset.hpp"
+#include "compmark/scene/point_file.hpp"
+#include "compmark/scene/random_points.hpp"
+#include "compmark/scene/view_reader.hpp"
+
+namespace compmark::inline v0 {
+namespace detail {
+
+/// Mean and largest distance from it of the cameras' centres.
+struct CameraSpread {
+  std::array<double, 3> mean{0, 0, 0};
+  double radius = 0;
+};
+[[nodiscard]] inline CameraSpread camera_spread(const Dataset& dataset) {
+  CameraSpread spread;
+  double count = 0;
+  for (const View& view : dataset.views) {
+    count += 1;
+    for (std::size_t c = 0; c < 3; ++c) spread.mean[c] += (view.camera.center_world[c] - spread.mean[c]) / count;
+  }
+  for (const View& view : dataset.views) {
+    const auto& p = view.camera.center_world;
+    spread.radius =
+        std::fmax(spread.radius, std::hypot(p[0] - spread.mean[0], p[1] - spread.mean[1], p[2] - spread.mean[2]));
+  }
+  return spread;
+}
+
+/// Distance of the middle point from a place: the scale of a scene whose cameras stand in one place.
+[[nodiscard]] inline double median_distance(const PrecisePoints& points, const std::array<double, 3>& from) {
+  std::vector<double> distance;
+  for (const auto& p : points.position) {
+    const double d = std::hypot(p[0] - from[0], p[1] - from[1], p[2] - from[2]);
+    if (std::isfinite(d)) distance.push_back(d);
+  }
+  if (distance.empty()) return 0;
+  const auto middle = distance.begin() + static_cast<std::ptrdiff_t>(distance.size() / 2);
+  std::nth_element(distance.begin(), middle, distance.end());
+  return *middle;
+}
+
+/// Moves cameras and points so that the cameras' mean is at the origin, where it was more than 100 times the scene's size away from it.
+inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
+  const CameraSpread spread = camera_spread(dataset);
+  const double size = std::fmax(spread.radius, median_distance(points, spread.mean));
+  const double away = std::hypot(spread.mean[0], spread.mean[1], spread.mean[2]);
+  if (!(size > 0) || !(away > 100 * size)) return;
+  dataset.origin = spread.mean;
+  for (View& view : dataset.views) {
+    for (std::size_t c = 0; c < 3; ++c) view.camera.center_world[c] -= dataset.origin[c];
+  }
+  for (std::array<double, 3>& p : points.position) {
+    for (std::size_t c = 0; c < 3; ++c) p[c] -= dataset.origin[c];
+  }
+  dataset.warnings.push_back(dataset.root.string() + ": the scene lies " + two_digits(away / size) +
+                             " times its size from the origin of its coordinates and is moved to it");
+}
+
+/// Points as floats, without those that no camera can use.
+inline void take_points(Dataset& dataset, PrecisePoints points) {
+  std::vector<std::array<double, 3>> centers;
+  for (const View& view : dataset.views) centers.push_back(view.camera.center_world);
+  std::sort(centers.begin(), centers.end());
+  const CameraSpread spread = camera_spread(dataset);
+  // A millionth of the scene: far below a pixel from anywhere else, far above the rounding of positions stored in double.
+  const double near = 1e-6 * std::fmax(spread.radius, median_distance(points, spread.mean));
+  const auto at_camera = [&](const std::array<double, 3>& p) {
+    auto candidate =
+        std::lower_bound(centers.begin(), centers.end(), std::array<double, 3>{p[0] - near, -HUGE_VAL, -HUGE_VAL});
+    for (; candidate != centers.end() && (*candidate)[0] <= p[0] + near; ++candidate) {
+      if (std::hypot((*candidate)[0] - p[0], (*candidate)[1] - p[1], (*candidate)[2] - p[2]) <= near) return true;
+    }
+    return false;
+  };
+  std::size_t not_finite = 0, at_cameras = 0;
+  for (std::size_t i = 0; i < points.position.size(); ++i) {
+    const std::array<double, 3>& p = points.position[i];
+    const std::array<float, 3> rounded{static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+    if (!std::isfinite(rounded[0]) || !std::isfinite(rounded[1]) || !std::isfinite(rounded[2])) {
+      ++not_finite;
+    } else if (at_camera(p)) {
+      ++at_cameras;
+    } else {
+      dataset.points.position.push_back(rounded);
+      dataset.points.color.push_back(points.color[i]);
+    }
+  }
+  if (not_finite > 0)
+    dataset.warnings.push_back(dataset.root.string() + ": " + std::to_string(not_finite) +
+                               " points that are not finite are left out");
+  if (at_cameras > 0)
+    dataset.warnings.push_back(dataset.root.string() + ": " + std::to_string(at_cameras) +
+                               " points in the centres of cameras are left out");
+}
+
+/// Everything after the views are there. Without usable points, random ones around what the cameras look at.
+inline void finish_dataset(Dataset& dataset, PrecisePoints points, const DatasetSettings& settings) {
+  move_to_origin(dataset, points);
+  const bool had_points = !points.position.empty();
+  take_points(dataset, std::move(points));
+  if (dataset.points.size() > 0) return;
+  dataset.points = random_points(dataset, settings.random_points, settings.seed);
+  dataset.points_are_random = true;
+  dataset.warnings.push_back(dataset.root.string() + ": there are no " + (had_points ? "usable " : "") +
+                             "points to start from, random ones are used");
+}
+
+}  // namespace detail
+}  // namespace compmark::inline v0

@@ -1,0 +1,274 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Datasets described by transforms*.json: NeRF-synthetic ("Blender": transforms_train.json and transforms_test.json), instant-ngp and
+// nerfstudio (one transforms.json). Poses are OpenGL camera-to-world matrices and are taken as given: aabb_scale, scale, offset are
+// internal to instant-ngp, applied_transform and applied_scale are already in the poses and in the point file (ecosystem sheet, 2.4).
+// Images that are not there are counted and left out. Splits: the file's own, or every n-th image by name.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/scene/dataset.hpp"
+#include "compmark/scene/finish.hpp"
+#include "compmark/scene/point_file.hpp"
+#include "compmark/scene/pose.hpp"
+#include "compmark/scene/random_points.hpp"
+#include "compmark/scene/transforms_camera.hpp"
+#include "compmark/scene/transforms_json.hpp"
+#include "compmark/scene/view_reader.hpp"
+
+namespace compmark::inline v0 {
+
+namespace detail {
+
+/// "a2" before "a10": runs of digits compare as numbers.
+[[nodiscard]] inline bool natural_less(const std::string& a, const std::string& b) {
+  const auto digit = [](char c) { return c >= '0' && c <= '9'; };
+  for (std::size_t i = 0, j = 0; i < a.size() && j < b.size();) {
+    if (!digit(a[i]) || !digit(b[j])) {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i, ++j;
+      continue;
+    }
+    while (i < a.size() && a[i] == '0') ++i;
+    while (j < b.size() && b[j] == '0') ++j;
+    std::size_t end_a = i, end_b = j;
+    while (end_a < a.size() && digit(a[end_a])) ++end_a;
+    while (end_b < b.size() && digit(b[end_b])) ++end_b;
+    if (end_a - i != end_b - j) return end_a - i < end_b - j;
+    const int order = a.compare(i, end_a - i, b, j, end_b - j);
+    if (order != 0) return order < 0;
+    i = end_a, j = end_b;
+  }
+  return a.size() != b.size() ? a.size() < b.size() : a < b;
+}
+
+/// "./a\\b.png" as "a/b.png", to compare names.
+[[nodiscard]] inline std::string plain_name(std::string name) {
+  std::replace(name.begin(), name.end(), '\\', '/');
+  return std::filesystem::path(name).lexically_normal().generic_string();
+}
+
+/// Appends the frames of one file. `empty_is_fine`: a list of test frames may be empty.
+[[nodiscard]] inline Result<Done> append_frames(const std::filesystem::path& file, const nlohmann::json& json,
+                                                Split split, bool empty_is_fine, const DatasetSettings& settings,
+                                                Dataset& dataset) {
+  const std::string name = file.string();
+  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+    return Error{kind, name, std::move(field), std::move(problem), std::move(remedy)};
+  };
+  if (!json.is_object() || !json.contains("frames") || !json["frames"].is_array()) {
+    return fail(ErrorKind::malformed, "frames", "is missing, so there are no poses",
+                "give a transforms file with a list of frames");
+  }
+  const nlohmann::json& frames = json["frames"];
+  if (frames.empty()) {
+    if (empty_is_fine) return Done{};
+    return fail(ErrorKind::invalid, "frames", "is empty, so there are no images", "give at least one frame");
+  }
+  ReaderNotes notes;
+  double worst_defect = 0;
+  double worst_scale = 1;
+  std::string first_missing_field;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const nlohmann::json& frame = frames[i];
+    const std::string where = "frames[" + std::to_string(i) + "]";
+    if (!frame.is_object() || !frame.contains("file_path") || !frame["file_path"].is_string()) {
+      return fail(ErrorKind::malformed, where + ".file_path", "is missing",
+                  "give the image's path relative to the JSON file");
+    }
+    const TransformsFields fields(json, frame, name, where);
+    const Result<std::array<double, 16>> matrix = read_matrix(frame, name, where);
+    if (!matrix) return matrix.error();
+    const std::optional<Pose> pose = pose_from_opengl(*matrix);
+    if (!pose) {
+      return fail(ErrorKind::invalid, where + ".transform_matrix",
+                  "is singular or mirrored, so it is not a camera pose", "correct the pose or remove the frame");
+    }
+    const Result<Lens> lens = transforms_lens(fields);
+    if (!lens) return lens.error();
+    const Result<std::array<int, 2>> size = transforms_size(fields);
+    if (!size) return size.error();
+
+    View view;
+    view.name = frame["file_path"].get<std::string>();
+    view.image_path = resolve_image(file.parent_path(), view.name);
+    view.split = split;
+    if (view.image_path.empty()) {
+      // Checked with a made-up size: a bad focal length is an Error whether or not the image is there.
+      if (const Result<Camera<double>> camera = transforms_intrinsics(fields, 1, 1); !camera) return camera.error();
+      if (notes.missing++ == 0) {
+        notes.first_missing = view.name;
+        first_missing_field = where + ".file_path";
+      }
+      continue;
+    }
+    const Result<ImageInfo> info = look_at_image(view, (*size)[0], (*size)[1], notes);
+    if (!info) return info.error();
+    const bool sized = (*size)[0] > 0;
+    Result<Camera<double>> camera =
+        transforms_intrinsics(fields, sized ? (*size)[0] : info->width, sized ? (*size)[1] : info->height);
+    if (!camera) return camera.error();
+    camera->rotation_camera_world = pose->rotation_camera_world;
+    camera->center_world = pose->center_world;
+    place_camera(view, *camera, *lens, settings, notes);
+    worst_defect = std::max(worst_defect, pose->defect);
+    if (std::abs(pose->scale - 1) > std::abs(worst_scale - 1)) worst_scale = pose->scale;
+
+    if (settings.masks) {
+      const nlohmann::json* mask = fields.find("mask_path");
+      if (mask != nullptr && mask->is_string()) {
+        view.mask_path = resolve_image(file.parent_path(), mask->get<std::string>());
+        if (view.mask_path.empty())
+          return fail(ErrorKind::not_found, fields.field("mask_path"),
+                      "names \"" + mask->get<std::string>() + "\", but there is no such image",
+                      "add the mask or remove the field");
+      } else {
+        view.mask_path = find_mask(file.parent_path(), view.image_path);
+      }
+      ++(view.mask_path.empty() ? notes.masks_missing : notes.masks);
+    }
+    dataset.views.push_back(std::move(view));
+  }
+  if (notes.images == 0) {
+    return fail(ErrorKind::not_found, first_missing_field,
+                "names \"" + notes.first_missing + "\", but there is no such image (nor with .png or .jpg)" +
+                    (notes.missing > 1 ? ", nor is any other of the " + std::to_string(notes.missing) : ""),
+                "add the images or remove the frames");
+  }
+  // 1e-3: float32 matrices are off by 1e-7, hand-rounded ones (4 digits) by 1e-4; more is a mistake worth a word.
+  if (worst_defect > 1e-3)
+    dataset.warnings.push_back(name + ": rotations are off by up to " + std::to_string(worst_defect) +
+                               "; the nearest rotations are used");
+  if (std::abs(worst_scale - 1) > 1e-3) {
+    dataset.warnings.push_back(name + ": poses contain a scale of " + std::to_string(worst_scale) +
+                               ", which is ignored");
+  }
+  say_notes(notes, name, settings.lens, dataset);
+  return Done{};
+}
+
+/// The splits of nerfstudio: train_filenames, val_filenames, test_filenames. False if the file has none.
+[[nodiscard]] inline Result<bool> split_by_lists(const std::filesystem::path& file, const nlohmann::json& json,
+                                                 Dataset& dataset) {
+  constexpr std::array<const char*, 3> keys{"train_filenames", "val_filenames", "test_filenames"};
+  std::array<bool, 3> there{};
+  for (std::size_t k = 0; k < 3; ++k) there[k] = json.contains(keys[k]);
+  if (!there[0] && !there[1] && !there[2]) return false;
+  const auto fail = [&](const char* field, std::string problem, std::string remedy) {
+    return Error{ErrorKind::invalid, file.string(), field, std::move(problem), std::move(remedy)};
+  };
+  if (!there[0])
+    return fail(keys[0], "is missing, although there is a list of other images", "list the training images");
+  std::map<std::string, std::size_t> known;  // every frame of the file, whether its image is there or not
+  for (const nlohmann::json& frame : json["frames"]) known[plain_name(frame["file_path"].get<std::string>())] = 3;
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (!there[k]) continue;
+    if (!json[keys[k]].is_array()) return fail(keys[k], "is not a list of names", "list the images' file_path");
+    for (const nlohmann::json& entry : json[keys[k]]) {
+      const auto found = entry.is_string() ? known.find(plain_name(entry.get<std::string>())) : known.end();
+      if (found == known.end())
+        return fail(keys[k],
+                    "names " + entry.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
+                        ", which is the file_path of no frame",
+                    "correct the list");
+      if (found->second == 3) found->second = k;  // in two lists: the first counts
+    }
+  }
+  // Test images are the test list, or the validation list where there is no other; the rest is left out.
+  const std::size_t test = there[2] ? 2 : 1;
+  std::vector<View> kept;
+  for (View& view : dataset.views) {
+    const std::size_t list = known[plain_name(view.name)];
+    if (list != 0 && list != test) continue;
+    view.split = list == 0 ? Split::train : Split::test;
+    kept.push_back(std::move(view));
+  }
+  dataset.views = std::move(kept);
+  if (dataset.indices(Split::train).empty())
+    return fail(keys[0], "lists no image that is there", "list the training images");
+  return true;
+}
+
+}  // namespace detail
+
+/// The transforms file of a folder, transforms_train.json before transforms.json; empty if it has none.
+[[nodiscard]] inline std::filesystem::path find_transforms(const std::filesystem::path& folder) {
+  for (const char* name : {"transforms_train.json", "transforms.json"}) {
+    if (detail::file_exists(folder / name)) return folder / name;
+  }
+  return {};
+}
+
+/// Opens a dataset by its JSON file; for transforms_train.json the test views are those of transforms_test.json beside it, if there
+/// (transforms_val.json is not used, as in the published evaluation).
+[[nodiscard]] inline Result<Dataset> open_transforms(const std::filesystem::path& file,
+                                                     const DatasetSettings& settings) {
+  const bool blender = file.filename() == "transforms_train.json";
+  const std::filesystem::path folder = file.parent_path();
+  Dataset dataset;
+  dataset.kind = blender ? "blender" : "transforms";
+  dataset.root = folder;
+  const Result<nlohmann::json> json = detail::read_transforms(file);
+  if (!json) return json.error();
+  Result<Done> done = detail::append_frames(file, *json, Split::train, false, settings, dataset);
+  if (!done) return done.error();
+  if (blender) {
+    const std::filesystem::path test = folder / "transforms_test.json";
+    if (detail::file_exists(test)) {
+      const Result<nlohmann::json> test_json = detail::read_transforms(test);
+      if (!test_json) return test_json.error();
+      done = detail::append_frames(test, *test_json, Split::test, true, settings, dataset);
+      if (!done) return done.error();
+    } else {
+      dataset.warnings.push_back(test.string() + ": not there, so there are no test views");
+    }
+  } else {
+    std::stable_sort(dataset.views.begin(), dataset.views.end(),
+                     [](const View& a, const View& b) { return detail::natural_less(a.name, b.name); });
+    const Result<bool> lists = detail::split_by_lists(file, *json, dataset);
+    if (!lists) return lists.error();
+    if (!*lists) detail::split_views(dataset, settings.test_every);
+  }
+
+  PrecisePoints points;
+  std::filesystem::path point_file;
+  if (json->contains("ply_file_path") && (*json)["ply_file_path"].is_string())
+    point_file = folder / (*json)["ply_file_path"].get<std::string>();
+  if (blender && settings.use_point_file && detail::file_exists(folder / "points3d.ply"))
+    point_file = folder / "points3d.ply";
+  if (!point_file.empty() && detail::file_exists(point_file)) {
+    Result<PrecisePoints> read = read_precise_points(point_file);
+    if (!read) return read.error();
+    points = std::move(*read);
+  } else if (!point_file.empty()) {
+    dataset.warnings.push_back(file.string() + ": ply_file_path names \"" + point_file.string() +
+                               "\", which is not there");
+  }
+  if (blender && points.position.empty()) {
+    detail::move_to_origin(dataset, points);
+    if (dataset.origin == std::array<double, 3>{0, 0, 0}) {
+      dataset.points = random_points(settings.random_points, 1.3, settings.seed);
+      dataset.points_are_random = true;
+      return dataset;
+    }
+  }
+  detail::finish_dataset(dataset, std::move(points), settings);
+  return dataset;
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,129 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Parsing of transforms*.json: numbers that Python wrote as NaN, poses as 4 x 4 or 3 x 4 matrices, image paths with backslashes or without
+// their extension. Every Error names the field by its path in the file.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/atomic_file.hpp"
+
+namespace compmark::inline v0 {
+namespace detail {
+
+/// Python writes NaN and Infinity, which JSON does not have: outside strings they become null, so that the field that holds one can be
+/// named instead of a line and column.
+[[nodiscard]] inline std::string without_nan(const std::string& text) {
+  std::string result;
+  result.reserve(text.size());
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (in_string && text[i] == '\\' && i + 1 < text.size()) {
+      result.append(text, i++, 2);
+      continue;
+    }
+    if (text[i] == '"') in_string = !in_string;
+    bool replaced = false;
+    for (const std::string word : {"NaN", "nan", "-nan", "Infinity", "-Infinity", "inf", "-inf"}) {
+      if (!in_string && !replaced && text.compare(i, word.size(), word) == 0) {
+        result += "null";
+        i += word.size() - 1;
+        replaced = true;
+      }
+    }
+    if (!replaced) result += text[i];
+  }
+  return result;
+}
+
+[[nodiscard]] inline Result<nlohmann::json> read_transforms(const std::filesystem::path& path) {
+  const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
+  if (!bytes) return bytes.error();
+  if (bytes->empty())
+    return Error{ErrorKind::truncated, path.string(), "", "the file is empty", "create the dataset again"};
+  const std::string text = without_nan(std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()));
+  try {
+    return nlohmann::json::parse(text);
+  } catch (const nlohmann::json::exception& mistake) {
+    std::string reason = mistake.what();
+    if (const std::size_t end = reason.find("] "); end != std::string::npos) reason.erase(0, end + 2);
+    return Error{ErrorKind::malformed, path.string(), "", "is not valid JSON: " + reason,
+                 "correct it or create the dataset again"};
+  }
+}
+
+/// A finite number, or nothing.
+[[nodiscard]] inline std::optional<double> finite_number(const nlohmann::json& value) {
+  if (!value.is_number()) return std::nullopt;
+  const double number = value.get<double>();
+  return std::isfinite(number) ? std::optional<double>(number) : std::nullopt;
+}
+
+/// Row-major 4 x 4 (a 3 x 4 is completed); the Error names the entry.
+[[nodiscard]] inline Result<std::array<double, 16>> read_matrix(const nlohmann::json& frame, const std::string& file,
+                                                                const std::string& where) {
+  const std::string field = where + ".transform_matrix";
+  const auto fail = [&](ErrorKind kind, const std::string& entry, std::string problem) {
+    return Error{kind, file, field + entry, std::move(problem), "correct the pose or remove the frame"};
+  };
+  if (!frame.is_object() || !frame.contains("transform_matrix"))
+    return fail(ErrorKind::malformed, "", "is missing, so the image has no pose");
+  const nlohmann::json& rows = frame["transform_matrix"];
+  if (!rows.is_array() || (rows.size() != 4 && rows.size() != 3))
+    return fail(ErrorKind::malformed, "", "is not a 4 x 4 matrix");
+  std::array<double, 16> matrix{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (!rows[i].is_array() || rows[i].size() != 4)
+      return fail(ErrorKind::malformed, "[" + std::to_string(i) + "]", "does not have 4 entries");
+    for (std::size_t j = 0; j < 4; ++j) {
+      const std::optional<double> value = finite_number(rows[i][j]);
+      if (!value) {
+        return fail(ErrorKind::invalid, "[" + std::to_string(i) + "][" + std::to_string(j) + "]",
+                    "is not a finite number (NaN, infinite or no number)");
+      }
+      matrix[4 * i + j] = *value;
+    }
+  }
+  return matrix;
+}
+
+/// file_path relative to the JSON file, "\\" counts as "/"; where there is no such file also with an extension, and in the folders that hold
+/// smaller copies (images_2 for images). Empty if nothing is found.
+[[nodiscard]] inline std::filesystem::path resolve_image(const std::filesystem::path& folder, std::string file_path) {
+  std::replace(file_path.begin(), file_path.end(), '\\', '/');
+  const std::filesystem::path given = std::filesystem::path(file_path).lexically_normal();
+  std::vector<std::filesystem::path> places{given};
+  if (given.begin() != given.end() && std::next(given.begin()) != given.end()) {
+    for (const char* smaller : {"_2", "_4", "_8"}) {
+      std::filesystem::path place = given.begin()->string() + smaller;
+      for (auto part = std::next(given.begin()); part != given.end(); ++part) place /= *part;
+      places.push_back(place);
+    }
+  }
+  for (const std::filesystem::path& place : places) {
+    for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
+      std::filesystem::path candidate = (folder / place).lexically_normal();
+      candidate += extension;
+      std::error_code ignored;
+      if (std::filesystem::is_regular_file(candidate, ignored)) return candidate;
+    }
+  }
+  return {};
+}
+
+}  // namespace detail
+}  // namespace compmark::inline v0

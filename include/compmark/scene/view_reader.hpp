@@ -1,0 +1,197 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What all readers do with one image: look at its header, decide how it is turned, bring the intrinsics of the file to its true size, say
+// what becomes of the lens, find its mask. And what they do at the end: split, say in one sentence each what was noticed.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <iomanip>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <string>
+#include <system_error>
+#include <tuple>
+#include <utility>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/image_file.hpp"
+#include "compmark/scene/dataset.hpp"
+#include "compmark/scene/lens.hpp"
+#include "compmark/scene/resize.hpp"
+#include "compmark/scene/turn.hpp"
+
+namespace compmark::inline v0 {
+namespace detail {
+
+[[nodiscard]] inline bool file_exists(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::exists(path, ignored);
+}
+[[nodiscard]] inline bool folder_exists(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::is_directory(path, ignored);
+}
+
+[[nodiscard]] inline std::string two_digits(double value) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(2) << value;
+  return text.str();
+}
+
+/// A side in pixels that a camera can have, not larger than what image files may be.
+[[nodiscard]] inline bool possible_side(double side) { return side >= 1 && side <= 65536; }
+
+/// What became of the images, over all views of a dataset.
+struct ReaderNotes {
+  std::size_t images = 0;
+  std::size_t sixteen_bit = 0;
+  std::size_t turned = 0;      ///< by their Exif orientation, because the camera is for the turned image
+  std::size_t not_turned = 0;  ///< carry an orientation, but the camera is for the stored image
+  std::size_t missing = 0;     ///< images of the file that are not there
+  std::string first_missing;
+  std::size_t masks = 0;
+  std::size_t masks_missing = 0;
+  double displacement = 0;  ///< largest of all lenses, delivered pixels
+  std::size_t fisheyes = 0;
+  std::set<std::tuple<int, int, int, int>> scaled;  ///< camera size, image size
+
+  // The last lens measured: views that share a camera come one after the other as a rule.
+  Lens last_lens;
+  Camera<double> last_camera;
+  double last_displacement = 0;
+};
+
+/// Looks at the header of view.image_path. `camera_width` x `camera_height` is what the intrinsics are for, 0 where that is not known.
+/// Structure from motion reads pixels as they are stored and ignores the orientation; an image is turned only where the camera says so.
+[[nodiscard]] inline Result<ImageInfo> look_at_image(View& view, int camera_width, int camera_height,
+                                                     ReaderNotes& notes) {
+  Result<ImageInfo> info = read_image_info(view.image_path);
+  if (!info) return info.error();
+  ++notes.images;
+  if (info->bits == 16) ++notes.sixteen_bit;
+  // A scaled copy has the same proportions up to the rounding of one pixel.
+  const auto fits = [&](int width, int height) {
+    return std::abs(static_cast<double>(camera_height) * width / camera_width - height) <= 1.0;
+  };
+  if (info->orientation != 1) {
+    const bool turn = exchanges_sides(info->orientation) && camera_width > 0 && !fits(info->width, info->height) &&
+                      fits(info->height, info->width);
+    ++(turn ? notes.turned : notes.not_turned);
+    if (turn) {
+      view.orientation = info->orientation;
+      std::swap(info->width, info->height);
+    }
+  }
+  if (camera_width > 0 && !fits(info->width, info->height)) {
+    return Error{ErrorKind::invalid, view.image_path.string(), "image size",
+                 "is " + std::to_string(info->width) + " x " + std::to_string(info->height) +
+                     ", but its camera is for " + std::to_string(camera_width) + " x " + std::to_string(camera_height) +
+                     ", which has other proportions",
+                 "use the images the cameras were computed from, scaled but neither cropped nor rotated"};
+  }
+  if (camera_width > 0 && (info->width != camera_width || info->height != camera_height))
+    notes.scaled.insert({camera_width, camera_height, info->width, info->height});
+  view.has_alpha = info->has_alpha();
+  view.file_width = info->width;
+  view.file_height = info->height;
+  return info;
+}
+
+/// The view's camera at the size it is delivered in, and its lens.
+inline void place_camera(View& view, const Camera<double>& intrinsics, const Lens& lens,
+                         const DatasetSettings& settings, ReaderNotes& notes) {
+  const ImageSize size = scaled_size(view.file_width, view.file_height, settings.downscale, settings.max_width);
+  view.camera = intrinsics.resized(size.width, size.height);
+  view.lens = lens;
+  view.lens_treatment = LensTreatment::ignore;
+  if (is_pinhole(lens)) return;
+  const Camera<double>& c = view.camera;
+  const Camera<double>& o = notes.last_camera;
+  if (!(lens == notes.last_lens && c.width == o.width && c.height == o.height && c.fx == o.fx && c.fy == o.fy &&
+        c.cx == o.cx && c.cy == o.cy)) {
+    notes.last_displacement = lens_displacement(c, lens);
+    notes.last_lens = lens;
+    notes.last_camera = c;
+  }
+  notes.displacement = std::fmax(notes.displacement, notes.last_displacement);
+  if (is_fisheye(lens.model)) ++notes.fisheyes;
+  // A quarter pixel is below what the reconstruction resolves, and resampling would cost more sharpness than it gains.
+  if (settings.lens != LensTreatment::undistort || notes.last_displacement > 0.25) view.lens_treatment = settings.lens;
+}
+
+/// The mask of an image in `root`/<folder>/<rest>: masks/<rest> with the image's name, that name and ".png", or its stem and ".png".
+/// A folder like images_4 looks into masks_4 first. Empty if there is none.
+[[nodiscard]] inline std::filesystem::path find_mask(const std::filesystem::path& root,
+                                                     const std::filesystem::path& image) {
+  const std::filesystem::path relative = image.lexically_relative(root);
+  if (relative.empty() || relative.begin() == relative.end()) return {};
+  const std::string first = relative.begin()->string();
+  std::filesystem::path rest;
+  for (auto part = std::next(relative.begin()); part != relative.end(); ++part) rest /= *part;
+  if (rest.empty()) rest = relative;
+  const std::size_t underscore = first.rfind('_');
+  const std::string suffix = underscore == std::string::npos ? "" : first.substr(underscore);
+  for (const std::string& folder : {"masks" + suffix, std::string("masks")}) {
+    if (!folder_exists(root / folder)) continue;
+    const std::filesystem::path base = root / folder / rest;
+    std::filesystem::path appended = base, replaced = base;
+    appended += ".png";
+    replaced.replace_extension(".png");
+    for (const std::filesystem::path& candidate : {appended, replaced, base}) {
+      if (file_exists(candidate)) return candidate;
+    }
+  }
+  return {};
+}
+
+/// Every n-th view is a test view. Where that would leave nothing to train on, all views train.
+inline void split_views(Dataset& dataset, int test_every) {
+  for (std::size_t i = 0; i < dataset.views.size(); ++i) {
+    const bool test = test_every > 0 && i % static_cast<std::size_t>(test_every) == 0;
+    dataset.views[i].split = test ? Split::test : Split::train;
+  }
+  if (!dataset.views.empty() && dataset.indices(Split::train).empty()) {
+    for (View& view : dataset.views) view.split = Split::train;
+    dataset.warnings.push_back(dataset.root.string() + ": too few images for test views, all are used for training");
+  }
+}
+
+/// Adds the sentences. `source` names the file the cameras come from.
+inline void say_notes(const ReaderNotes& notes, const std::string& source, LensTreatment treatment, Dataset& dataset) {
+  const auto say = [&](const std::string& sentence) { dataset.warnings.push_back(source + ": " + sentence); };
+  const std::string of = " of " + std::to_string(notes.images) + " images ";
+  if (notes.missing > 0) {
+    say(std::to_string(notes.missing) + " of " + std::to_string(notes.missing + notes.images) +
+        " images are missing and left out, the first is \"" + notes.first_missing + "\"");
+  }
+  for (const auto& [width, height, to_width, to_height] : notes.scaled) {
+    say("images of " + std::to_string(to_width) + " x " + std::to_string(to_height) + " pixels belong to cameras for " +
+        std::to_string(width) + " x " + std::to_string(height) + "; intrinsics are scaled");
+  }
+  if (notes.sixteen_bit > 0)
+    say(std::to_string(notes.sixteen_bit) + of + "have 16 bits a channel, of which the upper 8 are used");
+  if (notes.turned > 0)
+    say(std::to_string(notes.turned) + of + "are turned by their Exif orientation, as their cameras are");
+  if (notes.not_turned > 0) {
+    say(std::to_string(notes.not_turned) + of +
+        "carry an Exif orientation, but are used as stored, as their cameras are");
+  }
+  if (notes.masks > 0 && notes.masks_missing > 0)
+    say(std::to_string(notes.masks_missing) + of + "have no mask and are used whole");
+  if (notes.displacement > 0) {
+    const std::string much = "the lens moves pixels by at most " + two_digits(notes.displacement);
+    say(much + (treatment == LensTreatment::keep     ? "; images keep it"
+                : treatment == LensTreatment::ignore ? "; it is ignored, so corners will be blurred"
+                : notes.displacement <= 0.25         ? "; it is treated as a pinhole"
+                                                     : "; it is taken out when images are loaded"));
+  }
+}
+
+}  // namespace detail
+}  // namespace compmark::inline v0
