@@ -15,78 +15,26 @@
 #include <vector>
 
 #include "compmark/raster/reference.hpp"
-#include "compmark/testing/gradient.hpp"
 #include "compmark/testing/raster_laws.hpp"
 #include "compmark/testing/raster_scene.hpp"
+#include "support/raster.hpp"
 
 using namespace compmark;
+using testing::gradient_of;
+using testing::image_of;
+using testing::nearly_opaque;
+using testing::one_pixel_stack;
 using testing::raster_scene;
 using testing::RasterScene;
+using testing::stack;
 
 static_assert(Rasterizer<TileRasterizer<float>>);
 static_assert(Rasterizer<TileRasterizer<double, accuracy::inria>>);
 
 namespace {
 
-constexpr Accuracy smooth{.exp_degree = 0, .transmittance_stop = 0, .cutoff = CutoffRule::smooth};
-constexpr Accuracy nearly_opaque{.exp_degree = 0, .alpha_min = 1e-7f, .alpha_max = 0.9999f, .transmittance_stop = 0};
 constexpr RasterOutputs planes{.alpha = true, .depth = true};
 constexpr RasterOutputs everything{.alpha = true, .depth = true, .screen_statistics = true};
-
-/// `count` identical isotropic Gaussians behind each other on the optical axis, which goes through the centre of a pixel.
-template <class T>
-RasterScene<T> stack(std::size_t count, T opacity, int width = 33, int height = 33) {
-  RasterScene<T> scene = raster_scene<T>(1, count, width, height);
-  scene.camera.fx = scene.camera.fy = 100;
-  scene.camera.cx = T(width / 2) + T(0.5);
-  scene.camera.cy = T(height / 2) + T(0.5);
-  const GaussianColumns<T> g = scene.gaussians.columns();
-  for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      g.mean[k][i] = k == 2 ? T(2) + T(i) / 1024 : T(0);
-      g.scale[k][i] = T(0.1);
-    }
-    for (std::size_t k = 0; k < 4; ++k) g.rotation[k][i] = k == 0 ? T(1) : T(0);
-    g.opacity[i] = opacity;
-  }
-  return scene;
-}
-
-template <class R>
-std::vector<typename R::Scalar> image_of(const R& rasterizer, const RasterScene<typename R::Scalar>& scene,
-                                         typename R::Context& context) {
-  using T = typename R::Scalar;
-  SerialExecutor serial;
-  const int w = scene.camera.width, h = scene.camera.height;
-  std::vector<T> image(static_cast<std::size_t>(3 * w * h), T(-7));
-  rasterizer.forward(scene.gaussians.columns(), scene.camera, scene.background, {image.data(), 3, h, w}, context,
-                     serial);
-  return image;
-}
-template <class R>
-std::vector<typename R::Scalar> image_of(const R& rasterizer, const RasterScene<typename R::Scalar>& scene) {
-  typename R::Context context;
-  return image_of(rasterizer, scene, context);
-}
-
-/// Forward, then backward with d_image of ones.
-template <class R>
-GaussianBatch<typename R::Scalar> gradient_of(const R& rasterizer, const RasterScene<typename R::Scalar>& scene) {
-  using T = typename R::Scalar;
-  SerialExecutor serial;
-  typename R::Context context;
-  const int w = scene.camera.width, h = scene.camera.height;
-  std::vector<T> image(static_cast<std::size_t>(3 * w * h));
-  const std::vector<T> ones(image.size(), T(1));
-  const GaussianColumns<const T> gaussians = scene.gaussians.columns();
-  rasterizer.forward(gaussians, scene.camera, scene.background, {image.data(), 3, h, w}, context, serial);
-  GaussianBatch<T> gradient;
-  gradient.resize(gaussians.count);
-  gradient.set_zero();
-  rasterizer.backward(gaussians, scene.camera, scene.background, {ones.data(), 3, h, w}, gradient.columns(), context,
-                      serial);
-  return gradient;
-}
 
 template <class R, class Reference>
 void check_agreement(double image, double gradient) {
@@ -171,94 +119,26 @@ TEST_CASE("raster/tile: the size of a tile changes no bit of the image (K5)") {
 }
 
 TEST_CASE("raster/tile: gradient law of the whole road in double, alpha and depth planes included (R2, BF4)") {
-  RasterScene<double> scene = raster_scene<double>(7, 14, 26, 19);
-  const std::size_t n = 14, pixels = 26 * 19;
-  std::vector<double> image(3 * pixels), d_image(3 * pixels), d_alpha(pixels), d_depth(pixels);
-  const Random random(5, 0, random_stage("test/tile_law"));
-  for (std::size_t i = 0; i < 3 * pixels; ++i) d_image[i] = static_cast<double>(random.centered(i));
-  for (std::size_t i = 0; i < pixels; ++i) {
-    d_alpha[i] = static_cast<double>(random.centered(10000 + i));
-    d_depth[i] = static_cast<double>(random.centered(20000 + i));
-  }
-  using R = TileRasterizer<double, smooth, planes>;
-  const R rasterizer;
-  R::Context context;
-  SerialExecutor serial;
-  const GaussianColumns<const double> gaussians = std::as_const(scene.gaussians).columns();
-  const auto loss = [&] {
-    rasterizer.forward(gaussians, scene.camera, scene.background, {image.data(), 3, 19, 26}, context, serial);
-    double sum = 0;
-    for (std::size_t i = 0; i < 3 * pixels; ++i) sum += d_image[i] * image[i];
-    for (std::size_t i = 0; i < pixels; ++i) sum += d_alpha[i] * context.alpha[i] + d_depth[i] * context.depth[i];
-    return sum;
-  };
-  loss();
-  GaussianBatch<double> gradient;
-  gradient.resize(n);
-  gradient.set_zero();
-  rasterizer.backward(gaussians, scene.camera, scene.background, {d_image.data(), 3, 19, 26},
-                      PlaneGradients<double>{{d_alpha.data(), 1, 19, 26}, {d_depth.data(), 1, 19, 26}},
-                      gradient.columns(), context, serial);
-  const auto x = testing::all_columns(scene.gaussians.columns());
-  const auto d = testing::all_columns(gradient.columns());
-  for (std::size_t c = 0; c < 14; ++c) {
-    const std::string broken =
-        testing::gradient_law(loss, std::span<double>(x[c], n), std::span<const double>(d[c], n), 1e-6, n);
-    CHECK_MESSAGE(broken.empty(), "column " << c << ": " << broken);
-  }
+  testing::check_gradient_law<TileRasterizer<double, testing::smooth, planes>>();
 }
 
-TEST_CASE("raster/tile: blending gradients in float, thin and opaque, short and long stacks (BB1)") {
-  for (const std::size_t count : {std::size_t{6}, std::size_t{60}, std::size_t{2300}}) {
-    for (const float opacity : {0.999f, 0.9f, 0.3f, 0.01f}) {
-      RasterScene<float> scene = stack<float>(count, opacity);
-      scene.camera = scene.camera.cropped(16, 16, 1, 1);
-      const Random random(1, 0, random_stage("test/blend"));
-      for (std::size_t i = 0; i < count; ++i) {
-        for (std::size_t c = 0; c < 3; ++c)
-          scene.gaussians.columns().color[c][i] = static_cast<float>(random.uniform(3 * i + c));
-      }
-      const auto got = gradient_of(TileRasterizer<float, nearly_opaque>{}, scene);
-      const auto expected =
-          gradient_of(ReferenceRasterizer<long double, nearly_opaque>{}, testing::cast_scene<long double>(scene));
-      double worst = 0, size = 0;
-      for (std::size_t i = 0; i < count; ++i) {
-        const auto truth = static_cast<double>(expected.columns().opacity[i]);
-        worst = std::max(worst, std::abs(static_cast<double>(got.columns().opacity[i]) - truth));
-        size = std::max(size, std::abs(truth));
-      }
-      CHECK_MESSAGE(worst <= 3e-6 * size,
-                    count << " layers of " << opacity << ": " << worst / size);  // the sheet: 1.2e-6
-    }
-  }
+TEST_CASE("raster/tile: the table of blending gradients in float, six to 2300 layers (BB1)") {
+  testing::check_blend_table<TileRasterizer<float, nearly_opaque>>();
 }
 
 TEST_CASE_TEMPLATE("raster/tile: one flat colour has no gradient of geometry or opacity, not even rounding (BB1)", T,
                    float, double) {
-  RasterScene<T> scene = raster_scene<T>(12, 400, 70, 50);
-  scene.background = {T(0.3), T(0.7), T(0.1)};
-  for (std::size_t i = 0; i < 400; ++i) {
-    for (std::size_t c = 0; c < 3; ++c) scene.gaussians.columns().color[c][i] = scene.background[c];
-  }
-  SerialExecutor serial;
-  const auto run = testing::run_rasterizer(TileRasterizer<T>{}, scene, serial);
-  const auto columns = testing::all_columns(run.gradient.columns());
-  for (std::size_t c = 0; c < 11; ++c) {
-    for (std::size_t i = 0; i < 400; ++i) CHECK(columns[c][i] == T(0));
-  }
-  CHECK(*std::max_element(columns[11], columns[11] + 400) > T(0));
+  testing::check_flat_color<TileRasterizer<T>>();
 }
 
 TEST_CASE("raster/tile: alpha of exactly one is finite and hides what is behind (BB2, BF7)") {
-  RasterScene<float> opaque = stack<float>(30, 1.0f);
-  opaque.camera = opaque.camera.cropped(16, 16, 1, 1);
+  RasterScene<float> opaque = one_pixel_stack<float>(30, 1.0f);
   const auto exact = gradient_of(TileRasterizer<float, accuracy::exact>{}, opaque);
   for (const float* column : testing::all_columns(exact.columns())) {
     CHECK(std::isfinite(column[0]));
     for (std::size_t i = 1; i < 30; ++i) CHECK(column[i] == 0);
   }
-  opaque = stack<float>(30, 0.98f);  // stopped by the transmittance: 0.02^3 < 1e-4
-  opaque.camera = opaque.camera.cropped(16, 16, 1, 1);
+  opaque = one_pixel_stack<float>(30, 0.98f);  // stopped by the transmittance: 0.02^3 < 1e-4
   const auto stopped = gradient_of(TileRasterizer<float>{}, opaque);
   for (const float* column : testing::all_columns(stopped.columns())) {
     for (std::size_t i = 3; i < 30; ++i) CHECK(column[i] == 0);
@@ -267,8 +147,7 @@ TEST_CASE("raster/tile: alpha of exactly one is finite and hides what is behind 
 }
 
 TEST_CASE("raster/tile: an opaque wall leaves at most the threshold; the published stop leaks (BF1)") {
-  RasterScene<float> wall = stack<float>(3, 0.99f);
-  wall.camera = wall.camera.cropped(16, 16, 1, 1);
+  RasterScene<float> wall = one_pixel_stack<float>(3, 0.99f);
   wall.background = {1, 1, 1};
   for (std::size_t c = 0; c < 3; ++c) std::fill_n(wall.gaussians.columns().color[c], 3, 0.0f);
   CHECK(image_of(TileRasterizer<float>{}, wall)[0] <= 1.0001e-4f);
@@ -278,8 +157,7 @@ TEST_CASE("raster/tile: an opaque wall leaves at most the threshold; the publish
 }
 
 TEST_CASE("raster/tile: a clamped alpha does not move with the opacity; the published backward lets it (BF3)") {
-  RasterScene<double> scene = stack<double>(1, 0.995);
-  scene.camera = scene.camera.cropped(16, 16, 1, 1);
+  RasterScene<double> scene = one_pixel_stack<double>(1, 0.995);
   CHECK(gradient_of(TileRasterizer<double>{}, scene).columns().opacity[0] == 0);
   CHECK(gradient_of(TileRasterizer<double, accuracy::inria>{}, scene).columns().opacity[0] != 0);
 }
