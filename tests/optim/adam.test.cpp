@@ -69,24 +69,53 @@ bool same_state(const AdamState<T>& a, const AdamState<T>& b) {
 }
 std::vector<double> rates_of(std::size_t blocks, double rate) { return std::vector<double>(blocks, rate); }
 
+/// An arena on its way: the four blocks of make_arena, or one block of `parameters` zeros.
+template <class T, class A = Adam<T>>
+struct Training {
+  ParameterArena<T> arena = make_arena<T>();
+  A adam;
+  AdamState<T> state;
+  SerialExecutor executor;
+
+  Training() { adam.prepare(arena.layout(), state); }
+  explicit Training(std::size_t parameters, const AdamSettings& settings = {}) : adam(settings) {
+    arena = {};
+    arena.add("p", 1, parameters, RowKind::fixed);
+    adam.prepare(arena.layout(), state);
+  }
+  [[nodiscard]] std::vector<T> values() const { return {arena.all_values().begin(), arena.all_values().end()}; }
+  /// With the gradients that are there.
+  AdamReport step(double rate, StepOptions options = {}) {
+    return adam.step(arena, rates_of(arena.layout().blocks().size(), rate), state, executor, options);
+  }
+  /// With the random gradients of an iteration.
+  AdamReport step_at(std::uint64_t iteration, double rate, StepOptions options = {}) {
+    fill_gradients(arena, iteration);
+    return step(rate, options);
+  }
+  /// With the same gradient everywhere.
+  AdamReport step_with(T gradient, double rate) {
+    std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), gradient);
+    return step(rate);
+  }
+};
+template <class T>
+bool same_training(const Training<T>& a, const Training<T>& b) {
+  return same_bits<T>(a.arena.all_values(), b.arena.all_values()) && same_state(a.state, b.state);
+}
+
 /// One parameter that sees the gradients given, at rate 1 from 0: returns the size of each update.
 std::vector<double> updates(const std::vector<double>& gradients, std::uint64_t first_step = 0, double m = 0,
                             double v = 0) {
-  ParameterArena<double> arena;
-  arena.add("p", 1, 1, RowKind::fixed);
-  const Adam<double> adam;
-  AdamState<double> state;
-  SerialExecutor executor;
-  adam.prepare(arena.layout(), state);
-  state.steps[0] = first_step;
-  state.first_moment[0] = m;
-  state.second_moment[0] = v;
+  Training<double> one(1);
+  one.state.steps[0] = first_step;
+  one.state.first_moment[0] = m;
+  one.state.second_moment[0] = v;
   std::vector<double> result;
   for (const double g : gradients) {
-    const double before = arena.all_values()[0];
-    arena.all_gradients()[0] = g;
-    adam.step(arena, rates_of(1, 1.0), state, executor);
-    result.push_back(before - arena.all_values()[0]);
+    const double before = one.arena.all_values()[0];
+    one.step_with(g, 1.0);
+    result.push_back(before - one.arena.all_values()[0]);
   }
   return result;
 }
@@ -96,30 +125,21 @@ std::vector<double> updates(const std::vector<double>& gradients, std::uint64_t 
 TEST_CASE("optim/adam: follows the formula in long double over 200 steps") {
   // Both start from the same float values and see the same float gradients. Bound: each step rounds p by half a unit in the last place of
   // its size (2^-24 |p|), and m / denominator by a few 2^-24 of an update of at most 10 lr; measured worst 3.0e-6 here.
-  ParameterArena<float> arena = make_arena<float>();
-  ParameterArena<long double> exact = make_arena<long double>();
-  std::copy(arena.all_values().begin(), arena.all_values().end(), exact.all_values().begin());
-  AdamState<float> state;
-  AdamState<long double> exact_state;
-  const Adam<float> adam;
-  const ReferenceAdam<long double> reference;
-  adam.prepare(arena.layout(), state);
-  reference.prepare(exact.layout(), exact_state);
-  SerialExecutor executor;
+  Training<float> fast;
+  Training<long double, ReferenceAdam<long double>> exact;
+  std::copy(fast.arena.all_values().begin(), fast.arena.all_values().end(), exact.arena.all_values().begin());
   for (std::uint64_t t = 1; t <= 200; ++t) {
-    fill_gradients(arena, t);
-    fill_gradients(exact, t);
-    adam.step(arena, rates_of(4, 0.005), state, executor);
-    reference.step(exact, rates_of(4, 0.005), exact_state, executor);
+    fast.step_at(t, 0.005);
+    exact.step_at(t, 0.005);
   }
   double worst = 0, worst_m = 0, worst_v = 0;
-  for (std::size_t i = 0; i < arena.all_values().size(); ++i) {
-    worst = std::max(worst, std::abs(static_cast<double>(arena.all_values()[i] - exact.all_values()[i])));
-    const double v = static_cast<double>(exact_state.second_moment[i]);
+  for (std::size_t i = 0; i < fast.arena.all_values().size(); ++i) {
+    worst = std::max(worst, std::abs(static_cast<double>(fast.arena.all_values()[i] - exact.arena.all_values()[i])));
+    const double v = static_cast<double>(exact.state.second_moment[i]);
     if (v == 0) continue;
-    worst_m = std::max(
-        worst_m, std::abs(static_cast<double>(state.first_moment[i] - exact_state.first_moment[i])) / std::sqrt(v));
-    worst_v = std::max(worst_v, std::abs(static_cast<double>(state.second_moment[i]) / v - 1));
+    const double error_m = static_cast<double>(fast.state.first_moment[i] - exact.state.first_moment[i]);
+    worst_m = std::max(worst_m, std::abs(error_m) / std::sqrt(v));
+    worst_v = std::max(worst_v, std::abs(static_cast<double>(fast.state.second_moment[i]) / v - 1));
   }
   INFO("worst value " << worst << ", m " << worst_m << ", v " << worst_v);
   CHECK(worst < 1e-5);
@@ -128,30 +148,23 @@ TEST_CASE("optim/adam: follows the formula in long double over 200 steps") {
 }
 
 TEST_CASE("optim/adam: equals the plain scalar reference within four units in the last place a step") {
-  ParameterArena<float> arena = make_arena<float>();
-  ParameterArena<float> plain = make_arena<float>();
-  AdamState<float> state;
-  const Adam<float> adam;
-  const ReferenceAdam<float> reference;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
+  Training<float> fast;
+  Training<float, ReferenceAdam<float>> plain;
   constexpr float ulp = std::numeric_limits<float>::epsilon();
   for (std::uint64_t t = 1; t <= 20; ++t) {
-    fill_gradients(arena, t);
-    fill_gradients(plain, t);
-    std::copy(arena.all_values().begin(), arena.all_values().end(), plain.all_values().begin());
-    AdamState<float> plain_state = state;
-    const std::vector<float> old_m(state.first_moment.begin(), state.first_moment.end());
-    adam.step(arena, rates_of(4, 0.01), state, executor);
-    reference.step(plain, rates_of(4, 0.01), plain_state, executor);
-    for (std::size_t i = 0; i < arena.all_values().size(); ++i) {
-      const float g = arena.all_gradients()[i];
-      REQUIRE(std::abs(state.first_moment[i] - plain_state.first_moment[i]) <=
+    std::copy(fast.arena.all_values().begin(), fast.arena.all_values().end(), plain.arena.all_values().begin());
+    plain.state = fast.state;
+    const std::vector<float> old_m(fast.state.first_moment.begin(), fast.state.first_moment.end());
+    fast.step_at(t, 0.01);
+    plain.step_at(t, 0.01);
+    for (std::size_t i = 0; i < old_m.size(); ++i) {
+      const float g = fast.arena.all_gradients()[i], value = fast.arena.all_values()[i];
+      REQUIRE(std::abs(fast.state.first_moment[i] - plain.state.first_moment[i]) <=
               4 * ulp * std::max(std::abs(g), std::abs(old_m[i])));
-      REQUIRE(std::abs(state.second_moment[i] - plain_state.second_moment[i]) <= 4 * ulp * state.second_moment[i]);
+      REQUIRE(std::abs(fast.state.second_moment[i] - plain.state.second_moment[i]) <=
+              4 * ulp * fast.state.second_moment[i]);
       // An update is at most 10 lr; its m may carry the error above, so one part in 2^-20 of the largest update is allowed.
-      REQUIRE(std::abs(arena.all_values()[i] - plain.all_values()[i]) <=
-              ulp * (std::abs(arena.all_values()[i]) + 0.1f));
+      REQUIRE(std::abs(value - plain.arena.all_values()[i]) <= ulp * (std::abs(value) + 0.1f));
     }
   }
 }
@@ -181,20 +194,13 @@ TEST_CASE("optim/adam: the same bits at every pack width and at 1, 2, 3 and 4 th
 }
 
 TEST_CASE("optim/adam: the first step is lr sign(g), for float too (numerics OP3)") {
-  ParameterArena<float> arena = make_arena<float>();
-  std::fill(arena.all_values().begin(), arena.all_values().end(), 0.0f);
-  fill_gradients(arena, 3);
-  AdamState<float> state;
-  const Adam<float> adam;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  adam.step(arena, rates_of(4, 0.25), state, executor);
-  for (const ArenaLayout::Block& block : arena.layout().blocks()) {
-    for (std::size_t i = block.offset; i < block.offset + block.size(); ++i) {
-      if (std::abs(arena.all_gradients()[i]) < 1e-8f) continue;  // there epsilon shows: 1e-15 / |g|
-      const float expected = arena.all_gradients()[i] > 0 ? -0.25f : 0.25f;
-      REQUIRE(arena.all_values()[i] == doctest::Approx(static_cast<double>(expected)).epsilon(1e-6));
-    }
+  Training<float> training;
+  std::fill(training.arena.all_values().begin(), training.arena.all_values().end(), 0.0f);
+  training.step_at(3, 0.25);
+  for (std::size_t i = 0; i < training.arena.all_values().size(); ++i) {
+    const float g = training.arena.all_gradients()[i];
+    if (std::abs(g) < 1e-8f) continue;  // there epsilon shows: 1e-15 / |g|; padding between blocks has none
+    REQUIRE(training.arena.all_values()[i] == doctest::Approx(g > 0 ? -0.25 : 0.25).epsilon(1e-6));
   }
   // Negative control: 1 - beta^t in float is off by 1e-5 at the first step.
   CHECK(std::abs(static_cast<double>(1.0f - 0.999f) / detail::bias_correction(0.999, 1) - 1) > 1e-5);
@@ -203,15 +209,9 @@ TEST_CASE("optim/adam: the first step is lr sign(g), for float too (numerics OP3
 
 TEST_CASE("optim/adam: a constant gradient of 1e-12 moves by lr, and by 1e-4 lr at the usual epsilon (numerics OP1)") {
   CHECK(updates({1e-12})[0] == doctest::Approx(0.999).epsilon(1e-6));
-  ParameterArena<double> arena;
-  arena.add("p", 1, 1, RowKind::fixed);
-  const Adam<double> usual(AdamSettings{0.9, 0.999, 1e-8});
-  AdamState<double> state;
-  usual.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  arena.all_gradients()[0] = 1e-12;
-  usual.step(arena, rates_of(1, 1.0), state, executor);
-  CHECK(-arena.all_values()[0] == doctest::Approx(1e-4).epsilon(1e-3));
+  Training<double> usual(1, AdamSettings{0.9, 0.999, 1e-8});
+  usual.step_with(1e-12, 1.0);
+  CHECK(-usual.arena.all_values()[0] == doctest::Approx(1e-4).epsilon(1e-3));
 }
 
 TEST_CASE("optim/adam: a loss that becomes ten times larger takes steps of up to 5.20 lr, 17 steps later") {
@@ -230,25 +230,17 @@ TEST_CASE("optim/adam: a fresh row under an old step count takes 3.162, 4.25 and
 }
 
 TEST_CASE("optim/adam: law O1, a block of rate 0 and the anchor blocks of an adjustment keep every bit") {
-  ParameterArena<float> arena = make_arena<float>();
-  AdamState<float> state;
-  const Adam<float> adam;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  fill_gradients(arena, 1);
-  adam.step(arena, rates_of(4, 0.01), state, executor);
-  const std::vector<float> before(arena.all_values().begin(), arena.all_values().end());
-  const AdamState<float> state_before = state;
-  fill_gradients(arena, 2);
-  CHECK(adam.step(arena, rates_of(4, 0), state, executor).stepped_blocks == 0);
-  CHECK(same_bits<float>(before, arena.all_values()));
-  CHECK(same_state(state, state_before));
-  CHECK(adam.step(arena, rates_of(4, 0.01), state, executor, {true, false}).stepped_blocks == 2);
-  CHECK(state.steps == std::vector<std::uint64_t>{1, 2, 1, 2});
-  for (const ArenaLayout::Block& block : arena.layout().blocks()) {
-    const auto now = std::as_const(arena).all_values().subspan(block.offset, block.size());
-    CHECK(same_bits<float>(std::span(before).subspan(block.offset, block.size()), now) ==
-          (block.kind == RowKind::anchor));
+  Training<float> training;
+  training.step_at(1, 0.01);
+  const Training<float> before = training;
+  CHECK(training.step_at(2, 0).stepped_blocks == 0);
+  CHECK(same_training(training, before));
+  CHECK(training.step(0.01, {true, false}).stepped_blocks == 2);
+  CHECK(training.state.steps == std::vector<std::uint64_t>{1, 2, 1, 2});
+  for (const ArenaLayout::Block& block : training.arena.layout().blocks()) {
+    const auto then = before.arena.all_values().subspan(block.offset, block.size());
+    const auto now = std::as_const(training.arena).all_values().subspan(block.offset, block.size());
+    CHECK(same_bits<float>(then, now) == (block.kind == RowKind::anchor));
   }
 }
 
@@ -257,96 +249,64 @@ TEST_CASE(
     "identically") {
   for (const float poison : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -2e19f}) {
     for (const std::size_t place : {0u, 777u, 16383u, 16384u, 22116u}) {
-      ParameterArena<float> arena = make_arena<float>(), clean = make_arena<float>();
-      AdamState<float> state, clean_state;
-      const Adam<float> adam;
+      Training<float> training, clean;
       ThreadExecutor executor(2);
-      adam.prepare(arena.layout(), state);
-      adam.prepare(clean.layout(), clean_state);
       for (std::uint64_t t = 1; t <= 4; ++t) {
-        fill_gradients(arena, t);
-        fill_gradients(clean, t);
+        fill_gradients(training.arena, t);
+        fill_gradients(clean.arena, t);
         std::vector<double> rates = rates_of(4, 0.01);
-        if (t == 2) {
-          arena.gradients({1}).flat()[place] = poison;
-          const AdamReport report = adam.step(arena, rates, state, executor);
-          CHECK(report.skipped_blocks == 1);
-          CHECK(report.first_skipped.index == 1);
-          CHECK(report.stepped_blocks == 3);
-          rates[1] = 0;
-        } else {
-          CHECK(adam.step(arena, rates, state, executor).skipped_blocks == 0);
-        }
-        adam.step(clean, rates, clean_state, executor);
+        if (t == 2) training.arena.gradients({1}).flat()[place] = poison;
+        const AdamReport report = training.adam.step(training.arena, rates, training.state, executor);
+        CHECK(report.skipped_blocks == (t == 2 ? 1 : 0));
+        CHECK(report.stepped_blocks == (t == 2 ? 3 : 4));
+        if (t == 2) CHECK(report.first_skipped.index == 1);
+        if (t == 2) rates[1] = 0;
+        clean.adam.step(clean.arena, rates, clean.state, executor);
       }
-      CHECK(same_bits<float>(arena.all_values(), clean.all_values()));
-      CHECK(same_state(state, clean_state));
+      CHECK(same_training(training, clean));
     }
   }
 }
 
 TEST_CASE("optim/adam: the largest gradient that passes the guard keeps the moments finite for ever") {
-  ParameterArena<float> arena;
-  arena.add("p", 1, 1, RowKind::fixed);
-  const Adam<float> adam;
-  AdamState<float> state;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  for (int t = 0; t < 20000; ++t) {
-    arena.all_gradients()[0] = 1.8446742e19f;
-    REQUIRE(adam.step(arena, rates_of(1, 0.001), state, executor).skipped_blocks == 0);
-  }
-  CHECK(std::isfinite(state.second_moment[0]));
-  CHECK(arena.all_values()[0] == doctest::Approx(-20.0).epsilon(0.01));
+  Training<float> one(1);
+  for (int t = 0; t < 20000; ++t) REQUIRE(one.step_with(1.8446742e19f, 0.001).skipped_blocks == 0);
+  CHECK(std::isfinite(one.state.second_moment[0]));
+  CHECK(one.arena.all_values()[0] == doctest::Approx(-20.0).epsilon(0.01));
 }
 
 TEST_CASE("optim/adam: law O3, values without gradients keep their bits, minus zero too, for 100 steps") {
-  ParameterArena<float> arena = make_arena<float>();
-  arena.all_values()[0] = -0.0f;
-  const std::vector<float> before(arena.all_values().begin(), arena.all_values().end());
-  AdamState<float> state;
-  const Adam<float> adam;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  for (int t = 0; t < 100; ++t) adam.step(arena, rates_of(4, 0.01), state, executor);
-  CHECK(same_bits<float>(before, arena.all_values()));
+  Training<float> training;
+  training.arena.all_values()[0] = -0.0f;
+  const std::vector<float> before = training.values();
+  for (int t = 0; t < 100; ++t) training.step(0.01);
+  CHECK(same_bits<float>(before, training.arena.all_values()));
 }
 
 TEST_CASE("optim/adam: zero_gradients_after leaves none, with the same bits otherwise") {
-  ParameterArena<float> arena = make_arena<float>(), plain = make_arena<float>();
-  AdamState<float> state, plain_state;
-  const Adam<float> adam;
-  SerialExecutor executor;
-  adam.prepare(arena.layout(), state);
-  adam.prepare(plain.layout(), plain_state);
-  fill_gradients(arena, 1);
-  fill_gradients(plain, 1);
-  arena.all_gradients()[3] = std::numeric_limits<float>::quiet_NaN();
-  plain.all_gradients()[3] = std::numeric_limits<float>::quiet_NaN();
+  Training<float> training, plain;
   const std::vector<double> rates{0.01, 0.01, 0, 0.02};
-  adam.step(arena, rates, state, executor, {false, true});
-  adam.step(plain, rates, plain_state, executor);
-  CHECK(same_bits<float>(arena.all_values(), plain.all_values()));
-  CHECK(same_state(state, plain_state));
-  for (const float g : arena.all_gradients()) REQUIRE(std::bit_cast<std::uint32_t>(g) == 0);
+  for (Training<float>* one : {&training, &plain}) {
+    fill_gradients(one->arena, 1);
+    one->arena.all_gradients()[3] = std::numeric_limits<float>::quiet_NaN();
+    one->adam.step(one->arena, rates, one->state, one->executor, {false, one == &training});
+  }
+  CHECK(same_training(training, plain));
+  for (const float g : training.arena.all_gradients()) REQUIRE(std::bit_cast<std::uint32_t>(g) == 0);
 }
 
 TEST_CASE("optim/adam: law O4, a row edit moves the moments of kept rows bit for bit and starts new rows at zero") {
-  ParameterArena<float> arena = make_arena<float>();
-  AdamState<float> state;
-  const Adam<float> adam;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  fill_gradients(arena, 1);
-  adam.step(arena, rates_of(4, 0.01), state, executor);
-  const AdamState<float> before = state;
-  const ArenaLayout old_layout = arena.layout();
+  Training<float> training;
+  training.step_at(1, 0.01);
+  const AdamState<float> before = training.state;
+  const ArenaLayout old_layout = training.arena.layout();
   const std::vector<std::uint32_t> kept{0, 3, 4, 20, 36};
   const RowEdit edit{kept, 3};
-  arena.edit_rows(edit);
-  adam.edit_rows(edit, old_layout, arena.layout(), state);
+  training.arena.edit_rows(edit);
+  training.adam.edit_rows(edit, old_layout, training.arena.layout(), training.state);
+  const AdamState<float>& state = training.state;
   CHECK(state.steps == before.steps);
-  const ArenaLayout& layout = arena.layout();
+  const ArenaLayout& layout = training.arena.layout();
   REQUIRE(state.first_moment.size() == layout.size());
   for (std::size_t b = 0; b < 4; ++b) {
     const ArenaLayout::Block& block = layout.blocks()[b];
@@ -367,46 +327,29 @@ TEST_CASE("optim/adam: law O4, a row edit moves the moments of kept rows bit for
 }
 
 TEST_CASE("optim/adam: saved and restored moments and step counts continue bit for bit") {
-  ParameterArena<float> arena = make_arena<float>();
-  AdamState<float> state;
-  const Adam<float> adam;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  fill_gradients(arena, 1);
-  adam.step(arena, rates_of(4, 0.01), state, executor);
-  ParameterArena<float> resumed = make_arena<float>();
-  std::copy(arena.all_values().begin(), arena.all_values().end(), resumed.all_values().begin());
-  AdamState<float> restored;
-  adam.prepare(resumed.layout(), restored);
-  std::copy(state.first_moment.begin(), state.first_moment.end(), restored.first_moment.begin());
-  std::copy(state.second_moment.begin(), state.second_moment.end(), restored.second_moment.begin());
-  restored.steps = state.steps;
+  Training<float> training, resumed;
+  training.step_at(1, 0.01);
+  std::copy(training.arena.all_values().begin(), training.arena.all_values().end(), resumed.arena.all_values().begin());
+  const AdamState<float>& saved = training.state;
+  std::copy(saved.first_moment.begin(), saved.first_moment.end(), resumed.state.first_moment.begin());
+  std::copy(saved.second_moment.begin(), saved.second_moment.end(), resumed.state.second_moment.begin());
+  resumed.state.steps = saved.steps;
   for (std::uint64_t t = 2; t < 6; ++t) {
-    fill_gradients(arena, t);
-    fill_gradients(resumed, t);
-    adam.step(arena, rates_of(4, 0.01), state, executor);
-    adam.step(resumed, rates_of(4, 0.01), restored, executor);
+    training.step_at(t, 0.01);
+    resumed.step_at(t, 0.01);
   }
-  CHECK(same_bits<float>(arena.all_values(), resumed.all_values()));
-  CHECK(same_state(state, restored));
+  CHECK(same_training(training, resumed));
 }
 
 TEST_CASE("optim/adam: a row out of sight ends with moments of zero, not denormal (numerics OP2)") {
-  ParameterArena<float> arena;
-  arena.add("p", 1, 64, RowKind::fixed);
-  const Adam<float> adam;
-  AdamState<float> state;
-  adam.prepare(arena.layout(), state);
-  SerialExecutor executor;
-  std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), 1e-4f);
-  adam.step(arena, rates_of(1, 0.01), state, executor);
-  std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), 0.0f);
-  float naive = state.first_moment[0];
+  Training<float> training(64);
+  training.step_with(1e-4f, 0.01);
+  float naive = training.state.first_moment[0];
   for (int t = 0; t < 2000; ++t) {
-    adam.step(arena, rates_of(1, 0.01), state, executor);
+    training.step_with(0.0f, 0.01);
     naive = naive + 0.1f * (0.0f - naive);
   }
-  for (const float m : state.first_moment) REQUIRE(std::bit_cast<std::uint32_t>(m) == 0);
+  for (const float m : training.state.first_moment) REQUIRE(std::bit_cast<std::uint32_t>(m) == 0);
   CHECK(std::fpclassify(naive) == FP_SUBNORMAL);  // negative control: rounds to itself, for ever
 }
 
@@ -415,25 +358,20 @@ TEST_CASE("optim/adam: flush-to-zero mode changes no bit for gradients of 1e-15 
   const auto run = [](bool flush) {
     const unsigned mode = _mm_getcsr();
     if (flush) _mm_setcsr(mode | 0x8040u);
-    ParameterArena<float> arena;
-    arena.add("p", 1, 4096, RowKind::fixed);
-    const Adam<float> adam;
-    AdamState<float> state;
-    adam.prepare(arena.layout(), state);
-    SerialExecutor executor;
+    Training<float> training(4096);
     const Random random(1, 2, 3);
     for (std::uint64_t t = 0; t < 1500; ++t) {
       for (std::size_t i = 0; i < 4096; ++i) {
         // From 1e-15 up, over 15 decades, for ten steps; then silence, so that the moments decay through the smallest normal number.
-        arena.all_gradients()[i] =
+        training.arena.all_gradients()[i] =
             t < 10 ? 1e-15f * static_cast<float>(1 << (i % 31)) * (1 + static_cast<float>(random.uniform(i + 4096 * t)))
                    : 0.0f;
       }
-      adam.step(arena, rates_of(1, 0.01), state, executor);
+      training.step(0.01);
     }
-    std::vector<float> result(arena.all_values().begin(), arena.all_values().end());
-    result.insert(result.end(), state.first_moment.begin(), state.first_moment.end());
-    result.insert(result.end(), state.second_moment.begin(), state.second_moment.end());
+    std::vector<float> result = training.values();
+    for (const Buffer<float>* moment : {&training.state.first_moment, &training.state.second_moment})
+      result.insert(result.end(), moment->begin(), moment->end());
     _mm_setcsr(mode);
     return result;
   };
@@ -445,27 +383,22 @@ TEST_CASE(
     "optim/adam: what is left of a moment makes no denormal number in the next step, fused or not (numerics OP2)") {
   // Where a product is rounded on its own (no fused multiply-add), flush-to-zero mode would lose (1 - beta1) m and the moment would stay.
   for (const double beta1 : {0.0, 0.5, 0.9, 0.99}) {
-    ParameterArena<float> arena;
-    arena.add("p", 1, 64, RowKind::fixed);
-    const Adam<float> adam(AdamSettings{beta1, 0.999, 1e-15});
-    AdamState<float> state;
-    adam.prepare(arena.layout(), state);
-    SerialExecutor executor;
+    Training<float> training(64, AdamSettings{beta1, 0.999, 1e-15});
     const float weight = static_cast<float>(1 - beta1);
     std::size_t decaying = 0, lost = 0;
     float naive =
         0;  // negative control: with the limit of the second moment, moments are kept whose next step is denormal
     for (int t = 0; t < 10000; ++t) {
-      std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), t == 0 ? 1e-9f : 0.0f);
-      adam.step(arena, rates_of(1, 0.01), state, executor);
-      const float m = state.first_moment[0];
+      const float gradient = t == 0 ? 1e-9f : 0.0f;
+      training.step_with(gradient, 0.01);
+      const float m = training.state.first_moment[0];
       REQUIRE((m == 0 || std::fpclassify(weight * m) == FP_NORMAL));
       decaying += m != 0 ? 1u : 0u;
-      naive += weight * (arena.all_gradients()[0] - naive);
+      naive += weight * (gradient - naive);
       if (naive < 2 * std::numeric_limits<float>::min()) naive = 0;
       lost += std::fpclassify(weight * naive) == FP_SUBNORMAL ? 1u : 0u;
     }
-    CHECK(state.first_moment[0] == 0);
+    CHECK(training.state.first_moment[0] == 0);
     CHECK(decaying > 0);
     if (beta1 >= 0.9) CHECK(lost > 0);
   }
