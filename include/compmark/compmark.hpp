@@ -110,6 +110,12 @@
 
 #include "compmark/quant/concept.hpp"
 
+#include "compmark/effect/concept.hpp"
+#include "compmark/effect/alpha_loss.hpp"
+#include "compmark/effect/background.hpp"
+#include "compmark/effect/exposure.hpp"
+#include "compmark/effect/pixel_weights.hpp"
+
 #include "compmark/loss/concept.hpp"
 #include "compmark/loss/l1.hpp"
 #include "compmark/loss/photometric.hpp"

@@ -11,7 +11,7 @@ edges() { grep -HoE '^ *#include "compmark/[a-z0-9_/]+\.hpp"' -r compmark --incl
 
 edges | awk '
   BEGIN {
-    stages = "anchor raster mark quant entropy loss optim attack metric"
+    stages = "anchor effect raster mark quant entropy loss optim attack metric"
     allow("core", "core")
     allow("math", "core math")
     allow("io", "core math scene io")

@@ -9,7 +9,6 @@
 // clamps the index).
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 
 #include "compmark/core/absent.hpp"
@@ -21,19 +20,16 @@ namespace compmark::inline v0 {
 struct NoAppearance : Absent<NoAppearance> {};
 
 /// The embedding as a bias. `weight` is the first layer of the colour head [D, inputs + A]; its last A columns belong
-/// to the embedding.
+/// to the embedding. A view that was not trained on (index beyond the table) looks like the mean of those that were.
 struct AppearanceEmbedding {
-  [[nodiscard]] static std::size_t row_of_view(std::size_t view, std::size_t rows) { return std::min(view, rows - 1); }
-
   template <class T>
   static void fold(MatrixView<const T> weight, MatrixView<const T> bias, MatrixView<const T> table, std::size_t view,
                    T* folded_bias) {
-    const T* const embedding = table.row(row_of_view(view, table.rows));
     const std::size_t first = weight.columns - table.columns;
-    for (std::size_t h = 0; h < weight.rows; ++h) {
-      T sum = bias(0, h);
-      for (std::size_t a = 0; a < table.columns; ++a) sum += weight(h, first + a) * embedding[a];
-      folded_bias[h] = sum;
+    for (std::size_t h = 0; h < weight.rows; ++h) folded_bias[h] = bias(0, h);
+    for (std::size_t a = 0; a < table.columns; ++a) {
+      const T embedding = entry(table, view, a);
+      for (std::size_t h = 0; h < weight.rows; ++h) folded_bias[h] += weight(h, first + a) * embedding;
     }
   }
 
@@ -41,16 +37,30 @@ struct AppearanceEmbedding {
   template <class T>
   static void backward(MatrixView<const T> weight, MatrixView<const T> table, std::size_t view, const T* d_bias,
                        MatrixView<T> d_weight, MatrixView<T> d_table) {
-    const std::size_t row = row_of_view(view, table.rows);
-    const T* const embedding = table.row(row);
-    T* const d_embedding = d_table.row(row);
     const std::size_t first = weight.columns - table.columns;
-    for (std::size_t h = 0; h < weight.rows; ++h) {
-      for (std::size_t a = 0; a < table.columns; ++a) {
-        d_weight(h, first + a) += d_bias[h] * embedding[a];
-        d_embedding[a] += d_bias[h] * weight(h, first + a);
+    const bool seen = view < table.rows;
+    for (std::size_t a = 0; a < table.columns; ++a) {
+      const T embedding = entry(table, view, a);
+      T d_embedding(0);
+      for (std::size_t h = 0; h < weight.rows; ++h) {
+        d_weight(h, first + a) += d_bias[h] * embedding;
+        d_embedding += d_bias[h] * weight(h, first + a);
+      }
+      if (seen) {
+        d_table(view, a) += d_embedding;
+      } else {
+        for (std::size_t row = 0; row < table.rows; ++row) d_table(row, a) += d_embedding / static_cast<T>(table.rows);
       }
     }
+  }
+
+ private:
+  template <class T>
+  [[nodiscard]] static T entry(MatrixView<const T> table, std::size_t view, std::size_t a) {
+    if (view < table.rows) return table(view, a);
+    T sum(0);
+    for (std::size_t row = 0; row < table.rows; ++row) sum += table(row, a);
+    return table.rows == 0 ? sum : sum / static_cast<T>(table.rows);
   }
 };
 

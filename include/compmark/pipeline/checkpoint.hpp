@@ -36,34 +36,39 @@ struct Checkpoint {
 /// Every number that changes what a run computes. Two runs with equal objects continue each other.
 [[nodiscard]] inline nlohmann::json settings_json(const TrainSettings& s) {
   const auto rate = [](const LearningRate& r) { return nlohmann::json{r.initial, r.final}; };
-  return {{"profile", s.profile},
-          {"iterations", s.iterations},
-          {"seed", s.seed},
-          {"lambda_dssim", s.lambda_dssim},
-          {"lambda_volume", s.lambda_volume},
-          {"offset", rate(s.offset)},
-          {"feature", rate(s.feature)},
-          {"scaling", rate(s.scaling)},
-          {"mlp_opacity", rate(s.mlp_opacity)},
-          {"mlp_covariance", rate(s.mlp_covariance)},
-          {"mlp_color", rate(s.mlp_color)},
-          {"feature_bank", rate(s.feature_bank)},
-          {"appearance", rate(s.appearance)},
-          {"voxel_size", s.voxel_size},
-          {"init_factor", s.init_factor},
-          {"max_anchors", s.max_anchors},
-          {"gradient_threshold", s.gradient_threshold},
-          {"success_threshold", s.success_threshold},
-          {"min_opacity", s.min_opacity},
-          {"statistics_after", s.statistics_after},
-          {"grow_after", s.grow_after},
-          {"grow_until", s.grow_until},
-          {"pause_from", s.pause_from},
-          {"pause_until", s.pause_until},
-          {"grow_interval", s.grow_interval},
-          {"near_plane", s.near_plane},
-          {"blur_variance", s.blur_variance},
-          {"background", s.background}};
+  nlohmann::json json{{"profile", s.profile},
+                      {"iterations", s.iterations},
+                      {"seed", s.seed},
+                      {"lambda_dssim", s.lambda_dssim},
+                      {"lambda_volume", s.lambda_volume},
+                      {"offset", rate(s.offset)},
+                      {"feature", rate(s.feature)},
+                      {"scaling", rate(s.scaling)},
+                      {"mlp_opacity", rate(s.mlp_opacity)},
+                      {"mlp_covariance", rate(s.mlp_covariance)},
+                      {"mlp_color", rate(s.mlp_color)},
+                      {"feature_bank", rate(s.feature_bank)},
+                      {"appearance", rate(s.appearance)},
+                      {"voxel_size", s.voxel_size},
+                      {"init_factor", s.init_factor},
+                      {"max_anchors", s.max_anchors},
+                      {"gradient_threshold", s.gradient_threshold},
+                      {"success_threshold", s.success_threshold},
+                      {"min_opacity", s.min_opacity},
+                      {"statistics_after", s.statistics_after},
+                      {"grow_after", s.grow_after},
+                      {"grow_until", s.grow_until},
+                      {"pause_from", s.pause_from},
+                      {"pause_until", s.pause_until},
+                      {"grow_interval", s.grow_interval},
+                      {"near_plane", s.near_plane},
+                      {"blur_variance", s.blur_variance},
+                      {"background", s.background}};
+  // Named only where they were changed: a run without effects has the bytes it had before there were any.
+  if (s.effects != EffectNumbers{}) {
+    json["effects"] = {{"exposure", rate(s.effects.exposure)}, {"lambda_alpha", s.effects.lambda_alpha}};
+  }
+  return json;
 }
 
 namespace detail {

@@ -30,6 +30,7 @@ struct Model {
   ParameterArena<Scalar> arena;
   AnchorHandles anchors;
   typename Decoder::Handles decoder;
+  [[no_unique_address]] typename R::Exposure::Handles exposure;  ///< empty without exposure
   RenderSettings render;
   double voxel_size = 0.001;    ///< world units; cell size of growing
   std::size_t train_views = 0;  ///< rows of the appearance table, if the recipe has one
@@ -40,6 +41,7 @@ struct Model {
     arena = {};
     anchors = add_anchor_blocks(arena, rows, R::AnchorModel::shape);
     decoder = Decoder::add_parameters(arena, views);
+    if constexpr (present<typename R::Exposure>) exposure = R::Exposure::add_parameters(arena, views);
   }
   [[nodiscard]] std::size_t anchor_count() const { return compmark::anchor_count(arena.layout(), anchors); }
   [[nodiscard]] AnchorColumns<const Scalar> columns() const { return anchor_values(arena, anchors); }

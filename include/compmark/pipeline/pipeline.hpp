@@ -20,11 +20,13 @@
 #include "compmark/core/gaussians.hpp"
 #include "compmark/core/gradient_mode.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/effect/concept.hpp"
 #include "compmark/loss/photometric.hpp"
 #include "compmark/loss/scale_volume.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/raster/concept.hpp"
+#include "compmark/raster/outputs.hpp"
 #include "compmark/scene/camera.hpp"
 
 namespace compmark::inline v0 {
@@ -33,6 +35,7 @@ namespace compmark::inline v0 {
 struct LossWeights {
   double lambda_dssim = 0.2;
   double lambda_volume = 0.01;
+  double lambda_alpha = 0;  ///< of the recipe's AlphaLoss, if it has one
 };
 
 struct ForwardReport {
@@ -46,6 +49,7 @@ struct LossReport {
   double l1 = 0;
   double ssim = 0;
   double volume = 0;
+  double alpha = 0;  ///< mean absolute difference of coverage, if the recipe has an AlphaLoss
 };
 
 template <Recipe R>
@@ -68,11 +72,16 @@ class Pipeline {
     Scalar volume_weight = 0;  ///< of the loss that backward differentiates
     ImageView<Scalar> image;
     ImageView<Scalar> d_image;
+    [[no_unique_address]] typename R::Exposure::Context exposure;
+    [[no_unique_address]] typename R::Background::Context background;
+    [[no_unique_address]] typename R::AlphaLoss::Context alpha_loss;
+    [[no_unique_address]] typename R::PixelWeights::Context pixel_weights;
   };
 
   Pipeline() { check_recipe<R>(); }
 
-  /// Renders one view into context.image [3, height, width]. `view` selects the appearance row, if the recipe has one.
+  /// Renders one view into context.image [3, height, width]. `view` selects the appearance and the exposure, if the recipe has them;
+  /// unseen_view is a photograph that was not trained on.
   template <Executor E>
   ForwardReport forward(const Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context,
                         E& executor) const {
@@ -88,21 +97,34 @@ class Pipeline {
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
                                         model.decoder, context.gaussians, context.decoder, executor);
     report.raster = rasterizer(model.render)
-                        .forward(std::as_const(context.gaussians).columns(), scalar_camera, background(model.render),
-                                 context.image, context.raster, executor);
+                        .forward(std::as_const(context.gaussians).columns(), scalar_camera,
+                                 background(model.render, context), context.image, context.raster, executor);
+    if constexpr (present<typename R::Exposure>) {
+      R::Exposure::forward(model.arena, model.exposure, view, context.image, context.exposure, executor);
+    }
     return report;
   }
 
   /// Loss of context.image against `target` and its gradient in context.d_image (set, not added: the first link of the way back). Call
   /// after forward.
   template <Executor E>
-  LossReport loss(ImageView<const Scalar> target, const LossWeights& weights, Context& context, E& executor) const {
+  LossReport loss(const TargetView<Scalar>& target, const LossWeights& weights, Context& context, E& executor) const {
     context.d_image_storage.resize(context.image.size());
     context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
     LossReport report;
     const PhotometricLoss<Scalar> photometric({static_cast<Scalar>(weights.lambda_dssim)});
-    const PhotometricReport image_loss = photometric.template forward_backward<GradientMode::set>(
-        context.image, target, Scalar(1), context.d_image, context.photometric, executor);
+    ImageView<const Scalar> compared = context.image;
+    if constexpr (present<typename R::PixelWeights>) {
+      R::PixelWeights::mix(context.image, target.image, target.weight, context.pixel_weights, executor);
+      compared.data = context.pixel_weights.mixed.data();
+    }
+    PhotometricReport image_loss = photometric.template forward_backward<GradientMode::set>(
+        compared, target.image, Scalar(1), context.d_image, context.photometric, executor);
+    if constexpr (present<typename R::PixelWeights>) {
+      const double factor = context.pixel_weights.factor;
+      R::PixelWeights::apply(context.d_image, target.weight, context.pixel_weights, executor);
+      image_loss = {image_loss.l1 * factor, 1 - (1 - image_loss.ssim) * factor, image_loss.loss * factor};
+    }
     report.l1 = image_loss.l1;
     report.ssim = image_loss.ssim;
     report.total = image_loss.loss;
@@ -112,6 +134,14 @@ class Pipeline {
       report.volume =
           ScaleVolumeLoss<Scalar>{}.forward(gaussians.scale, gaussians.count, context.volume, executor).loss;
       report.total += weights.lambda_volume * report.volume;
+    }
+    if constexpr (present<typename R::AlphaLoss>) {
+      COMPMARK_ASSERT(target.alpha != nullptr, "Pipeline::loss: this recipe compares alpha, and the target has none");
+      const std::size_t pixels = context.image.plane_size();
+      report.alpha = R::AlphaLoss::forward_backward(
+          std::span<const Scalar>(context.raster.alpha.data(), pixels), std::span<const Scalar>(target.alpha, pixels),
+          static_cast<Scalar>(weights.lambda_alpha), context.alpha_loss, executor);
+      report.total += weights.lambda_alpha * report.alpha;
     }
     return report;
   }
@@ -124,8 +154,16 @@ class Pipeline {
     context.d_gaussians.resize(context.gaussians.size());
     const GaussianColumns<Scalar> d_gaussians = context.d_gaussians.columns();
     const typename R::Rasterizer raster = rasterizer(model.render);
-    const std::array<Scalar, 3> behind = background(model.render);
-    if constexpr (GradientSettingRasterizer<typename R::Rasterizer>) {
+    const std::array<Scalar, 3> behind = background(model.render, context);
+    if constexpr (present<typename R::Exposure>) {
+      R::Exposure::backward(model.arena, model.exposure, view, context.d_image, context.exposure, executor);
+    }
+    if constexpr (present<typename R::AlphaLoss>) {
+      PlaneGradients<Scalar> d_planes;
+      d_planes.alpha = {context.alpha_loss.d_alpha.data(), 1, context.image.height, context.image.width};
+      raster.template backward<GradientMode::set>(gaussians, scalar_camera, behind, context.d_image, d_planes,
+                                                  d_gaussians, context.raster, executor);
+    } else if constexpr (GradientSettingRasterizer<typename R::Rasterizer>) {
       raster.template backward<GradientMode::set>(gaussians, scalar_camera, behind, context.d_image, d_gaussians,
                                                   context.raster, executor);
     } else {
@@ -145,6 +183,16 @@ class Pipeline {
   [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
     return typename R::Rasterizer{typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane),
                                                                    static_cast<Scalar>(render.blur_variance)}};
+  }
+  /// What is behind the scene: the drawn colour of a training iteration with a random background, else that of the model.
+  [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render, const Context& context) {
+    if constexpr (present<typename R::Background>) {
+      if (context.background.drawn) {
+        const std::array<double, 3>& c = context.background.color;
+        return {static_cast<Scalar>(c[0]), static_cast<Scalar>(c[1]), static_cast<Scalar>(c[2])};
+      }
+    }
+    return background(render);
   }
   [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render) {
     return {static_cast<Scalar>(render.background[0]), static_cast<Scalar>(render.background[1]),

@@ -15,6 +15,10 @@
 //   DistortionLayer       DistortionLayer         NoDistortion
 //   Quantizer             Quantizer               NoQuantizer
 //   MessageDecoder        MessageDecoder          NoMessageDecoder
+//   Exposure              Exposure                NoExposure
+//   Background            Background              ConstantBackground
+//   AlphaLoss             AlphaLoss               NoAlphaLoss
+//   PixelWeights          PixelWeights            NoPixelWeights
 #pragma once
 
 #include <concepts>
@@ -23,6 +27,7 @@
 #include "compmark/anchor/density_control.hpp"
 #include "compmark/anchor/scaffold_anchors.hpp"
 #include "compmark/core/absent.hpp"
+#include "compmark/effect/concept.hpp"
 #include "compmark/mark/concept.hpp"
 #include "compmark/optim/concept.hpp"
 #include "compmark/quant/concept.hpp"
@@ -42,6 +47,10 @@ concept Recipe = requires {
   typename R::DistortionLayer;
   typename R::Quantizer;
   typename R::MessageDecoder;
+  typename R::Exposure;
+  typename R::Background;
+  typename R::AlphaLoss;
+  typename R::PixelWeights;
 }
 &&std::floating_point<typename R::Scalar>;
 
@@ -69,6 +78,17 @@ consteval void check_recipe() {
                   "Recipe: DensityControl reads screen statistics, which this Rasterizer does not collect (use "
                   "TrainingRasterizer, or "
                   "NoGrowth)");
+  }
+  static_assert(Exposure<typename R::Exposure>,
+                "Recipe: Exposure lacks add_parameters, forward, backward or fix_gauge (see effect/concept.hpp)");
+  static_assert(Background<typename R::Background>, "Recipe: Background lacks color (see effect/concept.hpp)");
+  static_assert(AlphaLoss<typename R::AlphaLoss>, "Recipe: AlphaLoss lacks forward_backward (see effect/concept.hpp)");
+  static_assert(PixelWeights<typename R::PixelWeights>,
+                "Recipe: PixelWeights lacks mix or apply (see effect/concept.hpp)");
+  if constexpr (present<typename R::AlphaLoss> && requires { R::Rasterizer::output_policy; }) {
+    static_assert(R::Rasterizer::output_policy.alpha,
+                  "Recipe: AlphaLoss reads the coverage, which this Rasterizer does not write (use "
+                  "RasterOutputs{.alpha = true})");
   }
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");

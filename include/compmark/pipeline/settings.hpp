@@ -18,6 +18,16 @@ namespace compmark::inline v0 {
 struct LearningRate {
   double initial = 0;
   double final = 0;
+
+  friend bool operator==(const LearningRate&, const LearningRate&) = default;
+};
+
+/// Numbers of the effects a recipe may have (effect/concept.hpp); of no meaning to the others.
+struct EffectNumbers {
+  LearningRate exposure{0.005, 0.0005};  ///< of the maps' twelve entries
+  double lambda_alpha = 0.1;             ///< weight of the alpha loss
+
+  friend bool operator==(const EffectNumbers&, const EffectNumbers&) = default;
 };
 
 struct TrainSettings {
@@ -58,6 +68,8 @@ struct TrainSettings {
   double near_plane = 0.2;
   double blur_variance = 0.3;
   std::array<float, 3> background{0, 0, 0};
+
+  EffectNumbers effects;
 };
 
 /// "scaffold": Scaffold-GS defaults. "official": what the published CompMarkGS code does. "paper": what its paper says.

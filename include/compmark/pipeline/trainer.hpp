@@ -13,6 +13,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -79,6 +80,7 @@ class Trainer {
     std::copy_n(anchors->position.begin(), rows * 3, columns.position.data);
     std::copy_n(anchors->scaling.begin(), rows * 6, columns.scaling.data);
     R::GaussianDecoder::initialise(state_.model.arena, state_.model.decoder, settings_.seed);
+    if constexpr (present<typename R::Exposure>) R::Exposure::initialise(state_.model.arena, state_.model.exposure);
     state_.iteration = 0;
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
     growth().prepare(rows, state_.growth);
@@ -101,11 +103,17 @@ class Trainer {
     const Camera<double> camera = views.camera(report.view);
     target_storage_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     target_ = {target_storage_.data(), 3, camera.height, camera.width};
-    if (Result<Done> loaded = views.load(report.view, target_); !loaded) return loaded.error();
+    if constexpr (present<typename R::Background>) {
+      context_.background.color = R::Background::color(settings_.seed, static_cast<std::uint64_t>(t));
+      context_.background.drawn = true;
+    }
+    if (Result<Done> loaded = load(views, report.view); !loaded) return loaded.error();
 
     Model<R>& model = state_.model;
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);
-    report.loss = pipeline_.loss(target_, {settings_.lambda_dssim, settings_.lambda_volume}, context_, *executor_);
+    LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
+    if constexpr (present<typename R::AlphaLoss>) weights.lambda_alpha = settings_.effects.lambda_alpha;
+    report.loss = pipeline_.loss(target_view(), weights, context_, *executor_);
     pipeline_.backward(model, camera, report.view, context_, *executor_);
 
     if constexpr (present<Growth>) {
@@ -123,6 +131,7 @@ class Trainer {
       const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
       report.skipped_blocks =
           optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
+      if constexpr (present<typename R::Exposure>) R::Exposure::fix_gauge(model.arena, model.exposure);
     }
     report.anchors = model.anchor_count();
     state_.iteration = t;
@@ -148,6 +157,38 @@ class Trainer {
   [[nodiscard]] ImageView<const Scalar> target() const { return target_; }        ///< its ground truth
 
  private:
+  /// Effects that look at more of a photograph than its colours over the constant background.
+  static constexpr bool needs_planes =
+      present<typename R::Background> || present<typename R::AlphaLoss> || present<typename R::PixelWeights>;
+
+  template <class Views>
+  [[nodiscard]] Result<Done> load(Views& views, std::size_t view) {
+    if constexpr (needs_planes) {
+      static_assert(PlaneTrainingViews<Views, Scalar>,
+                    "Trainer: this recipe looks at alpha or at pixel weights, so the views need load_planes (see "
+                    "pipeline/training_views.hpp)");
+      const std::size_t pixels = target_.plane_size();
+      TargetPlanes<Scalar> planes{target_};
+      if constexpr (present<typename R::AlphaLoss>) {
+        planes_.alpha.resize(pixels);
+        planes.alpha = planes_.alpha.data();
+      }
+      if constexpr (present<typename R::PixelWeights>) {
+        planes_.weight.resize(pixels);
+        planes.weight = planes_.weight.data();
+      }
+      return views.load_planes(view, Pipeline<R>::background(state_.model.render, context_), planes);
+    } else {
+      return views.load(view, target_);
+    }
+  }
+  [[nodiscard]] TargetView<Scalar> target_view() const {
+    TargetView<Scalar> target(target_);
+    if constexpr (present<typename R::AlphaLoss>) target.alpha = planes_.alpha.data();
+    if constexpr (present<typename R::PixelWeights>) target.weight = planes_.weight.data();
+    return target;
+  }
+
   static DensityPhases resolve_phases(const TrainSettings& s) {
     return {open_window(s.statistics_after, s.grow_until, s.iterations),
             open_window(s.grow_after, s.grow_until, s.iterations),
@@ -207,6 +248,9 @@ class Trainer {
       } else if (begins("appearance")) {
         rates_[b] = rate(settings_.appearance);
       }
+      if constexpr (present<typename R::Exposure>) {
+        if (name == "exposure") rates_[b] = rate(settings_.effects.exposure);
+      }
     }
   }
 
@@ -222,6 +266,11 @@ class Trainer {
   typename Pipeline<R>::Context context_;
   Buffer<Scalar> target_storage_;
   ImageView<Scalar> target_;
+  struct NoPlanes {};
+  struct Planes {
+    Buffer<Scalar> alpha, weight;
+  };
+  [[no_unique_address]] std::conditional_t<needs_planes, Planes, NoPlanes> planes_;
   std::vector<double> rates_;
 };
 

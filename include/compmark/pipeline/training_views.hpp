@@ -8,6 +8,7 @@
 //   v.load(i, image)       fills image [3, height, width] with colours in [0, 1]; an Error if it cannot
 #pragma once
 
+#include <array>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -26,6 +27,21 @@ concept TrainingViews = requires(V& views, std::size_t i, ImageView<T> image) {
   { views.size() } -> std::convertible_to<std::size_t>;
   { views.camera(i) } -> std::convertible_to<Camera<double>>;
   { views.load(i, image) } -> std::same_as<Result<Done>>;
+};
+
+/// Where the planes of one photograph go. `alpha` and `weight` are null where the recipe does not look at them.
+template <class T>
+struct TargetPlanes {
+  ImageView<T> image;   ///< [3, height, width] colours over the background that load_planes is given
+  T* alpha = nullptr;   ///< [height, width] coverage in [0, 1]; 1 where the photograph has no alpha channel
+  T* weight = nullptr;  ///< [height, width] how much each pixel counts, [0, 1]; 1 where there is no mask
+};
+
+/// What recipes with a random background, an alpha loss or pixel weights need beside it (effect/concept.hpp).
+template <class V, class T>
+concept PlaneTrainingViews = TrainingViews<V, T> &&
+    requires(V& views, std::size_t i, std::array<T, 3> background, TargetPlanes<T> planes) {
+  { views.load_planes(i, background, planes) } -> std::same_as<Result<Done>>;
 };
 
 /// The published sampling without replacement (method sheet, section 3.3) as a pure function of the iteration: within each epoch the

@@ -7,6 +7,7 @@
 #include "compmark/anchor/growth.hpp"
 #include "compmark/anchor/mlp_decoder.hpp"
 #include "compmark/anchor/scaffold_anchors.hpp"
+#include "compmark/effect/concept.hpp"
 #include "compmark/mark/concept.hpp"
 #include "compmark/optim/adam.hpp"
 #include "compmark/pipeline/recipe.hpp"
@@ -32,6 +33,10 @@ struct DefaultRecipe {
   using DistortionLayer = NoDistortion;
   using Quantizer = NoQuantizer;
   using MessageDecoder = NoMessageDecoder;
+  using Exposure = NoExposure;
+  using Background = ConstantBackground;
+  using AlphaLoss = NoAlphaLoss;
+  using PixelWeights = NoPixelWeights;
 };
 
 /// The five policy axes by position; the same type as a struct that inherits DefaultRecipe and renames them.
