@@ -35,9 +35,7 @@ struct TargetView {
   const T* alpha = nullptr;   ///< coverage of the photograph
   const T* weight = nullptr;  ///< how much each pixel counts
 
-  TargetView(ImageView<const T> rgb) : image(rgb) {}  // NOLINT(google-explicit-constructor): most targets are an image
-  TargetView(ImageView<T> rgb) : image(rgb) {}        // NOLINT(google-explicit-constructor)
-  TargetView(ImageView<const T> rgb, const T* coverage, const T* counts)
+  explicit TargetView(ImageView<const T> rgb, const T* coverage = nullptr, const T* counts = nullptr)
       : image(rgb),
         alpha(coverage),
         weight(counts) {}

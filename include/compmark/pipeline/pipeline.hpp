@@ -146,6 +146,12 @@ class Pipeline {
     return report;
   }
 
+  /// The same for a target that is nothing but an image.
+  template <Executor E>
+  LossReport loss(ImageView<const Scalar> target, const LossWeights& weights, Context& context, E& executor) const {
+    return loss(TargetView<Scalar>(target), weights, context, executor);
+  }
+
   /// Carries context.d_image back to context.d_gaussians (set) and on into the gradients of the model's arena (adds).
   template <Executor E>
   void backward(Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context, E& executor) const {
