@@ -11,12 +11,15 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/raster/bin.hpp"
+#include "compmark/raster/effects.hpp"
+#include "compmark/raster/lens_view.hpp"
 #include "compmark/raster/project.hpp"
 #include "compmark/raster/project_backward.hpp"
 #include "compmark/raster/reference.hpp"
@@ -30,10 +33,10 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-template <class T>
+template <class T, class Effects = NoRasterEffects>
 struct Problem {
   benchmarks::SplatScene<T> scene;
-  ProjectionSettings<T> settings;
+  ProjectionSettings<T, typename Effects::Lens> settings;
   ProjectedSplats<T> splats, scratch;
   ProjectWorkspace<T> workspace;
   TileLists lists;
@@ -46,8 +49,14 @@ struct Problem {
   Problem(std::size_t count, std::size_t threads)
       : scene(benchmarks::splat_scene<T>(count, 800, 5)),
         executor(threads) {
-    project<accuracy::standard>(gaussians(), scene.camera, settings, splats, workspace, executor);
-    project<accuracy::standard>(gaussians(), scene.camera, settings, scratch, workspace, executor);
+    if constexpr (!std::is_empty_v<typename Effects::Lens>) {
+      settings.lens.k1 = T(-0.05);
+      settings.lens.k2 = T(0.01);
+    }
+    for (ProjectedSplats<T>* target : {&splats, &scratch}) {
+      project<accuracy::standard, T, native_width<T>, Effects>(gaussians(), scene.camera, settings, *target, workspace,
+                                                               executor);
+    }
     sums.resize(count, SplatGradient<T>{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, {}});
     gradient.resize(count);
     gradient.set_zero();
@@ -58,30 +67,32 @@ struct Problem {
   /// Steps 1 and 3 of project(): everything but the sort.
   template <int W>
   void forward() {
-    const detail::PinholeView<T> view(scene.camera);
+    const detail::LensView<T, typename Effects::Lens> view(scene.camera, settings.lens);
     executor.for_chunks(gaussians().count, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      detail::find_visible<accuracy::standard, T, W>(gaussians(), view, settings, begin, end, scratch, workspace);
+      detail::find_visible<accuracy::standard, T, W, Effects>(gaussians(), view, settings, begin, end, scratch,
+                                                              workspace);
     });
     executor.for_chunks(gaussians().count, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
       if (splats.count * sizeof(Splat<T>) > detail::streaming_bytes) {
-        detail::write_splats<accuracy::standard, true, T, W>(gaussians(), view, settings, begin, end, splats);
+        detail::write_splats<accuracy::standard, true, T, W, Effects>(gaussians(), view, settings, begin, end, splats);
       } else {
-        detail::write_splats<accuracy::standard, false, T, W>(gaussians(), view, settings, begin, end, splats);
+        detail::write_splats<accuracy::standard, false, T, W, Effects>(gaussians(), view, settings, begin, end, splats);
       }
     });
   }
   template <int W>
   void backward() {
-    project_backward<accuracy::standard, T, W>(gaussians(), scene.camera, settings, splats, std::as_const(sums).span(),
-                                               gradient.columns(), norms.span(), executor);
+    project_backward<accuracy::standard, T, W, GradientMode::add, Effects>(gaussians(), scene.camera, settings, splats,
+                                                                           std::as_const(sums).span(),
+                                                                           gradient.columns(), norms.span(), executor);
   }
 };
 
 /// Runs `step` and reports its best time; bytes and flops are per Gaussian.
-template <class Step>
+template <class Effects = NoRasterEffects, class Step>
 void run(benchmark::State& bench, double bytes, double flops, const Step& step) {
   const auto count = static_cast<std::size_t>(bench.range(0));
-  Problem<float> problem(count, static_cast<std::size_t>(bench.range(1)));
+  Problem<float, Effects> problem(count, static_cast<std::size_t>(bench.range(1)));
   step(problem);
   double best = 1e9;
   for (auto _ : bench) {
@@ -115,6 +126,21 @@ void projection_both(benchmark::State& bench) {
     p.backward<native>();
   });
 }
+/// The same road with each effect; projection_forward and projection_backward are "off". The image hardly changes: the lens bends it by a few
+/// pixels.
+template <class Effects>
+void effect_forward(benchmark::State& bench) {
+  run<Effects>(bench, 193, 0, [](Problem<float, Effects>& p) { p.template forward<native>(); });
+}
+template <class Effects>
+void effect_backward(benchmark::State& bench) {
+  run<Effects>(bench, 236, 0, [](Problem<float, Effects>& p) { p.template backward<native>(); });
+}
+using Radial = RasterEffects<RadialTangentialLens<float>>;
+using Fisheye = RasterEffects<FisheyeLens<float>>;
+using Mip = RasterEffects<PinholeLens, MipFilter>;
+using RadialMip = RasterEffects<RadialTangentialLens<float>, MipFilter>;
+
 void projection_both_one_lane(benchmark::State& bench) {  // the same kernels without SIMD
   run(bench, 429, 830, [](Problem<float>& p) {
     p.forward<1>();
@@ -187,3 +213,11 @@ BENCHMARK(project_with_sort)->Apply(sizes);
 BENCHMARK(sort_only)->Apply(sizes);
 BENCHMARK(bin_exact_tiles)->Apply(sizes);
 BENCHMARK(bin_boxes)->Args({50000, 2})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_forward, Radial)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_backward, Radial)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_forward, Fisheye)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_backward, Fisheye)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_forward, Mip)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_backward, Mip)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_forward, RadialMip)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(effect_backward, RadialMip)->Args({300000, 1})->UseRealTime()->Unit(benchmark::kMillisecond);

@@ -6,7 +6,6 @@
 // packs, one Gaussian a lane, ~190 flop; projection and its backward call the same functions.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -16,15 +15,17 @@
 
 #include "compmark/math/pack.hpp"
 #include "compmark/raster/accuracy.hpp"
+#include "compmark/raster/lens_view.hpp"
 #include "compmark/scene/camera.hpp"
 
 namespace compmark::inline v0 {
 
 /// Run-time numbers of projection.
-template <class T>
+template <class T, class Lens = PinholeLens>
 struct ProjectionSettings {
-  T near_plane = T(0.2);     ///< world units; a Gaussian is kept where camera z > near_plane
-  T blur_variance = T(0.3);  ///< low-pass filter: added to both variances, pixels^2
+  T near_plane = T(0.2);              ///< world units; a Gaussian is kept where camera z > near_plane
+  T blur_variance = T(0.3);           ///< low-pass filter: added to both variances, pixels^2
+  [[no_unique_address]] Lens lens{};  ///< nothing for a pinhole
 };
 
 namespace detail {
@@ -67,71 +68,6 @@ template <class T, int W>
   }
 }
 
-/// The camera as the kernels want it: limits of the Jacobian clamp included (numerics case PR4: they follow the principal point; with the
-/// principal point at the centre they are the published 1.3 tan(fov/2)).
-template <class T>
-struct PinholeView {
-  std::array<T, 9> rotation;
-  std::array<T, 3> center, center_rest;  // center + center_rest is the centre in double (numerics case PR7)
-  T fx, fy, cx, cy;
-  T x_low, x_high, y_low, y_high;  // of x/z and y/z
-  T width, height;
-
-  explicit PinholeView(const Camera<T>& camera)
-      : rotation(camera.rotation_camera_world),
-        center{},
-        center_rest{},
-        fx(camera.fx),
-        fy(camera.fy),
-        cx(camera.cx),
-        cy(camera.cy),
-        width(static_cast<T>(camera.width)),
-        height(static_cast<T>(camera.height)) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      center[i] = static_cast<T>(camera.center_world[i]);
-      if constexpr (sizeof(T) < sizeof(double))
-        center_rest[i] = static_cast<T>(camera.center_world[i] - static_cast<double>(center[i]));
-    }
-    const T margin_x = T(0.3) * width / (2 * fx), margin_y = T(0.3) * height / (2 * fy);
-    x_low = -(cx / fx + margin_x);
-    x_high = (width - cx) / fx + margin_x;
-    y_low = -(cy / fy + margin_y);
-    y_high = (height - cy) / fy + margin_y;
-  }
-};
-
-/// A point in the camera frame and what perspective makes of it.
-template <class P>
-struct CameraPoint {
-  std::array<P, 3> point;         // x, y, z; z is 1 in lanes that are culled
-  typename P::MaskType in_front;  // z > near, false for NaN (numerics case PR1)
-  P inverse_z, x_over_z, y_over_z;
-  P clamped_x, clamped_y;  // x/z and y/z within the limits of the Jacobian
-};
-
-template <class T, int W>
-[[nodiscard]] COMPMARK_INLINE CameraPoint<Pack<T, W>> camera_point(const PinholeView<T>& view,
-                                                                   const std::array<Pack<T, W>, 3>& mean,
-                                                                   T near_plane) {
-  using P = Pack<T, W>;
-  std::array<P, 3> d;
-  for (std::size_t i = 0; i < 3; ++i)
-    d[i] = (mean[i] - P(view.center[i])) - P(view.center_rest[i]);  // subtract first, rotate second
-  CameraPoint<P> result;
-  for (std::size_t i = 0; i < 3; ++i) {
-    result.point[i] =
-        fma(P(view.rotation[3 * i]), d[0], fma(P(view.rotation[3 * i + 1]), d[1], P(view.rotation[3 * i + 2]) * d[2]));
-  }
-  result.in_front = result.point[2] > P(near_plane);
-  result.point[2] = select(result.in_front, result.point[2], P(T(1)));
-  result.inverse_z = P(T(1)) / result.point[2];
-  result.x_over_z = result.point[0] * result.inverse_z;
-  result.y_over_z = result.point[1] * result.inverse_z;
-  result.clamped_x = min(max(result.x_over_z, P(view.x_low)), P(view.x_high));
-  result.clamped_y = min(max(result.y_over_z, P(view.y_low)), P(view.y_high));
-  return result;
-}
-
 /// Row-major rotation of the quaternion (w, x, y, z), used as given (it must be a unit quaternion).
 template <class P>
 [[nodiscard]] COMPMARK_INLINE std::array<P, 9> quaternion_matrix(const std::array<P, 4>& q) {
@@ -141,20 +77,6 @@ template <class P>
   const P wx = q[0] * x2, wy = q[0] * y2, wz = q[0] * z2, xx = q[1] * x2, xy = q[1] * y2, xz = q[1] * z2,
           yy = q[2] * y2, yz = q[2] * z2, zz = q[3] * z2;
   return {one - (yy + zz), xy - wz, xz + wy, xy + wz, one - (xx + zz), yz - wx, xz - wy, yz + wx, one - (xx + yy)};
-}
-
-/// M = J W, 2 x 3 row-major: from a world displacement to pixels, at the clamped direction.
-template <class T, int W>
-[[nodiscard]] COMPMARK_INLINE std::array<Pack<T, W>, 6> screen_jacobian(const PinholeView<T>& view,
-                                                                        const CameraPoint<Pack<T, W>>& at) {
-  using P = Pack<T, W>;
-  const P jx = P(view.fx) * at.inverse_z, jy = P(view.fy) * at.inverse_z;
-  std::array<P, 6> m;
-  for (std::size_t i = 0; i < 3; ++i) {
-    m[i] = jx * fma(-at.clamped_x, P(view.rotation[6 + i]), P(view.rotation[i]));
-    m[3 + i] = jy * fma(-at.clamped_y, P(view.rotation[6 + i]), P(view.rotation[3 + i]));
-  }
-  return m;
 }
 
 /// B = M R(q) and V = B diag(s), both 2 x 3 row-major. V is limited in size; `shrink` is the factor that did it (1 nearly always).

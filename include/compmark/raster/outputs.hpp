@@ -5,6 +5,7 @@
 // branch and no instruction.
 #pragma once
 
+#include "compmark/core/buffer.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark::inline v0 {
@@ -24,5 +25,26 @@ struct PlaneGradients {
   ImageView<const T> alpha{};
   ImageView<const T> depth{};
 };
+
+namespace detail {
+
+/// What the context of a rasterizer derives from, each only where it was asked for.
+template <class T>
+struct AlphaPlane {
+  Buffer<T> alpha;  ///< [height, width] 1 - final transmittance
+};
+template <class T>
+struct DepthPlane {
+  Buffer<T> depth;  ///< [height, width] sum of weight * camera z
+};
+template <class T>
+struct GradientNorms {
+  Buffer<T> gradient_norm;  ///< [gaussians]
+};
+struct NoAlphaPlane {};
+struct NoDepthPlane {};
+struct NoGradientNorms {};
+
+}  // namespace detail
 
 }  // namespace compmark::inline v0

@@ -23,7 +23,9 @@
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/concept.hpp"
 #include "compmark/raster/depth_sort.hpp"
+#include "compmark/raster/effects.hpp"
 #include "compmark/raster/footprint.hpp"
+#include "compmark/raster/lens_view.hpp"
 #include "compmark/raster/projected.hpp"
 #include "compmark/raster/transpose.hpp"
 #include "compmark/scene/camera.hpp"
@@ -78,27 +80,31 @@ template <class P>
 struct ScreenGaussians {
   CameraPoint<P> at;
   Footprint<P> footprint;
-  P u, v, sigma_max, extent_x, extent_y;
+  P u, v, opacity, sigma_max, extent_x, extent_y;
   typename P::MaskType visible;
 };
 
-template <Accuracy accuracy, class T, int W>
-[[nodiscard]] COMPMARK_INLINE ScreenGaussians<Pack<T, W>> to_screen(const PinholeView<T>& view,
-                                                                    const LoadedGaussians<Pack<T, W>>& g,
-                                                                    const ProjectionSettings<T>& settings) {
+template <Accuracy accuracy, class T, int W, class Effects = NoRasterEffects>
+[[nodiscard]] COMPMARK_INLINE ScreenGaussians<Pack<T, W>> to_screen(
+    const LensView<T, typename Effects::Lens>& view, const LoadedGaussians<Pack<T, W>>& g,
+    const ProjectionSettings<T, typename Effects::Lens>& settings) {
   using P = Pack<T, W>;
   constexpr T floor = cutoff_floor<T>(accuracy);
   ScreenGaussians<P> s;
   s.at = camera_point<T, W>(view, g.mean, settings.near_plane);
-  s.footprint = footprint_of(screen_axes(screen_jacobian<T, W>(view, s.at), quaternion_matrix(g.rotation), g.scale).v,
-                             settings.blur_variance);
-  s.u = fma(P(view.fx), s.at.x_over_z, P(view.cx));
-  s.v = fma(P(view.fy), s.at.y_over_z, P(view.cy));
+  const auto bent = lens_point<T, W>(view, s.at);
+  const ScreenAxes<P> axes =
+      screen_axes(screen_jacobian<T, W>(view, s.at, bent), quaternion_matrix(g.rotation), g.scale);
+  s.footprint = footprint_of(axes.v, settings.blur_variance);
+  const ScreenPoint<P> mean = screen_point<T, W>(view, s.at, bent);
+  s.u = mean.u;
+  s.v = mean.v;
+  s.opacity = Effects::Filter::opacity(g.opacity, axes.v, s.footprint.determinant);
   // "opacity >= floor" comes before the logarithm, and NaN fails it (numerics case TB8).
-  const auto opaque = (g.opacity > P(T(0))) & (g.opacity >= P(floor));
+  const auto opaque = (s.opacity > P(T(0))) & (s.opacity >= P(floor));
   s.sigma_max = P(std::numeric_limits<T>::infinity());
   if constexpr (floor > T(0))
-    s.sigma_max = log_positive(select(g.opacity > P(T(0)), g.opacity, P(floor)) * P(T(1) / floor));
+    s.sigma_max = log_positive(select(s.opacity > P(T(0)), s.opacity, P(floor)) * P(T(1) / floor));
   const auto valid = s.at.in_front & g.finite;
   if constexpr (accuracy.footprint == FootprintRule::square_three_sigma) {
     // lambda_max with the published floor of 0.1, then a square of whole pixels. Not opacity-aware.
@@ -114,7 +120,7 @@ template <Accuracy accuracy, class T, int W>
       hit |= (r > T(0) && !tiles.empty()) ? 1u << lane : 0u;
     }
     s.extent_y = s.extent_x;
-    s.visible = valid & (g.opacity > P(T(0))) & Mask<T, W>::from_bits(hit);
+    s.visible = valid & (s.opacity > P(T(0))) & Mask<T, W>::from_bits(hit);
   } else {
     // The marginal variances give the box, no eigenvalue needed (numerics case CV5); the slack is that of the tile test (TB3).
     const P reach = fma(s.sigma_max, P(T(2) * T(1.0001)), P(T(2e-5)));
@@ -133,10 +139,10 @@ template <class T>
 }
 
 /// Step 1 for Gaussians [begin, end): visible, place (0 or nowhere) and the depth entries of the visible ones.
-template <Accuracy accuracy, class T, int W>
-void find_visible(const GaussianColumns<const T>& gaussians, const PinholeView<T>& view,
-                  const ProjectionSettings<T>& settings, std::size_t begin, std::size_t end, ProjectedSplats<T>& out,
-                  ProjectWorkspace<T>& workspace) {
+template <Accuracy accuracy, class T, int W, class Effects = NoRasterEffects>
+void find_visible(const GaussianColumns<const T>& gaussians, const LensView<T, typename Effects::Lens>& view,
+                  const ProjectionSettings<T, typename Effects::Lens>& settings, std::size_t begin, std::size_t end,
+                  ProjectedSplats<T>& out, ProjectWorkspace<T>& workspace) {
   using P = Pack<T, W>;
   const std::size_t chunk = begin / project_grain;
   DepthEntry<T>* entry = workspace.sort.entries.data() + begin;
@@ -146,7 +152,7 @@ void find_visible(const GaussianColumns<const T>& gaussians, const PinholeView<T
   for (std::size_t i = begin; i < end; i += W) {
     const Mask<T, W> inside = Mask<T, W>::first(static_cast<std::ptrdiff_t>(end - i));
     const LoadedGaussians<P> g = load_gaussians<T, W>(gaussians, i);
-    const ScreenGaussians<P> s = to_screen<accuracy, T, W>(view, g, settings);
+    const ScreenGaussians<P> s = to_screen<accuracy, T, W, Effects>(view, g, settings);
     Mask<T, W> sane = g.finite;
     for (std::size_t k = 0; k < 3; ++k) sane = sane & (abs(P::load(gaussians.color[k] + i)) <= limit);
     scrubbed += static_cast<std::uint32_t>(count(inside & !sane));
@@ -173,9 +179,10 @@ void find_visible(const GaussianColumns<const T>& gaussians, const PinholeView<T
 inline constexpr std::size_t streaming_bytes = std::size_t{8} << 20;
 
 /// Step 3 for Gaussians [begin, end): the splats of the visible ones, each to its place.
-template <Accuracy accuracy, bool streaming, class T, int W>
-void write_splats(const GaussianColumns<const T>& gaussians, const PinholeView<T>& view,
-                  const ProjectionSettings<T>& settings, std::size_t begin, std::size_t end, ProjectedSplats<T>& out) {
+template <Accuracy accuracy, bool streaming, class T, int W, class Effects = NoRasterEffects>
+void write_splats(const GaussianColumns<const T>& gaussians, const LensView<T, typename Effects::Lens>& view,
+                  const ProjectionSettings<T, typename Effects::Lens>& settings, std::size_t begin, std::size_t end,
+                  ProjectedSplats<T>& out) {
   using P = Pack<T, W>;
   const P limit(static_cast<T>(color_limit));
   for (std::size_t i = begin; i < end; i += W) {
@@ -191,7 +198,7 @@ void write_splats(const GaussianColumns<const T>& gaussians, const PinholeView<T
     }
     if (!some) continue;
     const LoadedGaussians<P> g = load_gaussians<T, W>(gaussians, i);
-    const ScreenGaussians<P> s = to_screen<accuracy, T, W>(view, g, settings);
+    const ScreenGaussians<P> s = to_screen<accuracy, T, W, Effects>(view, g, settings);
     std::array<P, 3> color;
     for (std::size_t k = 0; k < 3; ++k) {
       const P c = P::load(gaussians.color[k] + i);
@@ -201,7 +208,7 @@ void write_splats(const GaussianColumns<const T>& gaussians, const PinholeView<T
     const P zero(T(0));
     const P pivot = select(s.footprint.pivot_x, P(T(1)), zero);
     store_records<P, streaming>(
-        {s.u, s.v, s.footprint.slope, s.footprint.major, s.footprint.minor, pivot, g.opacity, color[0], color[1],
+        {s.u, s.v, s.footprint.slope, s.footprint.major, s.footprint.minor, pivot, s.opacity, color[0], color[1],
          color[2], s.at.point[2], s.sigma_max, s.extent_x, s.extent_y, zero, zero},
         record);
     const unsigned pivots = s.footprint.pivot_x.bits();
@@ -217,12 +224,13 @@ void write_splats(const GaussianColumns<const T>& gaussians, const PinholeView<T
 /// Projects, culls and sorts. `gaussians` columns must be readable up to the next multiple of 16 rows (GaussianBatch is).
 /// A Gaussian with a non-finite mean, scale, rotation or opacity is dropped; a non-finite colour becomes 0 and a colour beyond +-100 is
 /// clamped; `scrubbed` counts all of these, visible or not. Fewer than 2^31 Gaussians.
-template <Accuracy accuracy, class T, int W = native_width<T>, Executor E>
-RasterReport project(GaussianColumns<const T> gaussians, const Camera<T>& camera, const ProjectionSettings<T>& settings,
-                     ProjectedSplats<T>& out, ProjectWorkspace<T>& workspace, E& executor) {
+template <Accuracy accuracy, class T, int W = native_width<T>, class Effects = NoRasterEffects, Executor E>
+RasterReport project(GaussianColumns<const T> gaussians, const Camera<T>& camera,
+                     const ProjectionSettings<T, typename Effects::Lens>& settings, ProjectedSplats<T>& out,
+                     ProjectWorkspace<T>& workspace, E& executor) {
   const std::size_t n = gaussians.count;
   COMPMARK_ASSERT(n < ProjectedSplats<T>::pivot_bit, "project: too many Gaussians for a 31-bit index");
-  const detail::PinholeView<T> view(camera);
+  const detail::LensView<T, typename Effects::Lens> view(camera, settings.lens);
   const std::size_t chunks = chunk_count(n, detail::project_grain);
   out.gaussians = n;
   out.visible.resize(n);
@@ -231,7 +239,7 @@ RasterReport project(GaussianColumns<const T> gaussians, const Camera<T>& camera
   workspace.sort.counts.resize(chunks);
   workspace.partial.resize(chunks);
   executor.for_chunks(n, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-    detail::find_visible<accuracy, T, W>(gaussians, view, settings, begin, end, out, workspace);
+    detail::find_visible<accuracy, T, W, Effects>(gaussians, view, settings, begin, end, out, workspace);
   });
   RasterReport report;
   DepthKey<T> smallest = std::numeric_limits<DepthKey<T>>::max(), largest = 0;
@@ -253,9 +261,9 @@ RasterReport project(GaussianColumns<const T> gaussians, const Camera<T>& camera
   });
   executor.for_chunks(n, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
     if (out.count * sizeof(Splat<T>) > detail::streaming_bytes) {
-      detail::write_splats<accuracy, true, T, W>(gaussians, view, settings, begin, end, out);
+      detail::write_splats<accuracy, true, T, W, Effects>(gaussians, view, settings, begin, end, out);
     } else {
-      detail::write_splats<accuracy, false, T, W>(gaussians, view, settings, begin, end, out);
+      detail::write_splats<accuracy, false, T, W, Effects>(gaussians, view, settings, begin, end, out);
     }
   });
   return report;

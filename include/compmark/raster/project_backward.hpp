@@ -17,7 +17,9 @@
 #include "compmark/core/gradient_mode.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/raster/accuracy.hpp"
+#include "compmark/raster/effects.hpp"
 #include "compmark/raster/footprint.hpp"
+#include "compmark/raster/lens_view.hpp"
 #include "compmark/raster/project.hpp"
 #include "compmark/raster/projected.hpp"
 #include "compmark/raster/splat.hpp"
@@ -67,6 +69,37 @@ COMPMARK_INLINE void add_jacobian_gradient(const PinholeView<T>& view, const Cam
   row(1, view.fy, at.clamped_y, at.y_over_z);
 }
 
+/// The same with a lens, M = diag(fx, fy)/z K [1 0 -a; 0 1 -b] W at the clamped ray (a, b), and through the mean on the screen. There is no
+/// published backward with a lens.
+template <class T, int W, class Lens>
+COMPMARK_INLINE void add_lens_gradient(const LensView<T, Lens>& view, const CameraPoint<Pack<T, W>>& at,
+                                       const LensPoint<Pack<T, W>>& bent, Pack<T, W> d_u, Pack<T, W> d_v,
+                                       const std::array<Pack<T, W>, 6>& d_m, std::array<Pack<T, W>, 3>& d_point) {
+  using P = Pack<T, W>;
+  std::array<P, 6> g;  // dL/dJ without the focal length, J = M W^T
+  for (std::size_t axis = 0; axis < 2; ++axis) {
+    const P focal(axis == 0 ? view.fx : view.fy);
+    for (std::size_t j = 0; j < 3; ++j) {
+      P sum(T(0));
+      for (std::size_t k = 0; k < 3; ++k) sum = fma(d_m[3 * axis + k], P(view.rotation[3 * j + k]), sum);
+      g[3 * axis + j] = focal * sum;
+    }
+  }
+  const LensPlane<P>& c = bent.clamped;
+  const P m00 = g[0] - g[2] * at.clamped_x, m11 = g[4] - g[5] * at.clamped_y;
+  const P mixed = g[1] - g[2] * at.clamped_y + (g[3] - g[5] * at.clamped_x);
+  const P d_x = at.inverse_z *
+                (m00 * c.u_aa + mixed * c.u_ab + m11 * c.u_bb - fma(g[2], c.u_a, g[5] * c.u_b));  // of the clamped ray
+  const P d_y = at.inverse_z * (m00 * c.u_ab + mixed * c.u_bb + m11 * c.v_bb - fma(g[2], c.u_b, g[5] * c.v_b));
+  const P d_inverse_z = m00 * c.u_a + mixed * c.u_b + m11 * c.v_b;
+  const P pixel_u = P(view.fx) * d_u, pixel_v = P(view.fy) * d_v;
+  const P d_a = fma(pixel_u, bent.ray.u_a, pixel_v * bent.ray.u_b) + keep(at.clamped_x == at.x_over_z, d_x);
+  const P d_b = fma(pixel_u, bent.ray.u_b, pixel_v * bent.ray.v_b) + keep(at.clamped_y == at.y_over_z, d_y);
+  d_point[0] += at.inverse_z * d_a;
+  d_point[1] += at.inverse_z * d_b;
+  d_point[2] -= at.inverse_z * fma(d_a, at.x_over_z, fma(d_b, at.y_over_z, d_inverse_z * at.inverse_z));
+}
+
 /// dL/dR (3 x 3) to the components of the quaternion as used (method sheet 2.4; no normalisation is differentiated here).
 template <class P>
 [[nodiscard]] COMPMARK_INLINE std::array<P, 4> quaternion_gradient(const std::array<P, 4>& q,
@@ -94,11 +127,12 @@ COMPMARK_INLINE void set_rows(const GaussianColumns<typename P::Scalar>& to, std
 
 inline constexpr std::size_t sums_ahead = 48;  // Gaussians
 
-template <Accuracy accuracy, GradientMode mode, class T, int W>
-void project_backward_chunk(const GaussianColumns<const T>& gaussians, const PinholeView<T>& view,
-                            const ProjectionSettings<T>& settings, const ProjectedSplats<T>& projected,
-                            std::span<const SplatGradient<T>> sums, const GaussianColumns<T>& d_gaussians,
-                            std::span<T> gradient_norm, std::size_t begin, std::size_t end) {
+template <Accuracy accuracy, GradientMode mode, class T, int W, class Effects>
+void project_backward_chunk(const GaussianColumns<const T>& gaussians, const LensView<T, typename Effects::Lens>& view,
+                            const ProjectionSettings<T, typename Effects::Lens>& settings,
+                            const ProjectedSplats<T>& projected, std::span<const SplatGradient<T>> sums,
+                            const GaussianColumns<T>& d_gaussians, std::span<T> gradient_norm, std::size_t begin,
+                            std::size_t end) {
   using P = Pack<T, W>;
   for (std::size_t i = begin; i < end; i += W) {
     const std::size_t lanes = std::min<std::size_t>(W, end - i);
@@ -122,7 +156,8 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
     const LoadedGaussians<P> g = load_gaussians<T, W>(gaussians, i);
     const CameraPoint<P> at = camera_point<T, W>(view, g.mean, settings.near_plane);
     const std::array<P, 9> r = quaternion_matrix(g.rotation);
-    const std::array<P, 6> m = screen_jacobian<T, W>(view, at);
+    const auto bent = lens_point<T, W>(view, at);
+    const std::array<P, 6> m = screen_jacobian<T, W>(view, at, bent);
     const ScreenAxes<P> axes = screen_axes(m, r, g.scale);
     Footprint<P> f = footprint_of(axes.v, settings.blur_variance);
     f.pivot_x = Mask<T, W>::from_bits(pivots);  // the axis forward took: the sums are in its frame
@@ -131,12 +166,19 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
     const ScreenGradient<P> screen = screen_gradient(f, sum[1], sum[2], sum[3], sum[4], sum[5]);
 
     // dL/dV, then V = B diag(s), B = M R(q), M = J W.
+    [[maybe_unused]] std::array<P, 6> filter;
+    if constexpr (Effects::Filter::active)
+      filter = Effects::Filter::log_gradient(axes.v, f.determinant, settings.blur_variance);
     std::array<P, 6> d_b, d_m;
     std::array<P, 3> d_scale{P(T(0)), P(T(0)), P(T(0))};
     for (std::size_t j = 0; j < 3; ++j) {
       const P scale = min(g.scale[j], P(static_cast<T>(scale_limit)));
-      const P d_x = axes.shrink * fma(screen.xx, axes.v[j], screen.xy * axes.v[3 + j]);
-      const P d_y = axes.shrink * fma(screen.xy, axes.v[j], screen.yy * axes.v[3 + j]);
+      P d_x = axes.shrink * fma(screen.xx, axes.v[j], screen.xy * axes.v[3 + j]);
+      P d_y = axes.shrink * fma(screen.xy, axes.v[j], screen.yy * axes.v[3 + j]);
+      if constexpr (Effects::Filter::active) {  // sum[0] = dL/d(ln drawn opacity)
+        d_x = fma(axes.shrink * sum[0], filter[j], d_x);
+        d_y = fma(axes.shrink * sum[0], filter[3 + j], d_y);
+      }
       d_scale[j] = fma(d_x, axes.unit[j], d_y * axes.unit[3 + j]);
       d_b[j] = d_x * scale;
       d_b[3 + j] = d_y * scale;
@@ -149,10 +191,16 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
     }
     const std::array<P, 4> d_q = quaternion_gradient(g.rotation, d_r);
 
-    const P pixel_x = P(view.fx) * at.inverse_z, pixel_y = P(view.fy) * at.inverse_z;  // u = fx x/z + cx
-    std::array<P, 3> d_point{pixel_x * screen.u, pixel_y * screen.v, sum[9]};
-    d_point[2] -= fma(d_point[0], at.x_over_z, d_point[1] * at.y_over_z);
-    add_jacobian_gradient<accuracy.published_backward, T, W>(view, at, d_m, d_point);
+    std::array<P, 3> d_point;
+    if constexpr (is_pinhole_policy<typename Effects::Lens>) {
+      const P pixel_x = P(view.fx) * at.inverse_z, pixel_y = P(view.fy) * at.inverse_z;  // u = fx x/z + cx
+      d_point = {pixel_x * screen.u, pixel_y * screen.v, sum[9]};
+      d_point[2] -= fma(d_point[0], at.x_over_z, d_point[1] * at.y_over_z);
+      add_jacobian_gradient<accuracy.published_backward, T, W>(view, at, d_m, d_point);
+    } else {
+      d_point = {P(T(0)), P(T(0)), sum[9]};
+      add_lens_gradient<T, W>(view, at, bent, screen.u, screen.v, d_m, d_point);
+    }
 
     const auto add = [&](T* column, P value) {
       P result = keep(live, value);
@@ -182,19 +230,20 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Pin
 /// `gradient_norm` is empty, or one per input Gaussian (overwritten): the norm of (W/2 dL/du, H/2 dL/dv), 0 where not visible.
 /// Columns must be readable and writable up to the next multiple of 16 rows. Rows of invisible Gaussians do not
 /// change, or become 0.
-template <Accuracy accuracy, class T, int W = native_width<T>, GradientMode mode = GradientMode::add, Executor E>
+template <Accuracy accuracy, class T, int W = native_width<T>, GradientMode mode = GradientMode::add,
+          class Effects = NoRasterEffects, Executor E>
 void project_backward(GaussianColumns<const T> gaussians, const Camera<T>& camera,
-                      const ProjectionSettings<T>& settings, const ProjectedSplats<T>& projected,
-                      std::span<const SplatGradient<T>> sums, GaussianColumns<T> d_gaussians,
-                      std::span<T> gradient_norm, E& executor) {
+                      const ProjectionSettings<T, typename Effects::Lens>& settings,
+                      const ProjectedSplats<T>& projected, std::span<const SplatGradient<T>> sums,
+                      GaussianColumns<T> d_gaussians, std::span<T> gradient_norm, E& executor) {
   COMPMARK_ASSERT(gaussians.count == projected.gaussians, "project_backward: not the Gaussians that were projected");
   COMPMARK_ASSERT(sums.size() >= gaussians.count, "project_backward: one sum per Gaussian");
   COMPMARK_ASSERT(gradient_norm.empty() || gradient_norm.size() >= gaussians.count,
                   "project_backward: one norm per Gaussian");
-  const detail::PinholeView<T> view(camera);
+  const detail::LensView<T, typename Effects::Lens> view(camera, settings.lens);
   executor.for_chunks(gaussians.count, detail::project_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-    detail::project_backward_chunk<accuracy, mode, T, W>(gaussians, view, settings, projected, sums, d_gaussians,
-                                                         gradient_norm, begin, end);
+    detail::project_backward_chunk<accuracy, mode, T, W, Effects>(gaussians, view, settings, projected, sums,
+                                                                  d_gaussians, gradient_norm, begin, end);
   });
 }
 

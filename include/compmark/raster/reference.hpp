@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <type_traits>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
@@ -23,7 +24,9 @@
 #include "compmark/core/views.hpp"
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/concept.hpp"
+#include "compmark/raster/effects.hpp"
 #include "compmark/raster/footprint.hpp"
+#include "compmark/raster/lens_view.hpp"
 #include "compmark/raster/outputs.hpp"
 #include "compmark/raster/projected.hpp"
 #include "compmark/scene/camera.hpp"
@@ -80,11 +83,12 @@ struct ReferenceContribution {
 
 }  // namespace detail
 
-template <class T, Accuracy accuracy = accuracy::spec>
+template <class T, Accuracy accuracy = accuracy::spec, class Effects = NoRasterEffects>
 class ReferenceRasterizer {
  public:
   using Scalar = T;
-  using Settings = ProjectionSettings<T>;
+  using Settings = ProjectionSettings<T, typename Effects::Lens>;
+  using EffectPolicy = Effects;
   static constexpr Accuracy accuracy_policy = accuracy;
 
   struct Context {
@@ -156,6 +160,8 @@ class ReferenceRasterizer {
   }
 
  private:
+  static constexpr bool has_lens = !detail::is_pinhole_policy<typename Effects::Lens>;
+  static constexpr bool filtered = std::is_same_v<typename Effects::Filter, MipFilter>;
   static constexpr std::size_t bands = 8;  // of rows, each with sums of its own: same bits at any thread count
 
   [[nodiscard]] static int band_rows(const Camera<T>& camera) { return std::max(1, (camera.height + 7) / 8); }
@@ -319,7 +325,7 @@ class ReferenceRasterizer {
 
   // ---- one Gaussian ----
 
-  /// False if z is not in front of the near plane.
+  /// False if z is not in front of the near plane, or the lens is not one-to-one there.
   [[nodiscard]] bool geometry(const GaussianColumns<const T>& gaussians, const Camera<T>& camera, std::size_t i,
                               detail::ReferenceGeometry<T>& g) const {
     for (std::size_t r = 0; r < 3; ++r) {
@@ -342,6 +348,9 @@ class ReferenceRasterizer {
       for (std::size_t k = 0; k < 3; ++k)
         g.m[axis][k] = g.focal[axis] / z * (g.world[axis][k] - g.clamped[axis] * g.world[2][k]);
     }
+    if constexpr (has_lens) {
+      if (!bend(camera, g)) return false;
+    }
     const T w = gaussians.rotation[0][i], x = gaussians.rotation[1][i], y = gaussians.rotation[2][i],
             q = gaussians.rotation[3][i];
     g.rotation = {{{1 - 2 * (y * y + q * q), 2 * (x * y - w * q), 2 * (x * q + w * y)},
@@ -363,6 +372,85 @@ class ReferenceRasterizer {
       for (T& value : row) value *= g.shrink;
     }
     return true;
+  }
+
+  /// What a lens changes: the limits of the clamp, which are of rays (lens_view.hpp says which), and M = diag(fx, fy) J W with the lens's J
+  /// at the clamped ray. False outside the region where the lens is one-to-one.
+  [[nodiscard]] bool bend(const Camera<T>& camera, detail::ReferenceGeometry<T>& g) const {
+    const typename Effects::Lens& lens = settings_.lens;
+    if (!lens.inside(g.ratio[0], g.ratio[1])) return false;
+    const T margin_x = T(0.3L) * static_cast<T>(camera.width) / (2 * camera.fx),
+            margin_y = T(0.3L) * static_cast<T>(camera.height) / (2 * camera.fy);
+    const detail::RayLimits<T> limits = detail::ray_limits(
+        lens, detail::RayLimits<T>{-(camera.cx / camera.fx + margin_x),
+                                   (static_cast<T>(camera.width) - camera.cx) / camera.fx + margin_x,
+                                   -(camera.cy / camera.fy + margin_y),
+                                   (static_cast<T>(camera.height) - camera.cy) / camera.fy + margin_y});
+    g.clamped = {std::min(std::max(g.ratio[0], limits.x_low), limits.x_high),
+                 std::min(std::max(g.ratio[1], limits.y_low), limits.y_high)};
+    if (!lens.inside(g.clamped[0], g.clamped[1])) g.clamped = g.ratio;
+    const T z = g.point[2];
+    const std::array<T, 6> j = lens.jacobian(g.clamped[0] * z, g.clamped[1] * z, z);
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        g.m[axis][k] = g.focal[axis] * (j[3 * axis] * g.world[0][k] + j[3 * axis + 1] * g.world[1][k] +
+                                        j[3 * axis + 2] * g.world[2][k]);
+      }
+    }
+    return true;
+  }
+
+  /// The road back of bend() and of the mean on the screen, by the lens's own adjoint at the point and at the clamped point
+  /// (clamped * z, z), which moves with z alone where the clamp holds.
+  void unbend(const detail::ReferenceGeometry<T>& g, const std::array<T, 2>& d_screen, const detail::Matrix23<T>& d_m,
+              std::array<T, 3>& d_point) const {
+    const typename Effects::Lens& lens = settings_.lens;
+    const T z = g.point[2];
+    const std::array<T, 3> mean =
+        lens.backward(g.point[0], g.point[1], z, {g.focal[0] * d_screen[0], g.focal[1] * d_screen[1]}, {});
+    std::array<T, 6> d_j{};
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        for (std::size_t k = 0; k < 3; ++k) d_j[3 * axis + j] += g.focal[axis] * d_m[axis][k] * g.world[j][k];
+      }
+    }
+    const std::array<T, 3> shape = lens.backward(g.clamped[0] * z, g.clamped[1] * z, z, {}, d_j);
+    for (std::size_t k = 0; k < 3; ++k) d_point[k] += mean[k];
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      if (g.clamped[axis] == g.ratio[axis]) {
+        d_point[axis] += shape[axis];
+      } else {
+        d_point[2] += g.clamped[axis] * shape[axis];
+      }
+    }
+    d_point[2] += shape[2];
+  }
+
+  /// Mip filter: rho of a footprint, and by how much ln rho grows with V (numerics case CV6): half the derivatives of
+  /// ln det(V V^T) - ln det(V V^T + e I), each as dlog det S = tr(S^-1 dS). Plain inverses, unlike the fast path; 0 at the floor.
+  struct Filter {
+    T rho;
+    detail::Matrix23<T> d_log;
+  };
+  [[nodiscard]] Filter filter(const detail::Matrix23<T>& v) const {
+    const T e = settings_.blur_variance;
+    T xx = 0, xy = 0, yy = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      xx += v[0][k] * v[0][k];
+      xy += v[0][k] * v[1][k];
+      yy += v[1][k] * v[1][k];
+    }
+    const T c0 = v[0][1] * v[1][2] - v[0][2] * v[1][1], c1 = v[0][2] * v[1][0] - v[0][0] * v[1][2],
+            c2 = v[0][0] * v[1][1] - v[0][1] * v[1][0];
+    const T sharp = c0 * c0 + c1 * c1 + c2 * c2, blurred = sharp + e * (xx + yy) + e * e;
+    const T squared = sharp / blurred, floor = static_cast<T>(detail::mip_floor);
+    Filter result{std::sqrt(squared > floor ? squared : floor), {}};
+    if (!(squared > floor)) return result;
+    for (std::size_t k = 0; k < 3; ++k) {
+      result.d_log[0][k] = (yy * v[0][k] - xy * v[1][k]) / sharp - ((yy + e) * v[0][k] - xy * v[1][k]) / blurred;
+      result.d_log[1][k] = (xx * v[1][k] - xy * v[0][k]) / sharp - ((xx + e) * v[1][k] - xy * v[0][k]) / blurred;
+    }
+    return result;
   }
 
   /// mean - centre in double or better, then rounded (numerics case PR7).
@@ -392,7 +480,13 @@ class ReferenceRasterizer {
     splat.depth = g.point[2];
     splat.u = camera.fx * g.ratio[0] + camera.cx;
     splat.v = camera.fy * g.ratio[1] + camera.cy;
+    if constexpr (has_lens) {
+      const std::array<T, 2> image = settings_.lens.project(g.point[0], g.point[1], g.point[2]);
+      splat.u = camera.fx * image[0] + camera.cx;
+      splat.v = camera.fy * image[1] + camera.cy;
+    }
     splat.opacity = gaussians.opacity[i];
+    if constexpr (filtered) splat.opacity *= filter(g.v).rho;
 
     // Covariance V V^T + e I. Its determinant by Cauchy and Binet, |V0 x V1|^2 + e (|V0|^2 + |V1|^2) + e^2: nothing cancels (case CV1).
     const T e = settings_.blur_variance;
@@ -436,7 +530,7 @@ class ReferenceRasterizer {
     const std::size_t i = splat.source;
     detail::ReferenceGeometry<T> g;
     if (!geometry(gaussians, camera, i, g)) return;
-    d.opacity[i] += sum.g / splat.opacity;
+    d.opacity[i] += sum.g / (filtered ? gaussians.opacity[i] : splat.opacity);  // the filter is a factor
     for (std::size_t k = 0; k < 3; ++k) {
       if (std::abs(gaussians.color[k][i]) <= static_cast<T>(detail::color_limit)) d.color[k][i] += sum.color[k];
     }
@@ -448,6 +542,10 @@ class ReferenceRasterizer {
     for (std::size_t j = 0; j < 3; ++j) {
       d_v[0][j] = g.shrink * (sum.gxx * g.v[0][j] + sum.gxy * g.v[1][j]);
       d_v[1][j] = g.shrink * (sum.gxy * g.v[0][j] + sum.gyy * g.v[1][j]);
+      if constexpr (filtered) {  // sum.g = dL/d(ln of the drawn opacity)
+        const Filter by_filter = filter(g.v);
+        for (std::size_t axis = 0; axis < 2; ++axis) d_v[axis][j] += g.shrink * sum.g * by_filter.d_log[axis][j];
+      }
       d.scale[j][i] += d_v[0][j] * g.unit[0][j] + d_v[1][j] * g.unit[1][j];
     }
     detail::Matrix33<T> d_r{};
@@ -473,19 +571,24 @@ class ReferenceRasterizer {
     // The point: through the mean on the screen, u = f x/z + c, through the depth, and through J = f/z [1, 0, -clamped] (case PR3).
     const std::array<T, 2> d_screen{sum.gx, sum.gy};
     std::array<T, 3> d_point{0, 0, sum.depth};
-    for (std::size_t axis = 0; axis < 2; ++axis) {
-      const T f = g.focal[axis], depth = g.point[2];
-      d_point[axis] += f / depth * d_screen[axis];
-      d_point[2] -= f / depth * g.ratio[axis] * d_screen[axis];
-      T d_diagonal = 0, d_third = 0;  // of J's entries f/z and -f clamped/z
-      for (std::size_t k = 0; k < 3; ++k) {
-        d_diagonal += d_m[axis][k] * g.world[axis][k];
-        d_third += d_m[axis][k] * g.world[2][k];
+    if constexpr (has_lens) {
+      unbend(g, d_screen, d_m, d_point);
+    } else {
+      for (std::size_t axis = 0; axis < 2; ++axis) {
+        const T f = g.focal[axis], depth = g.point[2];
+        d_point[axis] += f / depth * d_screen[axis];
+        d_point[2] -= f / depth * g.ratio[axis] * d_screen[axis];
+        T d_diagonal = 0, d_third = 0;  // of J's entries f/z and -f clamped/z
+        for (std::size_t k = 0; k < 3; ++k) {
+          d_diagonal += d_m[axis][k] * g.world[axis][k];
+          d_third += d_m[axis][k] * g.world[2][k];
+        }
+        const bool free = g.clamped[axis] == g.ratio[axis];
+        if (free) d_point[axis] -= f / (depth * depth) * d_third;
+        const T factor =
+            free || accuracy.published_backward ? T(2) : T(1);  // published: the unclamped factor everywhere
+        d_point[2] += f / (depth * depth) * (factor * g.clamped[axis] * d_third - d_diagonal);
       }
-      const bool free = g.clamped[axis] == g.ratio[axis];
-      if (free) d_point[axis] -= f / (depth * depth) * d_third;
-      const T factor = free || accuracy.published_backward ? T(2) : T(1);  // published: the unclamped factor everywhere
-      d_point[2] += f / (depth * depth) * (factor * g.clamped[axis] * d_third - d_diagonal);
     }
     for (std::size_t k = 0; k < 3; ++k) {
       d.mean[k][i] += g.world[0][k] * d_point[0] + g.world[1][k] * d_point[1] + g.world[2][k] * d_point[2];

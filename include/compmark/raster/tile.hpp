@@ -22,6 +22,7 @@
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/bin.hpp"
 #include "compmark/raster/concept.hpp"
+#include "compmark/raster/effects.hpp"
 #include "compmark/raster/outputs.hpp"
 #include "compmark/raster/project.hpp"
 #include "compmark/raster/project_backward.hpp"
@@ -30,27 +31,9 @@
 
 namespace compmark::inline v0 {
 
-namespace detail {
-template <class T>
-struct AlphaPlane {
-  Buffer<T> alpha;  ///< [height, width] 1 - final transmittance
-};
-template <class T>
-struct DepthPlane {
-  Buffer<T> depth;  ///< [height, width] sum of weight * camera z
-};
-template <class T>
-struct GradientNorms {
-  Buffer<T> gradient_norm;  ///< [gaussians]
-};
-struct NoAlphaPlane {};
-struct NoDepthPlane {};
-struct NoGradientNorms {};
-}  // namespace detail
-
-/// See raster/concept.hpp. `W` is the pack width; other widths than the native one are for tests.
+/// See raster/concept.hpp. `W` is the pack width; other widths than the native one are for tests. `Effects` is a RasterEffects.
 template <class T, Accuracy accuracy = accuracy::standard, RasterOutputs outputs = RasterOutputs{},
-          int W = detail::block_width<T>>
+          int W = detail::block_width<T>, class Effects = NoRasterEffects>
 class TileRasterizer {
   static_assert(accuracy.tile_size > 0 && accuracy.tile_size % detail::cell_side == 0,
                 "TileRasterizer: Accuracy::tile_size must be a multiple of 16");
@@ -62,11 +45,13 @@ class TileRasterizer {
   using Scalar = T;
   static constexpr Accuracy accuracy_policy = accuracy;
   static constexpr RasterOutputs output_policy = outputs;
+  using EffectPolicy = Effects;
 
   struct Settings {
     T near_plane = T(0.2);     ///< world units; Gaussians at or before it are culled
     T blur_variance = T(0.3);  ///< pixels^2, added to both variances of the footprint (the published low-pass filter)
     BinSettings bin{};         ///< budget of (splat, tile) pairs
+    [[no_unique_address]] typename Effects::Lens lens{};  ///< coefficients of the lens; nothing for a pinhole
   };
 
   /// Everything forward leaves for backward. Grow-only: after warm-up nothing is allocated.
@@ -97,8 +82,8 @@ class TileRasterizer {
                        ImageView<T> image, Context& ctx, E& executor) const {
     COMPMARK_ASSERT(image.channels == 3 && image.height == camera.height && image.width == camera.width,
                     "TileRasterizer: the image must be [3, camera.height, camera.width]");
-    RasterReport report =
-        project<accuracy>(gaussians, camera, projection(), ctx.projected, ctx.project_workspace, executor);
+    RasterReport report = project<accuracy, T, native_width<T>, Effects>(gaussians, camera, projection(), ctx.projected,
+                                                                         ctx.project_workspace, executor);
     ctx.error.reset();
     const Result<Done> binned = bin<accuracy>(ctx.projected, camera.width, camera.height, settings_.bin, ctx.lists,
                                               ctx.bin_workspace, executor);
@@ -173,9 +158,9 @@ class TileRasterizer {
       ctx.gradient_norm.resize(gaussians.count);
       norms = ctx.gradient_norm.span();
     }
-    project_backward<accuracy, T, native_width<T>, mode>(gaussians, camera, projection(), ctx.projected,
-                                                         std::span<const SplatGradient<T>>(ctx.splat_gradients.span()),
-                                                         d_gaussians, norms, executor);
+    project_backward<accuracy, T, native_width<T>, mode, Effects>(
+        gaussians, camera, projection(), ctx.projected, std::span<const SplatGradient<T>>(ctx.splat_gradients.span()),
+        d_gaussians, norms, executor);
   }
 
   /// The pixel loop alone: leaves the sums of every splat in ctx.splat_gradients.
@@ -224,7 +209,9 @@ class TileRasterizer {
   static constexpr std::size_t cells_x = static_cast<std::size_t>(accuracy.tile_size / detail::cell_side);
   static constexpr std::size_t cells = cells_x * cells_x;
 
-  [[nodiscard]] ProjectionSettings<T> projection() const { return {settings_.near_plane, settings_.blur_variance}; }
+  [[nodiscard]] ProjectionSettings<T, typename Effects::Lens> projection() const {
+    return {settings_.near_plane, settings_.blur_variance, settings_.lens};
+  }
   [[nodiscard]] static std::size_t tile_count(const TileLists& lists) {
     return static_cast<std::size_t>(lists.tiles_x) * static_cast<std::size_t>(lists.tiles_y);
   }
@@ -290,5 +277,9 @@ class TileRasterizer {
 
   Settings settings_{};
 };
+
+/// A TileRasterizer with effects: EffectTileRasterizer<float, RasterEffects<FisheyeLens<float>, MipFilter>>.
+template <class T, class Effects, Accuracy accuracy = accuracy::standard, RasterOutputs outputs = RasterOutputs{}>
+using EffectTileRasterizer = TileRasterizer<T, accuracy, outputs, detail::block_width<T>, Effects>;
 
 }  // namespace compmark::inline v0
