@@ -21,7 +21,7 @@ class RecipeModel final : public AnyModel {
     render_settings = model_.render;
   }
   RenderedView render(const Camera<double>& camera, ThreadExecutor& executor) override {
-    const ForwardReport report = pipeline_.forward(model_, camera, 0, context_, executor);
+    const ForwardReport report = pipeline_.forward(model_, camera, unseen_view, context_, executor);
     return {context_.image, report.gaussians};
   }
 

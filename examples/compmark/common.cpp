@@ -24,6 +24,11 @@ compmark::Result<compmark::Done> DatasetViews::load(std::size_t i, compmark::Ima
   return store->load(dataset->views[index[i]], image);
 }
 
+compmark::Result<compmark::Done> DatasetViews::load_planes(std::size_t i, std::array<float, 3> background,
+                                                           compmark::TargetPlanes<float> planes) {
+  return store->load_planes(index[i], background, planes.image, planes.alpha, planes.weight);
+}
+
 compmark::Result<std::string> file_sha256(const std::filesystem::path& path) {
   const compmark::Result<std::vector<std::byte>> bytes = compmark::read_file(path);
   if (!bytes) return bytes.error();

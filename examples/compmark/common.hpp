@@ -4,8 +4,10 @@
 // What the subcommands of the tool share: one error line, a dataset as training views.
 #pragma once
 
+#include <array>
 #include <compmark/core/result.hpp>
 #include <compmark/core/views.hpp>
+#include <compmark/pipeline/training_views.hpp>
 #include <compmark/scene/dataset.hpp>
 #include <compmark/scene/image_store.hpp>
 #include <cstddef>
@@ -34,6 +36,9 @@ struct DatasetViews {
   [[nodiscard]] std::size_t size() const { return index.size(); }
   [[nodiscard]] compmark::Camera<double> camera(std::size_t i) const { return dataset->views[index[i]].camera; }
   [[nodiscard]] compmark::Result<compmark::Done> load(std::size_t i, compmark::ImageView<float> image);
+  /// Colours over another background, coverage and weights: what recipes with effects train on.
+  [[nodiscard]] compmark::Result<compmark::Done> load_planes(std::size_t i, std::array<float, 3> background,
+                                                             compmark::TargetPlanes<float> planes);
 };
 
 /// SHA-256 of a file, 64 hexadecimal digits.

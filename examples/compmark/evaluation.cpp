@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "evaluation.hpp"
 
+#include <array>
 #include <chrono>
+#include <cmath>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/metric/lpips.hpp>
 #include <compmark/metric/psnr.hpp>
@@ -12,6 +14,23 @@
 #include <utility>
 
 namespace tool {
+namespace {
+
+/// Copies the truth over the render where a pixel counts less than wholly; returns the share of pixels that count (1 if all do).
+double hide_uncounted(std::span<const float> weight, compmark::ImageView<const float> truth,
+                      compmark::ImageView<float> render) {
+  std::size_t counted = 0;
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    if (weight[i] == 1.0f) {
+      ++counted;
+      continue;
+    }
+    for (std::size_t c = 0; c < 3; ++c) render.data[c * weight.size() + i] = truth.data[c * weight.size() + i];
+  }
+  return counted == 0 ? 1 : static_cast<double>(counted) / static_cast<double>(weight.size());
+}
+
+}  // namespace
 
 compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
                                             compmark::ThreadExecutor& executor, const KeepView& keep) {
@@ -43,7 +62,10 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
   };
 
   Evaluation evaluation;
-  Buffer<float> truth_storage;
+  Buffer<float> truth_storage, weight_storage;
+  const std::array<float, 3> background{static_cast<float>(model.render_settings.background[0]),
+                                        static_cast<float>(model.render_settings.background[1]),
+                                        static_cast<float>(model.render_settings.background[2])};
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Camera<double> camera = views.camera(i);
     const auto begin = std::chrono::steady_clock::now();
@@ -52,11 +74,15 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
     round_to_8bit<float>(rendered.image, rendered.image);
     truth_storage.resize(rendered.image.size());
     const ImageView<float> truth{truth_storage.data(), 3, camera.height, camera.width};
-    if (Result<Done> loaded = views.load(i, truth); !loaded) return loaded.error();
+    weight_storage.resize(truth.plane_size());
+    if (Result<Done> loaded = views.load_planes(i, background, {truth, nullptr, weight_storage.data()}); !loaded)
+      return loaded.error();
+    // Pixels that do not count are made right in the render, and the error is that of the others.
+    const double counted = hide_uncounted(weight_storage.span(), truth, rendered.image);
 
     ViewResult result;
     result.name = views.dataset->views[views.index[i]].name;
-    result.psnr = psnr(rendered.image, truth);
+    result.psnr = psnr(rendered.image, truth) + 10 * std::log10(counted);
     result.ssim = ssim(rendered.image, truth);
     if (Result<Done> r = measure(alex, rendered.image, truth, result.lpips_alex); !r) return r.error();
     if (Result<Done> r = measure(squeeze, rendered.image, truth, result.lpips_squeeze); !r) return r.error();

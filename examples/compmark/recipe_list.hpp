@@ -5,6 +5,7 @@
 // every stage of every recipe is compiled there.
 #pragma once
 
+#include <compmark/recipes/captures.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <string>
 #include <string_view>
@@ -20,13 +21,19 @@ struct Tag {
 template <class F>
 auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::Scaffold>{})) {
   if (name == "scaffold") return f(Tag<compmark::recipes::Scaffold>{});
+  if (name == "scaffold+mask") return f(Tag<compmark::recipes::ScaffoldMasked>{});
+  if (name == "scaffold+alpha") return f(Tag<compmark::recipes::ScaffoldAlpha>{});
+  if (name == "scaffold+exposure") return f(Tag<compmark::recipes::ScaffoldExposure>{});
+  if (name == "scaffold+exposure+mask") return f(Tag<compmark::recipes::ScaffoldExposureMasked>{});
   if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
   if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
-  return f.unknown(compmark::Error{compmark::ErrorKind::invalid,
-                                   {},
-                                   "recipe",
-                                   "unknown recipe \"" + std::string(name) + "\"",
-                                   "this tool knows scaffold, compmark-host and compmark-paper-host"});
+  return f.unknown(compmark::Error{
+      compmark::ErrorKind::invalid,
+      {},
+      "recipe",
+      "unknown recipe \"" + std::string(name) + "\"",
+      "this tool knows scaffold, scaffold with +mask, +alpha, +exposure or +exposure+mask, compmark-host "
+      "and compmark-paper-host"});
 }
 
 /// A generic lambda and what to return for a name that is in no list.

@@ -128,6 +128,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
   if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
 
   ImageStoreSettings store_settings;
+  store_settings.keep_alpha = present<typename R::Background> || present<typename R::AlphaLoss>;
   if (options.memory_budget_mb != 0) store_settings.memory_budget_bytes = options.memory_budget_mb << 20;
   ImageStore store(dataset, data_settings, store_settings);
   DatasetViews train{&dataset, &store, dataset.indices(Split::train)};
@@ -288,8 +289,10 @@ Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option("--recipe", options->recipe,
-                 "scaffold, compmark-host or compmark-paper-host (default: the profile's)");
+  app.add_option(
+      "--recipe", options->recipe,
+      "scaffold (with +mask, +alpha, +exposure or +exposure+mask), compmark-host or compmark-paper-host (default: what "
+      "the data call for, or the profile's)");
   app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()

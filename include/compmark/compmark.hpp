@@ -151,6 +151,7 @@
 #include "compmark/pipeline/trainer.hpp"
 #include "compmark/pipeline/training_views.hpp"
 
+#include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
 #include "compmark/fwd.hpp"

@@ -46,7 +46,7 @@ struct ForwardArguments {
   std::uint16_t* mask;             // [blocks, K] which lanes are Gaussians
   T* opacity_sum;                  // [blocks, 16]
   std::uint32_t* block_count;      // [blocks] Gaussians of the block (pass 1)
-  std::uint32_t* block_bad;        // [blocks] anchors with a non-finite input (pass 1)
+  std::uint32_t* block_bad;        // [blocks] anchors with a non-finite input or a NaN opacity (pass 1)
   const std::uint32_t* block_row;  // [blocks + 1] first row of the block (pass 2)
   GaussianColumns<T> out;          // (pass 2)
   T* inverse_norm;                 // [P] 1 / norm of the quaternion logits, 0 where they have no direction (pass 2)
@@ -141,16 +141,18 @@ struct ForwardKernels {
       for (int i = 0; i < L::inputs; ++i) zero = fma(P::load(s.input + i * L::panel + slot * 16 + lane), P(T{}), zero);
       const M real = M::first(valid - lane);
       const M finite = (zero == P(T{})) & real;
-      bad += static_cast<std::uint32_t>(count(real) - count(finite));
+      M decoded = finite;  // and no opacity is NaN: a NaN of the networks drops Gaussians, which must not go unseen
       P sum(T{});
       for (int k = 0; k < L::offsets; ++k) {
         const P opacity = tanh(P::load(s.output + k * L::panel + slot * 16 + lane));
         const M positive = (opacity > P(T{})) & finite;
+        decoded = decoded & (opacity == opacity);
         opacity.store(a.opacity + (block * L::offsets + static_cast<std::size_t>(k)) * 16 + lane);
         sum += keep(positive, opacity);
         mask[k] = static_cast<std::uint16_t>(mask[k] | positive.bits() << lane);
         gaussians += static_cast<std::uint32_t>(count(positive));
       }
+      bad += static_cast<std::uint32_t>(count(real) - count(decoded));
       sum.store(a.opacity_sum + block * 16 + lane);
     }
     a.block_count[block] = gaussians;

@@ -31,6 +31,7 @@ struct DecodeSettings {
   AlphaRounding alpha_rounding = AlphaRounding::truncate;  ///< published behaviour
   ResizeFilter filter = ResizeFilter::bicubic;             ///< published behaviour
   bool alpha_mask = false;                                 ///< transparent pixels are also ignored
+  bool keep_alpha = false;                                 ///< the alpha channel is kept beside the colours
 };
 
 namespace detail {
@@ -74,7 +75,7 @@ inline Result<Done> check_size(const View& view, const ImageBytes& file) {
   if (!file) return file.error();
   *file = turned(std::move(*file), view.orientation);
   if (Result<Done> matches = detail::check_size(view, *file); !matches) return matches.error();
-  StoredImage full{file->width, file->height, {}, {}};
+  StoredImage full{file->width, file->height, {}, {}, {}};
   full.planes.resize(3 * full.plane_size());
   composite(file->pixels, file->channels, settings.background, settings.alpha_rounding, full.planes);
 
@@ -83,20 +84,26 @@ inline Result<Done> check_size(const View& view, const ImageBytes& file) {
     if (!mask) return mask.error();
     full.mask = std::move(*mask);
   }
-  if (settings.alpha_mask && (file->channels == 2 || file->channels == 4)) {
+  if (file->channels == 2 || file->channels == 4) {
     const std::size_t channels = static_cast<std::size_t>(file->channels);
-    full.mask.resize(full.plane_size(), 255);
-    for (std::size_t i = 0; i < full.mask.size(); ++i)
-      full.mask[i] = std::min(full.mask[i], file->pixels[i * channels + channels - 1]);
+    if (settings.alpha_mask) full.mask.resize(full.plane_size(), 255);
+    if (settings.keep_alpha) full.alpha.resize(full.plane_size());
+    for (std::size_t i = 0; i < full.plane_size(); ++i) {
+      const std::uint8_t alpha = file->pixels[i * channels + channels - 1];
+      if (settings.alpha_mask) full.mask[i] = std::min(full.mask[i], alpha);
+      if (settings.keep_alpha) full.alpha[i] = alpha;
+    }
   }
   file->pixels = {};
   if (view.lens_treatment == LensTreatment::undistort) {
-    const bool masked = !full.mask.empty();
     std::vector<std::uint8_t> planes = std::move(full.planes);
     planes.insert(planes.end(), full.mask.begin(), full.mask.end());
+    planes.insert(planes.end(), full.alpha.begin(), full.alpha.end());
     UndistortedPlanes straight = undistort_planes(view.camera.resized(full.width, full.height), view.lens, planes);
     const auto colors = straight.planes.begin() + static_cast<std::ptrdiff_t>(3 * full.plane_size());
-    if (masked) full.mask.assign(colors, straight.planes.end());
+    const auto masks = colors + static_cast<std::ptrdiff_t>(full.mask.size());
+    full.mask.assign(colors, masks);
+    full.alpha.assign(masks, straight.planes.end());
     straight.planes.erase(colors, straight.planes.end());
     full.planes = std::move(straight.planes);
     if (!straight.valid.empty()) {
@@ -109,12 +116,16 @@ inline Result<Done> check_size(const View& view, const ImageBytes& file) {
   const ImageSize from{full.width, full.height};
   const ImageSize to{view.camera.width, view.camera.height};
   if (from == to) return full;
-  StoredImage small{to.width, to.height, {}, {}};
+  StoredImage small{to.width, to.height, {}, {}, {}};
   small.planes.resize(3 * small.plane_size());
   for (std::size_t c = 0; c < 3; ++c) {
     resize_plane(std::span<const std::uint8_t>(full.planes).subspan(c * full.plane_size(), full.plane_size()), from,
                  std::span<std::uint8_t>(small.planes).subspan(c * small.plane_size(), small.plane_size()), to,
                  settings.filter);
+  }
+  if (!full.alpha.empty()) {  // the filter of the colours, so that the two stay together
+    small.alpha.resize(small.plane_size());
+    resize_plane(full.alpha, from, small.alpha, to, settings.filter);
   }
   if (!full.mask.empty()) {
     small.mask.resize(small.plane_size());

@@ -25,12 +25,13 @@ struct StoredImage {
   int width = 0;
   int height = 0;
   std::vector<std::uint8_t> planes;
-  std::vector<std::uint8_t> mask = {};  ///< [height, width]; empty: every pixel counts whole
+  std::vector<std::uint8_t> mask = {};   ///< [height, width]; empty: every pixel counts whole
+  std::vector<std::uint8_t> alpha = {};  ///< [height, width] coverage, if it was asked for; empty: opaque everywhere
 
   [[nodiscard]] std::size_t plane_size() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   }
-  [[nodiscard]] std::size_t bytes() const { return planes.size() + mask.size(); }
+  [[nodiscard]] std::size_t bytes() const { return planes.size() + mask.size() + alpha.size(); }
   [[nodiscard]] ImageView<const std::uint8_t> view() const { return {planes.data(), 3, height, width}; }
 
   /// Fills out [3, height, width] with value / 255, correctly rounded. Cost: one pass, ~5 bytes of traffic a value.

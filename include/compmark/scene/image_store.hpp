@@ -31,6 +31,7 @@ struct ImageStoreSettings {
   AlphaRounding alpha_rounding = AlphaRounding::truncate;    ///< published behaviour
   ResizeFilter filter = ResizeFilter::bicubic;               ///< published behaviour
   bool alpha_mask = false;  ///< transparent pixels get a mask, as well as the background
+  bool keep_alpha = false;  ///< the alpha channel is kept: load can then composite over another background
 };
 
 /// What the store did so far.
@@ -63,8 +64,8 @@ class ImageStore {
       ++statistics_.hits;
       return &entry.image;
     }
-    Result<StoredImage> image =
-        decode_view(entry.view, {background_, settings_.alpha_rounding, settings_.filter, settings_.alpha_mask});
+    Result<StoredImage> image = decode_view(entry.view, {background_, settings_.alpha_rounding, settings_.filter,
+                                                         settings_.alpha_mask, settings_.keep_alpha});
     if (!image) return image.error();
     make_room(image->bytes());
     entry.image = std::move(*image);
@@ -91,6 +92,27 @@ class ImageStore {
   [[nodiscard]] Result<Done> load(const View& view, ImageView<float> image) { return load(get(view), image); }
   [[nodiscard]] Result<Done> load(std::size_t i, ImageView<float> image) { return load(get(i), image); }
 
+  /// The same over `background` instead of the dataset's (needs keep_alpha), with the planes of effects: `alpha` and `weight` are
+  /// [height, width] or null. An opaque image has alpha 1, one without a mask weight 1.
+  [[nodiscard]] Result<Done> load_planes(std::size_t i, const std::array<float, 3>& background, ImageView<float> image,
+                                         float* alpha, float* weight) {
+    const Result<const StoredImage*> stored = get(i);
+    if (Result<Done> loaded = load(stored, image); !loaded) return loaded.error();
+    const StoredImage& from = **stored;
+    const std::size_t pixels = from.plane_size();
+    if (!from.alpha.empty()) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const float change = background[c] - background_[c];
+        for (std::size_t k = 0; change != 0 && k < pixels; ++k)
+          image.data[c * pixels + k] += (1 - static_cast<float>(from.alpha[k]) / 255.0f) * change;
+      }
+    }
+    for (std::size_t k = 0; alpha != nullptr && k < pixels; ++k)
+      alpha[k] = from.alpha.empty() ? 1.0f : static_cast<float>(from.alpha[k]) / 255.0f;
+    for (std::size_t k = 0; weight != nullptr && k < pixels; ++k)
+      weight[k] = from.mask.empty() ? 1.0f : static_cast<float>(from.mask[k]) / 255.0f;
+    return Done{};
+  }
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
   [[nodiscard]] const ImageStoreStatistics& statistics() const { return statistics_; }
 

@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Recipes for captures that call for more than the plain one: the closed list that scene/probe.hpp's effects are matched against. Each is
+// Scaffold-GS and exactly the effects it names; what they cost and bring is measured in docs/effects.md.
+#pragma once
+
+#include "compmark/effect/alpha_loss.hpp"
+#include "compmark/effect/background.hpp"
+#include "compmark/effect/exposure.hpp"
+#include "compmark/effect/pixel_weights.hpp"
+#include "compmark/raster/outputs.hpp"
+#include "compmark/raster/tile.hpp"
+#include "compmark/recipes/scaffold.hpp"
+
+namespace compmark::inline v0 {
+
+namespace recipes {
+
+/// Photographs with pixels that do not count: masks, or borders that a lens taken out leaves empty.
+struct ScaffoldMasked : Scaffold {
+  using PixelWeights = MaskedPixels<float>;
+};
+
+/// Photographs with an alpha channel: a random background in every iteration, and the coverage itself is supervised.
+struct ScaffoldAlpha : Scaffold {
+  using Rasterizer = TileRasterizer<float, accuracy::standard, RasterOutputs{.alpha = true, .screen_statistics = true}>;
+  using Background = RandomBackground;
+  using AlphaLoss = L1AlphaLoss<float>;
+};
+
+/// Photographs whose exposure or white balance drifts.
+struct ScaffoldExposure : Scaffold {
+  using Exposure = AffineExposure<float>;
+};
+struct ScaffoldExposureMasked : ScaffoldMasked {
+  using Exposure = AffineExposure<float>;
+};
+
+}  // namespace recipes
+
+}  // namespace compmark::inline v0
