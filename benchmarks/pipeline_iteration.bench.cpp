@@ -7,80 +7,24 @@
 // cores at 236 GFLOP/s together). About 60 (Gaussian, pixel) pairs a pixel are blended; the counters say how many Gaussians there are.
 #include <benchmark/benchmark.h>
 
-#include <array>
-#include <cmath>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/scaffold.hpp>
-#include <vector>
 
 #include "support/ceiling.hpp"
+#include "support/iteration_scene.hpp"
 
 namespace {
 
 using namespace compmark;
-using R = recipes::Scaffold;
-
-struct Workload {
-  std::size_t anchors = 30000;
-  int size = 400;
-  double sigma_px = 2.2;     ///< median standard deviation of a Gaussian on screen
-  double opacity_shift = 0;  ///< of the opacity head's bias, so that half of the offsets are positive
-};
-
-/// Anchors in a ball in front of the camera; the opacity head is biased so that half of the offsets are positive.
-struct Scene {
-  explicit Scene(const Workload& work) {
-    camera.width = camera.height = work.size;
-    camera.fx = camera.fy = 1.4 * work.size;
-    camera.cx = camera.cy = 0.5 * work.size;
-    camera.center_world = {0, 0, -4};
-    model.create(work.anchors, 1);
-    R::GaussianDecoder::initialise(model.arena, model.decoder, 1);
-    const MatrixView<float> bias = model.arena.values(model.decoder.opacity.bias2);
-    for (std::size_t k = 0; k < bias.columns; ++k) bias(0, k) -= static_cast<float>(work.opacity_shift);
-    const AnchorColumns<float> columns = anchor_values(model.arena, model.anchors);
-    const Random random(1234, 0, random_stage("benchmark scene"));
-    const double base = work.sigma_px * 4.0 / (1.4 * work.size);
-    for (std::size_t i = 0; i < work.anchors; ++i) {
-      for (std::size_t a = 0; a < 3; ++a)
-        columns.position(i, a) = static_cast<float>(2.4 * random.uniform(9 * i + a) - 1.2);
-      for (std::size_t c = 0; c < columns.offset.columns; ++c)
-        columns.offset(i, c) = static_cast<float>(random.normal(1000003 * (c + 1) + i));
-      for (std::size_t c = 0; c < 6; ++c) {
-        columns.scaling(i, c) = static_cast<float>(
-            std::log(2 * base) + 0.6 * random.normal(77777777 + 6 * i + c));  // times a sigmoid of about 1/2
-      }
-      for (std::size_t c = 0; c < columns.feature.columns; ++c)
-        columns.feature(i, c) = static_cast<float>(2 * random.normal(900000000 + 32 * i + c));
-    }
-    target_storage.resize(3 * static_cast<std::size_t>(work.size * work.size));
-    for (std::size_t i = 0; i < target_storage.size(); ++i) target_storage[i] = static_cast<float>(random.uniform(i));
-    target = {target_storage.data(), 3, work.size, work.size};
-    optimizer.prepare(model.arena.layout(), adam);
-    rates.assign(model.arena.layout().blocks().size(), 1e-9);  // steps of full cost that leave the scene as it is
-  }
-
-  Model<R> model;
-  Camera<double> camera;
-  Buffer<float> target_storage;
-  ImageView<const float> target;
-  R::Optimizer optimizer;
-  R::Optimizer::State adam;
-  std::vector<double> rates;
-  Pipeline<R> pipeline;
-  Pipeline<R>::Context context;
-};
+using compmark::benchmarks::Workload;
+using Scene = compmark::benchmarks::IterationScene<recipes::Scaffold>;
 
 void iteration(benchmark::State& state, const Workload& work, std::size_t threads) {
   ThreadExecutor executor(threads);
   Scene scene(work);
   ForwardReport report;
   for (auto _ : state) {
-    report = scene.pipeline.forward(scene.model, scene.camera, 0, scene.context, executor);
-    benchmark::DoNotOptimize(scene.pipeline.loss(scene.target, {}, scene.context, executor));
-    scene.pipeline.backward(scene.model, scene.camera, 0, scene.context, executor);
-    scene.optimizer.step(scene.model.arena, scene.rates, scene.adam, executor, {.zero_gradients_after = true});
+    report = scene.step(executor);
   }
   state.counters["gaussians"] = static_cast<double>(report.gaussians);
   state.counters["tile_pairs"] = static_cast<double>(report.raster.pairs);

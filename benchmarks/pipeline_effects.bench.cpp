@@ -1,0 +1,37 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What each effect of a capture costs: one whole training iteration of workload (a) of pipeline_iteration, by recipe, each beside the plain
+// one. Counters: bytes of parameters with moments, bytes of scratch the context of a view holds in itself. docs/effects.md shows a copy.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/recipes/captures.hpp>
+#include <vector>
+
+#include "support/ceiling.hpp"
+#include "support/iteration_scene.hpp"
+
+namespace {
+
+using namespace compmark;
+
+template <class R>
+void iteration(benchmark::State& state) {
+  ThreadExecutor executor(2);
+  benchmarks::IterationScene<R> scene({30000, 400, 1.27, 0.071});
+  ForwardReport report;
+  for (auto _ : state) report = scene.step(executor);
+  state.counters["gaussians"] = static_cast<double>(report.gaussians);
+  state.counters["parameter_bytes"] = static_cast<double>(4 * sizeof(float) * scene.model.arena.layout().size());
+  state.counters["context_bytes"] = static_cast<double>(sizeof(scene.context));
+}
+
+BENCHMARK_TEMPLATE(iteration, recipes::Scaffold)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldMasked)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldExposure)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldExposureMasked)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldAlpha)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+}  // namespace
