@@ -92,6 +92,7 @@
 #include "compmark/raster/concept.hpp"
 #include "compmark/raster/depth_sort.hpp"
 #include "compmark/raster/effects.hpp"
+#include "compmark/raster/fisheye_pack.hpp"
 #include "compmark/raster/footprint.hpp"
 #include "compmark/raster/lens_view.hpp"
 #include "compmark/raster/outputs.hpp"

@@ -14,6 +14,7 @@
 #include <type_traits>
 
 #include "compmark/math/pack.hpp"
+#include "compmark/raster/fisheye_pack.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens_policy.hpp"
 
@@ -186,10 +187,10 @@ template <class T, int W, class Lens>
     return NoLensPoint{};
   } else {
     LensPoint<Pack<T, W>> result;
-    result.ray = view.lens.plane(at.x_over_z, at.y_over_z);
+    result.ray = plane_of(view.lens, at.x_over_z, at.y_over_z);
     result.clamped = result.ray;
     if (any(!((at.clamped_x == at.x_over_z) & (at.clamped_y == at.y_over_z))))
-      result.clamped = view.lens.plane(at.clamped_x, at.clamped_y);
+      result.clamped = plane_of(view.lens, at.clamped_x, at.clamped_y);
     return result;
   }
 }
