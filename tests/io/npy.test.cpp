@@ -56,6 +56,7 @@ TEST_CASE("io/npy: what is not right is named, and no count is believed") {
   CHECK(names(error(std::string("\x93NUMPY\x01\0\xFF\xFF{", 11)), "a.npy", "byte 8", "copy"));
   CHECK(names(error(npy_text("(1000000000, 1000000000, 1000000000)", {1})), "a.npy", "shape", "copy"));
   CHECK(names(error(npy_text("(3,)", {1, 2})), "a.npy", "shape", "copy"));
+  CHECK(names(error(npy_text("()", {})), "a.npy", "shape", "copy"));  // found by fuzzing: one number that is not there
   CHECK(names(error(npy_text("(x,)", {1, 2})), "a.npy", "shape", "numpy.save"));
   CHECK(names(error(npy_text("(-1,)", {1, 2})), "a.npy", "shape", "numpy.save"));
   CHECK(names(error(npy_text("(1,1,1,1,1,1,1,1,1)", {1, 2})), "a.npy", "shape", "numpy.save"));

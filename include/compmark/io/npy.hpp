@@ -98,6 +98,9 @@ void npy_values(std::span<const std::byte> bytes, std::vector<double>& values) {
   std::string_view shape = detail::npy_field(header, "shape");
   NpyArray array;
   const std::size_t available = (bytes.size() - begin - length) / size;
+  const Error too_many{ErrorKind::truncated, name, "shape",
+                       "promises more numbers than the " + std::to_string(available) + " that the file holds",
+                       "copy it again"};
   std::size_t count = 1;
   if (!shape.starts_with("("))
     return fail(ErrorKind::malformed, "shape", "is missing", "save the array with numpy.save");
@@ -110,14 +113,11 @@ void npy_values(std::span<const std::byte> bytes, std::vector<double>& values) {
     if (status != std::errc() || array.shape.size() == 8)
       return fail(ErrorKind::malformed, "shape", "is not a list of up to 8 numbers", "save the array with numpy.save");
     shape.remove_prefix(static_cast<std::size_t>(end - shape.data()));
-    if (side != 0 && count > available / side) {
-      return fail(ErrorKind::truncated, "shape",
-                  "promises more numbers than the " + std::to_string(available) + " that the file holds",
-                  "copy it again");
-    }
+    if (side != 0 && count > available / side) return too_many;
     count *= static_cast<std::size_t>(side);
     array.shape.push_back(static_cast<std::size_t>(side));
   }
+  if (count > available) return too_many;  // the one number of an empty shape
   const std::span<const std::byte> body = bytes.subspan(begin + length, count * size);
   if (type == "<f8") detail::npy_values<double>(body, array.values);
   if (type == "<f4") detail::npy_values<float>(body, array.values);

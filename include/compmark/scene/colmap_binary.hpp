@@ -5,6 +5,7 @@
 // bytes that are left before anything is allocated, so a damaged count is an Error and not a crash. Cost: one pass over the bytes.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -73,10 +74,9 @@ class BinaryCursor {
 
 /// Reads a file whose first value is a count of records of at least `least` bytes and calls record(cursor) for each; record returns Result<Done>.
 template <class Record>
-[[nodiscard]] Result<Done> read_colmap_records(const std::filesystem::path& path, std::size_t least, Record record) {
-  const Result<std::vector<std::byte>> bytes = read_file(path);
-  if (!bytes) return bytes.error();
-  BinaryCursor cursor(*bytes);
+[[nodiscard]] Result<Done> parse_colmap_records(std::span<const std::byte> bytes, const std::filesystem::path& path,
+                                                std::size_t least, Record record) {
+  BinaryCursor cursor(bytes);
   const std::uint64_t count = cursor.take<std::uint64_t>();
   const auto truncated = [&](const std::string& where) {
     return Error{ErrorKind::truncated, path.string(), where,
@@ -103,12 +103,15 @@ template <class Record>
 
 }  // namespace detail
 
-/// Reads the three files of a folder.
-[[nodiscard]] inline Result<ColmapModel> read_colmap_binary(const std::filesystem::path& folder,
-                                                            const ColmapReadSettings& settings = {}) {
+/// The contents of the three files; `folder` is for the messages.
+[[nodiscard]] inline Result<ColmapModel> parse_colmap_binary(std::span<const std::byte> cameras,
+                                                             std::span<const std::byte> images,
+                                                             std::span<const std::byte> points,
+                                                             const std::filesystem::path& folder,
+                                                             const ColmapReadSettings& settings = {}) {
   ColmapModel model;
-  Result<Done> done =
-      detail::read_colmap_records(folder / "cameras.bin", 24, [&](detail::BinaryCursor& cursor) -> Result<Done> {
+  Result<Done> done = detail::parse_colmap_records(
+      cameras, folder / "cameras.bin", 24, [&](detail::BinaryCursor& cursor) -> Result<Done> {
         const auto id = cursor.take<std::uint32_t>();
         ColmapCamera camera;
         camera.model = cursor.take<std::int32_t>();
@@ -127,41 +130,56 @@ template <class Record>
         return Done{};
       });
   if (!done) return done.error();
-  done = detail::read_colmap_records(folder / "images.bin", 73, [&](detail::BinaryCursor& cursor) -> Result<Done> {
-    const auto id = cursor.take<std::uint32_t>();
-    ColmapImage image;
-    for (double& v : image.rotation_wxyz) v = cursor.take<double>();
-    for (double& v : image.translation) v = cursor.take<double>();
-    image.camera_id = cursor.take<std::uint32_t>();
-    image.name = cursor.take_string();
-    const auto features = cursor.take<std::uint64_t>();
-    if (!settings.observations || !cursor.fits(features, 24)) {
-      cursor.skip(features, 24);
-    } else {
-      image.observations.resize(static_cast<std::size_t>(features));
-      for (ColmapObservation& observation : image.observations) {
-        observation.x = cursor.take<double>();
-        observation.y = cursor.take<double>();
-        observation.point_id = cursor.take<std::uint64_t>();
-      }
-    }
-    model.images[id] = std::move(image);
-    return Done{};
-  });
+  done = detail::parse_colmap_records(images, folder / "images.bin", 73,
+                                      [&](detail::BinaryCursor& cursor) -> Result<Done> {
+                                        const auto id = cursor.take<std::uint32_t>();
+                                        ColmapImage image;
+                                        for (double& v : image.rotation_wxyz) v = cursor.take<double>();
+                                        for (double& v : image.translation) v = cursor.take<double>();
+                                        image.camera_id = cursor.take<std::uint32_t>();
+                                        image.name = cursor.take_string();
+                                        const auto features = cursor.take<std::uint64_t>();
+                                        if (!settings.observations || !cursor.fits(features, 24)) {
+                                          cursor.skip(features, 24);
+                                        } else {
+                                          image.observations.resize(static_cast<std::size_t>(features));
+                                          for (ColmapObservation& observation : image.observations) {
+                                            observation.x = cursor.take<double>();
+                                            observation.y = cursor.take<double>();
+                                            observation.point_id = cursor.take<std::uint64_t>();
+                                          }
+                                        }
+                                        model.images[id] = std::move(image);
+                                        return Done{};
+                                      });
   if (!done) return done.error();
-  done = detail::read_colmap_records(folder / "points3D.bin", 51, [&](detail::BinaryCursor& cursor) -> Result<Done> {
-    const auto id = cursor.take<std::uint64_t>();
-    ColmapPoint point;
-    for (double& v : point.position) v = cursor.take<double>();
-    for (std::uint8_t& v : point.color) v = cursor.take<std::uint8_t>();
-    static_cast<void>(
-        cursor.take<double>());  // reprojection error, in pixels of the images the model was computed from
-    cursor.skip(cursor.take<std::uint64_t>(), 8);
-    model.points[id] = point;
-    return Done{};
-  });
+  done = detail::parse_colmap_records(
+      points, folder / "points3D.bin", 51, [&](detail::BinaryCursor& cursor) -> Result<Done> {
+        const auto id = cursor.take<std::uint64_t>();
+        ColmapPoint point;
+        for (double& v : point.position) v = cursor.take<double>();
+        for (std::uint8_t& v : point.color) v = cursor.take<std::uint8_t>();
+        static_cast<void>(
+            cursor.take<double>());  // reprojection error, in pixels of the images the model was computed from
+        cursor.skip(cursor.take<std::uint64_t>(), 8);
+        model.points[id] = point;
+        return Done{};
+      });
   if (!done) return done.error();
   return model;
+}
+
+/// Reads the three files of a folder.
+[[nodiscard]] inline Result<ColmapModel> read_colmap_binary(const std::filesystem::path& folder,
+                                                            const ColmapReadSettings& settings = {}) {
+  std::array<std::vector<std::byte>, 3> contents;
+  constexpr std::array<const char*, 3> names{"cameras.bin", "images.bin", "points3D.bin"};
+  for (std::size_t i = 0; i < 3; ++i) {
+    Result<std::vector<std::byte>> bytes = read_file(folder / names[i]);
+    if (!bytes) return bytes.error();
+    contents[i] = std::move(*bytes);
+  }
+  return parse_colmap_binary(contents[0], contents[1], contents[2], folder, settings);
 }
 
 }  // namespace compmark::inline v0

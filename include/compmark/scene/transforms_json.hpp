@@ -14,6 +14,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -50,20 +51,25 @@ namespace detail {
   return result;
 }
 
-[[nodiscard]] inline Result<nlohmann::json> read_transforms(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
-  if (!bytes) return bytes.error();
-  if (bytes->empty())
-    return Error{ErrorKind::truncated, path.string(), "", "the file is empty", "create the dataset again"};
-  const std::string text = without_nan(std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()));
+/// Parses the contents of a transforms file; `name` is for the message.
+[[nodiscard]] inline Result<nlohmann::json> parse_transforms(std::span<const std::byte> bytes,
+                                                             const std::string& name) {
+  if (bytes.empty()) return Error{ErrorKind::truncated, name, "", "the file is empty", "create the dataset again"};
+  const std::string text = without_nan(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   try {
     return nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& mistake) {
     std::string reason = mistake.what();
     if (const std::size_t end = reason.find("] "); end != std::string::npos) reason.erase(0, end + 2);
-    return Error{ErrorKind::malformed, path.string(), "", "is not valid JSON: " + reason,
+    return Error{ErrorKind::malformed, name, "", "is not valid JSON: " + reason,
                  "correct it or create the dataset again"};
   }
+}
+
+[[nodiscard]] inline Result<nlohmann::json> read_transforms(const std::filesystem::path& path) {
+  const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
+  if (!bytes) return bytes.error();
+  return parse_transforms(*bytes, path.string());
 }
 
 /// A finite number, or nothing.
