@@ -46,6 +46,7 @@ struct TrainOptions {
   double voxel_size = 0;
   bool voxel_size_given = false;
   std::string background;
+  std::string lens = "undistort";
   bool resume = false;
   std::filesystem::path json_log;
   LpipsFiles lpips;
@@ -119,6 +120,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
   data_settings.downscale = options.downscale;
   data_settings.background = settings.background;
   data_settings.seed = settings.seed;
+  data_settings.lens = options.lens == "ignore" ? LensTreatment::ignore : LensTreatment::undistort;
   Result<Dataset> opened = open_dataset(options.data, data_settings);
   if (!opened) return fail(opened.error());
   const Dataset& dataset = *opened;
@@ -289,10 +291,10 @@ Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option(
-      "--recipe", options->recipe,
-      "scaffold (with +mask, +alpha, +exposure or +exposure+mask), compmark-host or compmark-paper-host (default: what "
-      "the data call for, or the profile's)");
+  app.add_option("--recipe", options->recipe,
+                 "scaffold (with +mask, +alpha, +antialiasing, +exposure or +exposure+mask), compmark-host or "
+                 "compmark-paper-host (default: what "
+                 "the data call for, or the profile's)");
   app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()
@@ -314,6 +316,9 @@ Command add_train(CLI::App& app) {
                  "world units; 0 or less: median nearest-neighbour distance (default: the profile's)")
       ->each([options](const std::string&) { options->voxel_size_given = true; });
   app.add_option("--background", options->background, "black or white (default black), behind transparent images");
+  app.add_option("--lens", options->lens, "undistort (images are resampled once, on load) or ignore")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"undistort", "ignore"}));
   app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
   app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
   app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
@@ -342,6 +347,7 @@ Command add_train(CLI::App& app) {
                    "unknown colour \"" + options->background + "\"",
                    "choose black or white"});
     }
+    if (options->recipe == "scaffold+antialiasing") settings->blur_variance = antialiasing_blur_variance;
     return with_recipe(options->recipe,
                        ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); }));
   };

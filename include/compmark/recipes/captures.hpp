@@ -9,6 +9,7 @@
 #include "compmark/effect/background.hpp"
 #include "compmark/effect/exposure.hpp"
 #include "compmark/effect/pixel_weights.hpp"
+#include "compmark/raster/effects.hpp"
 #include "compmark/raster/outputs.hpp"
 #include "compmark/raster/tile.hpp"
 #include "compmark/recipes/scaffold.hpp"
@@ -28,6 +29,14 @@ struct ScaffoldAlpha : Scaffold {
   using Background = RandomBackground;
   using AlphaLoss = L1AlphaLoss<float>;
 };
+
+/// Cameras at several distances or focal lengths: what is smaller than a pixel keeps its energy (with a blur variance of 0.1 pixels^2, as
+/// published; antialiasing_blur_variance).
+struct ScaffoldAntiAliased : Scaffold {
+  using Rasterizer = EffectTileRasterizer<float, RasterEffects<PinholeLens, MipFilter>, accuracy::standard,
+                                          RasterOutputs{.screen_statistics = true}>;
+};
+inline constexpr double antialiasing_blur_variance = 0.1;
 
 /// Photographs whose exposure or white balance drifts.
 struct ScaffoldExposure : Scaffold {

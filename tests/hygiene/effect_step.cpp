@@ -1,0 +1,138 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// One training iteration of a recipe, for effects_free.sh. EFFECT_RECIPE is the recipe; with EFFECT_BY_HAND the road is written out here
+// stage by stage, as it is without effects, and the recipe is plain. One thread; as many iterations as the argument says.
+#include <compmark/core/executor.hpp>
+#include <compmark/pipeline/trainer.hpp>
+#include <compmark/recipes/captures.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <cstdlib>
+#include <vector>
+
+namespace {
+
+using namespace compmark;
+
+#ifdef EFFECT_BY_HAND
+struct R : recipes::Scaffold {};
+#else
+struct R : recipes::EFFECT_RECIPE {};
+#endif
+
+constexpr int width = 96, height = 64;
+
+#ifdef EFFECT_BY_HAND
+/// The road as it is without effects, cut into the same three functions as Pipeline, so that a compiler inlines the same.
+struct Road {
+  using Context = Pipeline<R>::Context;
+  template <Executor E>
+  ForwardReport forward(const Model<R>& model, const Camera<double>& camera, std::size_t view, Context& c,
+                        E& executor) const {
+    const Camera<float> at = camera.cast<float>();
+    const AnchorColumns<const float> columns = model.columns();
+    c.image_storage.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+    c.image = {c.image_storage.data(), 3, camera.height, camera.width};
+    ForwardReport report;
+    visible_anchors(columns, at, VisibilitySettings{model.render.near_plane, model.render.blur_variance}, c.visible,
+                    c.visibility, executor);
+    report.visible_anchors = c.visible.size();
+    report.gaussians = decoder.forward(columns, c.visible.span(), camera.center_world, view, model.arena, model.decoder,
+                                       c.gaussians, c.decoder, executor);
+    report.raster = Pipeline<R>::rasterizer(model.render)
+                        .forward(std::as_const(c.gaussians).columns(), at, Pipeline<R>::background(model.render),
+                                 c.image, c.raster, executor);
+    return report;
+  }
+  template <Executor E>
+  LossReport loss(ImageView<const float> target, const LossWeights& weights, Context& c, E& executor) const {
+    c.d_image_storage.resize(c.image.size());
+    c.d_image = {c.d_image_storage.data(), 3, c.image.height, c.image.width};
+    LossReport report;
+    const PhotometricLoss<float> photometric({static_cast<float>(weights.lambda_dssim)});
+    const PhotometricReport image =
+        photometric.forward_backward<GradientMode::set>(c.image, target, 1.0f, c.d_image, c.photometric, executor);
+    report.l1 = image.l1;
+    report.ssim = image.ssim;
+    report.total = image.loss;
+    c.volume_weight = static_cast<float>(weights.lambda_volume);
+    if (weights.lambda_volume != 0) {
+      const GaussianColumns<const float> gaussians = std::as_const(c.gaussians).columns();
+      report.volume = ScaleVolumeLoss<float>{}.forward(gaussians.scale, gaussians.count, c.volume, executor).loss;
+      report.total += weights.lambda_volume * report.volume;
+    }
+    return report;
+  }
+  template <Executor E>
+  void backward(Model<R>& model, const Camera<double>& camera, std::size_t view, Context& c, E& executor) const {
+    const Camera<float> at = camera.cast<float>();
+    const GaussianColumns<const float> gaussians = std::as_const(c.gaussians).columns();
+    c.d_gaussians.resize(c.gaussians.size());
+    const GaussianColumns<float> d_gaussians = c.d_gaussians.columns();
+    Pipeline<R>::rasterizer(model.render)
+        .backward<GradientMode::set>(gaussians, at, Pipeline<R>::background(model.render), c.d_image, d_gaussians,
+                                     c.raster, executor);
+    if (c.volume_weight != 0) {
+      ScaleVolumeLoss<float>{}.forward_backward(gaussians.scale, gaussians.count, c.volume_weight, d_gaussians.scale,
+                                                c.volume, executor);
+    }
+    decoder.backward(std::as_const(model).columns(), c.visible.span(), camera.center_world, view, model.arena,
+                     model.decoder, std::as_const(c.d_gaussians).columns(),
+                     anchor_gradients(model.arena, model.anchors), c.decoder, executor);
+  }
+  R::GaussianDecoder decoder;
+};
+#else
+using Road = Pipeline<R>;
+#endif
+
+void iterate(Model<R>& model, const Camera<double>& camera, ImageView<const float> target,
+             [[maybe_unused]] const std::vector<float>& ones, Pipeline<R>::Context& context, SerialExecutor& executor) {
+  const Road road;
+  static_cast<void>(road.forward(model, camera, 0, context, executor));
+  if constexpr (present<R::AlphaLoss> || present<R::PixelWeights>) {
+    static_cast<void>(Pipeline<R>{}.loss(TargetView<float>(target, ones.data(), ones.data()), {}, context, executor));
+  } else {
+    static_cast<void>(road.loss(target, {}, context, executor));
+  }
+  road.backward(model, camera, 0, context, executor);
+}
+
+}  // namespace
+
+int main(int, char** argv) {
+  Model<R> model;
+  model.create(300, 2);
+  R::GaussianDecoder::initialise(model.arena, model.decoder, 1);
+  const auto start_exposure = []<class Q>(Model<Q>& of) {
+    if constexpr (present<typename Q::Exposure>) Q::Exposure::initialise(of.arena, of.exposure);
+  };
+  start_exposure(model);
+  const AnchorColumns<float> columns = anchor_values(model.arena, model.anchors);
+  const Random random(1, 0, random_stage("effect step"));
+  for (std::size_t i = 0; i < columns.position.size(); ++i) columns.position.data[i] = random.centered(i);
+  for (std::size_t i = 0; i < columns.offset.size(); ++i) columns.offset.data[i] = random.centered(i + 10000);
+  for (std::size_t i = 0; i < columns.scaling.size(); ++i) columns.scaling.data[i] = -2.5f;
+  for (std::size_t i = 0; i < columns.feature.size(); ++i) columns.feature.data[i] = random.centered(i + 90000);
+  Camera<double> camera;
+  camera.width = width;
+  camera.height = height;
+  camera.fx = camera.fy = 90;
+  camera.cx = 48;
+  camera.cy = 32;
+  camera.center_world = {0, 0, -3};
+  const std::vector<float> target(3 * width * height, 0.3f), ones(width * height, 1.0f);
+  SerialExecutor executor;
+  Pipeline<R>::Context context;
+  for (int i = 0; i < std::atoi(argv[1]); ++i)
+    iterate(model, camera, {target.data(), 3, height, width}, ones, context, executor);
+  // The bits of render and gradient, as the exit code: equal roads end equally.
+  std::uint64_t hash = 1469598103934665603u;
+  const auto mix = [&](std::span<const float> values) {
+    for (const float value : values) hash = (hash ^ std::bit_cast<std::uint32_t>(value)) * 1099511628211u;
+  };
+  mix(context.image.flat());
+  for (const BlockHandle block : {model.anchors.offset, model.anchors.feature, model.anchors.scaling})
+    mix(model.arena.gradients(block).flat());
+  return static_cast<int>(hash % 251);
+}

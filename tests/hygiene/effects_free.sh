@@ -1,0 +1,61 @@
+#!/bin/sh
+# SPDX-FileCopyrightText: 2026 The CompMark authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# What a recipe leaves out costs nothing. For each effect: the object file of the plain recipe has no symbol of it, that of the recipe with it
+# has some (the negative control). The plain recipe ends with the same bits as a road written by hand without any thought of effects, and
+# executes as many instructions within 0.1 % (callgrind; skipped where valgrind is not installed).
+#   effects_free.sh <compiler> [flags]
+set -eu
+compiler=$1
+shift
+source=$(dirname "$0")/effect_step.cpp
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+bad=0
+
+build() { # name, command with macros...
+  name=$1
+  shift
+  "$@" -c "$source" -o "$folder/$name.o"
+  "$compiler" "$folder/$name.o" -o "$folder/$name" -pthread
+}
+# Symbols without optimisation, where nothing is inlined out of sight; bits and instructions with it. No -march: valgrind does not know
+# every instruction of today's processors.
+symbols() { nm -C "$folder/$1.o" | grep -cE "$2" || true; }
+"$compiler" -std=c++20 -O0 "$@" -DEFFECT_RECIPE=Scaffold -c "$source" -o "$folder/bare.o"
+while read -r recipe pattern; do
+  "$compiler" -std=c++20 -O0 "$@" -DEFFECT_RECIPE="$recipe" -c "$source" -o "$folder/effect.o"
+  with=$(symbols effect "$pattern")
+  without=$(symbols bare "$pattern")
+  echo "$pattern: $with symbols in $recipe, $without in the plain recipe"
+  [ "$with" -gt 0 ] && [ "$without" -eq 0 ] || { echo "  WRONG"; bad=1; }
+done <<LIST
+ScaffoldMasked MaskedPixels
+ScaffoldExposure AffineExposure
+ScaffoldAlpha L1AlphaLoss
+ScaffoldAntiAliased MipFilter::log_gradient
+LIST
+build plain "$compiler" -std=c++20 -O2 "$@" -DEFFECT_RECIPE=Scaffold
+build hand "$compiler" -std=c++20 -O2 "$@" -DEFFECT_BY_HAND
+
+status() { "$folder/$1" 3 && echo 0 || echo $?; }
+plain=$(status plain)
+hand=$(status hand)
+echo "hash of render and gradient: $plain by the pipeline, $hand by hand"
+[ "$plain" = "$hand" ] || { echo "  DIFFERENT"; bad=1; }
+
+if command -v valgrind >/dev/null; then
+  instructions() { # of six iterations less those of three: setting up does not count
+    for n in 3 6; do
+      valgrind --tool=callgrind --callgrind-out-file=/dev/null "$folder/$1" $n 2>&1 | awk '/Collected/ { print $NF }'
+    done | awk 'NR == 1 { first = $1 } NR == 2 { printf "%d", $1 - first }'
+  }
+  plain=$(instructions plain)
+  hand=$(instructions hand)
+  echo "instructions of three iterations: $plain by the pipeline, $hand by hand"
+  awk -v a="$plain" -v b="$hand" 'BEGIN { exit !(a > 0 && (a - b) <= 0.001 * b && (b - a) <= 0.001 * b) }' || { echo "  NOT WITHIN 0.1 %"; bad=1; }
+else
+  echo "skipped: valgrind is not installed, instructions were not counted"
+fi
+exit $bad
