@@ -4,7 +4,7 @@
 // Taking a lens out of an image: the pinhole keeps focal lengths, principal point and size, and each of its pixels is looked up bilinearly
 // where its ray lands in the photograph. Pixels whose ray lands outside the photograph, or beyond the radius up to which the lens is
 // one-to-one (numerics case CA4), repeat the nearest pixel and are marked invalid. Cost: one distort and four reads a pixel and plane;
-// 30 ns a pixel for the OPENCV family, 60 ns for a fisheye.
+// with three planes 26 ns a pixel for the OPENCV family, 80 ns for a fisheye.
 #pragma once
 
 #include <algorithm>
@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "compmark/core/config.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens.hpp"
 
