@@ -12,6 +12,7 @@ namespace tool {
 using Command = std::function<int()>;
 
 Command add_scene(CLI::App& app);
+Command add_probe(CLI::App& app);
 Command add_train(CLI::App& app);
 Command add_render(CLI::App& app);
 Command add_evaluate(CLI::App& app);

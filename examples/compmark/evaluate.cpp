@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark evaluate: PSNR, SSIM and, given weights, LPIPS of a model against a dataset.
+#include <algorithm>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
@@ -11,6 +12,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "effects.hpp"
 #include "evaluation.hpp"
 
 namespace tool {
@@ -33,6 +35,8 @@ int run(const EvaluateOptions& options) {
   if (!model) return fail(model.error());
   DatasetSettings settings;
   settings.downscale = options.downscale;
+  const std::vector<std::string>& effects = (*model)->info.effects;
+  if (std::find(effects.begin(), effects.end(), lens_ignored) != effects.end()) settings.lens = LensTreatment::ignore;
   for (std::size_t c = 0; c < 3; ++c)
     settings.background[c] = static_cast<float>((*model)->render_settings.background[c]);
   Result<Dataset> dataset = open_dataset(options.data, settings);

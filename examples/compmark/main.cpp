@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
     entries.push_back({sub, declare(*sub)});
   };
   add("scene", "write the built-in procedural scene as a dataset", tool::add_scene);
+  add("probe", "say which effects a capture calls for", tool::add_probe);
   add("train", "train a splat from a dataset", tool::add_train);
   add("render", "render views of a model to PNG", tool::add_render);
   add("evaluate", "measure a model against a dataset's test views", tool::add_evaluate);

@@ -20,6 +20,7 @@
 #include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
+#include "effects.hpp"
 #include "evaluation.hpp"
 #include "progress.hpp"
 #include "recipe_list.hpp"
@@ -47,6 +48,8 @@ struct TrainOptions {
   bool voxel_size_given = false;
   std::string background;
   std::string lens = "undistort";
+  std::string effects = "auto";
+  std::vector<std::string> simulated;  ///< effects of the chosen recipe
   bool resume = false;
   std::filesystem::path json_log;
   LpipsFiles lpips;
@@ -149,6 +152,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
 
   ModelInfo info;
   info.recipe = options.recipe;
+  info.effects = options.simulated;
   info.profile = settings.profile;
   info.iterations = settings.iterations;
   info.seed = settings.seed;
@@ -243,6 +247,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
     results.test = metrics;
   }
   results.model_sha256 = *digest;
+  results.effects = info.effects;
   if (Result<Done> written = write_results(options.out / "results.json", results); !written)
     return fail(written.error());
 
@@ -285,6 +290,47 @@ int run(const TrainOptions& options, TrainSettings settings) {
   return success;
 }
 
+/// Settles options.recipe and options.simulated. An explicit --recipe is taken as it is; the hosts of the other profiles have no effects.
+Result<Done> choose_effects(TrainOptions& options) {
+  DatasetSettings settings;
+  settings.lens = options.lens == "ignore" ? LensTreatment::ignore : LensTreatment::undistort;
+  const bool recipe_given = !options.recipe.empty();
+  if (!recipe_given) options.recipe = default_recipe(options.profile);
+  Result<Dataset> dataset = open_dataset(options.data, settings);
+  if (!dataset) return dataset.error();
+  std::vector<ProbedEffect> probed;
+  if (options.effects == "auto") {
+    Result<std::vector<ProbedEffect>> found = probe_scene(*dataset);
+    if (!found) return found.error();
+    probed = std::move(*found);
+  }
+  const Result<std::vector<std::string>> wanted = wanted_effects(options.effects, probed);
+  if (!wanted) return wanted.error();
+  EffectChoice choice = choose_recipe(*wanted, settings.lens);
+  if (settings.lens == LensTreatment::ignore &&
+      std::any_of(dataset->views.begin(), dataset->views.end(), [](const View& v) { return !is_pinhole(v.lens); })) {
+    choice.simulated.emplace_back(lens_ignored);
+  }
+  if (recipe_given || options.recipe != "scaffold") {
+    options.simulated.clear();
+    for (const std::string& name : choice.simulated) {  // what the readers do, whatever the recipe
+      if (name == "principal_point" || name == "lens_distortion" || name == "fisheye" || name == lens_ignored)
+        options.simulated.push_back(name);
+    }
+    return Done{};
+  }
+  options.recipe = choice.recipe;
+  options.simulated = choice.simulated;
+  for (const ProbedEffect& effect : probed) {
+    std::fprintf(stderr, "compmark: effect %s: %s\n", effect_name(effect.effect), effect.evidence.c_str());
+  }
+  for (const std::string& name : choice.left_out)
+    std::fprintf(stderr, "compmark: effect %s is left out: no recipe of this tool has it beside the others\n",
+                 name.c_str());
+  std::fprintf(stderr, "compmark: recipe %s\n", options.recipe.c_str());
+  return Done{};
+}
+
 }  // namespace
 
 Command add_train(CLI::App& app) {
@@ -316,6 +362,9 @@ Command add_train(CLI::App& app) {
                  "world units; 0 or less: median nearest-neighbour distance (default: the profile's)")
       ->each([options](const std::string&) { options->voxel_size_given = true; });
   app.add_option("--background", options->background, "black or white (default black), behind transparent images");
+  app.add_option("--effects", options->effects,
+                 "auto (what the data call for: see compmark probe), none, or names with commas; chooses the recipe")
+      ->capture_default_str();
   app.add_option("--lens", options->lens, "undistort (images are resampled once, on load) or ignore")
       ->capture_default_str()
       ->check(CLI::IsMember({"undistort", "ignore"}));
@@ -333,7 +382,7 @@ Command add_train(CLI::App& app) {
                    "unknown profile \"" + options->profile + "\"",
                    "choose scaffold, official or paper"});
     }
-    if (options->recipe.empty()) options->recipe = default_recipe(options->profile);
+    if (Result<Done> chosen = choose_effects(*options); !chosen) return fail(chosen.error());
     settings->iterations = options->iterations;
     settings->max_anchors = options->max_anchors;
     if (options->seed) settings->seed = *options->seed;
@@ -347,7 +396,7 @@ Command add_train(CLI::App& app) {
                    "unknown colour \"" + options->background + "\"",
                    "choose black or white"});
     }
-    if (options->recipe == "scaffold+antialiasing") settings->blur_variance = antialiasing_blur_variance;
+    if (options->recipe == "scaffold+antialiasing") settings->blur_variance = recipes::antialiasing_blur_variance;
     return with_recipe(options->recipe,
                        ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); }));
   };

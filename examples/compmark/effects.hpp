@@ -1,0 +1,31 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which recipe a capture's effects call for, of the closed list this tool is built with.
+#pragma once
+
+#include <compmark/core/result.hpp>
+#include <compmark/scene/dataset.hpp>
+#include <compmark/scene/probe.hpp>
+#include <string>
+#include <vector>
+
+namespace tool {
+
+/// Name of the effect list of a model that was trained as if its lens were a pinhole.
+inline constexpr const char* lens_ignored = "lens_ignored";
+
+struct EffectChoice {
+  std::string recipe;
+  std::vector<std::string> simulated;  ///< effects that the recipe and the readers take care of
+  std::vector<std::string> left_out;   ///< called for, but in no recipe of the list together with those
+};
+
+/// The recipe with the most of these effects and none besides.
+EffectChoice choose_recipe(const std::vector<std::string>& effects, compmark::LensTreatment lens);
+
+/// Effects by name: what --effects says ("auto": those that were probed, "none", or a list with commas).
+compmark::Result<std::vector<std::string>> wanted_effects(const std::string& option,
+                                                          const std::vector<compmark::ProbedEffect>& probed);
+
+}  // namespace tool

@@ -1,0 +1,69 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark probe: what a capture calls for, with the evidence, and the recipe that train would take.
+#include <compmark/scene/open.hpp>
+#include <compmark/scene/probe.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "common.hpp"
+#include "effects.hpp"
+
+namespace tool {
+
+Command add_probe(CLI::App& app) {
+  struct Options {
+    std::filesystem::path data;
+    bool json = false;
+  };
+  auto options = std::make_shared<Options>();
+  app.add_option("--data", options->data, "dataset folder")->required();
+  app.add_flag("--json", options->json, "one JSON object instead of text");
+  return [options]() -> int {
+    using namespace compmark;
+    Result<Dataset> dataset = open_dataset(options->data, {});
+    if (!dataset) return fail(dataset.error());
+    Result<std::vector<ProbedEffect>> effects = probe_scene(*dataset);
+    if (!effects) return fail(effects.error());
+    const EffectChoice choice = choose_recipe(*wanted_effects("auto", *effects), LensTreatment::undistort);
+    if (options->json) {
+      nlohmann::ordered_json json{{"dataset", options->data.string()},
+                                  {"kind", dataset->kind},
+                                  {"views_train", dataset->indices(Split::train).size()},
+                                  {"views_test", dataset->indices(Split::test).size()},
+                                  {"points", dataset->points.size()},
+                                  {"warnings", dataset->warnings},
+                                  {"recipe", choice.recipe},
+                                  {"left_out", choice.left_out},
+                                  {"effects", nlohmann::ordered_json::array()}};
+      for (const ProbedEffect& effect : *effects) {
+        json["effects"].push_back({{"name", effect_name(effect.effect)},
+                                   {"value", effect.value},
+                                   {"limit", effect.limit},
+                                   {"evidence", effect.evidence}});
+      }
+      std::printf("%s\n", json.dump(2).c_str());
+      return success;
+    }
+    for (const std::string& warning : dataset->warnings)
+      std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
+    std::printf("%s: %s, %zu training and %zu test views, %zu points\n", options->data.string().c_str(),
+                dataset->kind.c_str(), dataset->indices(Split::train).size(), dataset->indices(Split::test).size(),
+                dataset->points.size());
+    if (effects->empty()) std::printf("  no effect is called for\n");
+    for (const ProbedEffect& effect : *effects) {
+      std::printf("  %-20s %10.4g  (limit %g)  %s\n", effect_name(effect.effect), effect.value, effect.limit,
+                  effect.evidence.c_str());
+    }
+    std::printf("  recipe: %s\n", choice.recipe.c_str());
+    for (const std::string& name : choice.left_out) {
+      std::printf("  called for, but in no recipe of this tool together with the others: %s\n", name.c_str());
+    }
+    return success;
+  };
+}
+
+}  // namespace tool
