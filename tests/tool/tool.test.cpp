@@ -107,6 +107,38 @@ void write_text(const std::string& path, const std::string& text) {
 
 }  // namespace
 
+TEST_CASE(
+    "tool: probe says what the built-in scene calls for, and train takes the recipe for it unless told otherwise") {
+  const Outcome probe = tool("probe --json --data " + scene());
+  REQUIRE(probe.code == 0);
+  const nlohmann::json json = nlohmann::json::parse(probe.text);
+  REQUIRE(json["effects"].size() == 1);
+  CHECK(json["effects"][0]["name"] == "alpha");
+  CHECK(json["effects"][0]["value"].get<double>() > json["effects"][0]["limit"].get<double>());
+  CHECK(json["recipe"] == "scaffold+alpha");
+  CHECK(tool("probe --data " + scene()).text.find("transparent") != std::string::npos);
+
+  const auto trained = [](const std::string& name, const std::string& more) {
+    const std::string out = at(name);
+    const Outcome outcome = tool("train --iterations 20 --data " + scene() + " --out " + out + " " + more);
+    INFO(outcome.text);
+    REQUIRE(outcome.code == 0);
+    return json_of(out + "/results.json");
+  };
+  const nlohmann::json chosen = trained("effects-auto", "");
+  CHECK(chosen["recipe"] == "scaffold+alpha");
+  CHECK(chosen["effects"] == nlohmann::json{"alpha"});
+  const nlohmann::json none = trained("effects-none", "--effects none");
+  CHECK(none["recipe"] == "scaffold");
+  CHECK(none["effects"].empty());
+  CHECK(trained("effects-list", "--effects exposure,masks")["recipe"] == "scaffold+exposure+mask");
+  CHECK(trained("effects-recipe", "--recipe scaffold+antialiasing")["recipe"] == "scaffold+antialiasing");
+  CHECK(tool("evaluate --data " + scene() + " --model " + at("effects-list/model.safetensors")).code == 0);
+  const Outcome unknown = tool("train --data " + scene() + " --out " + at("x") + " --effects fog");
+  CHECK(unknown.code == 2);
+  CHECK(unknown.text.find("fog") != std::string::npos);
+}
+
 TEST_CASE("tool: scene, train, info, render, evaluate and export work on the built-in scene") {
   train("run");
   for (const char* file : {"model.safetensors", "results.json", "report.html", "log.jsonl"})
