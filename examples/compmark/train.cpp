@@ -50,6 +50,7 @@ struct TrainOptions {
   std::string lens = "undistort";
   std::string effects = "auto";
   std::vector<std::string> simulated;  ///< effects of the chosen recipe
+  std::vector<std::string> notes;      ///< why it was chosen, to be shown when the run starts
   bool resume = false;
   std::filesystem::path json_log;
   LpipsFiles lpips;
@@ -185,6 +186,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
   progress_settings.append = options.resume;
   Result<Progress> progress = Progress::open(progress_settings);
   if (!progress) return fail(progress.error());
+  for (const std::string& note : options.notes) std::fprintf(stderr, "compmark: %s\n", note.c_str());
   watch_interrupt();
   TrainObserver observer;
   observer.progress = &*progress;
@@ -322,12 +324,11 @@ Result<Done> choose_effects(TrainOptions& options) {
   options.recipe = choice.recipe;
   options.simulated = choice.simulated;
   for (const ProbedEffect& effect : probed) {
-    std::fprintf(stderr, "compmark: effect %s: %s\n", effect_name(effect.effect), effect.evidence.c_str());
+    options.notes.push_back(std::string("effect ") + effect_name(effect.effect) + ": " + effect.evidence);
   }
   for (const std::string& name : choice.left_out)
-    std::fprintf(stderr, "compmark: effect %s is left out: no recipe of this tool has it beside the others\n",
-                 name.c_str());
-  std::fprintf(stderr, "compmark: recipe %s\n", options.recipe.c_str());
+    options.notes.push_back("effect " + name + " is left out: no recipe of this tool has it beside the others");
+  options.notes.push_back("recipe " + options.recipe);
   return Done{};
 }
 

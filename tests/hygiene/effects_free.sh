@@ -34,7 +34,7 @@ done <<LIST
 ScaffoldMasked MaskedPixels
 ScaffoldExposure AffineExposure
 ScaffoldAlpha L1AlphaLoss
-ScaffoldAntiAliased MipFilter::log_gradient
+ScaffoldAntiAliased MipFilter
 LIST
 build plain "$compiler" -std=c++20 -O2 "$@" -DEFFECT_RECIPE=Scaffold
 build hand "$compiler" -std=c++20 -O2 "$@" -DEFFECT_BY_HAND
