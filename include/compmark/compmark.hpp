@@ -113,9 +113,9 @@
 
 #include "compmark/quant/concept.hpp"
 
-#include "compmark/effect/concept.hpp"
 #include "compmark/effect/alpha_loss.hpp"
 #include "compmark/effect/background.hpp"
+#include "compmark/effect/concept.hpp"
 #include "compmark/effect/exposure.hpp"
 #include "compmark/effect/pixel_weights.hpp"
 
