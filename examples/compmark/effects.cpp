@@ -41,7 +41,7 @@ EffectChoice choose_recipe(const Names& effects, LensTreatment lens) {
       choice.simulated.push_back(effect);  // every camera has one: no recipe needed
     } else if (effect == "lens_distortion" || effect == "fisheye") {
       if (lens == LensTreatment::ignore) continue;
-      choice.simulated.push_back(effect);  // taken out on load, which leaves borders that do not count
+      choice.simulated.push_back(effect);  // taken out on load, which leaves borders that must not count
       if (!has(needed, "masks")) needed.emplace_back("masks");
     } else if (!has(needed, effect)) {
       needed.push_back(effect);
@@ -58,6 +58,12 @@ EffectChoice choose_recipe(const Names& effects, LensTreatment lens) {
     (has(best->effects, effect) ? choice.simulated : choice.left_out).push_back(effect);
   }
   return choice;
+}
+
+DatasetSettings settings_of(const ModelInfo& info) {
+  DatasetSettings settings;
+  if (has(info.effects, lens_ignored)) settings.lens = LensTreatment::ignore;
+  return settings;
 }
 
 Result<Names> wanted_effects(const std::string& option, const std::vector<ProbedEffect>& probed) {

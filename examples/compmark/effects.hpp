@@ -5,6 +5,7 @@
 #pragma once
 
 #include <compmark/core/result.hpp>
+#include <compmark/pipeline/model_file.hpp>
 #include <compmark/scene/dataset.hpp>
 #include <compmark/scene/probe.hpp>
 #include <string>
@@ -23,6 +24,9 @@ struct EffectChoice {
 
 /// The recipe with the most of these effects and none besides.
 EffectChoice choose_recipe(const std::vector<std::string>& effects, compmark::LensTreatment lens);
+
+/// How the dataset of a model is opened: its lens as in training.
+compmark::DatasetSettings settings_of(const compmark::ModelInfo& info);
 
 /// Effects by name: what --effects says ("auto": those that were probed, "none", or a list with commas).
 compmark::Result<std::vector<std::string>> wanted_effects(const std::string& option,

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark evaluate: PSNR, SSIM and, given weights, LPIPS of a model against a dataset.
-#include <algorithm>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
@@ -33,10 +32,8 @@ struct EvaluateOptions {
 int run(const EvaluateOptions& options) {
   Result<std::unique_ptr<AnyModel>> model = load_model(options.model);
   if (!model) return fail(model.error());
-  DatasetSettings settings;
+  DatasetSettings settings = settings_of((*model)->info);
   settings.downscale = options.downscale;
-  const std::vector<std::string>& effects = (*model)->info.effects;
-  if (std::find(effects.begin(), effects.end(), lens_ignored) != effects.end()) settings.lens = LensTreatment::ignore;
   for (std::size_t c = 0; c < 3; ++c)
     settings.background[c] = static_cast<float>((*model)->render_settings.background[c]);
   Result<Dataset> dataset = open_dataset(options.data, settings);

@@ -16,18 +16,18 @@
 namespace tool {
 namespace {
 
-/// Copies the truth over the render where a pixel counts less than wholly; returns the share of pixels that count (1 if all do).
+/// Copies the truth over the render where a pixel counts less than wholly; returns the share of pixels that count.
 double hide_uncounted(std::span<const float> weight, compmark::ImageView<const float> truth,
                       compmark::ImageView<float> render) {
   std::size_t counted = 0;
   for (std::size_t i = 0; i < weight.size(); ++i) {
-    if (weight[i] == 1.0f) {
+    if (weight[i] >= 0.5f) {  // a pixel counts or it does not; JPEG masks are never quite white
       ++counted;
       continue;
     }
     for (std::size_t c = 0; c < 3; ++c) render.data[c * weight.size() + i] = truth.data[c * weight.size() + i];
   }
-  return counted == 0 ? 1 : static_cast<double>(counted) / static_cast<double>(weight.size());
+  return static_cast<double>(counted) / static_cast<double>(weight.size());
 }
 
 }  // namespace
@@ -79,6 +79,11 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
       return loaded.error();
     // Pixels that do not count are made right in the render, and the error is that of the others.
     const double counted = hide_uncounted(weight_storage.span(), truth, rendered.image);
+    if (counted == 0) {
+      return Error{ErrorKind::invalid, views.dataset->views[views.index[i]].mask_path.string(), "mask",
+                   "leaves no pixel of the view \"" + views.dataset->views[views.index[i]].name + "\" to measure",
+                   "correct the mask or remove the view"};
+    }
 
     ViewResult result;
     result.name = views.dataset->views[views.index[i]].name;

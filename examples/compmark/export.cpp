@@ -17,6 +17,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "effects.hpp"
 #include "recipe_list.hpp"
 
 namespace tool {
@@ -79,7 +80,7 @@ int run(const ExportOptions& options) {
       return fail({ErrorKind::invalid, options.model.string(), "--view",
                    "the model has no view \"" + options.view + "\"", "see the names with compmark info --views"});
     }
-    table = bake_at_camera(model, chosen->camera, 0, executor);
+    table = bake_at_camera(model, chosen->camera, unseen_view, executor);
     measured.assign(1, chosen->camera);
     names.assign(1, chosen->name);
   } else {
@@ -112,9 +113,9 @@ int run(const ExportOptions& options) {
   }
   Result<BakeReport> report = BakeReport{};
   if (options.data.empty()) {
-    report = compare_bake(model, table, std::span<const Camera<double>>(cameras), NoTargets{}, 0, executor);
+    report = compare_bake(model, table, std::span<const Camera<double>>(cameras), NoTargets{}, unseen_view, executor);
   } else {
-    DatasetSettings settings;
+    DatasetSettings settings = settings_of(loaded->info);
     for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
     Result<Dataset> dataset = open_dataset(options.data, settings);
     if (!dataset) return fail(dataset.error());
@@ -127,7 +128,7 @@ int run(const ExportOptions& options) {
       return Error{ErrorKind::not_found, options.data.string(), "view",
                    "no view \"" + compared[i] + "\" of the model's size", "give the dataset the model was trained on"};
     };
-    report = compare_bake(model, table, std::span<const Camera<double>>(cameras), target, 0, executor);
+    report = compare_bake(model, table, std::span<const Camera<double>>(cameras), target, unseen_view, executor);
   }
   if (!report) return fail(report.error());
   std::printf("against the model's own renders: PSNR %.2f dB mean, %.2f dB worst (%s), over %zu views\n",

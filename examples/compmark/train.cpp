@@ -296,6 +296,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
 Result<Done> choose_effects(TrainOptions& options) {
   DatasetSettings settings;
   settings.lens = options.lens == "ignore" ? LensTreatment::ignore : LensTreatment::undistort;
+  settings.downscale = options.downscale;
   const bool recipe_given = !options.recipe.empty();
   if (!recipe_given) options.recipe = default_recipe(options.profile);
   Result<Dataset> dataset = open_dataset(options.data, settings);
@@ -309,9 +310,22 @@ Result<Done> choose_effects(TrainOptions& options) {
   const Result<std::vector<std::string>> wanted = wanted_effects(options.effects, probed);
   if (!wanted) return wanted.error();
   EffectChoice choice = choose_recipe(*wanted, settings.lens);
-  if (settings.lens == LensTreatment::ignore &&
-      std::any_of(dataset->views.begin(), dataset->views.end(), [](const View& v) { return !is_pinhole(v.lens); })) {
+  // What the readers do is recorded as it is, whatever was asked for.
+  std::erase_if(choice.simulated,
+                [](const std::string& name) { return name == "lens_distortion" || name == "fisheye"; });
+  const auto any = [&](const auto& test) { return std::any_of(dataset->views.begin(), dataset->views.end(), test); };
+  if (any([](const View& v) { return v.lens_treatment == LensTreatment::undistort; })) {
+    const bool fisheye = any([](const View& v) { return is_fisheye(v.lens.model); });
+    choice.simulated.insert(choice.simulated.begin(), fisheye ? "fisheye" : "lens_distortion");
+  }
+  if (settings.lens == LensTreatment::ignore && any([](const View& v) { return !is_pinhole(v.lens); }))
     choice.simulated.emplace_back(lens_ignored);
+  if (options.effects != "auto" && (recipe_given || options.recipe != "scaffold")) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--effects",
+                 "chooses among the scaffold recipes, but the recipe is " + options.recipe,
+                 "leave out --effects, or --recipe and --profile"};
   }
   if (recipe_given || options.recipe != "scaffold") {
     options.simulated.clear();

@@ -25,7 +25,7 @@ TEST_CASE("effect/alpha_loss: mean absolute difference, its slope, and 0 where t
   L1AlphaLoss<double>::Context context;
   for (const std::size_t threads : {1u, 3u}) {
     ThreadExecutor executor(threads);
-    const double value = L1AlphaLoss<double>::forward_backward(alpha, target, 0.5, context, executor);
+    const double value = L1AlphaLoss<double>::forward_backward(alpha, target, nullptr, 0.5, context, executor);
     double expected = 0;
     for (std::size_t i = 0; i < alpha.size(); ++i) expected += std::abs(alpha[i] - target[i]) / 20001;
     CHECK(value == doctest::Approx(expected).epsilon(1e-12));
@@ -34,4 +34,18 @@ TEST_CASE("effect/alpha_loss: mean absolute difference, its slope, and 0 where t
       CHECK(context.d_alpha[i] == 0.5 / 20001 * sign);
     }
   }
+}
+
+TEST_CASE("effect/alpha_loss: pixels that do not count have no gradient, and the others are averaged over themselves") {
+  const std::vector<double> alpha{0.9, 0.2, 0.6, 0.1}, target{0.4, 0.3, 0.0, 0.1}, counts{1, 0, 0.5, 1};
+  L1AlphaLoss<double>::Context context;
+  SerialExecutor serial;
+  const double value = L1AlphaLoss<double>::forward_backward(alpha, target, counts.data(), 1.0, context, serial);
+  CHECK(value == doctest::Approx((0.5 + 0.5 * 0.6) / 2.5).epsilon(1e-14));
+  CHECK(context.d_alpha[0] == doctest::Approx(1 / 2.5));
+  CHECK(context.d_alpha[1] == 0);
+  CHECK(context.d_alpha[2] == doctest::Approx(0.5 / 2.5));
+  const std::vector<double> none(4, 0.0);
+  CHECK(L1AlphaLoss<double>::forward_backward(alpha, target, none.data(), 1.0, context, serial) == 0);
+  for (const double d : context.d_alpha.span()) CHECK(d == 0);
 }

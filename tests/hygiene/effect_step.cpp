@@ -7,6 +7,7 @@
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/captures.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <cstdio>
 #include <cstdlib>
 #include <vector>
 
@@ -126,7 +127,6 @@ int main(int, char** argv) {
   Pipeline<R>::Context context;
   for (int i = 0; i < std::atoi(argv[1]); ++i)
     iterate(model, camera, {target.data(), 3, height, width}, ones, context, executor);
-  // The bits of render and gradient, as the exit code: equal roads end equally.
   std::uint64_t hash = 1469598103934665603u;
   const auto mix = [&](std::span<const float> values) {
     for (const float value : values) hash = (hash ^ std::bit_cast<std::uint32_t>(value)) * 1099511628211u;
@@ -134,5 +134,9 @@ int main(int, char** argv) {
   mix(context.image.flat());
   for (const BlockHandle block : {model.anchors.offset, model.anchors.feature, model.anchors.scaling})
     mix(model.arena.gradients(block).flat());
-  return static_cast<int>(hash % 251);
+  for (const BlockHandle block :
+       {model.decoder.opacity.weight1, model.decoder.covariance.weight1, model.decoder.color.weight1})
+    mix(model.arena.gradients(block).flat());
+  std::printf("%016llx\n", static_cast<unsigned long long>(hash));
+  return 0;
 }

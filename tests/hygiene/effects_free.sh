@@ -39,16 +39,15 @@ LIST
 build plain "$compiler" -std=c++20 -O2 "$@" -DEFFECT_RECIPE=Scaffold
 build hand "$compiler" -std=c++20 -O2 "$@" -DEFFECT_BY_HAND
 
-status() { "$folder/$1" 3 && echo 0 || echo $?; }
-plain=$(status plain)
-hand=$(status hand)
+plain=$("$folder/plain" 3)
+hand=$("$folder/hand" 3)
 echo "hash of render and gradient: $plain by the pipeline, $hand by hand"
 [ "$plain" = "$hand" ] || { echo "  DIFFERENT"; bad=1; }
 
 if command -v valgrind >/dev/null; then
   instructions() { # of six iterations less those of three: setting up does not count
     for n in 3 6; do
-      valgrind --tool=callgrind --callgrind-out-file=/dev/null "$folder/$1" $n 2>&1 | awk '/Collected/ { print $NF }'
+      valgrind --tool=callgrind --callgrind-out-file=/dev/null "$folder/$1" $n 2>&1 >/dev/null | awk '/Collected/ { print $NF }'
     done | awk 'NR == 1 { first = $1 } NR == 2 { printf "%d", $1 - first }'
   }
   plain=$(instructions plain)

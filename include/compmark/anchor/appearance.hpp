@@ -5,8 +5,8 @@
 // sheet, 1.3). It is the same for all anchors of a view, so that its part of the first layer is a bias: b' = b + W_e e.
 // Nothing happens per anchor:
 //   forward   b' = b + W_e e                                     backward   dW_e += db' e^T,  de += W_e^T db',  db += db'
-// Cost: 2 D A operations a view. A view that was not trained uses the embedding of the last one (the published code
-// clamps the index).
+// Cost: 2 D A operations a view. A view that was not trained looks like the mean of those that were (the published code
+// takes the last one).
 #pragma once
 
 #include <cstddef>

@@ -25,27 +25,37 @@ struct L1AlphaLoss {
     Buffer<double> partial;  ///< one sum a chunk
   };
 
-  /// Returns the loss without weight and SETS context.d_alpha.
+  /// Returns the loss without weight and SETS context.d_alpha. `counts` says how much each pixel counts, as in MaskedPixels; null: all
+  /// of them, whole.
   template <Executor E>
-  static double forward_backward(std::span<const T> alpha, std::span<const T> target, T weight, Context& context,
-                                 E& executor) {
+  static double forward_backward(std::span<const T> alpha, std::span<const T> target, const T* counts, T weight,
+                                 Context& context, E& executor) {
     constexpr std::size_t grain = 16384;
     const std::size_t pixels = alpha.size();
     context.d_alpha.resize(pixels);
     if (pixels == 0) return 0;
     context.partial.resize(chunk_count(pixels, grain));
-    const T slope = weight / static_cast<T>(pixels);
+    double total_count = static_cast<double>(pixels);
+    if (counts != nullptr) {
+      total_count =
+          ordered_sum<double>(executor, pixels, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
+            double total = 0;
+            for (std::size_t i = begin; i < end; ++i) total += static_cast<double>(counts[i]);
+            return total;
+          });
+    }
+    const T slope = total_count > 0 ? weight / static_cast<T>(total_count) : T(0);
     const double sum =
         ordered_sum<double>(executor, pixels, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
           double total = 0;
           for (std::size_t i = begin; i < end; ++i) {
-            const T d = alpha[i] - target[i];
-            total += static_cast<double>(std::abs(d));
-            context.d_alpha[i] = d > T(0) ? slope : (d < T(0) ? -slope : T(0));  // 0 at 0, as L1 (numerics case LS9)
+            const T d = alpha[i] - target[i], count = counts == nullptr ? T(1) : counts[i];
+            total += static_cast<double>(count * std::abs(d));
+            context.d_alpha[i] = count * (d > T(0) ? slope : (d < T(0) ? -slope : T(0)));  // 0 at 0, as L1 (case LS9)
           }
           return total;
         });
-    return sum / static_cast<double>(pixels);
+    return total_count > 0 ? sum / total_count : 0;
   }
 };
 

@@ -68,7 +68,9 @@ struct NoAlphaLoss : Absent<NoAlphaLoss> {};
 template <class L>
 concept AlphaLoss = L::is_absent ||
     requires(std::span<const typename L::Scalar> alpha, typename L::Context& context, SerialExecutor& executor) {
-  { L::forward_backward(alpha, alpha, typename L::Scalar{}, context, executor) } -> std::convertible_to<double>;
+  {
+    L::forward_backward(alpha, alpha, alpha.data(), typename L::Scalar{}, context, executor)
+    } -> std::convertible_to<double>;
 };
 
 /// Every pixel counts.

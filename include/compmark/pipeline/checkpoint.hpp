@@ -137,8 +137,12 @@ template <Recipe R, Executor E>
     if (found != value)
       return refuse("settings", key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
   }
+  if (stored.value("effects", nlohmann::json()) != wanted.value("effects", nlohmann::json()))
+    return refuse("settings", "the numbers of effects are others in the checkpoint");
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
+  if (model->info.effects != info.effects)
+    return refuse("effects", "are others in the checkpoint (a lens taken out or ignored, for instance)");
   if (model->info.recipe != info.recipe)
     return refuse("recipe", "is " + model->info.recipe + " in the checkpoint and " + info.recipe + " now");
   if (model->info.views.size() != info.views.size()) {
@@ -149,7 +153,8 @@ template <Recipe R, Executor E>
     const Camera<double>& a = model->info.views[i].camera;
     const Camera<double>& b = info.views[i].camera;
     if (model->info.views[i].name != info.views[i].name || a.width != b.width || a.height != b.height ||
-        a.center_world != b.center_world) {
+        a.center_world != b.center_world || a.rotation_camera_world != b.rotation_camera_world || a.fx != b.fx ||
+        a.fy != b.fy || a.cx != b.cx || a.cy != b.cy) {
       return refuse("views",
                     "view " + std::to_string(i) + " (" + info.views[i].name + ") is another one in the checkpoint");
     }

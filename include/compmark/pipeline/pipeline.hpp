@@ -138,9 +138,11 @@ class Pipeline {
     if constexpr (present<typename R::AlphaLoss>) {
       COMPMARK_ASSERT(target.alpha != nullptr, "Pipeline::loss: this recipe compares alpha, and the target has none");
       const std::size_t pixels = context.image.plane_size();
+      const Scalar* counts = nullptr;
+      if constexpr (present<typename R::PixelWeights>) counts = target.weight;
       report.alpha = R::AlphaLoss::forward_backward(
           std::span<const Scalar>(context.raster.alpha.data(), pixels), std::span<const Scalar>(target.alpha, pixels),
-          static_cast<Scalar>(weights.lambda_alpha), context.alpha_loss, executor);
+          counts, static_cast<Scalar>(weights.lambda_alpha), context.alpha_loss, executor);
       report.total += weights.lambda_alpha * report.alpha;
     }
     return report;

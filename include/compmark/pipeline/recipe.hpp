@@ -32,6 +32,7 @@
 #include "compmark/optim/concept.hpp"
 #include "compmark/quant/concept.hpp"
 #include "compmark/raster/concept.hpp"
+#include "compmark/scene/lens_policy.hpp"
 
 namespace compmark::inline v0 {
 
@@ -78,6 +79,11 @@ consteval void check_recipe() {
                   "Recipe: DensityControl reads screen statistics, which this Rasterizer does not collect (use "
                   "TrainingRasterizer, or "
                   "NoGrowth)");
+  }
+  if constexpr (requires { typename R::Rasterizer::EffectPolicy::Lens; }) {
+    static_assert(std::is_same_v<typename R::Rasterizer::EffectPolicy::Lens, PinholeLens>,
+                  "Recipe: the pipeline does not carry a lens yet; undistort the images on load, or drive the "
+                  "Rasterizer yourself");
   }
   static_assert(Exposure<typename R::Exposure>,
                 "Recipe: Exposure lacks add_parameters, forward, backward or fix_gauge (see effect/concept.hpp)");

@@ -27,6 +27,7 @@
 #include <vector>
 
 #include "compmark/core/executor.hpp"
+#include "compmark/effect/concept.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/math/symmetric.hpp"
 #include "compmark/pipeline/contributions.hpp"
@@ -38,11 +39,11 @@ namespace compmark::inline v0 {
 
 struct ShFitSettings {
   int degree = 3;
-  double ridge = 1e-3;               ///< weight of the smoothness term
-  double min_opacity = 0.005;        ///< slots whose averaged opacity is below are dropped
-  double min_contribution = 0.05;    ///< and those whose contribution, summed over all views, is below this many pixels
-  std::size_t appearance_view = 0;   ///< row of the appearance table, if the recipe has one
-  std::size_t block_anchors = 1024;  ///< anchors fitted at a time
+  double ridge = 1e-3;             ///< weight of the smoothness term
+  double min_opacity = 0.005;      ///< slots whose averaged opacity is below are dropped
+  double min_contribution = 0.05;  ///< and those whose contribution, summed over all views, is below this many pixels
+  std::size_t appearance_view = unseen_view;  ///< whose appearance and exposure, if the recipe has them
+  std::size_t block_anchors = 1024;           ///< anchors fitted at a time
 };
 
 struct ShFitReport {

@@ -16,6 +16,7 @@
 
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/effect/concept.hpp"
 #include "compmark/optim/adam.hpp"
 #include "compmark/optim/schedule.hpp"
 #include "compmark/pipeline/model.hpp"
@@ -36,7 +37,7 @@ struct SplatRefineSettings {
   double color_rest = 0.002;
   double final_rate = 0.1;
   std::uint64_t seed = 0;  ///< of the order of the cameras
-  std::size_t appearance_view = 0;
+  std::size_t appearance_view = unseen_view;
 };
 
 struct SplatRefineReport {

@@ -98,6 +98,11 @@ class ImageStore {
                                          float* alpha, float* weight) {
     const Result<const StoredImage*> stored = get(i);
     if (Result<Done> loaded = load(stored, image); !loaded) return loaded.error();
+    const View& view = entries_[i].view;
+    if (view.has_alpha && !settings_.keep_alpha && (alpha != nullptr || background != background_)) {
+      return Error{ErrorKind::unsupported, view.image_path.string(), "alpha",
+                   "was asked for, but this store does not keep it", "set ImageStoreSettings::keep_alpha"};
+    }
     const StoredImage& from = **stored;
     const std::size_t pixels = from.plane_size();
     if (!from.alpha.empty()) {
