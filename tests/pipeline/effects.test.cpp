@@ -19,7 +19,21 @@
 #include "directional.hpp"
 #include "small_scene.hpp"
 
+// Under a sanitizer the trainings are short: they run the code, and the optimised builds compare their figures (4 minutes saved).
+#if defined(__SANITIZE_ADDRESS__)
+#define COMPMARK_SHORT_TRAININGS 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define COMPMARK_SHORT_TRAININGS 1
+#endif
+#endif
+#if !defined(COMPMARK_SHORT_TRAININGS)
+#define COMPMARK_SHORT_TRAININGS 0
+#endif
+
 namespace {
+
+constexpr bool short_trainings = COMPMARK_SHORT_TRAININGS != 0;
 
 using namespace compmark;
 using compmark::testing::cloud;
@@ -233,7 +247,7 @@ struct Drifting : SceneViews {
 
 /// Test PSNR after a short training.
 template <class R, class Views>
-double trained_psnr(const Views& views, std::int64_t iterations = 400) {
+double trained_psnr(const Views& views, std::int64_t iterations = short_trainings ? 12 : 400) {
   TrainSettings settings;
   settings.iterations = iterations;
   settings.voxel_size = 0.05;
@@ -268,6 +282,7 @@ TEST_CASE("pipeline/effects: masked pixels bring back the scene behind an occlud
   const double ignored = trained_psnr<Tiny>(views), masked = trained_psnr<TinyMasked>(views),
                clean = trained_psnr<Tiny>(SceneViews::get());
   MESSAGE("test PSNR: mask ignored ", ignored, ", heeded ", masked, ", no occluder ", clean);
+  if (short_trainings) return;
   CHECK(masked > ignored + 3);
   CHECK(masked > clean - 1);
 }
@@ -278,6 +293,7 @@ TEST_CASE("pipeline/effects: exposure explains a drift of gain, and the scene is
                still = trained_psnr<TinyExposed>(SceneViews::get()), clean = trained_psnr<Tiny>(SceneViews::get());
   MESSAGE("test PSNR with drift: without exposure ", without, ", with ", with, "; without drift: ", clean, " and ",
           still);
+  if (short_trainings) return;
   CHECK(with > without + 0.5);  // measured: 0.94 dB; the price without drift is 0.13 dB
   CHECK(still > clean - 0.5);
 }
@@ -286,5 +302,5 @@ TEST_CASE("pipeline/effects: a random background and the alpha loss train on wha
   const double constant = trained_psnr<Tiny>(SceneViews::get()),
                random = trained_psnr<TinyRandomBackground>(SceneViews::get());
   MESSAGE("test PSNR over black: constant background ", constant, ", random background and alpha loss ", random);
-  CHECK(random > constant - 1.5);
+  CHECK((short_trainings || random > constant - 1.5));
 }
