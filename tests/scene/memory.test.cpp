@@ -13,20 +13,6 @@
 using namespace compmark;
 using namespace compmark::testing;
 
-namespace {
-
-/// Largest resident size of this process so far, bytes; 0 where the system does not tell.
-std::size_t peak_memory() {
-  std::ifstream status("/proc/self/status");
-  std::string word;
-  while (status >> word) {
-    if (word == "VmHWM:" && status >> word) return std::stoull(word) << 10;
-  }
-  return 0;
-}
-
-}  // namespace
-
 TEST_CASE("scene/image_store: a thousand images of four megapixels stay within the budget (issue: below 2 GiB)") {
   // One file that compresses to nothing stands for all of them; each view is decoded and kept on its own. All together are 12 GB. 80 of
   // them overflow the budget, and from then on one comes for one that goes.

@@ -17,15 +17,6 @@ using namespace compmark::testing;
 
 namespace {
 
-std::size_t peak_memory() {
-  std::ifstream status("/proc/self/status");
-  std::string word;
-  while (status >> word) {
-    if (word == "VmHWM:" && status >> word) return std::stoull(word) << 10;
-  }
-  return 0;
-}
-
 /// The error of a case, or nothing if it is accepted.
 std::optional<Error> refusal(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {

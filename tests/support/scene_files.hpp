@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -199,6 +200,16 @@ inline ColmapModel small_colmap_model() {
 inline void put_colmap_images(const std::filesystem::path& folder, const ColmapModel& model, int width = 16,
                               int height = 12) {
   for (const auto& [id, image] : model.images) put_image(folder / image.name, width, height);
+}
+
+/// Largest resident size of this process so far, bytes; 0 where the system does not tell.
+inline std::size_t peak_memory() {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word) {
+    if (word == "VmHWM:" && status >> word) return std::stoull(word) << 10;
+  }
+  return 0;
 }
 
 }  // namespace compmark::testing

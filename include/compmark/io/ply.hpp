@@ -4,6 +4,7 @@
 // PLY files: ASCII and binary of both byte orders, any scalar types, any properties in any order, list properties skipped, comments and
 // CRLF accepted. No count is believed before the file is long enough for it. Writing: binary little-endian columns of floats.
 // Cost of reading: one pass over the bytes; of column(): one conversion a value.
+// Longer than 300 lines: header, both encodings and the writer share one table of scalar types.
 #pragma once
 
 #include <algorithm>
