@@ -121,6 +121,7 @@
 
 #include "compmark/loss/concept.hpp"
 #include "compmark/loss/l1.hpp"
+#include "compmark/loss/message.hpp"
 #include "compmark/loss/photometric.hpp"
 #include "compmark/loss/photometric_scratch.hpp"
 #include "compmark/loss/reference_ssim.hpp"
