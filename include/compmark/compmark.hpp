@@ -19,6 +19,7 @@
 #include "compmark/core/views.hpp"
 
 #include "compmark/math/conv.hpp"
+#include "compmark/math/conv_backward.hpp"
 #include "compmark/math/dense.hpp"
 #include "compmark/math/functions.hpp"
 #include "compmark/math/gaussian_window.hpp"

@@ -7,7 +7,8 @@
 // The values of 48 positions are copied side by side for every tap, and one register-blocked kernel (8 output channels by 3 packs of positions)
 // walks over that panel once a block of channels: reading the planes in place instead costs a third of the speed. All sizes, strides and
 // paddings are one code. Waste: kernel - 1 columns a row. Cost: 2 in out kernel^2 flop a pixel, at 70 to 80 % of the multiply-add rate from
-// 64 channels up; with 3 input channels the writing of the output decides (benchmarks/metric_lpips.bench.cpp).
+// 64 channels up; with 3 input channels the writing of the output decides (benchmarks/math_convolution.bench.cpp).
+// Gradients are in math/conv_backward.hpp; math/winograd.hpp is the same calling shape for 3 x 3 kernels at stride 1.
 // Longer than 300 lines: the panel and the kernels that walk over it share one layout.
 #pragma once
 
@@ -95,20 +96,11 @@ struct ConvInput {
   std::size_t plane_stride = 0;  ///< places of a phase plane
 
   /// Copies `source` with `padding_` zeros around it. Several convolutions of one stride may share the copy, with kernels of less padding too.
+  /// `behind` more zeros follow the last row and column.
   template <Executor E>
-  void pack(FeatureView<const T> source, int stride_, int padding_, E& executor) {
-    channels = source.channels;
-    height = source.height;
-    width = source.width;
-    stride = stride_;
-    padding = padding_;
-    const std::size_t phase_rows = static_cast<std::size_t>((height + 2 * padding + stride - 1) / stride);
-    row_stride = static_cast<std::size_t>((width + 2 * padding + stride - 1) / stride);
-    plane_stride = phase_rows * row_stride;
+  void pack(FeatureView<const T> source, int stride_, int padding_, E& executor, int behind = 0) {
+    shape(source.channels, source.height, source.width, stride_, padding_, behind);
     const std::size_t phases = static_cast<std::size_t>(stride * stride);
-    const std::size_t used = plane_stride * phases * static_cast<std::size_t>(channels);
-    planes.resize(used + slack());
-    std::fill_n(planes.data() + used, slack(), T(0));
     executor.for_chunks(static_cast<std::size_t>(channels), 1, [&](std::size_t c, std::size_t, std::size_t) {
       T* channel = planes.data() + c * phases * plane_stride;
       std::fill_n(channel, phases * plane_stride, T(0));
@@ -121,19 +113,94 @@ struct ConvInput {
           std::copy_n(row, width, phase_row + padding);
           continue;
         }
-        for (int x = 0; x < width; ++x) {
-          const int px = x + padding;
-          phase_row[static_cast<std::size_t>(px % stride) * plane_stride + static_cast<std::size_t>(px / stride)] =
-              row[x];
+        for (int px = 0; px < stride; ++px) {  // columns x = px - padding + stride i of the row
+          const int first = std::max(0, (padding - px + stride - 1) / stride);
+          const int x = first * stride + px - padding;
+          if (x >= width) continue;
+          T* target = phase_row + static_cast<std::size_t>(px) * plane_stride + first;
+          const std::size_t count = static_cast<std::size_t>((width - x + stride - 1) / stride);
+          if (stride == 4) {
+            copy_every<4>(row + x, count, target);
+          } else if (stride == 2) {
+            copy_every<2>(row + x, count, target);
+          } else {
+            for (std::size_t i = 0; i < count; ++i) target[i] = row[x + static_cast<int>(i) * stride];
+          }
         }
       }
     });
   }
 
+  /// The planes of a copy, not yet filled but for the slack behind them.
+  void shape(int channels_, int height_, int width_, int stride_, int padding_, int behind = 0) {
+    channels = channels_;
+    height = height_;
+    width = width_;
+    stride = stride_;
+    padding = padding_;
+    const std::size_t phase_rows = static_cast<std::size_t>((height + 2 * padding + behind + stride - 1) / stride);
+    row_stride = static_cast<std::size_t>((width + 2 * padding + behind + stride - 1) / stride);
+    plane_stride = phase_rows * row_stride;
+    const std::size_t used =
+        plane_stride * static_cast<std::size_t>(stride * stride) * static_cast<std::size_t>(channels);
+    planes.resize(used + slack());
+    std::fill_n(planes.data() + used, slack(), T(0));
+  }
+
  private:
+  template <int Stride>
+  static void copy_every(const T* source, std::size_t count, T* target) {
+    for (std::size_t i = 0; i < count; ++i) target[i] = source[i * Stride];
+  }
   /// Reads behind the last place: one tile of positions and the rows a kernel of up to 16 strides spans.
   [[nodiscard]] std::size_t slack() const { return 64 * 4 + 17 * (row_stride + 1); }
 };
+
+/// Where a pack of outputs goes, for a finish functor that is called as finish(value, place): it may read or write other maps of the shape of
+/// the output at the same places, such as the activations a ReLU's gradient asks for or the derivative that a forward pass keeps.
+template <class T>
+struct ConvPlace {
+  using P = Pack<T, native_width<T>>;
+  int channel = 0;
+  std::size_t index = 0;  ///< of lane 0, from the first value of the output (of the view, or of ConvInput::planes)
+  Mask<T, native_width<T>> lanes = Mask<T, native_width<T>>::first(native_width<T>);  ///< those that are outputs
+
+  [[nodiscard]] COMPMARK_INLINE P load(const T* maps) const { return P::load(maps + index, lanes); }
+  COMPMARK_INLINE void store(P value, T* maps) const { value.store(maps + index, lanes); }
+};
+
+namespace detail {
+template <class T, class Finish>
+COMPMARK_INLINE Pack<T, native_width<T>> finish_outputs(const Finish& finish, Pack<T, native_width<T>> value,
+                                                        const ConvPlace<T>& place) {
+  if constexpr (std::is_invocable_v<const Finish&, Pack<T, native_width<T>>, const ConvPlace<T>&>) {
+    return finish(value, place);
+  } else {
+    return finish(value);
+  }
+}
+
+/// Where tap (channel, row, column) of a kernel lies in a copied input, from the place of the output.
+template <class T>
+void fill_conv_offsets(const ConvShape& shape, const ConvInput<T>& input, Buffer<std::ptrdiff_t>& offsets) {
+  offsets.resize(shape.taps());
+  const int shift = input.padding - shape.padding;
+  const std::size_t phases = static_cast<std::size_t>(input.stride * input.stride);
+  std::size_t k = 0;
+  for (int c = 0; c < shape.in; ++c) {
+    for (int ky = 0; ky < shape.kernel; ++ky) {
+      for (int kx = 0; kx < shape.kernel; ++kx) {
+        const int y = ky + shift;
+        const int x = kx + shift;
+        const std::size_t phase = static_cast<std::size_t>(y % input.stride * input.stride + x % input.stride);
+        offsets[k++] = static_cast<std::ptrdiff_t>((static_cast<std::size_t>(c) * phases + phase) * input.plane_stride +
+                                                   static_cast<std::size_t>(y / input.stride) * input.row_stride +
+                                                   static_cast<std::size_t>(x / input.stride));
+      }
+    }
+  }
+}
+}  // namespace detail
 
 /// Scratch of a convolution, grow-only: taps * 8 bytes, and taps * 48 scalars a worker.
 template <class T>
@@ -152,20 +219,34 @@ class Convolution {
 
   Convolution() = default;
   /// `weight` [out, in, kernel, kernel], `bias` [out].
-  Convolution(const ConvShape& shape, std::span<const T> weight, std::span<const T> bias) : shape_(shape) {
+  Convolution(const ConvShape& shape, std::span<const T> weight, std::span<const T> bias) {
+    assign(shape, weight, bias);
+  }
+
+  /// New weights (while they train). An empty bias is zero.
+  void assign(const ConvShape& shape, std::span<const T> weight, std::span<const T> bias) {
+    shape_ = shape;
     COMPMARK_ASSERT(weight.size() == static_cast<std::size_t>(shape.out) * shape.taps(), "Convolution: weight count");
-    COMPMARK_ASSERT(bias.size() == static_cast<std::size_t>(shape.out), "Convolution: bias count");
+    COMPMARK_ASSERT(bias.empty() || bias.size() == static_cast<std::size_t>(shape.out), "Convolution: bias count");
     const std::size_t taps = shape.taps();
     weights_.resize(blocks() * taps * channel_block, T(0));
     bias_.resize(blocks() * channel_block, T(0));
     for (std::size_t o = 0; o < static_cast<std::size_t>(shape.out); ++o) {
-      bias_[o] = bias[o];
+      if (!bias.empty()) bias_[o] = bias[o];
       for (std::size_t k = 0; k < taps; ++k)
         weights_[(o / channel_block * taps + k) * channel_block + o % channel_block] = weight[o * taps + k];
     }
   }
 
+  using Scratch = ConvScratch<T>;
+
   [[nodiscard]] const ConvShape& shape() const { return shape_; }
+
+  /// Copies `source` as forward() reads it.
+  template <Executor E>
+  void pack(FeatureView<const T> source, ConvInput<T>& input, E& executor) const {
+    input.pack(source, shape_.stride, shape_.padding, executor);
+  }
 
   /// Shapes `output` for `channels` channels (0: this convolution's) over `input`.
   void resize_output(const ConvInput<T>& input, FeatureMaps<T>& output, int channels = 0) const {
@@ -175,14 +256,14 @@ class Convolution {
                   (positions + tile - 1) / tile * tile);
   }
 
-  /// Fills `output` (shaped by resize_output, or a channel range of it) with finish(sum + bias). Columns behind output.width are scratch.
+  /// Fills `output` (shaped by resize_output, or a channel range of it) with finish(sum + bias), or finish(sum + bias, place). Columns behind output.width are scratch.
   template <Executor E, class Finish>
   void forward(const ConvInput<T>& input, FeatureView<T> output, ConvScratch<T>& scratch, E& executor,
                const Finish& finish) const {
     COMPMARK_ASSERT(input.channels == shape_.in && input.stride == shape_.stride && input.padding >= shape_.padding,
                     "Convolution: input");
     COMPMARK_ASSERT(output.channels == shape_.out && output.row_stride == input.row_stride, "Convolution: output");
-    fill_offsets(input, scratch.offsets);
+    detail::fill_conv_offsets(shape_, input, scratch.offsets);
     const std::size_t taps = shape_.taps();
     scratch.panel.resize(executor.concurrency() * taps * tile);
     const std::size_t positions = static_cast<std::size_t>(output.height) * input.row_stride;
@@ -198,26 +279,6 @@ class Convolution {
 
   [[nodiscard]] std::size_t blocks() const {
     return (static_cast<std::size_t>(shape_.out) + channel_block - 1) / channel_block;
-  }
-
-  void fill_offsets(const ConvInput<T>& input, Buffer<std::ptrdiff_t>& offsets) const {
-    offsets.resize(shape_.taps());
-    const int shift = input.padding - shape_.padding;
-    const std::size_t phases = static_cast<std::size_t>(input.stride * input.stride);
-    std::size_t k = 0;
-    for (int c = 0; c < shape_.in; ++c) {
-      for (int ky = 0; ky < shape_.kernel; ++ky) {
-        for (int kx = 0; kx < shape_.kernel; ++kx) {
-          const int y = ky + shift;
-          const int x = kx + shift;
-          const std::size_t phase = static_cast<std::size_t>(y % input.stride * input.stride + x % input.stride);
-          offsets[k++] =
-              static_cast<std::ptrdiff_t>((static_cast<std::size_t>(c) * phases + phase) * input.plane_stride +
-                                          static_cast<std::size_t>(y / input.stride) * input.row_stride +
-                                          static_cast<std::size_t>(x / input.stride));
-        }
-      }
-    }
   }
 
   /// The tile's values of every tap, one after the other: read once from the planes, then by every block of channels in order.
@@ -258,7 +319,11 @@ class Convolution {
       if (static_cast<std::size_t>(m) >= count) break;
       T* target = output.data + (first + static_cast<std::size_t>(m)) * output.plane_stride + n;
 #pragma GCC unroll 3
-      for (int j = 0; j < position_packs; ++j) finish(sum[m][j]).store(target + j * lanes);
+      for (int j = 0; j < position_packs; ++j) {
+        const ConvPlace<T> at{static_cast<int>(first) + m,
+                              static_cast<std::size_t>(target - output.data) + static_cast<std::size_t>(j * lanes)};
+        detail::finish_outputs<T>(finish, sum[m][j], at).store(target + j * lanes);
+      }
     }
   }
 
