@@ -116,6 +116,7 @@
 #include "compmark/raster/transpose.hpp"
 
 #include "compmark/mark/concept.hpp"
+#include "compmark/mark/message.hpp"
 
 #include "compmark/quant/concept.hpp"
 
