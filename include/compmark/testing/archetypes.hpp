@@ -119,5 +119,24 @@ struct DensityControlArchetype {
   }
 };
 
+/// MessageDecoder: one bit, the mean of the image against one half.
+template <class T>
+struct MessageDecoderArchetype {
+  using Scalar = T;
+  struct Context {};
+  [[nodiscard]] static constexpr int bits() { return 1; }
+  [[nodiscard]] static constexpr int minimum_size() { return 1; }
+  template <Executor E>
+  void forward(ImageView<const T> image, std::span<T> logits, Context& /*ctx*/, E& /*executor*/) const {
+    T sum = 0;
+    for (const T value : image.flat()) sum += value;
+    logits[0] = sum / static_cast<T>(image.size()) - T(0.5);
+  }
+  template <Executor E>
+  void backward(std::span<const T> d_logits, ImageView<T> d_image, Context& /*ctx*/, E& /*executor*/) const {
+    for (T& value : d_image.flat()) value += d_logits[0] / static_cast<T>(d_image.size());
+  }
+};
+
 }  // namespace testing
 }  // namespace compmark::inline v0

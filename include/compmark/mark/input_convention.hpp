@@ -1,0 +1,144 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// How an image enters a decoder. A decoder trained on one range and read on another loses accuracy without a sign (watermark sheet 1.6: per-bit
+// bias up to 0.12 where the spread is 0.02), so the convention is part of the weight file:
+//   x = (gain A(LL^levels(image)) - mean_c) / deviation_c,   A: shrinking by area so that the larger side is at most largest_side (0: never).
+// Published HiDDeN files were used on the raw LL: levels 1, gain 1, mean 0, deviation 1. Cost: about two operations a pixel.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/math/area_resize.hpp"
+#include "compmark/math/haar.hpp"
+
+namespace compmark::inline v0 {
+
+/// The numbers of a convention; the default is that of the published files.
+struct InputConvention {
+  int haar_levels = 1;  ///< 0, 1 or 2; each doubles the range and halves the size
+  double gain = 1;
+  std::array<double, 3> mean{0, 0, 0};
+  std::array<double, 3> deviation{1, 1, 1};
+  int largest_side = 0;  ///< of the network's input; 0: no limit
+
+  bool operator==(const InputConvention&) const = default;
+
+  /// Size of the network's input for an image of `height` x `width`.
+  [[nodiscard]] std::array<int, 2> output_size(int height, int width) const {
+    for (int level = 0; level < haar_levels; ++level) {
+      height = haar_size(height);
+      width = haar_size(width);
+    }
+    const int side = std::max(height, width);
+    if (largest_side == 0 || side <= largest_side) return {height, width};
+    const auto shrink = [&](int n) {
+      return std::max(1, static_cast<int>((static_cast<std::int64_t>(2 * n) * largest_side + side) / (2 * side)));
+    };
+    return {shrink(height), shrink(width)};
+  }
+};
+
+/// Normalised low band of [0, 1] RGB with the ImageNet statistics, the same range at any level: the convention of the project's own decoders.
+[[nodiscard]] inline InputConvention imagenet_convention(int haar_levels) {
+  return {haar_levels, std::ldexp(1.0, -haar_levels), {0.485, 0.456, 0.406}, {0.229, 0.224, 0.225}, 0};
+}
+
+/// The map of a convention and its backward pass.
+template <class T>
+class DecoderInput {
+ public:
+  struct Context {
+    std::array<Buffer<T>, 2> bands;  ///< LL of each level
+    AreaResize<T> area;
+    int height = 0;  ///< of the image
+    int width = 0;
+  };
+
+  DecoderInput() = default;
+  explicit DecoderInput(const InputConvention& convention) : convention_(convention) {
+    COMPMARK_ASSERT(convention.haar_levels >= 0 && convention.haar_levels <= 2, "DecoderInput: 0, 1 or 2 levels");
+  }
+  [[nodiscard]] const InputConvention& convention() const { return convention_; }
+
+  /// Fills `output` [3, output_size(image)].
+  template <Executor E>
+  void forward(ImageView<const T> image, ImageView<T> output, Context& context, E& executor) const {
+    context.height = image.height;
+    context.width = image.width;
+    ImageView<const T> at = image;
+    for (int level = 0; level < convention_.haar_levels; ++level) {
+      const ImageView<T> band = shape(context, level);
+      haar_low(at, band, executor);
+      at = band;
+    }
+    if (at.height != output.height || at.width != output.width) {
+      context.area.forward(at, output, executor);
+      at = output;
+    }
+    scale(at, output, executor, [&](T value, std::size_t c) {
+      return static_cast<T>(convention_.gain / convention_.deviation[c]) * value -
+             static_cast<T>(convention_.mean[c] / convention_.deviation[c]);
+    });
+  }
+
+  /// ADDS to `d_image`; `d_output` is scaled in place.
+  template <Executor E>
+  void backward(ImageView<T> d_output, ImageView<T> d_image, Context& context, E& executor) const {
+    COMPMARK_ASSERT(d_image.height == context.height && d_image.width == context.width,
+                    "DecoderInput: the image of forward");
+    scale(ImageView<const T>(d_output), d_output, executor,
+          [&](T value, std::size_t c) { return static_cast<T>(convention_.gain / convention_.deviation[c]) * value; });
+    ImageView<const T> d_at = d_output;
+    const int levels = convention_.haar_levels;
+    const ImageView<T> d_inner = levels == 0 ? d_image : shape(context, levels - 1);
+    const bool shrinks = d_output.height != d_inner.height || d_output.width != d_inner.width;
+    if (shrinks) {
+      if (levels > 0) std::fill_n(d_inner.data, d_inner.size(), T(0));
+      context.area.adjoint(d_at, d_inner, executor);
+      if (levels == 0) return;
+      d_at = d_inner;
+    }
+    for (int level = levels; level-- > 0;) {
+      const ImageView<T> d_wide = level == 0 ? d_image : shape(context, level - 1);
+      if (level > 0) std::fill_n(d_wide.data, d_wide.size(), T(0));
+      haar_low_adjoint(d_at, d_wide, executor);
+      d_at = d_wide;
+    }
+    if (levels == 0) {
+      for (std::size_t i = 0; i < d_image.size(); ++i) d_image.data[i] += d_output.data[i];
+    }
+  }
+
+ private:
+  /// The band behind `level`, for values or gradients.
+  [[nodiscard]] ImageView<T> shape(Context& context, int level) const {
+    int height = context.height, width = context.width;
+    for (int k = 0; k <= level; ++k) {
+      height = haar_size(height);
+      width = haar_size(width);
+    }
+    Buffer<T>& buffer = context.bands[static_cast<std::size_t>(level)];
+    buffer.resize(3 * static_cast<std::size_t>(height) * static_cast<std::size_t>(width));
+    return {buffer.data(), 3, height, width};
+  }
+  template <class E, class Map>
+  static void scale(ImageView<const T> source, ImageView<T> target, E& executor, const Map& map) {
+    executor.for_chunks(3, 1, [&](std::size_t c, std::size_t, std::size_t) {
+      const T* const from = source.plane(static_cast<int>(c));
+      T* const to = target.plane(static_cast<int>(c));
+      for (std::size_t i = 0; i < target.plane_size(); ++i) to[i] = map(from[i], c);
+    });
+  }
+
+  InputConvention convention_;
+};
+
+}  // namespace compmark::inline v0
