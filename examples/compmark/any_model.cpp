@@ -3,6 +3,9 @@
 #include "any_model.hpp"
 
 #include <compmark/pipeline/pipeline.hpp>
+#include <optional>
+#include <string>
+#include <type_traits>
 #include <utility>
 
 #include "recipe_list.hpp"
@@ -20,15 +23,33 @@ class RecipeModel final : public AnyModel {
     info = std::move(loaded.info);
     render_settings = model_.render;
   }
-  RenderedView render(const Camera<double>& camera, ThreadExecutor& executor) override {
-    const ForwardReport report = pipeline_.forward(model_, camera, unseen_view, context_, executor);
-    return {context_.image, report.gaussians};
+  Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
+    if (!is_pinhole(lens) && !(policy_ && lens == lens_)) {
+      policy_ = lens_policy<RecipeLens<R>>(lens);
+      lens_ = lens;
+      if (!policy_) {
+        return Error{ErrorKind::unsupported,
+                     {},
+                     "lens",
+                     "is not of the " + std::string(lens_family<RecipeLens<R>>) +
+                         " family, which is all that a model of recipe " + info.recipe + " projects through",
+                     "render it without the lens, or give data that were trained on"};
+      }
+    }
+    ViewCamera<R> at(camera);
+    if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
+      if (!is_pinhole(lens)) at.lens = *policy_;
+    }
+    const ForwardReport report = pipeline_.forward(model_, at, unseen_view, context_, executor);
+    return RenderedView{context_.image, report.gaussians};
   }
 
  private:
   Model<R> model_;
   Pipeline<R> pipeline_;
   typename Pipeline<R>::Context context_;
+  Lens lens_;
+  std::optional<RecipeLens<R>> policy_;  ///< of lens_: finding where a lens ends takes half a millisecond
 };
 
 struct Load {

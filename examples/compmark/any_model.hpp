@@ -9,6 +9,7 @@
 #include <compmark/core/views.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/scene/camera.hpp>
+#include <compmark/scene/lens_model.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <memory>
@@ -23,7 +24,9 @@ struct RenderedView {
 class AnyModel {
  public:
   virtual ~AnyModel() = default;
-  virtual RenderedView render(const compmark::Camera<double>& camera, compmark::ThreadExecutor& executor) = 0;
+  /// `lens` is that of the photograph to be rendered; a model that does not project through lenses has no use for one.
+  virtual compmark::Result<RenderedView> render(const compmark::Camera<double>& camera, const compmark::Lens& lens,
+                                                compmark::ThreadExecutor& executor) = 0;
 
   compmark::ModelInfo info;
   compmark::RenderSettings render_settings;

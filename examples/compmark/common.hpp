@@ -35,6 +35,11 @@ struct DatasetViews {
 
   [[nodiscard]] std::size_t size() const { return index.size(); }
   [[nodiscard]] compmark::Camera<double> camera(std::size_t i) const { return dataset->views[index[i]].camera; }
+  /// The lens that view i has to be rendered through: none where it was taken out of the image, or is ignored.
+  [[nodiscard]] compmark::Lens lens(std::size_t i) const {
+    const compmark::View& view = dataset->views[index[i]];
+    return view.lens_treatment == compmark::LensTreatment::keep ? view.lens : compmark::Lens{};
+  }
   [[nodiscard]] compmark::Result<compmark::Done> load(std::size_t i, compmark::ImageView<float> image);
   /// Colours over another background, coverage and weights: what recipes with effects train on.
   [[nodiscard]] compmark::Result<compmark::Done> load_planes(std::size_t i, std::array<float, 3> background,

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <compmark/scene/open.hpp>
 #include <string_view>
 
 namespace tool {
@@ -21,13 +22,15 @@ struct Listed {
   const char* recipe;
   Names effects;
 };
-const std::array<Listed, 6>& list() {
-  static const std::array<Listed, 6> recipes{{{"scaffold", {}},
+const std::array<Listed, 8>& list() {
+  static const std::array<Listed, 8> recipes{{{"scaffold", {}},
                                               {"scaffold+mask", {"masks"}},
                                               {"scaffold+alpha", {"alpha"}},
                                               {"scaffold+exposure+mask", {"exposure", "masks"}},
                                               {"scaffold+exposure", {"exposure"}},
-                                              {"scaffold+antialiasing", {"anti_aliasing"}}}};
+                                              {"scaffold+antialiasing", {"anti_aliasing"}},
+                                              {"scaffold+lens", {"lens_distortion"}},
+                                              {"scaffold+fisheye", {"fisheye"}}}};
   return recipes;
 }
 
@@ -41,17 +44,25 @@ EffectChoice choose_recipe(const Names& effects, LensTreatment lens) {
       choice.simulated.push_back(effect);  // every camera has one: no recipe needed
     } else if (effect == "lens_distortion" || effect == "fisheye") {
       if (lens == LensTreatment::ignore) continue;
+      if (lens == LensTreatment::keep) {  // a matter of the projection, and nothing is left empty
+        if (!has(needed, effect)) needed.push_back(effect);
+        continue;
+      }
       choice.simulated.push_back(effect);  // taken out on load, which leaves borders that must not count
       if (!has(needed, "masks")) needed.emplace_back("masks");
     } else if (!has(needed, effect)) {
       needed.push_back(effect);
     }
   }
+  const auto lens_effect = [](const std::string& name) { return name == "lens_distortion" || name == "fisheye"; };
+  const bool lens_needed = std::any_of(needed.begin(), needed.end(), lens_effect);
   const Listed* best = &list().front();
   for (const Listed& recipe : list()) {
     const bool fits = std::all_of(recipe.effects.begin(), recipe.effects.end(),
                                   [&](const std::string& effect) { return has(needed, effect); });
-    if (fits && recipe.effects.size() > best->effects.size()) best = &recipe;
+    const bool projects = std::any_of(recipe.effects.begin(), recipe.effects.end(), lens_effect);
+    if (!fits || projects != lens_needed) continue;
+    if (recipe.effects.size() > best->effects.size()) best = &recipe;
   }
   choice.recipe = best->recipe;
   for (const std::string& effect : needed) {
@@ -60,10 +71,35 @@ EffectChoice choose_recipe(const Names& effects, LensTreatment lens) {
   return choice;
 }
 
+bool projects_lens(std::string_view recipe) {
+  return recipe.find("+lens") != std::string_view::npos || recipe.find("+fisheye") != std::string_view::npos;
+}
+
 DatasetSettings settings_of(const ModelInfo& info) {
   DatasetSettings settings;
+  if (projects_lens(info.recipe)) settings.lens = LensTreatment::keep;
   if (has(info.effects, lens_ignored)) settings.lens = LensTreatment::ignore;
   return settings;
+}
+
+StoredView stored_view(const View& view) {
+  StoredView stored{view.name, view.split == Split::test, view.camera, {}};
+  if (view.lens_treatment == LensTreatment::keep) stored.lens = view.lens;
+  return stored;
+}
+
+Result<Dataset> open_for(const ModelInfo& info, const std::filesystem::path& data, const DatasetSettings& settings) {
+  Result<Dataset> dataset = open_dataset(data, settings);
+  if (!dataset) return dataset.error();
+  if (dataset->origin == info.origin) return dataset;
+  // Models from before the origin was stored: their cameras are where this reader moves them.
+  for (const StoredView& stored : info.views) {
+    for (const View& view : dataset->views) {
+      if (view.name == stored.name && view.camera.center_world == stored.camera.center_world) return dataset;
+    }
+  }
+  move_origin(*dataset, info.origin);
+  return dataset;
 }
 
 Result<Names> wanted_effects(const std::string& option, const std::vector<ProbedEffect>& probed) {

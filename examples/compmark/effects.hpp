@@ -8,7 +8,9 @@
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/scene/dataset.hpp>
 #include <compmark/scene/probe.hpp>
+#include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace tool {
@@ -22,11 +24,19 @@ struct EffectChoice {
   std::vector<std::string> left_out;   ///< called for, but in no recipe of the list together with those
 };
 
-/// The recipe with the most of these effects and none besides.
+/// The recipe with the most of these effects and none besides; with LensTreatment::keep it is one that projects through the lens, if the
+/// effects name one.
 EffectChoice choose_recipe(const std::vector<std::string>& effects, compmark::LensTreatment lens);
 
+/// True for the recipes that project through a lens.
+bool projects_lens(std::string_view recipe);
 /// How the dataset of a model is opened: its lens as in training.
 compmark::DatasetSettings settings_of(const compmark::ModelInfo& info);
+/// Opens a dataset and moves it to where the model lies (ModelInfo::origin).
+compmark::Result<compmark::Dataset> open_for(const compmark::ModelInfo& info, const std::filesystem::path& data,
+                                             const compmark::DatasetSettings& settings);
+/// A view of a dataset as a model stores it.
+compmark::StoredView stored_view(const compmark::View& view);
 
 /// Effects by name: what --effects says ("auto": those that were probed, "none", or a list with commas).
 compmark::Result<std::vector<std::string>> wanted_effects(const std::string& option,

@@ -36,7 +36,7 @@ int run(const EvaluateOptions& options) {
   settings.downscale = options.downscale;
   for (std::size_t c = 0; c < 3; ++c)
     settings.background[c] = static_cast<float>((*model)->render_settings.background[c]);
-  Result<Dataset> dataset = open_dataset(options.data, settings);
+  Result<Dataset> dataset = open_for((*model)->info, options.data, settings);
   if (!dataset) return fail(dataset.error());
   for (const std::string& warning : dataset->warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
   ImageStore store(*dataset, settings, {});

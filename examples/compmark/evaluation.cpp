@@ -32,6 +32,22 @@ double hide_uncounted(std::span<const float> weight, compmark::ImageView<const f
 
 }  // namespace
 
+double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<const float> target,
+                    std::span<const float> weight) {
+  if (weight.empty()) return compmark::psnr(image, target);
+  double squares = 0;
+  std::size_t counted = 0;
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    if (weight[i] < 0.5f) continue;
+    ++counted;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double d = static_cast<double>(image.data[c * weight.size() + i]) - target.data[c * weight.size() + i];
+      squares += d * d;
+    }
+  }
+  return counted == 0 ? std::nan("") : -10 * std::log10(squares / (3 * static_cast<double>(counted)));
+}
+
 compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
                                             compmark::ThreadExecutor& executor, const KeepView& keep) {
   using namespace compmark;
@@ -69,8 +85,10 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Camera<double> camera = views.camera(i);
     const auto begin = std::chrono::steady_clock::now();
-    const RenderedView rendered = model.render(camera, executor);
+    const Result<RenderedView> render = model.render(camera, views.lens(i), executor);
     const auto end = std::chrono::steady_clock::now();
+    if (!render) return render.error();
+    const RenderedView& rendered = *render;
     round_to_8bit<float>(rendered.image, rendered.image);
     truth_storage.resize(rendered.image.size());
     const ImageView<float> truth{truth_storage.data(), 3, camera.height, camera.width};

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,10 @@ struct Evaluation {
 /// Called for every view; images are 8-bit rounded and valid during the call.
 using KeepView = std::function<void(std::size_t i, const ViewResult& view, compmark::ImageView<const float> render,
                                     compmark::ImageView<const float> truth)>;
+
+/// PSNR over the pixels that count at least by half; all of them where `weight` is empty. NaN if none counts.
+double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<const float> target,
+                    std::span<const float> weight);
 
 compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
                                             compmark::ThreadExecutor& executor, const KeepView& keep);

@@ -16,6 +16,7 @@
 #include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
+#include "effects.hpp"
 
 namespace tool {
 namespace {
@@ -47,12 +48,12 @@ int run(const RenderOptions& options) {
   if (!model) return fail(model.error());
   std::vector<StoredView> views = (*model)->info.views;
   if (!options.data.empty()) {
-    DatasetSettings settings;
+    DatasetSettings settings = settings_of((*model)->info);
     settings.downscale = options.downscale;
-    Result<Dataset> dataset = open_dataset(options.data, settings);
+    Result<Dataset> dataset = open_for((*model)->info, options.data, settings);
     if (!dataset) return fail(dataset.error());
     views.clear();
-    for (const View& view : dataset->views) views.push_back({view.name, view.split == Split::test, view.camera});
+    for (const View& view : dataset->views) views.push_back(stored_view(view));
   } else if (options.downscale != 1) {
     for (StoredView& view : views) {
       view.camera = view.camera.resized(std::max(1, static_cast<int>(view.camera.width / options.downscale)),
@@ -74,7 +75,9 @@ int run(const RenderOptions& options) {
   std::vector<double> milliseconds;
   for (const StoredView& view : views) {
     const auto begin = std::chrono::steady_clock::now();
-    const RenderedView rendered = (*model)->render(view.camera, executor);
+    const Result<RenderedView> render = (*model)->render(view.camera, view.lens, executor);
+    if (!render) return fail(render.error());
+    const RenderedView& rendered = *render;
     milliseconds.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
     round_to_8bit<float>(rendered.image, rendered.image);
     const std::filesystem::path path = options.out / (file_name(view.name) + ".png");

@@ -81,7 +81,7 @@ struct TrainObserver {
   bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
     // The PSNR of a training view costs a pass over the image: measured for every tenth iteration, the rate of the log.
     if (report.iteration % 10 == 1 || report.iteration == report.total)
-      last_psnr = psnr(trainer.image(), trainer.target());
+      last_psnr = counted_psnr(trainer.image(), trainer.target(), trainer.weight());
     ProgressLine line;
     line.iteration = report.iteration;
     line.total = report.total;
@@ -108,6 +108,43 @@ struct TrainObserver {
   }
 };
 
+LensTreatment lens_treatment(const TrainOptions& options) {
+  if (options.lens == "ignore") return LensTreatment::ignore;
+  return options.lens == "project" ? LensTreatment::keep : LensTreatment::undistort;
+}
+
+/// The views of a dataset with cameras as the recipe wants them, lenses included.
+template <class R>
+struct RecipeViews : DatasetViews {
+  std::vector<ViewCamera<R>> cameras;
+  [[nodiscard]] ViewCamera<R> camera(std::size_t i) const { return cameras[i]; }
+};
+template <class R>
+Result<RecipeViews<R>> recipe_views(DatasetViews views) {
+  RecipeViews<R> result{std::move(views), {}};
+  Lens last;
+  std::optional<RecipeLens<R>> policy = lens_policy<RecipeLens<R>>(last);
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    const Lens lens = result.lens(i);
+    if (!(lens == last)) {  // finding where a lens ends takes half a millisecond
+      last = lens;
+      policy = lens_policy<RecipeLens<R>>(lens);
+    }
+    if (!is_pinhole(lens) && !policy) {
+      return Error{ErrorKind::unsupported, result.dataset->root.string(), "lens",
+                   "of view \"" + result.dataset->views[result.index[i]].name + "\" is not of the " +
+                       lens_family<RecipeLens<R>> + " family, which is what this recipe projects through",
+                   "take the lens out of the images with --lens undistort"};
+    }
+    ViewCamera<R> camera(result.dataset->views[result.index[i]].camera);
+    if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
+      if (!is_pinhole(lens)) camera.lens = *policy;
+    }
+    result.cameras.push_back(camera);
+  }
+  return result;
+}
+
 std::string rounded(double value, int digits) {
   char text[64];
   std::snprintf(text, sizeof text, "%.*f", digits, value);
@@ -124,7 +161,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
   data_settings.downscale = options.downscale;
   data_settings.background = settings.background;
   data_settings.seed = settings.seed;
-  data_settings.lens = options.lens == "ignore" ? LensTreatment::ignore : LensTreatment::undistort;
+  data_settings.lens = lens_treatment(options);
   Result<Dataset> opened = open_dataset(options.data, data_settings);
   if (!opened) return fail(opened.error());
   const Dataset& dataset = *opened;
@@ -137,7 +174,9 @@ int run(const TrainOptions& options, TrainSettings settings) {
   store_settings.keep_alpha = present<typename R::Background> || present<typename R::AlphaLoss>;
   if (options.memory_budget_mb != 0) store_settings.memory_budget_bytes = options.memory_budget_mb << 20;
   ImageStore store(dataset, data_settings, store_settings);
-  DatasetViews train{&dataset, &store, dataset.indices(Split::train)};
+  Result<RecipeViews<R>> with_cameras = recipe_views<R>({&dataset, &store, dataset.indices(Split::train)});
+  if (!with_cameras) return fail(with_cameras.error());
+  RecipeViews<R>& train = *with_cameras;
   DatasetViews test{&dataset, &store, dataset.indices(Split::test)};
   if (train.size() == 0) {
     return fail({ErrorKind::invalid, options.data.string(), "train split", "holds no view",
@@ -157,7 +196,8 @@ int run(const TrainOptions& options, TrainSettings settings) {
   info.profile = settings.profile;
   info.iterations = settings.iterations;
   info.seed = settings.seed;
-  for (const View& view : dataset.views) info.views.push_back({view.name, view.split == Split::test, view.camera});
+  info.origin = dataset.origin;
+  for (const View& view : dataset.views) info.views.push_back(stored_view(view));
 
   const SceneExtent extent = scene_extent(dataset);
   Trainer<R, ThreadExecutor> trainer(settings, train.size(), extent.radius, executor);
@@ -212,7 +252,7 @@ int run(const TrainOptions& options, TrainSettings settings) {
   if (!digest) return fail(digest.error());
 
   const bool has_test = test.size() != 0;
-  const DatasetViews measured = has_test ? test : train;
+  const DatasetViews measured = has_test ? test : static_cast<const DatasetViews&>(train);
   const std::size_t shown = std::min<std::size_t>(3, measured.size());
   ReportInput report;
   Result<std::unique_ptr<AnyModel>> model = load_model(model_path);  // what was written is what is measured
@@ -295,10 +335,11 @@ int run(const TrainOptions& options, TrainSettings settings) {
 /// Settles options.recipe and options.simulated. An explicit --recipe is taken as it is; the hosts of the other profiles have no effects.
 Result<Done> choose_effects(TrainOptions& options) {
   DatasetSettings settings;
-  settings.lens = options.lens == "ignore" ? LensTreatment::ignore : LensTreatment::undistort;
-  settings.downscale = options.downscale;
   const bool recipe_given = !options.recipe.empty();
   if (!recipe_given) options.recipe = default_recipe(options.profile);
+  if (projects_lens(options.recipe) && options.lens == "undistort") options.lens = "project";  // what it is there for
+  settings.lens = lens_treatment(options);
+  settings.downscale = options.downscale;
   Result<Dataset> dataset = open_dataset(options.data, settings);
   if (!dataset) return dataset.error();
   std::vector<ProbedEffect> probed;
@@ -314,7 +355,7 @@ Result<Done> choose_effects(TrainOptions& options) {
   std::erase_if(choice.simulated,
                 [](const std::string& name) { return name == "lens_distortion" || name == "fisheye"; });
   const auto any = [&](const auto& test) { return std::any_of(dataset->views.begin(), dataset->views.end(), test); };
-  if (any([](const View& v) { return v.lens_treatment == LensTreatment::undistort; })) {
+  if (any([](const View& v) { return v.lens_treatment != LensTreatment::ignore; })) {
     const bool fisheye = any([](const View& v) { return is_fisheye(v.lens.model); });
     choice.simulated.insert(choice.simulated.begin(), fisheye ? "fisheye" : "lens_distortion");
   }
@@ -337,6 +378,8 @@ Result<Done> choose_effects(TrainOptions& options) {
   }
   options.recipe = choice.recipe;
   options.simulated = choice.simulated;
+  if (options.lens == "project" && !projects_lens(options.recipe))
+    options.lens = "undistort";  // there is no lens to speak of
   for (const ProbedEffect& effect : probed) {
     options.notes.push_back(std::string("effect ") + effect_name(effect.effect) + ": " + effect.evidence);
   }
@@ -353,9 +396,8 @@ Command add_train(CLI::App& app) {
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
   app.add_option("--recipe", options->recipe,
-                 "scaffold (with +mask, +alpha, +antialiasing, +exposure or +exposure+mask), compmark-host or "
-                 "compmark-paper-host (default: what "
-                 "the data call for, or the profile's)");
+                 "scaffold (with +mask, +alpha, +antialiasing, +lens, +fisheye, +exposure or +exposure+mask), "
+                 "compmark-host or compmark-paper-host (default: what the data call for, or the profile's)");
   app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()
@@ -380,9 +422,12 @@ Command add_train(CLI::App& app) {
   app.add_option("--effects", options->effects,
                  "auto (what the data call for: see compmark probe), none, or names with commas; chooses the recipe")
       ->capture_default_str();
-  app.add_option("--lens", options->lens, "undistort (images are resampled once, on load) or ignore")
+  app.add_option(
+         "--lens", options->lens,
+         "undistort (images are resampled once, on load), project (images stay, Gaussians are projected through "
+         "the lens) or ignore")
       ->capture_default_str()
-      ->check(CLI::IsMember({"undistort", "ignore"}));
+      ->check(CLI::IsMember({"undistort", "project", "ignore"}));
   app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
   app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
   app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");

@@ -17,27 +17,15 @@
 #include <vector>
 
 #include "directional.hpp"
+#include "short_training.hpp"
 #include "small_scene.hpp"
 
-// Under a sanitizer the trainings are short: they run the code, and the optimised builds compare their figures (4 minutes saved).
-#if defined(__SANITIZE_ADDRESS__)
-#define COMPMARK_SHORT_TRAININGS 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define COMPMARK_SHORT_TRAININGS 1
-#endif
-#endif
-#if !defined(COMPMARK_SHORT_TRAININGS)
-#define COMPMARK_SHORT_TRAININGS 0
-#endif
-
 namespace {
-
-constexpr bool short_trainings = COMPMARK_SHORT_TRAININGS != 0;
 
 using namespace compmark;
 using compmark::testing::cloud;
 using compmark::testing::ring_camera;
+using compmark::testing::short_trainings;
 using compmark::testing::smooth_accuracy;
 
 constexpr DecoderShape small{.feature_dim = 8, .offsets = 3};

@@ -27,7 +27,7 @@ namespace compmark::inline v0 {
 /// The Gaussians that the decoder gives for this camera, colours as degree 0: rendered from here the table is the model. `view` chooses
 /// the appearance row, if the recipe has one. Cost: one decode.
 template <Recipe R, Executor E>
-[[nodiscard]] SplatTable bake_at_camera(const Model<R>& model, const Camera<double>& camera, std::size_t view,
+[[nodiscard]] SplatTable bake_at_camera(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view,
                                         E& executor) {
   using T = typename R::Scalar;
   Buffer<std::uint32_t> visible;
@@ -35,8 +35,8 @@ template <Recipe R, Executor E>
   GaussianBatch<T> gaussians;
   typename R::GaussianDecoder::Context context;
   const typename R::GaussianDecoder decoder{};
-  visible_anchors(model.columns(), camera.template cast<T>(), {model.render.near_plane, model.render.blur_variance},
-                  visible, workspace, executor);
+  Pipeline<R>::find_visible(model.columns(), camera, camera.template cast<T>(),
+                            {model.render.near_plane, model.render.blur_variance}, visible, workspace, executor);
   decoder.forward(model.columns(), std::as_const(visible).span(), camera.center_world, view, model.arena, model.decoder,
                   gaussians, context, executor);
   return to_splat_table(std::as_const(gaussians).columns());
@@ -51,12 +51,13 @@ class SplatRenderer {
 
   /// Image [3, height, width]; valid until the next call.
   template <Executor E>
-  ImageView<const Scalar> render(const SplatTable& table, const Camera<double>& camera, E& executor) {
+  ImageView<const Scalar> render(const SplatTable& table, const ViewCamera<R>& camera, E& executor) {
     to_gaussians(table, camera.center_world, gaussians_, executor);
     image_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     const ImageView<Scalar> image{image_.data(), 3, camera.height, camera.width};
-    Pipeline<R>::rasterizer(render_).forward(std::as_const(gaussians_).columns(), camera.template cast<Scalar>(),
-                                             Pipeline<R>::background(render_), image, context_, executor);
+    Pipeline<R>::rasterizer(render_, camera)
+        .forward(std::as_const(gaussians_).columns(), camera.template cast<Scalar>(), Pipeline<R>::background(render_),
+                 image, context_, executor);
     return image;
   }
 

@@ -6,8 +6,11 @@
 //
 //   metadata  format = "compmark.model", version = "1", info = JSON (ModelInfo without the cameras, decoder shape, render settings)
 //   tensors   the blocks of the arena by name, [rows, columns] F32; camera.* F64, one row a view
+// What a model does not have is not written: camera.lens (model, 16 parameters) where no view is rendered through a lens, origin where the
+// scene was not moved. Files from before there was either are read as such.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -23,6 +26,7 @@
 #include "compmark/io/safetensors.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/scene/camera.hpp"
+#include "compmark/scene/lens_model.hpp"
 
 namespace compmark::inline v0 {
 
@@ -31,6 +35,8 @@ struct StoredView {
   std::string name;
   bool test = false;
   Camera<double> camera;
+  Lens
+      lens{};  ///< that the model is rendered through; a pinhole where the images were undistorted, or the lens ignored
 };
 
 /// Where a model comes from.
@@ -41,6 +47,8 @@ struct ModelInfo {
   std::uint64_t seed = 0;
   std::vector<std::string> effects;
   std::vector<StoredView> views;
+  std::array<double, 3> origin{0, 0,
+                               0};  ///< plus a position of the model is one in the dataset's files (Dataset::origin)
 };
 
 template <Recipe R>
@@ -65,18 +73,20 @@ template <Recipe R>
 [[nodiscard]] nlohmann::json info_json(const Model<R>& model, const ModelInfo& info) {
   nlohmann::json views = nlohmann::json::array();
   for (const StoredView& view : info.views) views.push_back({{"name", view.name}, {"test", view.test}});
-  return {{"recipe", info.recipe},
-          {"profile", info.profile},
-          {"iterations", info.iterations},
-          {"seed", info.seed},
-          {"effects", info.effects},
-          {"shape", shape_json(R::AnchorModel::shape)},
-          {"voxel_size", model.voxel_size},
-          {"train_views", model.train_views},
-          {"near_plane", model.render.near_plane},
-          {"blur_variance", model.render.blur_variance},
-          {"background", model.render.background},
-          {"views", views}};
+  nlohmann::json json{{"recipe", info.recipe},
+                      {"profile", info.profile},
+                      {"iterations", info.iterations},
+                      {"seed", info.seed},
+                      {"effects", info.effects},
+                      {"shape", shape_json(R::AnchorModel::shape)},
+                      {"voxel_size", model.voxel_size},
+                      {"train_views", model.train_views},
+                      {"near_plane", model.render.near_plane},
+                      {"blur_variance", model.render.blur_variance},
+                      {"background", model.render.background},
+                      {"views", views}};
+  if (info.origin != std::array<double, 3>{0, 0, 0}) json["origin"] = info.origin;
+  return json;
 }
 
 /// Adds a buffer that the writer keeps until write().
@@ -100,11 +110,36 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
     table.insert(table.end(), c.center_world.begin(), c.center_world.end());
   }
   writer.add_copy<double>("camera.table", {static_cast<std::int64_t>(views.size()), 18}, table);
+  if (std::all_of(views.begin(), views.end(), [](const StoredView& view) { return is_pinhole(view.lens); })) return;
+  std::vector<double> lenses;  // model, parameters[16]
+  for (const StoredView& view : views) {
+    lenses.push_back(static_cast<double>(view.lens.model));
+    lenses.insert(lenses.end(), view.lens.parameters.begin(), view.lens.parameters.end());
+  }
+  writer.add_copy<double>("camera.lens", {static_cast<std::int64_t>(views.size()), 17}, lenses);
 }
 
 [[nodiscard]] inline Error model_error(const SafetensorsFile& file, std::string field, std::string problem) {
   return {ErrorKind::invalid, file.path, std::move(field), std::move(problem),
           "check that this is a model file written by this version or an older one"};
+}
+
+/// Lenses of the views, where the file has any.
+[[nodiscard]] inline Result<Done> read_lenses(const SafetensorsFile& file, std::vector<StoredView>& views) {
+  if (!file.has("camera.lens")) return Done{};
+  const Result<std::vector<double>> table = file.values<double>("camera.lens");
+  if (!table) return table.error();
+  if (table->size() != views.size() * 17) return model_error(file, "camera.lens", "does not have 17 numbers a view");
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const double* row = table->data() + 17 * i;
+    if (!std::all_of(row, row + 17, [](double x) { return std::isfinite(x); }) ||
+        !(row[0] >= 0 && row[0] < static_cast<double>(lens_model_count)) || row[0] != std::floor(row[0])) {
+      return model_error(file, "camera.lens", "view " + views[i].name + " has an impossible lens");
+    }
+    views[i].lens.model = static_cast<LensModel>(static_cast<int>(row[0]));
+    std::copy(row + 1, row + 17, views[i].lens.parameters.begin());
+  }
+  return Done{};
 }
 
 /// Reads the cameras and the info; every number is checked to be finite and in range.
@@ -116,6 +151,7 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
     info.iterations = json.at("iterations").get<std::int64_t>();
     info.seed = json.at("seed").get<std::uint64_t>();
     info.effects = json.at("effects").get<std::vector<std::string>>();
+    if (json.contains("origin")) info.origin = json["origin"].get<std::array<double, 3>>();
     for (const nlohmann::json& view : json.at("views")) {
       StoredView stored;
       stored.name = view.at("name").get<std::string>();
@@ -124,6 +160,9 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
     }
   } catch (const nlohmann::json::exception& problem) {
     return model_error(file, "__metadata__.info", problem.what());
+  }
+  for (const double x : info.origin) {
+    if (!std::isfinite(x)) return model_error(file, "__metadata__.info.origin", "is not finite");
   }
   if (info.views.empty()) return info;
   const Result<std::vector<double>> table = file.values<double>("camera.table");
@@ -150,6 +189,7 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
     for (std::size_t j = 0; j < 9; ++j) camera.rotation_camera_world[j] = row[6 + j];
     for (std::size_t j = 0; j < 3; ++j) camera.center_world[j] = row[15 + j];
   }
+  if (Result<Done> lenses = read_lenses(file, info.views); !lenses) return lenses.error();
   return info;
 }
 

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 #include <utility>
 
 #include "compmark/anchor/visibility.hpp"
@@ -83,7 +84,7 @@ class Pipeline {
   /// Renders one view into context.image [3, height, width]. `view` selects the appearance and the exposure, if the recipe has them;
   /// unseen_view is a photograph that was not trained on.
   template <Executor E>
-  ForwardReport forward(const Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context,
+  ForwardReport forward(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context,
                         E& executor) const {
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
     const AnchorColumns<const Scalar> columns = model.columns();
@@ -92,11 +93,11 @@ class Pipeline {
 
     ForwardReport report;
     const VisibilitySettings visibility{model.render.near_plane, model.render.blur_variance};
-    visible_anchors(columns, scalar_camera, visibility, context.visible, context.visibility, executor);
+    find_visible(columns, camera, scalar_camera, visibility, context.visible, context.visibility, executor);
     report.visible_anchors = context.visible.size();
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
                                         model.decoder, context.gaussians, context.decoder, executor);
-    report.raster = rasterizer(model.render)
+    report.raster = rasterizer(model.render, camera)
                         .forward(std::as_const(context.gaussians).columns(), scalar_camera,
                                  background(model.render, context), context.image, context.raster, executor);
     if constexpr (present<typename R::Exposure>) {
@@ -156,12 +157,12 @@ class Pipeline {
 
   /// Carries context.d_image back to context.d_gaussians (set) and on into the gradients of the model's arena (adds).
   template <Executor E>
-  void backward(Model<R>& model, const Camera<double>& camera, std::size_t view, Context& context, E& executor) const {
+  void backward(Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context, E& executor) const {
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
     const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
     context.d_gaussians.resize(context.gaussians.size());
     const GaussianColumns<Scalar> d_gaussians = context.d_gaussians.columns();
-    const typename R::Rasterizer raster = rasterizer(model.render);
+    const typename R::Rasterizer raster = rasterizer(model.render, camera);
     const std::array<Scalar, 3> behind = background(model.render, context);
     if constexpr (present<typename R::Exposure>) {
       R::Exposure::backward(model.arena, model.exposure, view, context.d_image, context.exposure, executor);
@@ -191,6 +192,28 @@ class Pipeline {
   [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
     return typename R::Rasterizer{typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane),
                                                                    static_cast<Scalar>(render.blur_variance)}};
+  }
+  /// The same with the lens of the camera, if the recipe projects through one.
+  [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render,
+                                                         [[maybe_unused]] const ViewCamera<R>& camera) {
+    if constexpr (std::is_same_v<RecipeLens<R>, PinholeLens>) {
+      return rasterizer(render);
+    } else {
+      typename R::Rasterizer::Settings settings = rasterizer(render).settings();
+      settings.lens = camera.lens;
+      return typename R::Rasterizer{settings};
+    }
+  }
+  /// The anchors that this camera may see.
+  template <Executor E>
+  static void find_visible(const AnchorColumns<const Scalar>& columns, [[maybe_unused]] const ViewCamera<R>& camera,
+                           const Camera<Scalar>& scalar_camera, const VisibilitySettings& settings,
+                           Buffer<std::uint32_t>& visible, VisibilityWorkspace& workspace, E& executor) {
+    if constexpr (std::is_same_v<RecipeLens<R>, PinholeLens>) {
+      visible_anchors(columns, scalar_camera, settings, visible, workspace, executor);
+    } else {
+      visible_anchors(columns, scalar_camera, settings, visible, workspace, executor, camera.lens);
+    }
   }
   /// What is behind the scene: the drawn colour of a training iteration with a random background, else that of the model.
   [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render, const Context& context) {

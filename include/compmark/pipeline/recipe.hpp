@@ -32,7 +32,7 @@
 #include "compmark/optim/concept.hpp"
 #include "compmark/quant/concept.hpp"
 #include "compmark/raster/concept.hpp"
-#include "compmark/scene/lens_policy.hpp"
+#include "compmark/scene/lens_camera.hpp"
 
 namespace compmark::inline v0 {
 
@@ -54,6 +54,25 @@ concept Recipe = requires {
   typename R::PixelWeights;
 }
 &&std::floating_point<typename R::Scalar>;
+
+namespace detail {
+template <class RasterizerType>
+struct LensOf {
+  using type = PinholeLens;
+};
+template <class RasterizerType>
+  requires requires { typename RasterizerType::EffectPolicy::Lens; }
+struct LensOf<RasterizerType> {
+  using type = typename RasterizerType::EffectPolicy::Lens;
+};
+}  // namespace detail
+
+/// The lens that a recipe's Rasterizer projects through.
+template <class R>
+using RecipeLens = typename detail::LensOf<typename R::Rasterizer>::type;
+/// What a recipe calls a view's camera: Camera<double>, and its lens where the Rasterizer has one.
+template <class R>
+using ViewCamera = CameraOf<RecipeLens<R>>;
 
 /// Cross-stage facts, each a sentence. Called by Pipeline, so a wrong recipe is told at the door.
 template <Recipe R>
@@ -79,11 +98,6 @@ consteval void check_recipe() {
                   "Recipe: DensityControl reads screen statistics, which this Rasterizer does not collect (use "
                   "TrainingRasterizer, or "
                   "NoGrowth)");
-  }
-  if constexpr (requires { typename R::Rasterizer::EffectPolicy::Lens; }) {
-    static_assert(std::is_same_v<typename R::Rasterizer::EffectPolicy::Lens, PinholeLens>,
-                  "Recipe: the pipeline does not carry a lens yet; undistort the images on load, or drive the "
-                  "Rasterizer yourself");
   }
   static_assert(Exposure<typename R::Exposure>,
                 "Recipe: Exposure lacks add_parameters, forward, backward or fix_gauge (see effect/concept.hpp)");

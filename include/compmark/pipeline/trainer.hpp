@@ -100,7 +100,11 @@ class Trainer {
     report.total = settings_.iterations;
     report.view = order_.at(t);
 
-    const Camera<double> camera = views.camera(report.view);
+    static_assert(std::is_same_v<ViewCamera<R>, Camera<double>> ||
+                      std::is_same_v<std::remove_cvref_t<decltype(views.camera(report.view))>, ViewCamera<R>>,
+                  "Trainer: this recipe projects through a lens, so views.camera(i) must return LensCamera (see "
+                  "scene/lens_camera.hpp)");
+    const ViewCamera<R> camera = views.camera(report.view);
     target_storage_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     target_ = {target_storage_.data(), 3, camera.height, camera.width};
     if constexpr (present<typename R::Background>) {
@@ -155,6 +159,14 @@ class Trainer {
   [[nodiscard]] const TrainSettings& settings() const { return settings_; }
   [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< render of the last iteration
   [[nodiscard]] ImageView<const Scalar> target() const { return target_; }        ///< its ground truth
+  /// How much each of its pixels counts, [height, width]; empty if the recipe does not look.
+  [[nodiscard]] std::span<const Scalar> weight() const {
+    if constexpr (present<typename R::PixelWeights>) {
+      return planes_.weight.span();
+    } else {
+      return {};
+    }
+  }
 
  private:
   /// Effects that look at more of a photograph than its colours over the constant background.

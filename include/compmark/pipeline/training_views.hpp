@@ -4,7 +4,7 @@
 // Concept TrainingViews: where the trainer gets its images from. A Dataset with an ImageStore is one; a test's own images are another.
 //
 //   v.size()               number of training views
-//   v.camera(i)            Camera<double>, at the size of the image
+//   v.camera(i)            Camera<double>, at the size of the image; LensCamera for a recipe that projects through a lens
 //   v.load(i, image)       fills image [3, height, width] with colours in [0, 1]; an Error if it cannot
 #pragma once
 

@@ -38,6 +38,17 @@ struct ScaffoldAntiAliased : Scaffold {
 };
 inline constexpr double antialiasing_blur_variance = 0.1;
 
+/// Photographs through a lens of the radial and tangential family, left as they are: Gaussians are projected through the lens.
+struct ScaffoldLens : Scaffold {
+  using Rasterizer = EffectTileRasterizer<float, RasterEffects<RadialTangentialLens<float>>, accuracy::standard,
+                                          RasterOutputs{.screen_statistics = true}>;
+};
+/// The same for a fisheye, which undistorting would crop.
+struct ScaffoldFisheye : Scaffold {
+  using Rasterizer = EffectTileRasterizer<float, RasterEffects<FisheyeLens<float>>, accuracy::standard,
+                                          RasterOutputs{.screen_statistics = true}>;
+};
+
 /// Photographs whose exposure or white balance drifts.
 struct ScaffoldExposure : Scaffold {
   using Exposure = AffineExposure<float>;

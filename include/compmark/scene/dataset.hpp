@@ -68,6 +68,19 @@ struct Dataset {
   }
 };
 
+/// Moves a dataset so that its origin is `origin`: everything keeps its place in the files' coordinates.
+inline void move_origin(Dataset& dataset, const std::array<double, 3>& origin) {
+  std::array<double, 3> shift{};
+  for (std::size_t c = 0; c < 3; ++c) shift[c] = dataset.origin[c] - origin[c];
+  for (View& view : dataset.views) {
+    for (std::size_t c = 0; c < 3; ++c) view.camera.center_world[c] += shift[c];
+  }
+  for (std::array<float, 3>& p : dataset.points.position) {
+    for (std::size_t c = 0; c < 3; ++c) p[c] = static_cast<float>(static_cast<double>(p[c]) + shift[c]);
+  }
+  dataset.origin = origin;
+}
+
 /// How to open a dataset. The defaults are the published ones (method sheet, sections 3.4 and 3.5), but for the lens, which they ignore.
 struct DatasetSettings {
   double downscale = 1;                      ///< divides width and height, rounded; intrinsics follow the true ratio

@@ -28,6 +28,7 @@
 #include "compmark/io/json_file.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/dataset.hpp"
+#include "compmark/scene/lens.hpp"
 #include "compmark/scene/procedural.hpp"
 
 namespace compmark::inline v0 {
@@ -40,6 +41,7 @@ struct ProceduralSettings {
   std::uint64_t seed = 0;
   double camera_angle_x = 0.6911112070083618;  ///< horizontal field of view, radians: that of the NeRF-synthetic scenes
   double camera_distance = 3.8;                ///< from the point looked at
+  Lens lens;                                   ///< of every camera
 };
 
 /// The i-th camera. Training cameras are spread evenly over the hemisphere with a seeded jitter; test cameras circle it on a wave, so
@@ -83,6 +85,15 @@ struct ProceduralSettings {
   return normalized({r[0] * x + r[3] * y + r[6], r[1] * x + r[4] * y + r[7], r[2] * x + r[5] * y + r[8]});
 }
 
+/// The same through a lens; nothing where no ray within the lens lands there.
+[[nodiscard]] inline std::optional<Vector3> camera_ray(const Camera<double>& camera, const Lens& lens,
+                                                       const LensLimit& limit, double u, double v) {
+  if (is_pinhole(lens)) return camera_ray(camera, u, v);
+  const Undistorted ray = undistort(lens, limit, (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy);
+  if (!ray.converged) return std::nullopt;
+  return camera_ray(camera, camera.fx * ray.x + camera.cx, camera.fy * ray.y + camera.cy);
+}
+
 namespace detail {
 /// Linear light to an sRGB byte.
 [[nodiscard]] inline std::uint8_t encode_srgb(double linear) {
@@ -92,32 +103,37 @@ namespace detail {
 }
 }  // namespace detail
 
-/// RGBA with straight alpha. 4 x 4 samples a pixel: the colour is the mean over the covered ones, alpha their share.
+/// RGBA with straight alpha. 4 x 4 samples a pixel: the colour is the mean over the covered ones, alpha their share. What a lens does not
+/// show is transparent.
 template <Executor E>
-[[nodiscard]] ImageBytes render_procedural(const ProceduralScene& scene, const Camera<double>& camera, E& executor) {
+[[nodiscard]] ImageBytes render_procedural(const ProceduralScene& scene, const Camera<double>& camera, E& executor,
+                                           const Lens& lens = {}) {
   constexpr int side = 4;
   const std::size_t width = static_cast<std::size_t>(camera.width);
   ImageBytes image{camera.width, camera.height, 4,
                    std::vector<std::uint8_t>(4 * width * static_cast<std::size_t>(camera.height))};
-  const double spread = 0.75 / camera.fx + 0.75 / camera.fy;  // more than half a pixel's diagonal, seen from the camera
+  const LensLimit limit = lens_limit(lens);
+  // More than half a pixel's diagonal, seen from the camera; a lens that compresses by four is as strong as they come.
+  const double spread = (0.75 / camera.fx + 0.75 / camera.fy) * (is_pinhole(lens) ? 1 : 4);
   const Vector3 origin{camera.center_world[0], camera.center_world[1], camera.center_world[2]};
   executor.for_chunks(static_cast<std::size_t>(camera.height), 8, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t y = begin; y < end; ++y) {
       for (std::size_t x = 0; x < width; ++x) {
-        const Vector3 middle = camera_ray(camera, static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5);
-        const std::uint32_t candidates = scene.candidates(origin, middle, spread);
+        const std::optional<Vector3> middle =
+            camera_ray(camera, lens, limit, static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5);
+        const std::uint32_t candidates = middle ? scene.candidates(origin, *middle, spread) : 0;
         if (candidates == 0) continue;
         Vector3 sum;
         int covered = 0;
         for (int sample = 0; sample < side * side; ++sample) {
           const double u = static_cast<double>(x) + (sample % side + 0.5) / side;
           const double v = static_cast<double>(y) + (sample / side + 0.5) / side;
-          const Vector3 direction = camera_ray(camera, u, v);
-          const std::optional<SceneHit> hit = scene.trace(origin, direction, candidates);
+          const std::optional<Vector3> direction = camera_ray(camera, lens, limit, u, v);
+          const std::optional<SceneHit> hit = direction ? scene.trace(origin, *direction, candidates) : std::nullopt;
           if (!hit) continue;
           // 7 is prime to 16: neighbouring samples look at distant parts of the lamp.
-          sum =
-              sum + scene.shade(*hit, direction, static_cast<std::size_t>(7 * sample) % ProceduralScene::light_samples);
+          sum = sum +
+                scene.shade(*hit, *direction, static_cast<std::size_t>(7 * sample) % ProceduralScene::light_samples);
           ++covered;
         }
         if (covered == 0) continue;
@@ -160,6 +176,16 @@ inline constexpr const char* procedural_generator = "compmark built-in scene";
   return rows;
 }
 
+/// The lens as nerfstudio writes it; nothing for a pinhole.
+inline void put_lens(nlohmann::ordered_json& json, const Lens& lens) {
+  if (is_pinhole(lens)) return;
+  const bool fisheye = lens.model == LensModel::opencv_fisheye;
+  json["camera_model"] = fisheye ? "OPENCV_FISHEYE" : "OPENCV";
+  const std::array<const char*, 4> names =
+      fisheye ? std::array<const char*, 4>{"k1", "k2", "k3", "k4"} : std::array<const char*, 4>{"k1", "k2", "p1", "p2"};
+  for (std::size_t i = 0; i < 4; ++i) json[names[i]] = lens.parameters[i];
+}
+
 }  // namespace detail
 
 /// Writes the built-in scene into a folder, which is created. The JSON files come last: an interrupted call leaves no dataset behind.
@@ -169,6 +195,11 @@ template <Executor E>
   if (settings.width < 1 || settings.height < 1 || settings.views_train < 1 || settings.views_test < 0) {
     return Error{ErrorKind::invalid, folder.string(), "settings",
                  "sizes and the number of training views must be positive", "use the defaults"};
+  }
+  if (!is_pinhole(settings.lens) && settings.lens.model != LensModel::opencv &&
+      settings.lens.model != LensModel::opencv_fisheye) {
+    return Error{ErrorKind::invalid, folder.string(), "lens", "is not one that the format has",
+                 "use LensModel::opencv or opencv_fisheye"};
   }
   if (Result<Done> usable = detail::check_scene_folder(folder); !usable) return usable.error();
   const ProceduralScene scene(settings.seed);
@@ -185,12 +216,13 @@ template <Executor E>
     nlohmann::ordered_json& json = files[split == Split::train ? 0 : 1];
     json["generator"] = detail::procedural_generator;
     json["camera_angle_x"] = settings.camera_angle_x;
+    detail::put_lens(json, settings.lens);
     json["frames"] = nlohmann::json::array();
     for (int i = 0; i < count; ++i) {
       std::array<char, 32> text{};
       std::snprintf(text.data(), text.size(), "r_%03d", i);
       const Camera<double> camera = procedural_camera(settings, split, i);
-      const ImageBytes image = render_procedural(scene, camera, executor);
+      const ImageBytes image = render_procedural(scene, camera, executor, settings.lens);
       if (Result<Done> written = write_png(folder / name / (std::string(text.data()) + ".png"), image); !written)
         return written.error();
       json["frames"].push_back(

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/raster/fisheye_pack.hpp"
+#include "compmark/scene/fisheye_pack.hpp"
 
 #include <doctest/doctest.h>
 
@@ -11,7 +11,7 @@
 
 using namespace compmark;
 
-TEST_CASE("raster/fisheye_pack: packs of floats agree with the policy in long double, from the axis to 89.8 degrees") {
+TEST_CASE("scene/fisheye_pack: packs of floats agree with the policy in long double, from the axis to 89.8 degrees") {
   FisheyeLens<float> lens;
   lens.k1 = -0.03f;
   lens.k2 = 0.004f;
