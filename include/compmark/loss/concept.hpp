@@ -14,6 +14,7 @@
 
 #include <concepts>
 
+#include "compmark/core/absent.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
@@ -30,5 +31,10 @@ concept ImageLoss = requires(const L& loss, ImageView<const typename L::Scalar> 
     loss.forward_backward(rendered, target, weight, d_rendered, context, executor).loss
     } -> std::convertible_to<double>;
 };
+
+/// Saturated colours count like all others.
+struct NoHsvLoss : Absent<NoHsvLoss> {};
+/// Frequencies are not compared.
+struct NoFrequencyLoss : Absent<NoFrequencyLoss> {};
 
 }  // namespace compmark::inline v0

@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/pipeline/anchor_road.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/testing/gradient.hpp"
+
+namespace {
+
+using namespace compmark;
+
+constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
+constexpr std::size_t anchors = 40;
+
+template <class T, class Embed, class Distort>
+struct Scene {
+  using Road = AnchorRoad<T, Embed, Distort>;
+  ParameterArena<T> arena;
+  AnchorHandles table = add_anchor_blocks(arena, anchors, shape);
+  typename Road::Handles handles = Road::add_parameters(arena, table);
+  Road road;
+  typename Road::Context context;
+  std::vector<std::uint32_t> visible;
+
+  Scene() {
+    Road::initialise(arena, handles, 3);
+    const Random random(2, 0, random_stage("anchor road test"));
+    for (std::size_t i = 0; i < arena.all_values().size(); ++i) {
+      arena.all_values()[i] += static_cast<T>(0.4 * random.normal(i));
+    }
+    for (std::uint32_t row = 2; row < anchors; row += 3) visible.push_back(row);
+  }
+  [[nodiscard]] static T slope(std::size_t which, std::size_t row, std::size_t c) {
+    return static_cast<T>(std::sin(static_cast<double>(1 + 1000 * which + 31 * row + c)));
+  }
+  template <class F>
+  static void for_tables(const AnchorColumns<T>& columns, const F& f) {
+    std::size_t which = 0;
+    for (const MatrixView<T>& view : {columns.feature, columns.position, columns.scaling, columns.offset})
+      f(view, which++);
+  }
+  /// sum over visible rows of slope * what the decoder would read
+  template <Executor E>
+  double loss(E& executor) {
+    const auto& read = std::as_const(arena);
+    AnchorColumns<const T> columns = road.before_culling(read, table, handles, context, executor);
+    columns = road.forward(read, handles, visible, columns, context, executor);
+    double sum = 0;
+    std::size_t which = 0;
+    for (const MatrixView<const T>& view : {columns.feature, columns.position, columns.scaling, columns.offset}) {
+      for (const std::uint32_t row : visible) {
+        for (std::size_t c = 0; c < view.columns; ++c) {
+          sum += static_cast<double>(slope(which, row, c)) * static_cast<double>(view(row, c));
+        }
+      }
+      ++which;
+    }
+    return sum + context.distortion.rate_loss;
+  }
+  template <Executor E>
+  void backward(E& executor) {
+    const AnchorColumns<T> d = road.gradients(arena, table, visible, context, executor);
+    for_tables(d, [&](const MatrixView<T>& view, std::size_t which) {
+      for (const std::uint32_t row : visible) {
+        for (std::size_t c = 0; c < view.columns; ++c) view(row, c) += slope(which, row, c);
+      }
+    });
+    road.backward(arena, table, handles, visible, context, executor);
+  }
+};
+using Noise = QuantizationNoise<double, shape.feature_dim>;
+template <MarkTarget target>
+using Mark = BoundedResidual<double, target>;
+
+template <class Embed, class Distort>
+std::string gradients(const DistortionPhase& phase) {
+  Scene<double, Embed, Distort> scene;
+  scene.context.phase = phase;
+  SerialExecutor serial;
+  const auto loss = [&] { return scene.loss(serial); };
+  static_cast<void>(loss());
+  scene.backward(serial);
+  const std::vector<double> gradient(scene.arena.all_gradients().begin(), scene.arena.all_gradients().end());
+  // Once more: what is handed on must add, and the tables of the first time must not be left over.
+  static_cast<void>(loss());
+  scene.backward(serial);
+  for (std::size_t i = 0; i < gradient.size(); ++i) {
+    if (scene.arena.all_gradients()[i] != gradient[i] + gradient[i]) return "the second pass did not add the same";
+  }
+  return testing::gradient_law(loss, scene.arena.all_values(), gradient, 1e-6, 400);
+}
+
+}  // namespace
+
+TEST_CASE(
+    "pipeline/anchor_road: gradients of every block, for each attribute that may carry the mark (central "
+    "differences)") {
+  DistortionPhase noisy;
+  noisy.adaptive = true;
+  noisy.scaling = 0.01;
+  noisy.offset = 0.2;
+  noisy.seed = 5;
+  CHECK(gradients<Mark<MarkTarget::feature>, NoDistortion>({}) == "");
+  CHECK(gradients<Mark<MarkTarget::position>, NoDistortion>({}) == "");
+  CHECK(gradients<Mark<MarkTarget::scaling>, NoDistortion>({}) == "");
+  CHECK(gradients<Mark<MarkTarget::offset>, NoDistortion>({}) == "");
+  CHECK(gradients<NoEmbedder, Noise>(noisy) == "");
+  CHECK(gradients<Mark<MarkTarget::feature>, Noise>(noisy) == "");
+  CHECK(gradients<Mark<MarkTarget::scaling>, Noise>(noisy) == "");
+  noisy.adaptive = false;
+  noisy.feature_uniform = 1;
+  CHECK(gradients<Mark<MarkTarget::feature>, Noise>(noisy) == "");
+  CHECK(gradients<Mark<MarkTarget::feature>, Noise>({}) == "");  // a phase of nothing
+}
+
+TEST_CASE("pipeline/anchor_road: with neither stage the decoder reads the arena itself, and nothing is stored") {
+  using Road = AnchorRoad<float, NoEmbedder, NoDistortion>;
+  static_assert(Road::is_absent);
+  static_assert(!AnchorRoad<float, ResidualFeature<float>, NoDistortion>::is_absent);
+  Scene<float, NoEmbedder, NoDistortion> scene;
+  SerialExecutor serial;
+  const AnchorColumns<const float> columns =
+      scene.road.before_culling(std::as_const(scene.arena), scene.table, scene.handles, scene.context, serial);
+  CHECK(columns.feature.data == scene.arena.values(scene.table.feature).data);
+}
+
+TEST_CASE("pipeline/anchor_road: baking keeps what is read, to the bit") {
+  Scene<float, ResidualFeature<float>, NoDistortion> scene;
+  SerialExecutor serial;
+  const double before = scene.loss(serial);
+  scene.road.bake(scene.arena, scene.table, scene.handles);
+  CHECK(scene.loss(serial) == before);
+  for (const float r : scene.arena.values(scene.handles.embedder.residual).flat()) CHECK(r == 0.0f);
+}
+
+TEST_CASE("pipeline/anchor_road: same bits at any thread count") {
+  using Road = Scene<float, ResidualFeature<float>, QuantizationNoise<float, shape.feature_dim>>;
+  Road one, four;
+  one.context.phase.adaptive = four.context.phase.adaptive = true;
+  SerialExecutor serial;
+  ThreadExecutor threads(4);
+  CHECK(one.loss(serial) == four.loss(threads));
+  one.backward(serial);
+  four.backward(threads);
+  CHECK(std::memcmp(one.arena.all_gradients().data(), four.arena.all_gradients().data(),
+                    one.arena.all_gradients().size_bytes()) == 0);
+}
