@@ -64,6 +64,7 @@ class AnchorRoad {
     Buffer<std::uint32_t> all_rows;
     DistortionPhase phase;  ///< of this iteration; the default, nothing, is that of every render
     DistortionReport distortion;
+    AnchorColumns<const T> read;  ///< what the decoder read in the last pass
     [[no_unique_address]] typename Embed::Context embedder;
     [[no_unique_address]] typename Distort::Context noise;
   };

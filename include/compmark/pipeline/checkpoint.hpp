@@ -68,6 +68,29 @@ struct Checkpoint {
   if (s.effects != EffectNumbers{}) {
     json["effects"] = {{"exposure", rate(s.effects.exposure)}, {"lambda_alpha", s.effects.lambda_alpha}};
   }
+  if (const MarkNumbers& m = s.mark; m != MarkNumbers{}) {
+    json["mark"] = {{"lambda_message", m.lambda_message},
+                    {"message_after", m.message_after},
+                    {"message_ramp", m.message_ramp},
+                    {"message_every", m.message_every},
+                    {"logit_scale", m.logit_scale},
+                    {"lambda_hsv", m.lambda_hsv},
+                    {"hsv_after", m.hsv_after},
+                    {"lambda_frequency", m.lambda_frequency},
+                    {"frequency_after", m.frequency_after},
+                    {"image_weight", m.image_weight},
+                    {"residual_rate", m.residual_rate},
+                    {"distortion_rate", m.distortion_rate},
+                    {"feature_noise", m.feature_noise},
+                    {"scaling_noise", m.scaling_noise},
+                    {"offset_noise", m.offset_noise},
+                    {"noise_after", m.noise_after},
+                    {"adaptive_after", m.adaptive_after},
+                    {"hard_fraction", m.hard_fraction},
+                    {"least_step", m.least_step},
+                    {"step_rate_weight", m.step_rate_weight},
+                    {"identity", m.identity}};
+  }
   return json;
 }
 
@@ -139,6 +162,8 @@ template <Recipe R, Executor E>
   }
   if (stored.value("effects", nlohmann::json()) != wanted.value("effects", nlohmann::json()))
     return refuse("settings", "the numbers of effects are others in the checkpoint");
+  if (stored.value("mark", nlohmann::json()) != wanted.value("mark", nlohmann::json()))
+    return refuse("settings", "the watermark (its message, decoder or numbers) is another one in the checkpoint");
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
   if (model->info.effects != info.effects)

@@ -47,6 +47,7 @@ class MarkLosses {
 
   struct Context {
     MarkWeights weights;  ///< of this iteration
+    MarkReport report;    ///< of the last loss
     Buffer<T> logits, d_logits;
     [[no_unique_address]] typename Decoder::Context decoder;
     [[no_unique_address]] typename Hsv::Context hsv;

@@ -11,6 +11,7 @@
 
 #include "compmark/anchor/table.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/pipeline/anchor_road.hpp"
 #include "compmark/pipeline/recipe.hpp"
 
 namespace compmark::inline v0 {
@@ -31,6 +32,9 @@ struct Model {
   AnchorHandles anchors;
   typename Decoder::Handles decoder;
   [[no_unique_address]] typename R::Exposure::Handles exposure;  ///< empty without exposure
+  /// Embedder and distortion layer.
+  using Road = AnchorRoad<Scalar, typename R::Embedder, typename R::DistortionLayer>;
+  [[no_unique_address]] typename Road::Handles road;  ///< empty without either
   RenderSettings render;
   double voxel_size = 0.001;    ///< world units; cell size of growing
   std::size_t train_views = 0;  ///< rows of the appearance table, if the recipe has one
@@ -42,6 +46,7 @@ struct Model {
     anchors = add_anchor_blocks(arena, rows, R::AnchorModel::shape);
     decoder = Decoder::add_parameters(arena, views);
     if constexpr (present<typename R::Exposure>) exposure = R::Exposure::add_parameters(arena, views);
+    if constexpr (!Road::is_absent) road = Road::add_parameters(arena, anchors);
   }
   [[nodiscard]] std::size_t anchor_count() const { return compmark::anchor_count(arena.layout(), anchors); }
   [[nodiscard]] AnchorColumns<const Scalar> columns() const { return anchor_values(arena, anchors); }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The road of one view, forward and backward, written once (DESIGN: how data flows):
-//   anchors -> visible -> GaussianDecoder -> Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
+//   anchors -> visible -> (Embedder -> DistortionLayer ->) GaussianDecoder -> Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
 // Every stage adds into the gradient spans it is given; nothing here knows an iteration number, a file or a clock.
 // Stages a recipe leaves out are empty members and leave no branch.
 #pragma once
@@ -24,6 +24,7 @@
 #include "compmark/effect/concept.hpp"
 #include "compmark/loss/photometric.hpp"
 #include "compmark/loss/scale_volume.hpp"
+#include "compmark/pipeline/mark_losses.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/raster/concept.hpp"
@@ -53,10 +54,18 @@ struct LossReport {
   double alpha = 0;  ///< mean absolute difference of coverage, if the recipe has an AlphaLoss
 };
 
+namespace detail {
+/// In the place of what a recipe leaves out; a type of its own for each, so that none takes room.
+template <class Stage>
+struct Nothing {};
+}  // namespace detail
+
 template <Recipe R>
 class Pipeline {
  public:
   using Scalar = typename R::Scalar;
+  using Road = typename Model<R>::Road;
+  using Marks = MarkLosses<Scalar, typename R::MessageDecoder, typename R::HsvLoss, typename R::FrequencyLoss>;
 
   /// What one view needs between forward and backward; reused, so that nothing allocates after warm-up.
   struct Context {
@@ -77,6 +86,9 @@ class Pipeline {
     [[no_unique_address]] typename R::Background::Context background;
     [[no_unique_address]] typename R::AlphaLoss::Context alpha_loss;
     [[no_unique_address]] typename R::PixelWeights::Context pixel_weights;
+    /// Set road.phase and marks.weights before a training pass; by default nothing is distorted or read.
+    [[no_unique_address]] std::conditional_t<Road::is_absent, detail::Nothing<Road>, typename Road::Context> road;
+    [[no_unique_address]] std::conditional_t<Marks::is_absent, detail::Nothing<Marks>, typename Marks::Context> marks;
   };
 
   Pipeline() { check_recipe<R>(); }
@@ -87,7 +99,10 @@ class Pipeline {
   ForwardReport forward(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context,
                         E& executor) const {
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
-    const AnchorColumns<const Scalar> columns = model.columns();
+    AnchorColumns<const Scalar> columns = model.columns();
+    if constexpr (!Road::is_absent) {
+      columns = road_.before_culling(model.arena, model.anchors, model.road, context.road, executor);
+    }
     context.image_storage.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     context.image = {context.image_storage.data(), 3, camera.height, camera.width};
 
@@ -95,6 +110,10 @@ class Pipeline {
     const VisibilitySettings visibility{model.render.near_plane, model.render.blur_variance};
     find_visible(columns, camera, scalar_camera, visibility, context.visible, context.visibility, executor);
     report.visible_anchors = context.visible.size();
+    if constexpr (!Road::is_absent) {
+      columns = road_.forward(model.arena, model.road, context.visible.span(), columns, context.road, executor);
+      context.road.read = columns;
+    }
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
                                         model.decoder, context.gaussians, context.decoder, executor);
     report.raster = rasterizer(model.render, camera)
@@ -120,7 +139,8 @@ class Pipeline {
       compared.data = context.pixel_weights.mixed.data();
     }
     PhotometricReport image_loss = photometric.template forward_backward<GradientMode::set>(
-        compared, target.image, Scalar(1), context.d_image, context.photometric, executor);
+        compared, target.image, static_cast<Scalar>(image_weight(context)), context.d_image, context.photometric,
+        executor);
     if constexpr (present<typename R::PixelWeights>) {
       const double factor = context.pixel_weights.factor;
       R::PixelWeights::apply(context.d_image, target.weight, context.pixel_weights, executor);
@@ -128,13 +148,13 @@ class Pipeline {
     }
     report.l1 = image_loss.l1;
     report.ssim = image_loss.ssim;
-    report.total = image_loss.loss;
-    context.volume_weight = static_cast<Scalar>(weights.lambda_volume);
+    report.total = image_weight(context) * image_loss.loss;
+    context.volume_weight = static_cast<Scalar>(image_weight(context) * weights.lambda_volume);
     if (weights.lambda_volume != 0) {
       const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
       report.volume =
           ScaleVolumeLoss<Scalar>{}.forward(gaussians.scale, gaussians.count, context.volume, executor).loss;
-      report.total += weights.lambda_volume * report.volume;
+      report.total += image_weight(context) * weights.lambda_volume * report.volume;
     }
     if constexpr (present<typename R::AlphaLoss>) {
       COMPMARK_ASSERT(target.alpha != nullptr, "Pipeline::loss: this recipe compares alpha, and the target has none");
@@ -143,9 +163,15 @@ class Pipeline {
       if constexpr (present<typename R::PixelWeights>) counts = target.weight;
       report.alpha = R::AlphaLoss::forward_backward(
           std::span<const Scalar>(context.raster.alpha.data(), pixels), std::span<const Scalar>(target.alpha, pixels),
-          counts, static_cast<Scalar>(weights.lambda_alpha), context.alpha_loss, executor);
-      report.total += weights.lambda_alpha * report.alpha;
+          counts, static_cast<Scalar>(image_weight(context) * weights.lambda_alpha), context.alpha_loss, executor);
+      report.total += image_weight(context) * weights.lambda_alpha * report.alpha;
     }
+    if constexpr (!Marks::is_absent) {
+      context.marks.report =
+          marks_.forward_backward(context.image, target.image, context.d_image, context.marks, executor);
+      report.total += context.marks.report.total;
+    }
+    if constexpr (present<typename R::DistortionLayer>) report.total += context.road.distortion.rate_loss;
     return report;
   }
 
@@ -183,12 +209,25 @@ class Pipeline {
       ScaleVolumeLoss<Scalar>{}.forward_backward(gaussians.scale, gaussians.count, context.volume_weight,
                                                  d_gaussians.scale, context.volume, executor);
     }
-    decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena,
-                      model.decoder, std::as_const(context.d_gaussians).columns(),
-                      anchor_gradients(model.arena, model.anchors), context.decoder, executor);
+    if constexpr (Road::is_absent) {
+      decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena,
+                        model.decoder, std::as_const(context.d_gaussians).columns(),
+                        anchor_gradients(model.arena, model.anchors), context.decoder, executor);
+    } else {
+      decoder_.backward(context.road.read, context.visible.span(), camera.center_world, view, model.arena,
+                        model.decoder, std::as_const(context.d_gaussians).columns(),
+                        road_.gradients(model.arena, model.anchors, context.visible.span(), context.road, executor),
+                        context.decoder, executor);
+      road_.backward(model.arena, model.anchors, model.road, context.visible.span(), context.road, executor);
+    }
   }
 
   [[nodiscard]] const typename R::GaussianDecoder& decoder() const { return decoder_; }
+  /// What is read from the render and how it counts: decoder, message, losses. Only recipes with a watermark have it.
+  [[nodiscard]] auto& marks() { return marks_; }
+  [[nodiscard]] const auto& marks() const { return marks_; }
+  /// Embedder and distortion layer. Only recipes with one of them have it.
+  [[nodiscard]] auto& road() { return road_; }
   [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
     return typename R::Rasterizer{typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane),
                                                                    static_cast<Scalar>(render.blur_variance)}};
@@ -231,6 +270,14 @@ class Pipeline {
   }
 
  private:
+  /// Weight of the losses that every recipe has; 1 but in the published schedule of a watermark.
+  [[nodiscard]] static constexpr double image_weight([[maybe_unused]] const Context& context) {
+    if constexpr (Marks::is_absent) {
+      return 1;
+    } else {
+      return context.marks.weights.image;
+    }
+  }
   template <Executor E>
   static void set_zero(std::span<Scalar> values, E& executor) {
     executor.for_chunks(values.size(), std::size_t{1} << 16, [values](std::size_t begin, std::size_t end, std::size_t) {
@@ -240,9 +287,8 @@ class Pipeline {
   }
 
   [[no_unique_address]] typename R::GaussianDecoder decoder_;
-  [[no_unique_address]] typename R::Embedder embedder_;
-  [[no_unique_address]] typename R::DistortionLayer distortion_;
-  [[no_unique_address]] typename R::MessageDecoder message_decoder_;
+  [[no_unique_address]] std::conditional_t<Road::is_absent, detail::Nothing<Road>, Road> road_;
+  [[no_unique_address]] std::conditional_t<Marks::is_absent, detail::Nothing<Marks>, Marks> marks_;
 };
 
 }  // namespace compmark::inline v0

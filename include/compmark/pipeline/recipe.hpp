@@ -15,6 +15,8 @@
 //   DistortionLayer       DistortionLayer         NoDistortion
 //   Quantizer             Quantizer               NoQuantizer
 //   MessageDecoder        MessageDecoder          NoMessageDecoder
+//   HsvLoss               ImageLoss               NoHsvLoss
+//   FrequencyLoss         ImageLoss               NoFrequencyLoss
 //   Exposure              Exposure                NoExposure
 //   Background            Background              ConstantBackground
 //   AlphaLoss             AlphaLoss               NoAlphaLoss
@@ -28,6 +30,7 @@
 #include "compmark/anchor/scaffold_anchors.hpp"
 #include "compmark/core/absent.hpp"
 #include "compmark/effect/concept.hpp"
+#include "compmark/loss/concept.hpp"
 #include "compmark/mark/concept.hpp"
 #include "compmark/optim/concept.hpp"
 #include "compmark/quant/concept.hpp"
@@ -48,6 +51,8 @@ concept Recipe = requires {
   typename R::DistortionLayer;
   typename R::Quantizer;
   typename R::MessageDecoder;
+  typename R::HsvLoss;
+  typename R::FrequencyLoss;
   typename R::Exposure;
   typename R::Background;
   typename R::AlphaLoss;
@@ -109,6 +114,13 @@ consteval void check_recipe() {
     static_assert(R::Rasterizer::output_policy.alpha,
                   "Recipe: AlphaLoss reads the coverage, which this Rasterizer does not write (use "
                   "RasterOutputs{.alpha = true})");
+  }
+  static_assert(Embedder<typename R::Embedder>, "Recipe: Embedder lacks Settings (see mark/concept.hpp)");
+  static_assert(MessageDecoder<typename R::MessageDecoder>,
+                "Recipe: MessageDecoder lacks bits, minimum_size, forward or backward (see mark/concept.hpp)");
+  if constexpr (present<typename R::MessageDecoder>) {
+    static_assert(std::is_same_v<typename R::Scalar, typename R::MessageDecoder::Scalar>,
+                  "Recipe: MessageDecoder has another Scalar than the recipe");
   }
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");

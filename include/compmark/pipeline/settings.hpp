@@ -30,6 +30,37 @@ struct EffectNumbers {
   friend bool operator==(const EffectNumbers&, const EffectNumbers&) = default;
 };
 
+/// Numbers of a recipe with a watermark; of no meaning to the others (method sheet, 5.2, 5.4, 5.7; windows as below). Defaults are the published
+/// program's, but for image_weight: its 10 for the image's losses from iteration 20,000 on is invisible to Adam apart from a jump of the step
+/// size (trap A16), so that here the message's weight is a tenth instead; the profile "official" sets the published pair.
+struct MarkNumbers {
+  double lambda_message = 0.045;
+  std::int64_t message_after = 20000;  ///< no message before, full weight after message_ramp more
+  std::int64_t message_ramp = 5000;
+  std::int64_t message_every = 1;  ///< cadence: every n-th iteration, n times the weight; does not scale
+  double logit_scale = 10;         ///< of the cross entropy; a decoder file states what suits its logits
+  double lambda_hsv = 0.6;
+  std::int64_t hsv_after = 20000;
+  double lambda_frequency = 0.1;
+  std::int64_t frequency_after = 9999;
+  double image_weight = 1;  ///< of every other loss once the message has begun
+
+  double residual_rate = 0.0015;    ///< learning rate of the embedder's residual
+  double distortion_rate = 0.001;   ///< learning rate of the distortion layer's network
+  double feature_noise = 1;         ///< Q0 of features: uniform noise first, the step of the network later
+  double scaling_noise = 0.001;     ///< of exp(scaling), world units, from the first iteration
+  double offset_noise = 0.2;        ///< from the first iteration
+  std::int64_t noise_after = 3000;  ///< features without noise until here
+  std::int64_t adaptive_after = 10000;
+  double hard_fraction = 0;     ///< of the adaptive iterations that round instead of drawing noise
+  double least_step = 0;        ///< against the collapse of the step, see quant/distortion.hpp
+  double step_rate_weight = 0;  ///< likewise
+
+  std::string identity;  ///< hash of message and decoder; a run is resumed with the same alone
+
+  friend bool operator==(const MarkNumbers&, const MarkNumbers&) = default;
+};
+
 struct TrainSettings {
   std::string profile = "scaffold";
   std::int64_t iterations = 30000;
@@ -70,6 +101,7 @@ struct TrainSettings {
   std::array<float, 3> background{0, 0, 0};
 
   EffectNumbers effects;
+  MarkNumbers mark;
 };
 
 /// "scaffold": Scaffold-GS defaults. "official": what the published CompMarkGS code does. "paper": what its paper says.
@@ -84,6 +116,8 @@ struct TrainSettings {
     settings.grow_after = 500;  // the published test of update_from was dropped: method sheet, section 4.2
     settings.pause_from = 3000;
     settings.pause_until = 4000;
+    settings.mark.lambda_message = 0.45;
+    settings.mark.image_weight = 10;
     return settings;
   }
   if (profile == "paper") {

@@ -23,6 +23,7 @@
 #include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/optim/schedule.hpp"
+#include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/observer.hpp"
 #include "compmark/pipeline/pipeline.hpp"
@@ -37,6 +38,7 @@ class Trainer {
   using Scalar = typename R::Scalar;
   using Growth = typename R::DensityControl;
   using Optimizer = typename R::Optimizer;
+  using MarkedPipeline = Pipeline<R>;
 
   /// Everything that must be saved for a resumed run to continue bit for bit, beside the settings.
   struct State {
@@ -53,7 +55,18 @@ class Trainer {
         executor_(&executor),
         order_(settings_.seed, view_count),
         view_count_(view_count),
-        phases_(resolve_phases(settings_)) {}
+        phases_(resolve_phases(settings_)) {
+    if constexpr (!MarkedPipeline::Road::is_absent || !MarkedPipeline::Marks::is_absent) {
+      mark_phases_ = MarkPhases(settings_.mark, settings_.iterations);
+    }
+    if constexpr (present<typename R::DistortionLayer>) {
+      typename R::DistortionLayer::Settings noise;
+      if constexpr (requires { noise.base_step; }) noise.base_step = settings_.mark.feature_noise;
+      if constexpr (requires { noise.least_step; }) noise.least_step = settings_.mark.least_step;
+      if constexpr (requires { noise.rate_weight; }) noise.rate_weight = settings_.mark.step_rate_weight;
+      pipeline_.road() = typename MarkedPipeline::Road(typename R::DistortionLayer(noise));
+    }
+  }
 
   /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values.
   [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points) {
@@ -81,6 +94,9 @@ class Trainer {
     std::copy_n(anchors->scaling.begin(), rows * 6, columns.scaling.data);
     R::GaussianDecoder::initialise(state_.model.arena, state_.model.decoder, settings_.seed);
     if constexpr (present<typename R::Exposure>) R::Exposure::initialise(state_.model.arena, state_.model.exposure);
+    if constexpr (!MarkedPipeline::Road::is_absent) {
+      MarkedPipeline::Road::initialise(state_.model.arena, state_.model.road, settings_.seed);
+    }
     state_.iteration = 0;
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
     growth().prepare(rows, state_.growth);
@@ -113,6 +129,10 @@ class Trainer {
     }
     if (Result<Done> loaded = load(views, report.view); !loaded) return loaded.error();
 
+    if constexpr (!MarkedPipeline::Marks::is_absent) context_.marks.weights = mark_phases_.weights(t);
+    if constexpr (present<typename R::DistortionLayer>) {
+      context_.road.phase = mark_phases_.distortion(t, settings_.seed);
+    }
     Model<R>& model = state_.model;
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
@@ -157,6 +177,24 @@ class Trainer {
   [[nodiscard]] const State& state() const { return state_; }
   [[nodiscard]] const Model<R>& model() const { return state_.model; }
   [[nodiscard]] const TrainSettings& settings() const { return settings_; }
+  [[nodiscard]] const Pipeline<R>& pipeline() const { return pipeline_; }
+  /// What the watermark cost and what was read in the last iteration; recipes with a watermark alone.
+  [[nodiscard]] const MarkReport& mark_report() const requires(!Pipeline<R>::Marks::is_absent) {
+    return context_.marks.report;
+  }
+  /// Mean step and rate of the distortion layer in the last iteration.
+  [[nodiscard]] const DistortionReport& distortion_report() const requires(present<typename R::DistortionLayer>) {
+    return context_.road.distortion;
+  }
+  /// Tells the decoder and the bits that every render shall carry; call before the first step.
+  void set_watermark(typename R::MessageDecoder decoder,
+                     std::span<const std::uint8_t> message) requires(present<typename R::MessageDecoder>) {
+    COMPMARK_ASSERT(static_cast<std::size_t>(decoder.bits()) == message.size(), "Trainer: message length");
+    auto& marks = pipeline_.marks();
+    marks.message_loss.settings.logit_scale = static_cast<Scalar>(settings_.mark.logit_scale);
+    marks.decoder = std::move(decoder);
+    marks.message.assign(message.begin(), message.end());
+  }
   [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< render of the last iteration
   [[nodiscard]] ImageView<const Scalar> target() const { return target_; }        ///< its ground truth
   /// How much each of its pixels counts, [height, width]; empty if the recipe does not look.
@@ -260,6 +298,10 @@ class Trainer {
       } else if (begins("appearance")) {
         rates_[b] = rate(settings_.appearance);
       }
+      if constexpr (!MarkedPipeline::Road::is_absent) {
+        if (name == "anchor.residual") rates_[b] = settings_.mark.residual_rate;
+        if (begins("distortion")) rates_[b] = settings_.mark.distortion_rate;
+      }
       if constexpr (present<typename R::Exposure>) {
         if (name == "exposure") rates_[b] = rate(settings_.effects.exposure);
       }
@@ -284,6 +326,9 @@ class Trainer {
   };
   [[no_unique_address]] std::conditional_t<needs_planes, Planes, NoPlanes> planes_;
   std::vector<double> rates_;
+  [[no_unique_address]] std::conditional_t<MarkedPipeline::Road::is_absent && MarkedPipeline::Marks::is_absent,
+                                           detail::Nothing<MarkPhases>, MarkPhases>
+      mark_phases_;
 };
 
 }  // namespace compmark::inline v0

@@ -8,6 +8,7 @@
 #include "compmark/anchor/mlp_decoder.hpp"
 #include "compmark/anchor/scaffold_anchors.hpp"
 #include "compmark/effect/concept.hpp"
+#include "compmark/loss/concept.hpp"
 #include "compmark/mark/concept.hpp"
 #include "compmark/optim/adam.hpp"
 #include "compmark/pipeline/recipe.hpp"
@@ -33,6 +34,8 @@ struct DefaultRecipe {
   using DistortionLayer = NoDistortion;
   using Quantizer = NoQuantizer;
   using MessageDecoder = NoMessageDecoder;
+  using HsvLoss = NoHsvLoss;
+  using FrequencyLoss = NoFrequencyLoss;
   using Exposure = NoExposure;
   using Background = ConstantBackground;
   using AlphaLoss = NoAlphaLoss;
