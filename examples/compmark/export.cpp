@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/anchor_ply.hpp>
+#include <compmark/io/atomic_file.hpp>
 #include <compmark/io/splat_ply.hpp>
 #include <compmark/pipeline/bake.hpp>
 #include <compmark/pipeline/model_file.hpp>
@@ -14,6 +15,10 @@
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <type_traits>
+#include <vector>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -35,7 +40,43 @@ struct ExportOptions {
   std::filesystem::path data;
   std::size_t compare = 10;
   std::size_t threads = 0;
+  std::filesystem::path json;
 };
+
+/// What the file cannot say, one sentence each: viewers will show something else than the model.
+template <class R>
+std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo& info) {
+  std::vector<std::string> warnings;
+  const auto number = [](double x) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%g", x);
+    return std::string(text);
+  };
+  bool filtered = false;
+  if constexpr (requires { typename R::Rasterizer::EffectPolicy::Filter; })
+    filtered = R::Rasterizer::EffectPolicy::Filter::active;
+  if (filtered) {
+    warnings.push_back(
+        "the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
+        " pixels^2 that keeps the energy of a splat), which the file cannot say: viewers that blur every "
+        "splat by 0.3 pixels^2 without keeping its energy (SIBR, antimatter15/splat, and gsplat, "
+        "SuperSplat and Brush unless their antialiased or mip mode is switched on) draw what is small "
+        "or far away too large and too bright");
+  } else if (model.render.blur_variance != 0.3) {
+    warnings.push_back("the model was trained with a blur of " + number(model.render.blur_variance) +
+                       " pixels^2, viewers use 0.3");
+  }
+  if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
+    warnings.push_back(
+        "the model was trained through a lens, which viewers do not have: they show it straight, and the "
+        "export is fitted and measured without it");
+  }
+  if (info.origin != std::array<double, 3>{0, 0, 0}) {
+    warnings.push_back("positions are relative to (" + number(info.origin[0]) + ", " + number(info.origin[1]) + ", " +
+                       number(info.origin[2]) + ") of the dataset's coordinates, which single precision cannot hold");
+  }
+  return warnings;
+}
 
 template <class R>
 int run(const ExportOptions& options) {
@@ -46,13 +87,30 @@ int run(const ExportOptions& options) {
   if (!std::filesystem::is_directory(folder)) {  // said now, not after minutes of fitting
     return fail({ErrorKind::unwritable, options.out.string(), "--out", "its folder does not exist", "create it first"});
   }
+  if (std::is_same_v<RecipeLens<R>, FisheyeLens<float>> && !options.data.empty()) {
+    return fail({ErrorKind::unsupported, options.model.string(), "--data",
+                 "an export has no fisheye, so that it cannot be compared with photographs through one",
+                 "leave out --data"});
+  }
+  const std::vector<std::string> warnings = export_warnings(model, loaded->info);
+  for (const std::string& warning : warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
+  nlohmann::ordered_json json{{"schema", "compmark.export.1"},
+                              {"format", options.kind},
+                              {"recipe", loaded->info.recipe},
+                              {"warnings", warnings},
+                              {"anchors", model.anchor_count()}};
+  const auto finish = [&]() -> int {
+    if (options.json.empty()) return success;
+    const Result<Done> written = write_file(options.json, json.dump(2) + "\n");
+    return written ? static_cast<int>(success) : fail(written.error());
+  };
   const std::vector<std::string> comments{"compmark " + options.kind + " export"};
   if (options.kind == "anchors") {
     if (Result<Done> written = write_anchor_ply(options.out, model.columns(), comments); !written)
       return fail(written.error());
     std::printf("%s: %zu anchors in the layout of the Scaffold family (the networks stay in %s)\n",
                 options.out.string().c_str(), model.anchor_count(), options.model.string().c_str());
-    return success;
+    return finish();
   }
 
   std::vector<Camera<double>> train;
@@ -103,7 +161,8 @@ int run(const ExportOptions& options) {
   std::printf("%s: %zu Gaussians, SH degree %d\n", options.out.string().c_str(), static_cast<std::size_t>(table.count),
               options.view.empty() ? options.degree : 0);
 
-  if (options.compare == 0) return success;
+  json["gaussians"] = static_cast<std::size_t>(table.count);
+  if (options.compare == 0) return finish();
   const std::size_t stride = std::max<std::size_t>(1, measured.size() / options.compare);
   std::vector<Camera<double>> cameras;
   std::vector<std::string> compared;
@@ -117,7 +176,8 @@ int run(const ExportOptions& options) {
   } else {
     DatasetSettings settings = settings_of(loaded->info);
     for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
-    Result<Dataset> dataset = open_dataset(options.data, settings);
+    if (settings.lens == LensTreatment::keep) settings.lens = LensTreatment::undistort;  // the export has none
+    Result<Dataset> dataset = open_for(loaded->info, options.data, settings);
     if (!dataset) return fail(dataset.error());
     ImageStore store(*dataset, settings, {});
     const auto target = [&](std::size_t i, ImageView<float> image) -> Result<Done> {
@@ -134,11 +194,14 @@ int run(const ExportOptions& options) {
   std::printf("against the model's own renders: PSNR %.2f dB mean, %.2f dB worst (%s), over %zu views\n",
               report->mean_bake_to_model, report->worst_bake_to_model, compared[report->worst_view].c_str(),
               cameras.size());
+  json["views"] = cameras.size();
+  json["psnr_to_model"] = {{"mean", report->mean_bake_to_model}, {"worst", report->worst_bake_to_model}};
   if (!options.data.empty()) {
     std::printf("against the photographs: model %.2f dB, export %.2f dB, loss of the bake %.2f dB\n",
                 report->mean_model_to_target, report->mean_bake_to_target, report->loss());
+    json["psnr_to_photographs"] = {{"model", report->mean_model_to_target}, {"export", report->mean_bake_to_target}};
   }
-  return success;
+  return finish();
 }
 
 }  // namespace
@@ -163,6 +226,7 @@ Command add_export(CLI::App& app) {
   app.add_option("--compare", options->compare, "number of views to measure the loss on; 0: none")
       ->capture_default_str();
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
+  app.add_option("--json", options->json, "write counts, figures and warnings to this file");
   return [options]() -> int {
     Result<SafetensorsFile> file = read_safetensors(options->model);
     if (!file) return fail(file.error());

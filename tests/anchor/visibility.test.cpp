@@ -6,14 +6,20 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <string>
+#include <utility>
 #include <vector>
 
+#include "compmark/core/gaussians.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/raster/tile.hpp"
+#include "compmark/scene/lens_policy.hpp"
 
 namespace {
 
@@ -100,13 +106,13 @@ bool published_visible(const Camera<double>& camera, const double* position, con
   return true;
 }
 
-template <class T, int W = native_width<T>>
+template <class T, int W = native_width<T>, class Lens = PinholeLens>
 std::vector<std::uint32_t> visible_of(const AnchorColumns<const T>& columns, const Camera<T>& camera,
-                                      const VisibilitySettings& settings = {}) {
+                                      const VisibilitySettings& settings = {}, const Lens& lens = {}) {
   Buffer<std::uint32_t> visible;
   VisibilityWorkspace workspace;
   SerialExecutor executor;
-  visible_anchors<T, W>(columns, camera, settings, visible, workspace, executor);
+  visible_anchors<T, W>(columns, camera, settings, visible, workspace, executor, lens);
   return {visible.begin(), visible.end()};
 }
 
@@ -242,4 +248,98 @@ TEST_CASE("anchor/visibility: the set does not change far from the origin (PR7)"
   for (std::size_t i = 0; i < 3; ++i) far_camera.center_world[i] = camera.center_world[i] + 131072;
   for (float& x : far.position) x += 131072;  // exact: a multiple of 1/64
   CHECK(visible_of<float>(near.columns(), camera) == visible_of<float>(far.columns(), far_camera));
+}
+
+namespace {
+
+/// Which anchors of a cloud the rasterizer draws, each taken as one upright Gaussian of its own scales. At an opacity of 0.35 a Gaussian ends
+/// at 0.35 e^(-r^2 / 2) = 1/255, 2.996 standard deviations: within the published three.
+template <class Lens>
+std::vector<bool> drawn(const Cloud<float>& cloud, const Camera<float>& camera, const Lens& lens) {
+  GaussianBatch<float> gaussians;
+  gaussians.resize(cloud.size());
+  gaussians.set_zero();
+  const GaussianColumns<float> g = gaussians.columns();
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      g.mean[k][i] = cloud.position[3 * i + k];
+      g.scale[k][i] = std::exp(cloud.scaling[6 * i + k]);
+    }
+    g.rotation[0][i] = 1;
+    g.opacity[i] = 0.35f;
+  }
+  using Raster = EffectTileRasterizer<float, RasterEffects<Lens>>;
+  typename Raster::Settings settings;
+  settings.lens = lens;
+  const Raster raster(settings);
+  typename Raster::Context context;
+  std::vector<float> image(static_cast<std::size_t>(3 * camera.width * camera.height));
+  SerialExecutor executor;
+  raster.forward(std::as_const(gaussians).columns(), camera, {0, 0, 0},
+                 ImageView<float>{image.data(), 3, camera.height, camera.width}, context, executor);
+  std::vector<bool> result;
+  for (const auto flag : raster.screen(context).visible) result.push_back(flag != 0);
+  return result;
+}
+
+std::size_t missed(const std::vector<bool>& seen, const std::vector<std::uint32_t>& listed) {
+  std::vector<bool> in_list(seen.size(), false);
+  for (const std::uint32_t i : listed) in_list[i] = true;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < seen.size(); ++i) count += seen[i] && !in_list[i] ? 1u : 0u;
+  return count;
+}
+
+}  // namespace
+
+TEST_CASE("anchor/visibility: through a lens nothing that is drawn is left out") {
+  Camera<float> camera = test_camera<float>();
+  camera.fx = camera.fy = 90;  // 96 degrees wide
+  const Cloud<float> cloud(6000, 4);
+  const auto check = [&](const auto& lens, const std::string& name) {
+    CAPTURE(name);
+    const std::vector<bool> seen = drawn(cloud, camera, lens);
+    const std::vector<std::uint32_t> listed = visible_of<float>(cloud.columns(), camera, {}, lens);
+    const std::vector<std::uint32_t> straight = visible_of<float>(cloud.columns(), camera);
+    const auto count = static_cast<std::size_t>(std::count(seen.begin(), seen.end(), true));
+    MESSAGE(name, ": ", count, " drawn, ", listed.size(), " listed, ", missed(seen, straight),
+            " missed without the lens");
+    CHECK(count > 1000);
+    CHECK(missed(seen, listed) == 0);
+    CHECK(missed(seen, straight) > 20);  // negative control
+    CHECK(listed.size() < 2 * count);    // and it is still a filter
+    CHECK(visible_of<float, 1>(cloud.columns(), camera, {}, lens) == listed);
+  };
+  check(*radial_tangential_lens<float>({LensModel::opencv, {-0.25, 0.08, 0.004, -0.003}}), "phone");
+  check(*radial_tangential_lens<float>({LensModel::simple_radial, {-0.3}}), "barrel that folds at 46 degrees");
+  check(*fisheye_lens<float>({LensModel::opencv_fisheye, {-0.03, 0.004, -0.001, 0.0002}}), "fisheye");
+  // Zero coefficients: what the pinhole lists, and the ring of one pixel that its count of tiles misses.
+  const std::vector<std::uint32_t> pinhole = visible_of<float>(cloud.columns(), camera),
+                                   zero = visible_of<float>(cloud.columns(), camera, {}, RadialTangentialLens<float>{});
+  CHECK(std::includes(zero.begin(), zero.end(), pinhole.begin(), pinhole.end()));
+  CHECK(static_cast<double>(zero.size()) < 1.02 * static_cast<double>(pinhole.size()));
+}
+
+TEST_CASE(
+    "anchor/visibility: beyond the rays of a lens an anchor is seen by its extent only, and poisoned rows never") {
+  RadialTangentialLens<float> lens = *radial_tangential_lens<float>({LensModel::simple_radial, {-0.3f}});
+  CHECK(std::sqrt(lens.limit2) == doctest::Approx(1.054).epsilon(1e-3));
+  Camera<float> camera;
+  camera.width = camera.height = 200;  // wider than the lens, which ends 0.70 * 90 = 63 pixels from the middle
+  camera.fx = camera.fy = 90;
+  camera.cx = camera.cy = 100;
+  const auto sees_through = [&](std::array<float, 3> position, float log_scale) {
+    Cloud<float> cloud(1);
+    std::copy(position.begin(), position.end(), cloud.position.begin());
+    std::fill(cloud.scaling.begin(), cloud.scaling.end(), log_scale);
+    return !visible_of<float>(cloud.columns(), camera, {}, lens).empty();
+  };
+  CHECK(sees_through({3.1f, 0, 3}, -3));
+  CHECK_FALSE(sees_through({4.5f, 0, 3}, -3));  // 1.5 is 40 pixels beyond 1.054, and the radius is 5
+  CHECK(sees_through({4.5f, 0, 3}, 0));
+  CHECK_FALSE(sees_through({1e30f, 0, 3}, -3));
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    CHECK_FALSE(sees_through({bad, 0, 3}, -3));
+    CHECK_FALSE(sees_through({0, 0, 3}, bad));
+  }
 }

@@ -35,6 +35,8 @@ ScaffoldMasked MaskedPixels
 ScaffoldExposure AffineExposure
 ScaffoldAlpha L1AlphaLoss
 ScaffoldAntiAliased MipFilter
+ScaffoldLens RadialTangentialLens
+ScaffoldFisheye FisheyeLens
 LIST
 build plain "$compiler" -std=c++20 -O2 "$@" -DEFFECT_RECIPE=Scaffold
 build hand "$compiler" -std=c++20 -O2 "$@" -DEFFECT_BY_HAND

@@ -64,6 +64,38 @@ TEST_CASE("pipeline/model_file: what is written is read back, bit for bit, and t
   std::filesystem::remove(again);
 }
 
+TEST_CASE(
+    "pipeline/model_file: lenses and the origin are kept where there are any, and take no byte where there are none") {
+  const std::filesystem::path path = temporary("e.safetensors");
+  const Model<Small> model = example();
+  ModelInfo info = example_info();
+  REQUIRE(write_model(path, model, info).ok());
+  const Result<SafetensorsFile> plain = read_safetensors(path);
+  REQUIRE(plain.ok());
+  CHECK(!plain->has("camera.lens"));
+  CHECK(plain->text_of("info")->find("origin") == std::string::npos);
+  const Result<LoadedModel<Small>> old = read_model<Small>(path);  // as files from before there was either
+  REQUIRE(old.ok());
+  CHECK(old->info.origin == std::array<double, 3>{0, 0, 0});
+  CHECK(is_pinhole(old->info.views[1].lens));
+
+  info.origin = {5e5, -1.0 / 3, 12};
+  info.views[1].lens = {LensModel::opencv, {0.1, -0.2, 1e-3, 0.3}};
+  REQUIRE(write_model(path, model, info).ok());
+  const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
+  REQUIRE(loaded.ok());
+  CHECK(loaded->info.origin == info.origin);
+  for (std::size_t i = 0; i < 3; ++i) CHECK(loaded->info.views[i].lens == info.views[i].lens);
+
+  info.views[2].lens.parameters[3] = std::numeric_limits<double>::infinity();
+  REQUIRE(write_model(path, model, info).ok());
+  CHECK(read_model<Small>(path).error().field == "camera.lens");
+  info.views[2].lens = {static_cast<LensModel>(lens_model_count), {}};
+  REQUIRE(write_model(path, model, info).ok());
+  CHECK(read_model<Small>(path).error().field == "camera.lens");
+  std::filesystem::remove(path);
+}
+
 TEST_CASE("pipeline/model_file: every truncation of a file is an error with the file's name, and no crash") {
   const std::filesystem::path path = temporary("c.safetensors");
   REQUIRE(write_model(path, example(), example_info()).ok());

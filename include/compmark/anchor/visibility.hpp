@@ -188,7 +188,8 @@ template <class T, int W, class Lens>
       through.add(P(camera.fx) * fma(bent.u_a, vx, bent.u_b * vy), P(camera.fy) * fma(bent.u_b, vx, bent.v_b * vy));
     }
     const P blur(camera.blur);
-    const P radius = published_radius(max(straight.largest(blur), through.largest(blur)));
+    // The published count of tiles misses the first row and column of pixels by up to one: it is given that pixel here.
+    const P radius = published_radius(max(straight.largest(blur), through.largest(blur))) + P(T(1));
     const P beyond_x = (tangent_x - ray[0]) * P(camera.fx), beyond_y = (tangent_y - ray[1]) * P(camera.fy);
     visible = visible & (fma(beyond_x, beyond_x, beyond_y * beyond_y) <= radius * radius);
     const P pixel_x = fma(P(camera.fx), at.u, P(camera.cx - pixel_center<T>));
