@@ -61,6 +61,7 @@
 #include "compmark/scene/colmap_text.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/extent.hpp"
+#include "compmark/scene/far_field.hpp"
 #include "compmark/scene/fisheye_pack.hpp"
 #include "compmark/scene/image.hpp"
 #include "compmark/scene/image_store.hpp"
@@ -85,6 +86,7 @@
 #include "compmark/anchor/appearance.hpp"
 #include "compmark/anchor/cells.hpp"
 #include "compmark/anchor/concept.hpp"
+#include "compmark/anchor/contracted_space.hpp"
 #include "compmark/anchor/decoder_parameters.hpp"
 #include "compmark/anchor/decoder_shape.hpp"
 #include "compmark/anchor/density_control.hpp"
@@ -101,6 +103,7 @@
 #include "compmark/anchor/prune.hpp"
 #include "compmark/anchor/reference_decoder.hpp"
 #include "compmark/anchor/scaffold_anchors.hpp"
+#include "compmark/anchor/space.hpp"
 #include "compmark/anchor/table.hpp"
 #include "compmark/anchor/view_point.hpp"
 #include "compmark/anchor/visibility.hpp"
@@ -173,6 +176,7 @@
 #include "compmark/pipeline/training_views.hpp"
 
 #include "compmark/recipes/captures.hpp"
+#include "compmark/recipes/far_field.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
 #include "compmark/fwd.hpp"

@@ -6,6 +6,7 @@
 #include <compmark/core/executor.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/captures.hpp>
+#include <compmark/recipes/far_field.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <cstdio>
 #include <cstdlib>
@@ -100,6 +101,19 @@ void iterate(Model<R>& model, const Camera<double>& camera, ImageView<const floa
 }
 
 }  // namespace
+
+#ifdef EFFECT_TRAINER  // effects of the anchors' cells are in no iteration, but in how anchors begin and grow
+template class compmark::Trainer<R, SerialExecutor>;
+void grow(Trainer<R, SerialExecutor>& trainer) {
+  struct Views {
+    [[nodiscard]] std::size_t size() const { return 1; }
+    [[nodiscard]] Camera<double> camera(std::size_t) const { return {}; }
+    [[nodiscard]] Result<Done> load(std::size_t, ImageView<float>) const { return Done{}; }
+  };
+  const Views views;
+  static_cast<void>(trainer.step(views));
+}
+#endif
 
 int main(int, char** argv) {
   Model<R> model;

@@ -38,6 +38,14 @@ ScaffoldAntiAliased MipFilter
 ScaffoldLens RadialTangentialLens
 ScaffoldFisheye FisheyeLens
 LIST
+# Cells of the anchors: the trainer has them.
+for recipe in Scaffold ScaffoldFarField; do
+  "$compiler" -std=c++20 -O0 "$@" -DEFFECT_RECIPE=$recipe -DEFFECT_TRAINER -c "$source" -o "$folder/$recipe.o"
+done
+with=$(symbols ScaffoldFarField ContractedSpace)
+without=$(symbols Scaffold ContractedSpace)
+echo "ContractedSpace: $with symbols in ScaffoldFarField, $without in the plain recipe"
+[ "$with" -gt 0 ] && [ "$without" -eq 0 ] || { echo "  WRONG"; bad=1; }
 build plain "$compiler" -std=c++20 -O2 "$@" -DEFFECT_RECIPE=Scaffold
 build hand "$compiler" -std=c++20 -O2 "$@" -DEFFECT_BY_HAND
 

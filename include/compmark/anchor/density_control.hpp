@@ -21,6 +21,7 @@
 #include <span>
 
 #include "compmark/anchor/concept.hpp"
+#include "compmark/anchor/space.hpp"
 #include "compmark/anchor/table.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
@@ -36,6 +37,12 @@ struct AdaptContext {
       {};  ///< anchor blocks beside the feature whose new rows are the maximum over their parents
 };
 
+/// The same for a scene whose cells are not cubes of the world (anchor/space.hpp). A policy that knows of no space takes the base.
+template <class S>
+struct SpaceAdaptContext : AdaptContext {
+  [[no_unique_address]] S space;
+};
+
 /// What an adjustment did. Nothing is repaired silently.
 struct GrowthReport {
   std::size_t grown = 0;              ///< anchors added
@@ -49,6 +56,16 @@ struct GrowthReport {
 };
 
 namespace detail {
+/// The space of a SpaceAdaptContext, that of the world of an AdaptContext.
+inline constexpr EuclideanSpace euclidean_space{};
+template <class Context>
+[[nodiscard]] constexpr const auto& space_of(const Context& context) {
+  if constexpr (requires { context.space; }) {
+    return context.space;
+  } else {
+    return euclidean_space;
+  }
+}
 struct AnyRowEditReceiver {
   void operator()(const RowEdit& /*edit*/, const ArenaLayout& /*old_layout*/) const {}
 };

@@ -15,6 +15,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "compmark/anchor/cells.hpp"
@@ -89,8 +91,9 @@ class GradientGrowth {
     state.statistics.add_view(decoded, gaussian_visible, gradient_norm, executor);
   }
 
-  template <class OnEdit>
-  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const AdaptContext& context,
+  /// With a SpaceAdaptContext the cells are those of its space.
+  template <class OnEdit, class Context = AdaptContext>
+  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const Context& context,
                      OnEdit&& on_edit) const {
     const AnchorColumns<T> columns = anchor_values(arena, handles);
     COMPMARK_ASSERT(state.statistics.anchors() == columns.rows(),
@@ -120,7 +123,13 @@ class GradientGrowth {
       on_edit(edit, old_layout);
       report.edited = true;
     }
-    limit_base_scale(arena.values(handles.scaling), settings_.base_scale_log_limit);
+    const MatrixView<T> scaling = arena.values(handles.scaling);
+    if constexpr (present<std::remove_cvref_t<decltype(detail::space_of(context))>>) {
+      limit_base_scale(scaling, std::as_const(arena).values(handles.position), detail::space_of(context),
+                       settings_.base_scale_log_limit);
+    } else {
+      limit_base_scale(scaling, settings_.base_scale_log_limit);
+    }
     return report;
   }
 
@@ -170,8 +179,9 @@ class GradientGrowth {
     }
   }
 
+  template <class Context>
   void grow(const ParameterArena<T>& arena, const AnchorHandles& handles, const AnchorColumns<T>& columns,
-            const AdaptContext& context, typename State::Scratch& scratch, GrowthReport& report) const {
+            const Context& context, typename State::Scratch& scratch, GrowthReport& report) const {
     COMPMARK_ASSERT(settings_.hierarchy_factor >= 2, "GradientGrowth: hierarchy_factor is 2 or more");
     scratch.newborn.clear(arena, handles.feature, context.pooled);
     int factor = settings_.init_factor;
@@ -186,25 +196,27 @@ class GradientGrowth {
     }
   }
 
-  void grow_level(const ParameterArena<T>& arena, const AnchorColumns<T>& columns, const AdaptContext& context,
-                  int level, double size, T threshold, typename State::Scratch& scratch, GrowthReport& report) const {
+  template <class Context>
+  void grow_level(const ParameterArena<T>& arena, const AnchorColumns<T>& columns, const Context& context, int level,
+                  double size, T threshold, typename State::Scratch& scratch, GrowthReport& report) const {
     find_candidates(columns, context, level, size, threshold, scratch, report);
     if (scratch.cells.size() == 0) return;
     scratch.occupied.assign(scratch.cells.size(), 0);
     const auto occupy = [&](const T* position) {
       Cell cell;
-      if (!cell_of(position, size, cell)) return;
+      if (!detail::space_of(context).cell_of(position, size, cell)) return;
       if (const std::uint32_t number = scratch.cells.find(cell); number != CellSet::none) scratch.occupied[number] = 1;
     };
     for (std::size_t a = 0; a < columns.rows(); ++a) occupy(columns.position.row(a));
     for (std::size_t i = 0; i < scratch.newborn.size(); ++i) occupy(scratch.newborn.position(i).data());
     choose_cells(scratch, report);
-    add_newborn(arena, size, scratch);
+    add_newborn(arena, detail::space_of(context), size, scratch);
   }
 
   /// Gaussians above the level's threshold that win the draw (keep probability 1/2, 3/4, 7/8, …), and the set of their cells.
-  void find_candidates(const AnchorColumns<T>& columns, const AdaptContext& context, int level, double size,
-                       T threshold, typename State::Scratch& scratch, GrowthReport& report) const {
+  template <class Context>
+  void find_candidates(const AnchorColumns<T>& columns, const Context& context, int level, double size, T threshold,
+                       typename State::Scratch& scratch, GrowthReport& report) const {
     const Random random(context.seed, context.iteration, random_stage("growth candidate"));
     const double skip_probability = std::ldexp(1.0, -(level + 1));
     scratch.cells.reset(scratch.hot.size());
@@ -222,7 +234,8 @@ class GradientGrowth {
                          columns.offset(anchor, 3 * k + axis) * std::exp(columns.scaling(anchor, axis));
       }
       Cell cell;
-      if (!cell_of(position.data(), size, cell)) {
+      if (!detail::space_of(context).cell_of(position.data(), size, cell) ||
+          !detail::space_of(context).in_range(cell, size)) {
         ++report.out_of_range;
         continue;
       }
@@ -258,10 +271,13 @@ class GradientGrowth {
   }
 
   /// Each chosen cell becomes an anchor; its parents are the anchors of all candidates in the cell.
-  void add_newborn(const ParameterArena<T>& arena, double size, typename State::Scratch& scratch) const {
+  template <Space S>
+  void add_newborn(const ParameterArena<T>& arena, const S& space, double size,
+                   typename State::Scratch& scratch) const {
     scratch.newborn_of_cell.assign(scratch.cells.size(), CellSet::none);
     for (const std::uint32_t cell : scratch.chosen) {
-      scratch.newborn_of_cell[cell] = scratch.newborn.add(scratch.cells.cells()[cell], size);
+      const std::array<double, 3> center = space.center(scratch.cells.cells()[cell], size);
+      scratch.newborn_of_cell[cell] = scratch.newborn.add(center, size * space.stretch(center.data()));
     }
     for (std::size_t i = 0; i < scratch.candidate_slot.size(); ++i) {
       const std::uint32_t number = scratch.newborn_of_cell[scratch.candidate_cell[i]];

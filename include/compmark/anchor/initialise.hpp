@@ -8,6 +8,7 @@
 //   AN1, AN3               cells are rounded half to even in double and compared as three integers, so that far cells neither merge nor tear
 //   AN2                    the automatic size never falls below 1e-6 of the cloud's extent: duplicated points give one anchor, not none
 //   AN4                    the squared distance is at least voxel^2 / 10; at the published voxel of 0.001 that is the published 1e-7
+// Of an unbounded scene (ContractedSpace) the voxels are cubes of contracted space; without one, they are as they were, to the bit.
 // Cost: O(n log n); about 1 microsecond a point.
 #pragma once
 
@@ -23,6 +24,7 @@
 #include <vector>
 
 #include "compmark/anchor/cells.hpp"
+#include "compmark/anchor/space.hpp"
 #include "compmark/core/result.hpp"
 
 namespace compmark::inline v0 {
@@ -106,10 +108,19 @@ struct PointList {
   return std::max({size, least, 1e-12});
 }
 
-template <class T = float>
+template <class T = float, Space S = EuclideanSpace>
 [[nodiscard]] Result<InitialAnchors<T>> initial_anchors(std::span<const std::array<float, 3>> points,
-                                                        const InitialiseSettings& settings) {
+                                                        const InitialiseSettings& settings, const S& space = {}) {
   InitialAnchors<T> anchors;
+  if constexpr (present<S>) {
+    if (!space.valid()) {
+      return Error{ErrorKind::invalid,
+                   {},
+                   "space_radius",
+                   "is not a positive length, which cells of contracted space need",
+                   "give the ball of the cameras (scene/far_field.hpp) to the settings"};
+    }
+  }
   if (points.empty()) {
     return Error{
         ErrorKind::invalid, {}, "points", "the point cloud is empty", "give a scene with a point cloud, or sample one"};
@@ -128,8 +139,15 @@ template <class T = float>
     return Error{
         ErrorKind::invalid, {}, "points", "no point of the cloud is finite", "repair or re-export the point cloud"};
   }
-  anchors.voxel_size =
-      settings.voxel_size > 0 ? settings.voxel_size : automatic_voxel_size(cloud, settings.auto_voxel_squared);
+  if (settings.voxel_size > 0) {
+    anchors.voxel_size = settings.voxel_size;
+  } else if constexpr (present<S>) {
+    detail::PointList contracted;
+    for (const std::array<double, 3>& point : cloud.points) contracted.points.push_back(space.contract(point.data()));
+    anchors.voxel_size = automatic_voxel_size(contracted, settings.auto_voxel_squared);
+  } else {
+    anchors.voxel_size = automatic_voxel_size(cloud, settings.auto_voxel_squared);
+  }
   if (!std::isfinite(anchors.voxel_size)) {
     return Error{
         ErrorKind::invalid, {}, "voxel_size", "the voxel size is not finite", "give a positive length in world units"};
@@ -139,7 +157,7 @@ template <class T = float>
   cells.reserve(cloud.points.size());
   for (const std::array<double, 3>& point : cloud.points) {
     Cell cell;
-    if (cell_of(point.data(), anchors.voxel_size, cell)) {
+    if (space.cell_of(point.data(), anchors.voxel_size, cell)) {
       cells.push_back(cell);
     } else {
       ++anchors.skipped_points;
@@ -159,15 +177,15 @@ template <class T = float>
   centers.points.reserve(cells.size());
   anchors.position.reserve(3 * cells.size());
   for (const Cell& cell : cells) {
-    const std::array<double, 3> center{cell.x * anchors.voxel_size, cell.y * anchors.voxel_size,
-                                       cell.z * anchors.voxel_size};
+    const std::array<double, 3> center = space.center(cell, anchors.voxel_size);
     centers.points.push_back(center);
     for (const double x : center) anchors.position.push_back(static_cast<T>(x));
   }
   anchors.scaling.reserve(6 * cells.size());
-  const double least = 0.1 * anchors.voxel_size * anchors.voxel_size;
-  for (const double squared : detail::mean_squared_neighbour_distance(centers)) {
-    const double used = centers.points.size() == 1 ? anchors.voxel_size * anchors.voxel_size : std::max(squared, least);
+  const std::vector<double> distance = detail::mean_squared_neighbour_distance(centers);
+  for (std::size_t i = 0; i < distance.size(); ++i) {
+    const double voxel = anchors.voxel_size * space.stretch(centers.points[i].data());
+    const double used = distance.size() == 1 ? voxel * voxel : std::max(distance[i], 0.1 * voxel * voxel);
     anchors.scaling.insert(anchors.scaling.end(), 6, static_cast<T>(0.5 * std::log(used)));
   }
   return anchors;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Anchors that are about to be born, before they have rows in the table: a cell each, and the component-wise maximum of their parents'
-// features (method sheet, section 4.4 g). Their position is the centre of the cell, their log scaling the log of its size.
+// Anchors that are about to be born, before they have rows in the table: a place and a size each, and the component-wise maximum of their
+// parents' features (method sheet, section 4.4 g). Their position is the centre of a cell, their log scaling the log of its size.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,6 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/anchor/cells.hpp"
 #include "compmark/anchor/concept.hpp"
 #include "compmark/anchor/table.hpp"
 #include "compmark/core/parameters.hpp"
@@ -35,8 +34,8 @@ class Newborns {
     for (const BlockHandle block : blocks_) width_ += arena.values(block).columns;
   }
   /// Number of the new anchor.
-  std::uint32_t add(const Cell& cell, double size) {
-    anchors_.push_back({cell, size, false});
+  std::uint32_t add(const std::array<double, 3>& center, double size) {
+    anchors_.push_back({center, size, false});
     rows_.resize(anchors_.size() * width_);
     return static_cast<std::uint32_t>(anchors_.size() - 1);
   }
@@ -55,9 +54,8 @@ class Newborns {
 
   [[nodiscard]] std::size_t size() const { return anchors_.size(); }
   [[nodiscard]] std::array<T, 3> position(std::size_t number) const {
-    const Anchor& born = anchors_[number];
-    return {static_cast<T>(born.cell.x * born.size), static_cast<T>(born.cell.y * born.size),
-            static_cast<T>(born.cell.z * born.size)};
+    const std::array<double, 3>& center = anchors_[number].center;
+    return {static_cast<T>(center[0]), static_cast<T>(center[1]), static_cast<T>(center[2])};
   }
 
   /// Writes them into rows first, first + 1, … of the table, which are zero before.
@@ -78,7 +76,7 @@ class Newborns {
 
  private:
   struct Anchor {
-    Cell cell;
+    std::array<double, 3> center;
     double size;
     bool has_parent;
   };

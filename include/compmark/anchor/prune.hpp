@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "compmark/anchor/growth_statistics.hpp"
+#include "compmark/anchor/space.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark::inline v0 {
@@ -60,6 +61,17 @@ template <class T>
 void limit_base_scale(MatrixView<T> scaling, double log_limit) {
   const T limit = static_cast<T>(log_limit);
   for (std::size_t a = 0; a < scaling.rows; ++a) {
+    for (std::size_t column = 3; column < 6; ++column) {
+      if (scaling(a, column) > limit) scaling(a, column) = limit;
+    }
+  }
+}
+
+/// The same where lengths are stretched: the limit is a length of the cells, so that what is far away may be as large as it looks.
+template <class T, Space S>
+void limit_base_scale(MatrixView<T> scaling, MatrixView<const T> position, const S& space, double log_limit) {
+  for (std::size_t a = 0; a < scaling.rows; ++a) {
+    const T limit = static_cast<T>(log_limit + std::log(space.stretch(position.row(a))));
     for (std::size_t column = 3; column < 6; ++column) {
       if (scaling(a, column) > limit) scaling(a, column) = limit;
     }

@@ -66,7 +66,10 @@ struct Checkpoint {
                       {"background", s.background}};
   // Named only where they were changed: a run without effects has the bytes it had before there were any.
   if (s.effects != EffectNumbers{}) {
-    json["effects"] = {{"exposure", rate(s.effects.exposure)}, {"lambda_alpha", s.effects.lambda_alpha}};
+    json["effects"] = {{"exposure", rate(s.effects.exposure)},
+                       {"lambda_alpha", s.effects.lambda_alpha},
+                       {"space_origin", s.effects.space_origin},
+                       {"space_radius", s.effects.space_radius}};
   }
   if (const MarkNumbers& m = s.mark; m != MarkNumbers{}) {
     json["mark"] = {{"lambda_message", m.lambda_message},

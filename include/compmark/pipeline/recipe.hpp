@@ -10,6 +10,7 @@
 //   GaussianDecoder       (paired with the shape) MlpDecoder<Scalar, AnchorModel::shape>
 //   Rasterizer            Rasterizer              TileRasterizer<Scalar, accuracy::standard>
 //   DensityControl        DensityControl          GradientGrowth<Scalar>        (NoGrowth leaves it out)
+//   Space                 Space                   EuclideanSpace                (ContractedSpace: unbounded scenes)
 //   Optimizer             Optimizer               Adam<Scalar>
 //   Embedder              Embedder                NoEmbedder
 //   DistortionLayer       DistortionLayer         NoDistortion
@@ -28,6 +29,7 @@
 
 #include "compmark/anchor/density_control.hpp"
 #include "compmark/anchor/scaffold_anchors.hpp"
+#include "compmark/anchor/space.hpp"
 #include "compmark/core/absent.hpp"
 #include "compmark/effect/concept.hpp"
 #include "compmark/loss/concept.hpp"
@@ -46,6 +48,7 @@ concept Recipe = requires {
   typename R::GaussianDecoder;
   typename R::Rasterizer;
   typename R::DensityControl;
+  typename R::Space;
   typename R::Optimizer;
   typename R::Embedder;
   typename R::DistortionLayer;
@@ -88,6 +91,8 @@ consteval void check_recipe() {
                 "Recipe: AnchorModel lacks Scalar or shape (see anchor/scaffold_anchors.hpp)");
   static_assert(!present<typename R::DensityControl> || DensityControl<typename R::DensityControl>,
                 "Recipe: DensityControl lacks prepare, observe or adapt (see anchor/density_control.hpp)");
+  static_assert(Space<typename R::Space>,
+                "Recipe: Space lacks cell_of, center, in_range or stretch (see anchor/space.hpp)");
   static_assert(Optimizer<typename R::Optimizer>,
                 "Recipe: Optimizer lacks prepare, step or edit_rows (see optim/concept.hpp)");
   static_assert(std::is_same_v<typename R::Scalar, typename R::AnchorModel::Scalar>,

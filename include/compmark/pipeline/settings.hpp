@@ -24,8 +24,10 @@ struct LearningRate {
 
 /// Numbers of the effects a recipe may have (effect/concept.hpp); of no meaning to the others.
 struct EffectNumbers {
-  LearningRate exposure{0.005, 0.0005};  ///< of the maps' twelve entries
-  double lambda_alpha = 0.1;             ///< weight of the alpha loss
+  LearningRate exposure{0.005, 0.0005};         ///< of the maps' twelve entries
+  double lambda_alpha = 0.1;                    ///< weight of the alpha loss
+  std::array<double, 3> space_origin{0, 0, 0};  ///< of the contraction: centre of the cameras
+  double space_radius = 0;  ///< … and their radius, which a contracted space needs (scene/far_field.hpp)
 
   friend bool operator==(const EffectNumbers&, const EffectNumbers&) = default;
 };

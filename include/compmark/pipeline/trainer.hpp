@@ -72,7 +72,7 @@ class Trainer {
   [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points) {
     InitialiseSettings initial;
     initial.voxel_size = settings_.voxel_size;
-    auto anchors = initial_anchors<Scalar>(points, initial);
+    auto anchors = initial_anchors<Scalar>(points, initial, space());
     if (!anchors) return anchors.error();
     const std::size_t rows = anchors->position.size() / 3;
     if (settings_.max_anchors != 0 && rows > settings_.max_anchors) {
@@ -258,11 +258,20 @@ class Trainer {
     return Growth{settings};
   }
 
+  [[nodiscard]] typename R::Space space() const {
+    if constexpr (present<typename R::Space>) {
+      return {settings_.effects.space_origin, settings_.effects.space_radius};
+    } else {
+      return {};
+    }
+  }
+
   /// Grows and prunes; the optimiser's moments follow every edit.
   void adjust(std::int64_t t, IterationReport& report) {
     Model<R>& model = state_.model;
     const auto grown = growth().adapt(model.arena, model.anchors, state_.growth,
-                                      {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size},
+                                      SpaceAdaptContext<typename R::Space>{
+                                          {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size}, space()},
                                       [&](const RowEdit& edit, const ArenaLayout& old_layout) {
                                         optimizer_.edit_rows(edit, old_layout, model.arena.layout(), state_.optimizer);
                                       });

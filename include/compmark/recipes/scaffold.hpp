@@ -7,6 +7,7 @@
 #include "compmark/anchor/growth.hpp"
 #include "compmark/anchor/mlp_decoder.hpp"
 #include "compmark/anchor/scaffold_anchors.hpp"
+#include "compmark/anchor/space.hpp"
 #include "compmark/effect/concept.hpp"
 #include "compmark/loss/concept.hpp"
 #include "compmark/mark/concept.hpp"
@@ -29,6 +30,7 @@ struct DefaultRecipe {
   using GaussianDecoder = MlpDecoder<T, decoder_shape>;
   using Rasterizer = TrainingRasterizer<T, raster_accuracy>;
   using DensityControl = GradientGrowth<T>;
+  using Space = EuclideanSpace;
   using Optimizer = Adam<T>;
   using Embedder = NoEmbedder;
   using DistortionLayer = NoDistortion;

@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Recipes for unbounded scenes: cells of the anchors grow with the distance from the cameras, beyond the ball that they stand in. Origin and
+// radius of the ball go into TrainSettings::effects, and far points behind the scene into its point cloud (scene/far_field.hpp has both).
+// What it brings and costs is measured in docs/effects.md.
+#pragma once
+
+#include "compmark/anchor/contracted_space.hpp"
+#include "compmark/recipes/captures.hpp"
+#include "compmark/recipes/scaffold.hpp"
+
+namespace compmark::inline v0 {
+
+namespace recipes {
+
+struct ScaffoldFarField : Scaffold {
+  using Space = ContractedSpace;
+};
+struct ScaffoldFarFieldExposure : ScaffoldExposure {
+  using Space = ContractedSpace;
+};
+
+}  // namespace recipes
+
+}  // namespace compmark::inline v0
