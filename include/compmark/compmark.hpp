@@ -46,8 +46,10 @@
 
 #include "compmark/io/anchor_ply.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/json_file.hpp"
+#include "compmark/io/os_random.hpp"
 #include "compmark/io/ply.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
