@@ -43,6 +43,7 @@
 #include "compmark/math/gelu.hpp"
 #include "compmark/math/haar.hpp"
 #include "compmark/math/pack.hpp"
+#include "compmark/math/resize_adjoint.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/math/symmetric.hpp"
 #include "compmark/math/unroll.hpp"

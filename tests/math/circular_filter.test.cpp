@@ -83,8 +83,9 @@ std::pair<std::vector<long double>, long double> plain_filter(int height, int wi
 TEST_CASE(
     "math/circular_filter: all small sizes, odd and even, against the plain sums (FR2); a centre one bin off is not "
     "real") {
-  for (const auto& [height, width] : std::vector<std::pair<int, int>>{
+  for (const auto& size : std::vector<std::pair<int, int>>{
            {1, 1}, {1, 2}, {2, 1}, {2, 3}, {3, 3}, {4, 5}, {5, 4}, {1, 17}, {17, 1}, {7, 12}, {9, 37}, {19, 20}}) {
+    const int height = size.first, width = size.second;
     const std::vector<double> x = noise<double>(height, width);
     const auto [expected, imaginary] = plain_filter(height, width, x);
     const std::vector<double> y = filtered<double>(height, width, skew_gain, x);
