@@ -1,0 +1,232 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The watermark on the road of a whole pipeline: gradients, what an absent mark costs, and a small training that hides eight bits.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/pipeline/trainer.hpp>
+#include <compmark/recipes/marked.hpp>
+#include <cstring>
+#include <vector>
+
+#include "directional.hpp"
+#include "short_training.hpp"
+#include "small_scene.hpp"
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::BlobViews;
+using compmark::testing::cloud;
+using compmark::testing::ring_camera;
+
+/// A message decoder that fits on a page: bit i is a wave i across the image, z = 400 (m + m^2), m = mean(wave colour).
+template <class T>
+struct Waves {
+  using Scalar = T;
+  struct Context {
+    std::vector<double> mean;
+  };
+  static constexpr int bits() { return 8; }
+  static constexpr int minimum_size() { return 8; }
+  static double wave(int bit, int c, int y, int x, int height, int width) {
+    return std::sin((20 + 3 * bit) * (x + 0.5) / width + 5.0 * (8 - bit) * (y + 0.5) / height + 2.0 * c + bit);
+  }
+  template <Executor E>
+  void forward(ImageView<const T> image, std::span<T> logits, Context& context, E& /*executor*/) const {
+    context.mean.assign(8, 0.0);
+    for (int bit = 0; bit < 8; ++bit) {
+      double sum = 0;
+      for (int c = 0; c < 3; ++c) {
+        for (int y = 0; y < image.height; ++y) {
+          for (int x = 0; x < image.width; ++x) {
+            sum += wave(bit, c, y, x, image.height, image.width) * static_cast<double>(image(c, y, x));
+          }
+        }
+      }
+      const double m = sum / static_cast<double>(image.size());
+      context.mean[static_cast<std::size_t>(bit)] = m;
+      logits[static_cast<std::size_t>(bit)] = static_cast<T>(400 * (m + m * m));
+    }
+  }
+  template <Executor E>
+  void backward(std::span<const T> d_logits, ImageView<T> d_image, Context& context, E& /*executor*/) const {
+    for (int bit = 0; bit < 8; ++bit) {
+      const std::size_t i = static_cast<std::size_t>(bit);
+      const double slope =
+          static_cast<double>(d_logits[i]) * 400 * (1 + 2 * context.mean[i]) / static_cast<double>(d_image.size());
+      for (int c = 0; c < 3; ++c) {
+        for (int y = 0; y < d_image.height; ++y) {
+          for (int x = 0; x < d_image.width; ++x) {
+            d_image(c, y, x) += static_cast<T>(slope * wave(bit, c, y, x, d_image.height, d_image.width));
+          }
+        }
+      }
+    }
+  }
+};
+static_assert(MessageDecoder<Waves<float>>);
+
+constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
+struct Smooth : DefaultRecipe<double, shape, compmark::testing::smooth_accuracy> {};
+struct Host : DefaultRecipe<float, shape> {};
+using MarkedHost = recipes::Marked<Host, Waves<float>>;
+const std::vector<std::uint8_t> message{1, 0, 0, 1, 1, 1, 0, 1};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("pipeline/watermark: the directional derivative of the marked road equals central differences", R,
+                   recipes::Marked<Smooth, Waves<double>>, recipes::MarkedForCompression<Smooth, Waves<double>>) {
+  Model<R> model = compmark::testing::random_model<R>(24);
+  Model<R>::Road::initialise(model.arena, model.road, 4);
+  const Random residual(8, 0, random_stage("test residual"));
+  for (const char* name : {"anchor.residual", "distortion.2.weight"}) {
+    const BlockHandle block = model.arena.layout().find(name);
+    if (!block.valid()) continue;
+    for (double& value : model.arena.values(block).flat()) {
+      value = 0.3 * residual.normal(static_cast<std::uint64_t>(&value - model.arena.values(block).data));
+    }
+  }
+  const Camera<double> camera = ring_camera(1, 5, 37, 29);
+  Buffer<double> target_storage(3 * 37 * 29);
+  const Random random(5, 0, random_stage("test target"));
+  for (std::size_t i = 0; i < target_storage.size(); ++i) target_storage[i] = 1.5 + random.uniform(i);
+  const ImageView<const double> target{target_storage.data(), 3, 29, 37};
+
+  Pipeline<R> pipeline;
+  auto& marks = pipeline.marks();
+  marks.message = message;
+  marks.message_loss.settings.logit_scale = 1;
+  marks.hsv.settings.source = HueSource::target;  // masks of the render would jump under the differences
+  SerialExecutor executor;
+  using Context = typename Pipeline<R>::Context;
+  const auto prepare = [](Context& context) {
+    context.marks.weights = {0.5, 0.6, 0.0, 10.0};
+    if constexpr (present<typename R::DistortionLayer>) {
+      context.road.phase.adaptive = true;
+      context.road.phase.scaling = 0.001;
+      context.road.phase.offset = 0.2;
+      context.road.phase.iteration = 3;
+    }
+  };
+  compmark::testing::check_directional_derivative(
+      model,
+      [&](Context& context) {
+        prepare(context);
+        static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
+        return pipeline.loss(target, {0.2, 0.01}, context, executor).total;
+      },
+      [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); });
+}
+
+TEST_CASE(
+    "pipeline/watermark: with a residual of zero and no weights a marked recipe renders and learns what its host does, "
+    "to the bit") {
+  const auto run = [](auto recipe) {
+    using R = decltype(recipe);
+    TrainSettings settings;
+    settings.iterations = 12;
+    settings.voxel_size = 0.05;
+    settings.mark.lambda_message = settings.mark.lambda_hsv = settings.mark.residual_rate = 0;
+    ThreadExecutor executor(2);
+    Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
+    if constexpr (present<typename R::MessageDecoder>) trainer.set_watermark(Waves<float>{}, message);
+    REQUIRE(trainer.initialise(cloud(300, 7)));
+    BlobViews views;
+    REQUIRE(trainer.run(views));
+    std::vector<float> image(trainer.image().flat().begin(), trainer.image().flat().end());
+    const MatrixView<const float> feature = trainer.model().columns().feature;
+    image.insert(image.end(), feature.data, feature.data + feature.size());
+    return image;
+  };
+  CHECK(run(MarkedHost{}) == run(Host{}));
+}
+
+TEST_CASE("pipeline/watermark: what a recipe without a mark does not have") {
+  static_assert(Model<Host>::Road::is_absent && Pipeline<Host>::Marks::is_absent);
+  static_assert(sizeof(Pipeline<Host>) == sizeof(Host::GaussianDecoder));
+  static_assert(sizeof(Pipeline<MarkedHost>) > sizeof(Host::GaussianDecoder));
+  static_assert(sizeof(Model<Host>) < sizeof(Model<MarkedHost>));
+  Model<Host> host;
+  host.create(10, 1);
+  Model<MarkedHost> marked;
+  marked.create(10, 1);
+  CHECK(marked.arena.all_values().size() == host.arena.all_values().size() + 10 * shape.feature_dim);
+  CHECK_FALSE(host.arena.layout().find("anchor.residual").valid());
+}
+
+namespace {
+
+struct Outcome {
+  double accuracy = 0, psnr = 0;
+};
+template <class R>
+Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::size_t threads = 2) {
+  TrainSettings settings;
+  settings.iterations = compmark::testing::short_trainings ? 30 : 600;
+  settings.voxel_size = 0.05;
+  settings.seed = 2;
+  settings.mark.lambda_message = marked ? 0.05 : 0;
+  settings.mark.message_after = 6000;
+  settings.mark.message_ramp = 3000;
+  settings.mark.logit_scale = 1;
+  settings.mark.scaling_noise = 1e-4;
+  ThreadExecutor executor(threads);
+  Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
+  if constexpr (present<typename R::MessageDecoder>) trainer.set_watermark(Waves<float>{}, message);
+  REQUIRE(trainer.initialise(cloud(400, 7)));
+  BlobViews views;
+  REQUIRE(trainer.run(views));
+  // Read from renders of the baked host, as whoever checks the mark does.
+  const Model<Host> host = unmarked_host(trainer.model());
+  const Pipeline<Host> pipeline;
+  Pipeline<Host>::Context context;
+  Outcome outcome;
+  std::vector<float> target(3 * 48 * 40), logits(8);
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    static_cast<void>(pipeline.forward(host, views.camera(v), v, context, executor));
+    const ImageView<float> wanted{target.data(), 3, 40, 48};
+    static_cast<void>(views.load(v, wanted));
+    double square = 0;
+    for (std::size_t i = 0; i < target.size(); ++i) {
+      square += std::pow(static_cast<double>(context.image.data[i]) - static_cast<double>(target[i]), 2);
+    }
+    outcome.psnr += -10 * std::log10(square / static_cast<double>(target.size())) / static_cast<double>(views.size());
+    typename Waves<float>::Context wave_context;
+    Waves<float>{}.forward(context.image, logits, wave_context, executor);
+    for (std::size_t i = 0; i < 8; ++i) {
+      outcome.accuracy += (logits[i] > 0) == (message[i] == 1) ? 1.0 / 8 / static_cast<double>(views.size()) : 0;
+    }
+  }
+  if (bits_of_model != nullptr) {
+    bits_of_model->assign(host.arena.all_values().begin(), host.arena.all_values().end());
+  }
+  return outcome;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "pipeline/watermark: eight bits are hidden and read from every render; without the message they are not there") {
+  const Outcome plain = train<MarkedHost>(false);
+  const Outcome marked = train<MarkedHost>(true);
+  const Outcome noisy = train<recipes::MarkedForCompression<Host, Waves<float>>>(true);
+  MESSAGE("bits: without ", plain.accuracy, " (", plain.psnr, " dB), marked ", marked.accuracy, " (", marked.psnr,
+          " dB), with quantization noise ", noisy.accuracy, " (", noisy.psnr, " dB)");
+  if (compmark::testing::short_trainings) return;
+  CHECK(plain.accuracy < 0.9);  // negative control: this message is not what the scene says by itself
+  CHECK(marked.accuracy == 1);
+  CHECK(noisy.accuracy == 1);
+}
+
+TEST_CASE("pipeline/watermark: a marked training has the same bits at any thread count") {
+  std::vector<float> one, three;
+  using R = recipes::MarkedForCompression<Host, Waves<float>>;
+  static_cast<void>(train<R>(true, &one, 1));
+  static_cast<void>(train<R>(true, &three, 3));
+  REQUIRE(one.size() == three.size());
+  CHECK(std::memcmp(one.data(), three.data(), one.size() * sizeof(float)) == 0);
+}
