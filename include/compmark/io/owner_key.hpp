@@ -1,0 +1,179 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// An owner's key and its file. One secret of 256 bits gives everything by HKDF under a label of its purpose (mark/key.hpp), so that a message
+// that becomes known says nothing about the carriers. The commitment binds secret, creation time and message length and reveals none: published
+// before a model is, it shows later that the key is not one made to fit (ecosystem sheet, section 6, item 6). The file is JSON, readable by
+// its owner only, never overwritten: a lost key cannot be made again. The library has no clock: the caller gives the time.
+#pragma once
+
+#include <array>
+#include <cerrno>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#if defined(__unix__) || defined(__APPLE__)
+#include <fcntl.h>
+#include <unistd.h>
+#endif
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/hmac_sha256.hpp"
+#include "compmark/io/json_file.hpp"
+
+namespace compmark::inline v0 {
+
+struct OwnerKey {
+  static constexpr std::string_view format = "compmark-key";
+  static constexpr std::int64_t version = 1;
+  static constexpr std::size_t bits_limit = 128;
+
+  Digest256 secret{};
+  std::string created;   ///< UTC, "2026-01-31T23:59:59Z"
+  std::size_t bits = 0;  ///< length of the message
+
+  /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; may be published.
+  [[nodiscard]] std::string commitment() const {
+    std::array<std::byte, 4> length{};
+    for (std::size_t i = 0; i < 4; ++i) length[i] = static_cast<std::byte>(bits >> (24 - 8 * i) & 0xFFu);
+    return to_hex(sha256_digest({bytes_of("compmark/commitment/v1"), secret, length, bytes_of(created)}));
+  }
+  /// The first 16 digits of the commitment: a name for reports and registers.
+  [[nodiscard]] std::string id() const { return commitment().substr(0, 16); }
+  /// Bytes for one purpose, named by its label.
+  void derive(std::string_view label, std::span<std::byte> out) const {
+    hkdf_sha256(secret, bytes_of("compmark"), bytes_of(label), out);
+  }
+};
+
+namespace detail {
+/// "dddd-dd-ddTdd:dd:ddZ"
+[[nodiscard]] inline bool is_utc_time(std::string_view text) {
+  constexpr std::string_view shape = "0000-00-00T00:00:00Z";
+  if (text.size() != shape.size()) return false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool digit = text[i] >= '0' && text[i] <= '9';
+    if (shape[i] == '0' ? !digit : text[i] != shape[i]) return false;
+  }
+  return true;
+}
+}  // namespace detail
+
+/// A key from 32 random bytes (io/os_random.hpp), a time and a message length of 1 to 128.
+[[nodiscard]] inline Result<OwnerKey> make_key(const Digest256& secret, std::string created, std::size_t bits) {
+  if (bits < 1 || bits > OwnerKey::bits_limit) {
+    return Error{ErrorKind::invalid, "", "bits", std::to_string(bits) + " is not a message length",
+                 "a message has 1 to " + std::to_string(OwnerKey::bits_limit) + " bits"};
+  }
+  if (!detail::is_utc_time(created)) {
+    return Error{ErrorKind::invalid, "", "created", "\"" + created + "\" is not a time",
+                 "write it as 2026-01-31T23:59:59Z"};
+  }
+  if (secret == Digest256{}) {
+    return Error{ErrorKind::invalid, "", "secret", "is all zeros", "draw 32 random bytes"};
+  }
+  return OwnerKey{secret, std::move(created), bits};
+}
+
+/// Writes a key file that only its owner may read (POSIX systems). An existing file is left alone.
+[[nodiscard]] inline Result<Done> write_key(const std::filesystem::path& path, const OwnerKey& key) {
+  const auto fail = [&](std::string problem, std::string remedy) {
+    return Error{ErrorKind::unwritable, path.string(), "", std::move(problem), std::move(remedy)};
+  };
+  std::error_code status;
+  if (std::filesystem::exists(path, status))
+    return fail("exists already, a key is never overwritten", "choose another name");
+#if defined(__unix__) || defined(__APPLE__)
+  // The partial file is made with its final mode before AtomicFile opens it, so that no other user can open it in between.
+  std::filesystem::path partial = path;
+  partial += ".partial";
+  std::filesystem::remove(partial, status);
+  const int file = ::open(partial.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0600);
+  if (file < 0)
+    return fail(std::string("cannot be written: ") + std::strerror(errno), "create its folder and make it writable");
+  ::close(file);
+#endif
+  nlohmann::ordered_json json{{"format", OwnerKey::format},
+                              {"version", OwnerKey::version},
+                              {"id", key.id()},
+                              {"created", key.created},
+                              {"bits", key.bits},
+                              {"derivation", "HKDF-SHA-256, salt \"compmark\", info = label of the purpose"},
+                              {"commitment", key.commitment()},
+                              {"secret", to_hex(key.secret)}};
+  return write_json(path, json);
+}
+
+/// Reads a key file; `bits` other than 0 is the message length that is asked for. Messages never contain the secret.
+[[nodiscard]] inline Result<OwnerKey> read_key(const std::filesystem::path& path, std::size_t bits = 0) {
+  const std::string file = path.string();
+  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+    return Error{kind, file, std::move(field), std::move(problem), std::move(remedy)};
+  };
+  std::error_code status;
+  if (std::filesystem::is_regular_file(path, status) && std::filesystem::file_size(path, status) > 65536)
+    return fail(ErrorKind::malformed, "", "is too large to be a key file", "give the file that keygen wrote");
+  const Result<nlohmann::json> json = read_json(path);
+  if (!json) return json.error();
+  const Result<std::string> format = json_field<std::string>(*json, "format", file);
+  if (!format || *format != OwnerKey::format)
+    return fail(ErrorKind::malformed, "format", "is not that of a key file", "give the file that keygen wrote");
+  const Result<std::int64_t> version = json_field<std::int64_t>(*json, "version", file);
+  if (!version) return version.error();
+  if (*version != OwnerKey::version) {
+    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*version) + ", this program reads 1",
+                "use the program that wrote it, or a newer one");
+  }
+  const Result<std::string> secret = json_field<std::string>(*json, "secret", file);
+  if (!secret) return secret.error();
+  Digest256 bytes{};
+  if (secret->size() != 2 * bytes.size()) {
+    return fail(ErrorKind::invalid, "secret", "has " + std::to_string(secret->size()) + " digits instead of 64",
+                "restore the file from a copy");
+  }
+  if (!from_hex(*secret, bytes))
+    return fail(ErrorKind::malformed, "secret", "is not hexadecimal", "restore the file from a copy");
+  const Result<std::string> created = json_field<std::string>(*json, "created", file);
+  if (!created) return created.error();
+  const Result<std::size_t> length = json_field<std::size_t>(*json, "bits", file);
+  if (!length) return length.error();
+  Result<OwnerKey> key = make_key(bytes, *created, *length);
+  if (!key) {
+    Error error = key.error();
+    error.file = file;
+    error.remedy = "restore the file from a copy";
+    return error;
+  }
+  for (const auto& [name, expected] : {std::pair<std::string, std::string>{"commitment", key->commitment()},
+                                       std::pair<std::string, std::string>{"id", key->id()}}) {
+    const Result<std::string> stored = json_field<std::string>(*json, name, file);
+    if (!stored) return stored.error();
+    if (*stored != expected) {
+      return fail(ErrorKind::invalid, name, "does not belong to the secret, creation time and length in this file",
+                  "restore the file from a copy: something in it was changed");
+    }
+  }
+  if (bits != 0 && key->bits != bits) {
+    return fail(
+        ErrorKind::invalid, "bits",
+        "the key is for messages of " + std::to_string(key->bits) + " bits, " + std::to_string(bits) + " are asked for",
+        "use a key and a decoder of one message length");
+  }
+  return key;
+}
+
+/// False if others than the owner may read the file: a tool should warn.
+[[nodiscard]] inline bool key_file_is_private(const std::filesystem::path& path) {
+  std::error_code status;
+  const auto mode = std::filesystem::status(path, status).permissions();
+  using std::filesystem::perms;
+  return status || (mode & (perms::group_all | perms::others_all)) == perms::none;
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,137 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <sys/stat.h>
+
+#include <unistd.h>
+#include <compmark/io/owner_key.hpp>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+using namespace compmark;
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Folder {
+  fs::path path = fs::temp_directory_path() / ("compmark-owner-key-" + std::to_string(::getpid()));
+  Folder() { fs::create_directories(path); }
+  ~Folder() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
+};
+
+Digest256 some_secret() {
+  Digest256 secret{};
+  for (std::size_t i = 0; i < secret.size(); ++i) secret[i] = static_cast<std::byte>(7 * i + 1);
+  return secret;
+}
+OwnerKey some_key(std::size_t bits = 48) { return *make_key(some_secret(), "2026-01-31T23:59:59Z", bits); }
+
+}  // namespace
+
+TEST_CASE("io/owner_key: what is written is read, by its owner only, and never overwritten") {
+  const Folder folder;
+  const fs::path path = folder.path / "owner.key";
+  const OwnerKey key = some_key();
+  const ::mode_t before = ::umask(0);  // the mode does not rely on the user's mask
+  REQUIRE(write_key(path, key).ok());
+  ::umask(before);
+  CHECK((fs::status(path).permissions() & fs::perms::all) == (fs::perms::owner_read | fs::perms::owner_write));
+  CHECK(key_file_is_private(path));
+  const Result<OwnerKey> read = read_key(path, 48);
+  REQUIRE(read.ok());
+  CHECK(read->secret == key.secret);
+  CHECK(read->created == key.created);
+  CHECK(read->bits == 48);
+  CHECK(read->commitment() == key.commitment());
+  const auto bytes = *read_file(path);
+  const Result<Done> again = write_key(path, some_key(32));
+  REQUIRE_FALSE(again.ok());
+  CHECK(*read_file(path) == bytes);
+  CHECK_FALSE(fs::exists(folder.path / "owner.key.partial"));
+  CHECK_FALSE(write_key(folder.path / "none" / "x.key", key).ok());
+  fs::permissions(path, fs::perms::others_read, fs::perm_options::add);
+  CHECK_FALSE(key_file_is_private(path));
+}
+
+TEST_CASE("io/owner_key: the commitment is the hash that the documentation says, and binds every field") {
+  const OwnerKey key = some_key();
+  std::string text = "compmark/commitment/v1";
+  for (const std::byte value : some_secret()) text += static_cast<char>(value);
+  text += std::string("\0\0\0\x30", 4) + "2026-01-31T23:59:59Z";
+  CHECK(key.commitment() == Sha256{}.update(bytes_of(text)).hex());
+  CHECK(key.id() == key.commitment().substr(0, 16));
+  OwnerKey other = key;
+  other.secret[31] ^= std::byte{1};
+  CHECK(other.commitment() != key.commitment());
+  CHECK(some_key(49).commitment() != key.commitment());
+  other = key;
+  other.created[0] = '3';
+  CHECK(other.commitment() != key.commitment());
+}
+
+TEST_CASE("io/owner_key: bytes of one purpose are fixed for ever and differ from those of another") {
+  std::array<std::byte, 32> message{}, carriers{}, direct{};
+  some_key().derive("compmark/message/v1", message);
+  some_key().derive("compmark/carriers/v1", carriers);
+  hkdf_sha256(some_secret(), bytes_of("compmark"), bytes_of("compmark/message/v1"), direct);
+  CHECK(message == direct);
+  CHECK(message != carriers);
+  CHECK(message != some_secret());
+}
+
+TEST_CASE("io/owner_key: damaged files are refused with one line that does not tell the secret") {
+  const Folder folder;
+  const fs::path path = folder.path / "owner.key", bad = folder.path / "bad.key";
+  REQUIRE(write_key(path, some_key()).ok());
+  const nlohmann::json good = *read_json(path);
+  const std::string secret = good["secret"];
+  const auto refused = [&](const std::string& field, const std::function<void(nlohmann::json&)>& damage) {
+    nlohmann::json json = good;
+    damage(json);
+    REQUIRE(write_json(bad, json).ok());
+    const Result<OwnerKey> key = read_key(bad);
+    CAPTURE(field);
+    REQUIRE_FALSE(key.ok());
+    CHECK(key.error().file == bad.string());
+    CHECK(key.error().field == field);
+    CHECK_FALSE(key.error().remedy.empty());
+    CHECK(key.error().line().find(secret.substr(0, 12)) == std::string::npos);
+  };
+  for (const char* field : {"format", "version", "secret", "created", "bits", "commitment", "id"})
+    refused(field, [&](nlohmann::json& json) { json.erase(field); });
+  refused("format", [](nlohmann::json& json) { json["format"] = "something"; });
+  refused("version", [](nlohmann::json& json) { json["version"] = 2; });
+  refused("secret", [&](nlohmann::json& json) { json["secret"] = secret.substr(2); });
+  refused("secret", [&](nlohmann::json& json) { json["secret"] = "zz" + secret.substr(2); });
+  refused("secret", [](nlohmann::json& json) { json["secret"] = std::string(64, '0'); });
+  refused("secret", [](nlohmann::json& json) { json["secret"] = 5; });
+  refused("created", [](nlohmann::json& json) { json["created"] = "yesterday"; });
+  refused("bits", [](nlohmann::json& json) { json["bits"] = 0; });
+  refused("bits", [](nlohmann::json& json) { json["bits"] = 129; });
+  refused("bits", [](nlohmann::json& json) { json["bits"] = -48; });
+  refused("commitment", [](nlohmann::json& json) { json["bits"] = 32; });
+  refused("commitment", [](nlohmann::json& json) { json["created"] = "2025-01-31T23:59:59Z"; });
+  refused("commitment", [&](nlohmann::json& json) { json["secret"] = "ff" + secret.substr(2); });
+  refused("id", [](nlohmann::json& json) { json["id"] = "0000000000000000"; });
+  refused("format", [](nlohmann::json& json) { json = nlohmann::json::array(); });
+  const auto text_refused = [&](const std::string& text) {
+    REQUIRE(write_file(bad, text).ok());
+    CHECK_FALSE(read_key(bad).ok());
+  };
+  text_refused("");
+  text_refused("not JSON");
+  text_refused(good.dump().substr(0, 100));
+  text_refused(std::string(100000, ' ') + good.dump());
+  CHECK_FALSE(read_key(folder.path / "missing.key").ok());
+  CHECK_FALSE(read_key(folder.path).ok());
+  const Result<OwnerKey> other_length = read_key(path, 32);
+  REQUIRE_FALSE(other_length.ok());
+  CHECK(other_length.error().field == "bits");
+  CHECK_FALSE(make_key(some_secret(), "2026-01-31", 48).ok());
+  CHECK_FALSE(make_key(some_secret(), "2026-01-31T23:59:59Z", 0).ok());
+}
