@@ -25,6 +25,7 @@
 #include "compmark/mark/decoder_stem.hpp"
 #include "compmark/mark/decoder_weights.hpp"
 #include "compmark/mark/decoder_writer.hpp"
+#include "compmark/mark/ecc.hpp"
 #include "compmark/mark/hidden_decoder.hpp"
 #include "compmark/mark/input_convention.hpp"
 #include "compmark/mark/key.hpp"
