@@ -1,0 +1,127 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Kernels of the lattice decoder: with u [dimensions, positions] and gates w [positions],
+//   sum_k = sum_i w_i cos(2 pi t_ik),   t_ik = phase_k + sum_j frequency_kj u_ji   (in turns),
+// and the two gradients of it. The waves are computed again in the gradients instead of being kept: features x positions numbers would not
+// fit the caches. Positions come in whole packs (padded with gate 0). Cost: per feature and position `dimensions` multiply-adds and ~22
+// operations for the wave; the gradients twice that.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+#include <type_traits>
+
+#include "compmark/math/pack.hpp"
+
+namespace compmark::inline v0 {
+namespace detail {
+
+template <class P>
+struct Wave {
+  P cosine;
+  P sine;
+};
+
+/// cos and sin of 2 pi x. Float: reduced to half a turn, then the half angle by its series; error 6e-7 for |x| < 3 (beyond, the rounding
+/// of x itself counts: 4e-6 turns at 100).
+template <class T, int W>
+[[nodiscard]] COMPMARK_INLINE Wave<Pack<T, W>> wave_of_turns(Pack<T, W> x) {
+  using P = Pack<T, W>;
+  const P q = x - round_to_even(x);
+  if constexpr (!std::is_same_v<T, float>) {
+    Wave<P> result;
+    for (int i = 0; i < W; ++i) {
+      result.cosine.set(i, std::cos(2 * std::numbers::pi_v<T> * q.lane(i)));
+      result.sine.set(i, std::sin(2 * std::numbers::pi_v<T> * q.lane(i)));
+    }
+    return result;
+  } else {
+    const P t = q * P(3.14159265f);  // half the angle, within a quarter turn
+    const P t2 = t * t;
+    P s = fma(P(-2.50521084e-8f), t2, P(2.75573192e-6f));
+    s = fma(s, t2, P(-1.98412698e-4f));
+    s = fma(s, t2, P(8.33333333e-3f));
+    s = fma(s, t2, P(-1.66666667e-1f));
+    s = fma(s * t2, t, t);
+    P c = fma(P(2.08767570e-9f), t2, P(-2.75573192e-7f));
+    c = fma(c, t2, P(2.48015873e-5f));
+    c = fma(c, t2, P(-1.38888889e-3f));
+    c = fma(c, t2, P(4.16666667e-2f));
+    c = fma(c, t2, P(-0.5f));
+    c = fma(c, t2, P(1.0f));
+    return {fma(P(-2.0f) * s, s, P(1.0f)), P(2.0f) * s * c};
+  }
+}
+
+/// What all three kernels read.
+template <class T>
+struct LatticeWaves {
+  const T* frequency = nullptr;  ///< [features, dimensions], in turns
+  const T* phase = nullptr;      ///< [features], in turns
+  const T* u = nullptr;          ///< [dimensions, stride]
+  const T* gate = nullptr;       ///< [stride]
+  std::size_t features = 0;
+  std::size_t dimensions = 0;
+  std::size_t stride = 0;  ///< positions, in whole packs
+
+  static constexpr int lanes = native_width<T>;
+  using P = Pack<T, lanes>;
+
+  [[nodiscard]] COMPMARK_INLINE Wave<P> wave(std::size_t k, std::size_t i) const {
+    P turns(phase[k]);
+    const T* f = frequency + k * dimensions;
+    for (std::size_t j = 0; j < dimensions; ++j) turns = fma(P(f[j]), P::load(u + j * stride + i), turns);
+    return wave_of_turns(turns);
+  }
+
+  /// sums[k] of positions [begin, end).
+  void sum(std::size_t begin, std::size_t end, T* sums) const {
+    for (std::size_t k = 0; k < features; ++k) {
+      P total(T(0));
+      for (std::size_t i = begin; i < end; i += lanes) total = fma(P::load(gate + i), wave(k, i).cosine, total);
+      sums[k] = reduce_add(total);
+    }
+  }
+
+  /// With e_k = dL/dsum_k: fills d_u [dimensions, stride] and d_gate, positions [begin, end).
+  void input_gradient(std::size_t begin, std::size_t end, const T* e, T* d_u, T* d_gate) const {
+    constexpr std::size_t most_dimensions = 24;
+    const P turn(-2 * std::numbers::pi_v<T>);
+    for (std::size_t i = begin; i < end; i += lanes) {
+      P slope[most_dimensions];
+      for (std::size_t j = 0; j < dimensions; ++j) slope[j] = P(T(0));
+      P share(T(0));
+      for (std::size_t k = 0; k < features; ++k) {
+        const Wave<P> at = wave(k, i);
+        share = fma(P(e[k]), at.cosine, share);
+        const P s = P(e[k]) * at.sine;
+        const T* f = frequency + k * dimensions;
+        for (std::size_t j = 0; j < dimensions; ++j) slope[j] = fma(P(f[j]), s, slope[j]);
+      }
+      const P scale = turn * P::load(gate + i);
+      for (std::size_t j = 0; j < dimensions; ++j) (scale * slope[j]).store(d_u + j * stride + i);
+      share.store(d_gate + i);
+    }
+  }
+
+  /// Adds to sines[k] = sum w sin and to moments[k, j] = sum w u_j sin over [begin, end): dL/dphase_k = -2 pi e_k sines[k], and so on.
+  void weight_sums(std::size_t begin, std::size_t end, T* sines, T* moments) const {
+    for (std::size_t k = 0; k < features; ++k) {
+      constexpr std::size_t most_dimensions = 24;
+      P total(T(0)), moment[most_dimensions];
+      for (std::size_t j = 0; j < dimensions; ++j) moment[j] = P(T(0));
+      for (std::size_t i = begin; i < end; i += lanes) {
+        const P s = P::load(gate + i) * wave(k, i).sine;
+        total = total + s;
+        for (std::size_t j = 0; j < dimensions; ++j) moment[j] = fma(s, P::load(u + j * stride + i), moment[j]);
+      }
+      sines[k] += reduce_add(total);
+      for (std::size_t j = 0; j < dimensions; ++j) moments[k * dimensions + j] += reduce_add(moment[j]);
+    }
+  }
+};
+
+}  // namespace detail
+}  // namespace compmark::inline v0

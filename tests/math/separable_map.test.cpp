@@ -1,0 +1,91 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/math/separable_map.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/random.hpp"
+#include "compmark/core/thread_executor.hpp"
+
+using namespace compmark;
+
+namespace {
+
+std::vector<double> normals(std::size_t count, std::uint64_t seed) {
+  const Random random(seed, 0, random_stage("test/separable_map"));
+  std::vector<double> values(count);
+  for (std::size_t i = 0; i < count; ++i) values[i] = random.normal(i);
+  return values;
+}
+
+using Table = RunTable<double>;
+
+std::vector<std::pair<const char*, SeparableMap<double>>> maps(int height, int width) {
+  return {{"resize down", {Table::resize(height, height * 3 / 4), Table::resize(width, width * 2 / 3)}},
+          {"resize up", {Table::resize(height, height + 5), Table::resize(width, width * 2)}},
+          {"crop", {Table::crop(height, 2, height - 5), Table::crop(width, 3, width - 4)}},
+          {"blur", {Table::gaussian(height, 1.3), Table::gaussian(width, 0.8)}},
+          {"wide blur", {Table::gaussian(height, 3 * height), Table::gaussian(width, 2 * width)}},
+          {"blur at every fourth", {Table::gaussian(height, 2, 4), Table::gaussian(width, 2, 4)}}};
+}
+
+}  // namespace
+
+TEST_CASE("math/separable_map: the transpose is the adjoint, at any number of threads") {
+  for (const auto& [name, map] : maps(17, 23)) {
+    CAPTURE(name);
+    const std::vector<double> x = normals(3 * 17 * 23, 1);
+    const std::size_t places = static_cast<std::size_t>(map.height()) * static_cast<std::size_t>(map.width());
+    const std::vector<double> g = normals(3 * places, 2);
+    std::vector<double> out(3 * places), again(3 * places), back(x.size(), 0.5), back_again(x.size(), 0.5);
+    Buffer<double> scratch;
+    SerialExecutor serial;
+    ThreadExecutor threads(3);
+    map.apply({x.data(), 3, 17, 23}, {out.data(), 3, map.height(), map.width()}, scratch, serial);
+    map.apply({x.data(), 3, 17, 23}, {again.data(), 3, map.height(), map.width()}, scratch, threads);
+    map.add_transposed({g.data(), 3, map.height(), map.width()}, {back.data(), 3, 17, 23}, scratch, serial);
+    map.add_transposed({g.data(), 3, map.height(), map.width()}, {back_again.data(), 3, 17, 23}, scratch, threads);
+    CHECK(out == again);
+    CHECK(back == back_again);
+    double forward = 0, backward = 0;
+    for (std::size_t i = 0; i < out.size(); ++i) forward += out[i] * g[i];
+    for (std::size_t i = 0; i < x.size(); ++i) backward += x[i] * (back[i] - 0.5);
+    CHECK(forward == doctest::Approx(backward).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("math/separable_map: a constant image stays constant up to its border") {
+  for (const auto& [name, map] : maps(16, 12)) {
+    CAPTURE(name);
+    const std::vector<double> x(3 * 16 * 12, 0.75);
+    std::vector<double> out(3 * static_cast<std::size_t>(map.height()) * static_cast<std::size_t>(map.width()));
+    Buffer<double> scratch;
+    SerialExecutor serial;
+    map.apply({x.data(), 3, 16, 12}, {out.data(), 3, map.height(), map.width()}, scratch, serial);
+    double worst = 0;
+    for (const double value : out) worst = std::max(worst, std::abs(value - 0.75));
+    CHECK(worst < 1e-14);
+  }
+}
+
+TEST_CASE("math/separable_map: closed forms") {
+  const Table half = Table::resize(8, 4);  // a triangle of width 2 around 0.5, 2.5, ...: (1, 3, 3, 1) / 8
+  CHECK(half.output() == 4);
+  Buffer<double> scratch;
+  SerialExecutor serial;
+  std::vector<double> impulse(8, 0.0), out(4);
+  impulse[2] = 1;
+  const SeparableMap<double> map{Table::crop(1, 0, 1), half};
+  map.apply({impulse.data(), 1, 1, 8}, {out.data(), 1, 1, 4}, scratch, serial);
+  CHECK(out[0] == doctest::Approx(0.125));
+  CHECK(out[1] == doctest::Approx(0.375));
+  CHECK(out[2] == doctest::Approx(0));
+  const Table mirrored = Table::gaussian(9, 1);  // place 1 is also its own mirror image across place 0
+  const double a = std::exp(-0.5), b = std::exp(-2.0), c = std::exp(-4.5), sum = 1 + 2 * (a + b + c);
+  CHECK(mirrored.weight[0] == doctest::Approx(1 / sum));
+  CHECK(mirrored.weight[1] == doctest::Approx(2 * a / sum));
+}
