@@ -44,6 +44,7 @@ Command add_probe(CLI::App& app) {
                                    {"value", effect.value},
                                    {"limit", effect.limit},
                                    {"evidence", effect.evidence}});
+        if (effect.effect == SceneEffect::constant_background) json["effects"].back()["color"] = effect.color;
       }
       std::printf("%s\n", json.dump(2).c_str());
       return success;

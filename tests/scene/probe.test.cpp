@@ -4,8 +4,11 @@
 #include <compmark/scene/open.hpp>
 #include <compmark/scene/probe.hpp>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
+#include <vector>
 
 #include "scene/cube_dialects.hpp"
 
@@ -132,6 +135,11 @@ TEST_CASE("scene/probe: exactly the effect that was planted is called for") {
           approach(p.capture.cameras[5], 2.56);
           p.images.assign(p.capture.cameras.size(), Plant::photograph(120, 3, 255));
         }) == "distance_input");
+  CHECK(probe_with([](Plant& p) {  // at five eighths: 1.6, below the limit
+          for (int i = 0; i < 30; ++i) p.capture.cameras.push_back(p.capture.cameras[static_cast<std::size_t>(i % 12)]);
+          approach(p.capture.cameras[5], 1.6);
+          p.images.assign(p.capture.cameras.size(), Plant::photograph(120, 3, 255));
+        }) == "");
   // Half the cameras with a lens three times as long, from the same distance.
   CHECK(probe_with([](Plant& p) {
           for (std::size_t k = 0; k < 12; k += 2) p.capture.cameras[k].fx = p.capture.cameras[k].fy = 60;
@@ -162,6 +170,182 @@ TEST_CASE("scene/probe: exactly the effect that was planted is called for") {
           }
         }) == "forward_facing");
   CHECK(probe_with({}, [](Plant&, Folder folder) { put_image(folder.path() / "masks/03.png", 16, 12, 1); }) == "masks");
+}
+
+TEST_CASE("scene/probe: a screen behind opaque photographs is a background, with its colour") {
+  const auto screen = [](std::array<int, 3> color,
+                         int noise) {  // the subject fills the middle, levels scatter like those of a JPEG
+    ImageBytes image = Plant::photograph(120, 3, 255);
+    for (int i = 0; i < 16 * 12; ++i) {
+      if (i % 16 != 0 && i % 16 != 15 && i >= 16 && i < 11 * 16) continue;
+      for (std::size_t c = 0; c < 3; ++c) {
+        image.pixels[3 * static_cast<std::size_t>(i) + c] = static_cast<std::uint8_t>(
+            std::clamp(color[c] + (i * 7 + static_cast<int>(c)) % (2 * noise + 1) - noise, 0, 255));
+      }
+    }
+    return image;
+  };
+  const auto probed = [&](const std::function<void(Plant&)>& photographs) {
+    const TemporaryFolder folder;
+    Plant plant;
+    plant.make_model();
+    photographs(plant);
+    static_cast<void>(plant.write_and_probe(folder.path()));
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    return *probe_scene(*dataset);
+  };
+  for (const std::array<int, 3>& color : {std::array<int, 3>{255, 255, 255}, {0, 0, 0}, {10, 200, 30}}) {
+    const std::vector<ProbedEffect> effects = probed([&](Plant& p) {
+      for (ImageBytes& image : p.images) image = screen(color, 1);
+    });
+    REQUIRE(effects.size() == 1);
+    CHECK(effects[0].effect == SceneEffect::constant_background);
+    for (std::size_t c = 0; c < 3; ++c) CHECK(std::abs(effects[0].color[c] * 255 - color[c]) < 1);
+  }
+  // Not one colour: a screen of another colour in one photograph, a subject that touches the border of one, noise of a wall.
+  CHECK(probed([&](Plant& p) {
+          for (ImageBytes& image : p.images) image = screen({255, 255, 255}, 1);
+          p.images[7] = screen({230, 255, 255}, 1);
+        }).empty());
+  CHECK(probed([&](Plant& p) {
+          for (ImageBytes& image : p.images) image = screen({255, 255, 255}, 1);
+          for (std::size_t k = 0; k < 9; ++k) p.images[3].pixels[k] = 120;
+        }).empty());
+  CHECK(probed([&](Plant& p) {
+          for (ImageBytes& image : p.images) image = screen({200, 190, 180}, 4);
+        }).empty());
+}
+
+namespace {
+
+/// Depth ratio of the probe for points as twelve cameras on a circle of radius 1 see them, looking at the centre; or from `centers`.
+struct Surroundings {
+  std::vector<std::array<double, 3>> centers, targets;
+  std::vector<std::array<float, 3>> points;
+
+  Surroundings() {
+    for (int i = 0; i < 24; ++i) {
+      const double phi = 2 * 3.14159265358979323846 * i / 24;
+      centers.push_back({std::cos(phi), std::sin(phi), 0.2});
+      targets.push_back({0, 0, 0});
+    }
+  }
+  static double uniform(std::size_t i) { return Random(1, 0, random_stage("test surroundings")).uniform(i); }
+  static std::array<double, 3> direction(std::size_t i) {
+    const double z = 2 * uniform(2 * i) - 1, phi = 6.283185307179586 * uniform(2 * i + 1);
+    return {std::sqrt(1 - z * z) * std::cos(phi), std::sqrt(1 - z * z) * std::sin(phi), z};
+  }
+  void add(double x, double y, double z) {
+    points.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)});
+  }
+  /// A ball of points, as the surface of a subject.
+  Surroundings& subject(double radius, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::array<double, 3> d = direction(i);
+      add(radius * d[0], radius * d[1], radius * d[2]);
+    }
+    return *this;
+  }
+  /// The walls of a box.
+  Surroundings& box(double x, double y, double z, std::size_t count) {
+    const std::array<double, 3> half{x, y, z}, area{y * z, x * z, x * y};
+    for (std::size_t i = 0; i < count; ++i) {
+      std::array<double, 3> p{};
+      for (std::size_t c = 0; c < 3; ++c) p[c] = half[c] * (2 * uniform(5 * i + c + 900000) - 1);
+      const double u = uniform(5 * i + 900003) * (area[0] + area[1] + area[2]);
+      const std::size_t wall = u < area[0] ? 0 : u < area[0] + area[1] ? 1 : 2;
+      p[wall] = uniform(5 * i + 900004) < 0.5 ? -half[wall] : half[wall];
+      add(p[0], p[1], p[2]);
+    }
+    return *this;
+  }
+  /// Points in all horizontal directions, `radii` from the centre.
+  Surroundings& around(double radii, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const double phi = 6.283185307179586 * uniform(i + 500000);
+      add(radii * std::cos(phi), radii * std::sin(phi), radii * 0.2 * uniform(i + 600000));
+    }
+    return *this;
+  }
+  /// The ground, to `radii` from the centre: as many points in each solid angle of a camera at height 0.5.
+  Surroundings& ground(double radii, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const double phi = 6.283185307179586 * uniform(i + 500000), down = 0.5 / radii + uniform(i + 600000);
+      add(0.5 / down * std::cos(phi), 0.5 / down * std::sin(phi), -0.3);
+    }
+    return *this;
+  }
+  [[nodiscard]] double ratio() const {
+    Dataset dataset;
+    dataset.kind = "transforms";
+    for (std::size_t k = 0; k < centers.size(); ++k) {
+      std::array<double, 3> f{};
+      for (std::size_t c = 0; c < 3; ++c) f[c] = targets[k][c] - centers[k][c];
+      const double n = std::hypot(f[0], f[1], f[2]), flat = std::hypot(f[0], f[1]);
+      for (double& x : f) x /= n;
+      View view;
+      Camera<double>& camera = view.camera;
+      camera.width = 160;
+      camera.height = 120;
+      camera.fx = camera.fy = 130;  // 63 degrees wide
+      camera.cx = 80;
+      camera.cy = 60;
+      camera.center_world = centers[k];
+      const double rx = f[1] * n / flat, ry = -f[0] * n / flat;
+      camera.rotation_camera_world = {rx, ry, 0, -f[2] * ry, f[2] * rx, f[0] * ry - f[1] * rx, f[0], f[1], f[2]};
+      dataset.views.push_back(view);
+    }
+    dataset.points.position = points;
+    return detail::look_at_geometry(dataset, detail::find_sightings(dataset)).far_ratio;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("scene/probe: the limit of the far field parts a family of bounded scenes from one of unbounded scenes") {
+  const double limit = ProbeSettings{}.far_ratio;
+  double highest = 0, lowest = HUGE_VAL;
+  const auto bounded = [&](const char* what, const Surroundings& s) {
+    INFO(what);
+    const double ratio = s.ratio();
+    CHECK(ratio > 1);
+    CHECK(ratio < limit);
+    highest = std::max(highest, ratio);
+  };
+  const auto unbounded = [&](const char* what, const Surroundings& s) {
+    INFO(what);
+    const double ratio = s.ratio();
+    CHECK(ratio > limit);
+    lowest = std::min(lowest, ratio);
+  };
+  using S = Surroundings;
+  for (const double r : {0.1, 0.3, 0.6, 0.9}) bounded("a subject", S{}.subject(r, 2000));
+  for (const double r : {1.05, 1.3, 1.7}) bounded("a subject in a round room", S{}.subject(0.3, 1500).around(r, 500));
+  bounded("a subject on its ground, in a room", S{}.subject(0.3, 1500).box(1.2, 1.2, 0.8, 1500));
+  bounded("a room, seen across", S{}.box(1.2, 1.2, 0.6, 3000));
+  bounded("a hall twice as long as wide", S{}.box(2, 1.1, 0.6, 3000));
+  S inside = S{}.subject(2, 3000), street = S{}.box(6, 1.1, 0.8, 4000);
+  for (std::size_t k = 0; k < inside.centers.size(); ++k) {
+    const std::array<double, 3> d = inside.centers[k];
+    inside.centers[k] = {0.2 * d[0], 0.2 * d[1], 0.1};
+    inside.targets[k] = d;
+    street.centers[k] = {0.5 * static_cast<double>(k) - 6, 0.1 * d[1], 0};  // looking at either wall
+    street.targets[k] = {0.5 * static_cast<double>(k) - 6, k % 2 == 0 ? 5.0 : -5.0, 0};
+  }
+  bounded("a sphere from inside", inside);
+  bounded("a street, seen across", street);
+  // One wrong match in two hundred, far away: no far field. Largest distance over radius (the sheet's evidence) would say 12.
+  bounded("a subject and wrong matches", S{}.subject(0.3, 3000).around(12, 15));
+
+  for (const double r : {2.5, 4.0, 10.0, 100.0, 1e4}) {
+    for (const double share : {0.05, 0.2, 0.5}) {
+      // A third of the directions around is seen by a camera, all of the subject.
+      unbounded("surroundings", S{}.subject(0.3, 2000).around(r, static_cast<std::size_t>(3 * 2000 * share)));
+    }
+  }
+  for (const double r : {6.0, 20.0, 100.0}) unbounded("open ground", S{}.subject(0.3, 1000).ground(r, 3000));
+  MESSAGE("bounded up to ", highest, ", unbounded from ", lowest);
 }
 
 TEST_CASE("scene/probe: gains of photographs are found through points that disagree") {

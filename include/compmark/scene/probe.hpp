@@ -47,9 +47,10 @@ enum class SceneEffect {
 
 struct ProbedEffect {
   SceneEffect effect;
-  double value = 0;      ///< what was measured
-  double limit = 0;      ///< above (forward_facing: below) which the effect is called for
-  std::string evidence;  ///< a sentence for the user
+  double value = 0;                      ///< what was measured
+  double limit = 0;                      ///< above (forward_facing: below) which the effect is called for
+  std::string evidence;                  ///< a sentence for the user
+  std::array<double, 3> color{0, 0, 0};  ///< constant_background: of the borders, in [0, 1]
 };
 
 /// The limits. The defaults are those of the numerics sheet, section 3.
@@ -130,8 +131,11 @@ struct GeometryEvidence {
   if (!distance_ratios.empty()) e.distance_ratio = quantile(distance_ratios, 0.5);
   if (!scale_ratios.empty()) e.scale_ratio = quantile(scale_ratios, 0.5);
   if (!depths.empty()) e.baseline_to_depth = spread.radius / quantile(depths, 0.5);
-  // Not the sheet's largest distance over the cameras' radius: one point in a thousand is triangulated at 12 times the radius around a
-  // statue, and a building's surroundings stay below 9 although they are 20 times as deep as it. Measured: statue 1.1, cup 2.0, building 4.1.
+  // Not the sheet's largest distance over the cameras' radius: one wrong match in a thousand is triangulated anywhere. Depth over middle depth
+  // has a scale of its own: for cameras around a subject the middle is about their radius, so that a ratio of 2 is the far side of their
+  // ball, the farthest that anything inside can be, and 3 is 2 radii from the centre, where contracted cells begin to differ (by a third).
+  // Family of tests/scene/probe.test.cpp: everything bounded (subject, rooms, halls, streets, a sphere from inside) stays below 2.6, surroundings at
+  // 2.5 radii and more exceed 3 as soon as 2 in a hundred sightings are of them.
   if (!depths.empty() && !dataset.points_are_random) {
     const double middle = quantile(depths, 0.5);
     e.far_ratio = quantile(depths, 0.99) / middle;
@@ -152,7 +156,7 @@ struct GeometryEvidence {
   const detail::GeometryEvidence e = detail::look_at_geometry(dataset, sightings);
   const auto text = [](double v) { return detail::two_digits(v); };
   const auto call = [&](bool called, SceneEffect effect, double value, double limit, std::string evidence) {
-    if (called) effects.push_back({effect, value, limit, std::move(evidence)});
+    if (called) effects.push_back({effect, value, limit, std::move(evidence), {}});
   };
   const bool alpha = pixels->transparent > 0;
   call(alpha, SceneEffect::alpha, pixels->transparent, 0,
@@ -161,6 +165,9 @@ struct GeometryEvidence {
        pixels->border_deviation, settings.border_deviation,
        "the borders of all photographs have the colour " + text(pixels->border[0]) + " " + text(pixels->border[1]) +
            " " + text(pixels->border[2]) + ", with a deviation of " + text(pixels->border_deviation) + " levels");
+  if (!effects.empty() && effects.back().effect == SceneEffect::constant_background) {
+    for (std::size_t c = 0; c < 3; ++c) effects.back().color[c] = pixels->border[c] / 255;
+  }
   call(e.principal_point > settings.principal_point, SceneEffect::principal_point, e.principal_point,
        settings.principal_point, "the principal point is up to " + text(e.principal_point) + " pixels off the centre");
   const bool lens = e.displacement > settings.lens_displacement;
