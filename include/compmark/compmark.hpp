@@ -49,6 +49,8 @@
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/math/symmetric.hpp"
 #include "compmark/math/unroll.hpp"
+#include "compmark/math/winograd.hpp"
+#include "compmark/math/winograd_transform.hpp"
 
 #include "compmark/io/anchor_ply.hpp"
 #include "compmark/io/atomic_file.hpp"
@@ -152,6 +154,9 @@
 #include "compmark/effect/pixel_weights.hpp"
 
 #include "compmark/loss/concept.hpp"
+#include "compmark/loss/frequency.hpp"
+#include "compmark/loss/frequency_filter.hpp"
+#include "compmark/loss/frequency_similarity.hpp"
 #include "compmark/loss/hsv.hpp"
 #include "compmark/loss/l1.hpp"
 #include "compmark/loss/message.hpp"
