@@ -62,18 +62,19 @@ TEST_CASE("mark/ecc: (15, 7, 2) has the generator of the books, 1 + x^4 + x^6 + 
 }
 
 TEST_CASE("mark/ecc: every word with up to t errors is corrected, and linear codes add") {
-  for (const auto& [length, correctable] : {std::pair<std::size_t, std::size_t>{48, 3},
-                                            {48, 4},
-                                            {48, 5},
-                                            {48, 6},
-                                            {32, 3},
-                                            {32, 4},
-                                            {64, 5},
-                                            {64, 7},
-                                            {31, 5},
-                                            {63, 11},
-                                            {127, 10},
-                                            {16, 1}}) {
+  for (const auto& pair : {std::pair<std::size_t, std::size_t>{48, 3},
+                           {48, 4},
+                           {48, 5},
+                           {48, 6},
+                           {32, 3},
+                           {32, 4},
+                           {64, 5},
+                           {64, 7},
+                           {31, 5},
+                           {63, 11},
+                           {127, 10},
+                           {16, 1}}) {
+    const std::size_t length = pair.first, correctable = pair.second;
     const BchCode code = *BchCode::make(length, correctable);
     const Message first = random_message(1, code.payload_bits()), second = random_message(2, code.payload_bits());
     CHECK((code.encode(first) ^ code.encode(second)) == code.encode(first ^ second));
