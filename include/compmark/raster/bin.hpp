@@ -4,7 +4,7 @@
 // Binning: for each tile the splats that can reach one of its pixel centres, front to back. The tile test runs once a splat and its answer
 // is kept as bits (numerics case TB2: a count and a write pass that decide twice may decide differently); boxes of more than 64 tiles ask
 // the same out-of-line function again. Counting sort over fixed chunks of the depth order; the lists do not depend on the chunks.
-// Cost: one pack evaluation (~40 flop) per W tiles of a splat's box, then 8 bytes written a pair.
+// Cost: that of tile_hits.hpp, then 8 bytes written a pair.
 #pragma once
 
 #include <algorithm>
@@ -23,6 +23,7 @@
 #include "compmark/raster/footprint.hpp"
 #include "compmark/raster/projected.hpp"
 #include "compmark/raster/splat.hpp"
+#include "compmark/raster/tile_hits.hpp"
 
 namespace compmark::inline v0 {
 
@@ -33,10 +34,7 @@ struct BinSettings {
 
 /// Scratch of bin(); grow-only.
 struct BinWorkspace {
-  struct Box {
-    std::uint16_t x, y, width, height;  // in tiles
-  };
-  Buffer<Box> box;                  // [count]
+  Buffer<detail::TileBox> box;      // [count]
   Buffer<std::uint64_t> mask;       // [count] tiles of the box that are hit, row-major; small boxes only
   Buffer<std::uint32_t> histogram;  // [chunks, tiles] pairs, later write positions within the tile
   Buffer<std::size_t> chunk_pairs;  // [chunks]
@@ -45,85 +43,6 @@ struct BinWorkspace {
 };
 
 namespace detail {
-
-/// lane -> column and row within a group of 16 / width rows of a box that is `width` tiles wide.
-template <class T, int W>
-struct LaneGrid {
-  std::array<std::array<T, W>, W + 1> column{}, row{};
-  std::array<int, W + 1> rows{};  // W / width
-  constexpr LaneGrid() {
-    for (std::size_t width = 1; width <= W; ++width) {
-      rows[width] = static_cast<int>(W / width);
-      for (std::size_t lane = 0; lane < W; ++lane) {
-        column[width][lane] = static_cast<T>(lane % width);
-        row[width][lane] = static_cast<T>(lane / width);
-      }
-    }
-  }
-};
-template <class T, int W>
-inline constexpr LaneGrid<T, W> lane_grid{};
-
-/// Tests the tiles (first_column + column, first_row + row) of the grid that the lanes stand for: bit i is set if the smallest sigma over
-/// the tile's pixel centres, a convex minimum over a rectangle, is within sigma_max plus a slack for rounding (numerics case TB3).
-/// No square root, no false negative. `columns` <= W tiles wide.
-template <int tile_size, class T, int W>
-[[gnu::noinline]] inline unsigned tiles_hit(const Splat<T>& splat, int first_column, int first_row, int columns,
-                                            int width, int height) {
-  using P = Pack<T, W>;
-  const P tile(static_cast<T>(tile_size)), half(pixel_center<T>), zero(T(0));
-  const auto group = static_cast<std::size_t>(columns);
-  const P x0 = fma(P::load(lane_grid<T, W>.column[group].data()) + P(static_cast<T>(first_column)), tile, half);
-  const P y0 = fma(P::load(lane_grid<T, W>.row[group].data()) + P(static_cast<T>(first_row)), tile, half);
-  const P x_low = x0 - P(splat.u), x_high = min(x0 + tile - P(T(1)), P(static_cast<T>(width)) - half) - P(splat.u);
-  const P y_low = y0 - P(splat.v), y_high = min(y0 + tile - P(T(1)), P(static_cast<T>(height)) - half) - P(splat.v);
-  const bool pivot_x = splat.pivot_x != T(0);
-  const P a_low = pivot_x ? y_low : x_low, a_high = pivot_x ? y_high : x_high;
-  const P b_low = pivot_x ? x_low : y_low, b_high = pivot_x ? x_high : y_high;
-  const P slope(splat.slope), major(splat.major), minor(splat.minor);
-  const auto sigma = [&](P a, P b) {
-    const P w = a - slope * b;
-    return major * w * w + minor * b * b;
-  };
-  const auto clamp = [](P x, P low, P high) { return min(max(x, low), high); };
-  // The minimum lies on an edge that faces the mean: b fixed at its value nearest the mean and a free, or the other way round.
-  const P b_near = clamp(zero, b_low, b_high), a_near = clamp(zero, a_low, a_high);
-  const P first = sigma(clamp(slope * b_near, a_low, a_high), b_near);
-  const T back = splat.major * splat.slope / (splat.major * splat.slope * splat.slope + splat.minor);
-  const P second = sigma(a_near, clamp(P(back) * a_near, b_low, b_high));
-  const P bound(splat.sigma_max * T(1.0001) + T(1e-5));
-  return (min(first, second) <= bound).bits();
-}
-
-/// Whether the answer for a box is kept as 64 bits; else it is asked for twice, of the same function.
-template <int W>
-[[nodiscard]] COMPMARK_INLINE bool is_small(const BinWorkspace::Box& box) {
-  return box.width <= W && box.width * box.height <= 64;
-}
-
-/// Calls visit(row, column, columns, bits) for groups of at most W tiles of a splat's box: whole rows where the box is at most W wide, else
-/// parts of one row. Bit k of a group is its tile (k / columns, k % columns).
-template <Accuracy accuracy, class T, int W, class Visit>
-COMPMARK_INLINE void each_tile_group(const Splat<T>& splat, const BinWorkspace::Box& box, int width, int height,
-                                     const Visit& visit) {
-  for (int row = 0; row < box.height;) {
-    const int columns = std::min<int>(box.width, W);
-    const int rows = box.width <= W ? std::min<int>(lane_grid<T, W>.rows[box.width], box.height - row) : 1;
-    for (int column = 0; column < box.width; column += columns) {
-      const int here = std::min<int>(columns, box.width - column);
-      const int lanes = here * rows;
-      unsigned bits = lanes >= 32 ? ~0u : (1u << lanes) - 1u;
-      if constexpr (accuracy.footprint == FootprintRule::exact_tiles) {
-        bits &= tiles_hit<accuracy.tile_size, T, W>(splat, box.x + column, box.y + row, here, width, height);
-      }
-      visit(row, column, here, bits);
-    }
-    row += rows;
-  }
-}
-
-/// Splats asked for in advance: projection wrote them past the caches (measured: the wait for them was half of the time of binning).
-inline constexpr std::size_t splats_ahead = 32;
 
 /// Exclusive prefix sums in std::size_t. Returns the total.
 template <class Count>
@@ -149,11 +68,12 @@ template <class Count>
 
 }  // namespace detail
 
-/// Fills `lists`. On error the lists are empty (every tile shows the background) and nothing was allocated for the pairs.
+/// Fills `lists`. `each_pack(first, lanes, fields)` gets every pack of splats while it is in registers. On error the lists are empty (every tile shows the background) and nothing was allocated for the pairs.
 /// Images up to 65535 tiles on a side.
-template <Accuracy accuracy, class T, int W = native_width<T>, Executor E>
+template <Accuracy accuracy, class T, int W = native_width<T>, Executor E, class EachPack = detail::NoPackVisitor>
 Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, const BinSettings& settings,
-                 TileLists& lists, BinWorkspace& workspace, E& executor) {
+                 TileLists& lists, BinWorkspace& workspace, E& executor, const EachPack& each_pack = {}) {
+  using P = Pack<T, W>;
   constexpr int tile_size = accuracy.tile_size;
   lists.tiles_x = (width + tile_size - 1) / tile_size;
   lists.tiles_y = (height + tile_size - 1) / tile_size;
@@ -176,7 +96,7 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
       workspace.offset[64 * w + k] = static_cast<std::uint32_t>(k / w * tiles_x + k % w);
     }
   }
-  const auto each_large = [&](const Splat<T>& splat, const BinWorkspace::Box& box, std::uint32_t* corner,
+  const auto each_large = [&](const Splat<T>& splat, const detail::TileBox& box, std::uint32_t* corner,
                               const auto& visit) {
     detail::each_tile_group<accuracy, T, W>(
         splat, box, width, height, [&](int row, int column, int columns, unsigned bits) {
@@ -193,28 +113,55 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
     const std::size_t chunk = begin / grain;
     std::uint32_t* const histogram = workspace.histogram.data() + chunk * tiles;
     std::fill(histogram, histogram + tiles, 0u);
-    // Three loops, not one: a branch on the bits of a mask that is still being computed would be mispredicted late (measured: 2x).
-    for (std::size_t i = begin; i < end; ++i) {
-      const Splat<T>& splat = projected.splats[i];
-      __builtin_prefetch(&splat + detail::splats_ahead);
-      const detail::TileRectangle r = detail::tile_rectangle<accuracy.footprint, tile_size>(
-          splat.u, splat.v, splat.extent_x, splat.extent_y, width, height);
-      workspace.box[i] = {static_cast<std::uint16_t>(r.x_begin), static_cast<std::uint16_t>(r.y_begin),
-                          static_cast<std::uint16_t>(std::max(0, r.x_end - r.x_begin)),
-                          static_cast<std::uint16_t>(std::max(0, r.y_end - r.y_begin))};
-    }
-    for (std::size_t i = begin; i < end; ++i) {
-      const BinWorkspace::Box box = workspace.box[i];
-      if (!detail::is_small<W>(box)) continue;
-      std::uint64_t mask = 0;
-      detail::each_tile_group<accuracy, T, W>(
-          projected.splats[i], box, width, height,
-          [&](int row, int, int, unsigned bits) { mask |= static_cast<std::uint64_t>(bits) << (row * box.width); });
-      workspace.mask[i] = mask;
+    // Two loops, not one: a branch on the bits of a mask that is still being computed would be mispredicted late (measured: 2x).
+    for (std::size_t i = begin; i < end; i += W) {
+      const std::size_t lanes = std::min<std::size_t>(W, end - i);
+      const detail::PackedSplats<P> splats = detail::load_splats<P>(projected.splats.data() + i, lanes);
+      each_pack(i, lanes, splats);
+      unsigned rest = (1u << lanes) - 1u;  // lanes without a mask so far
+      if constexpr (accuracy.footprint != FootprintRule::square_three_sigma) {
+        const detail::PackedBoxes<P> box = detail::tile_boxes<tile_size>(splats, width, height);
+        alignas(64) std::array<std::array<T, W>, 5> column;
+        box.x.store(column[0].data());
+        box.y.store(column[1].data());
+        box.width.store(column[2].data());
+        box.height.store(column[3].data());
+        if constexpr (accuracy.footprint == FootprintRule::exact_tiles) {
+          const P side(static_cast<T>(std::min(detail::packed_side, W)));
+          const auto packed = (box.width <= side) & (box.height <= side);
+          rest &= ~packed.bits();
+          detail::packed_hits<tile_size>(splats, box, packed, width, height).store(column[4].data());
+        }
+        for (std::size_t lane = 0; lane < lanes; ++lane) {
+          workspace.box[i + lane] = {
+              static_cast<std::uint16_t>(column[0][lane]), static_cast<std::uint16_t>(column[1][lane]),
+              static_cast<std::uint16_t>(column[2][lane]), static_cast<std::uint16_t>(column[3][lane])};
+          if constexpr (accuracy.footprint == FootprintRule::exact_tiles)
+            workspace.mask[i + lane] = static_cast<std::uint64_t>(static_cast<std::uint32_t>(column[4][lane]));
+        }
+      }
+      for (; rest != 0; rest &= rest - 1) {
+        const std::size_t k = i + static_cast<std::size_t>(std::countr_zero(rest));
+        const Splat<T>& splat = projected.splats[k];
+        if constexpr (accuracy.footprint == FootprintRule::square_three_sigma) {
+          const detail::TileRectangle r = detail::tile_rectangle<accuracy.footprint, tile_size>(
+              splat.u, splat.v, splat.extent_x, splat.extent_y, width, height);
+          workspace.box[k] = {static_cast<std::uint16_t>(r.x_begin), static_cast<std::uint16_t>(r.y_begin),
+                              static_cast<std::uint16_t>(std::max(0, r.x_end - r.x_begin)),
+                              static_cast<std::uint16_t>(std::max(0, r.y_end - r.y_begin))};
+        }
+        const detail::TileBox box = workspace.box[k];
+        if (!detail::is_small<W>(box)) continue;
+        std::uint64_t mask = 0;
+        detail::each_tile_group<accuracy, T, W>(splat, box, width, height, [&](int row, int, int, unsigned bits) {
+          mask |= static_cast<std::uint64_t>(bits) << (row * box.width);
+        });
+        workspace.mask[k] = mask;
+      }
     }
     std::size_t sum = 0;
     for (std::size_t i = begin; i < end; ++i) {
-      const BinWorkspace::Box box = workspace.box[i];
+      const detail::TileBox box = workspace.box[i];
       std::uint32_t* const corner = histogram + static_cast<std::size_t>(box.y) * tiles_x + box.x;
       std::size_t hits = 0;
       if (detail::is_small<W>(box)) {
@@ -276,7 +223,7 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
       const std::size_t hits = lists.first_slot[i];
       lists.first_slot[i] = slot;
       slot += hits;
-      const BinWorkspace::Box box = workspace.box[i];
+      const detail::TileBox box = workspace.box[i];
       std::uint32_t* const corner = cursor + static_cast<std::size_t>(box.y) * tiles_x + box.x;
       const auto write = [&](std::uint32_t& at) {
         const std::uint32_t p = at++;

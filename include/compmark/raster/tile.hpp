@@ -7,6 +7,7 @@
 // 4 x 4 pixels and splat. Memory: 128 bytes a visible Gaussian, 72 bytes a (splat, tile) pair, 0.6 MB a worker.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -28,6 +29,7 @@
 #include "compmark/raster/project_backward.hpp"
 #include "compmark/raster/tile_backward.hpp"
 #include "compmark/raster/tile_forward.hpp"
+#include "compmark/raster/tile_hits.hpp"
 
 namespace compmark::inline v0 {
 
@@ -85,26 +87,37 @@ class TileRasterizer {
     RasterReport report = project<accuracy, T, native_width<T>, Effects>(gaussians, camera, projection(), ctx.projected,
                                                                          ctx.project_workspace, executor);
     ctx.error.reset();
-    const Result<Done> binned = bin<accuracy>(ctx.projected, camera.width, camera.height, settings_.bin, ctx.lists,
-                                              ctx.bin_workspace, executor);
+    ctx.white.resize(ctx.projected.count);
+    const Result<Done> binned =
+        bin<accuracy>(ctx.projected, camera.width, camera.height, settings_.bin, ctx.lists, ctx.bin_workspace, executor,
+                      [&](std::size_t first, std::size_t lanes, const auto& splats) {
+                        detail::store_white<accuracy>(ctx.white.data() + first, lanes, splats);
+                      });
     if (!binned) ctx.error = binned.error();
     report.pairs = ctx.lists.pairs;
-    blend_forward(camera.width, camera.height, background, image, ctx, executor);
+    blend_whitened(camera.width, camera.height, background, image, ctx, executor);
     return report;
   }
 
-  /// The pixel loop alone, for lists that are already in the context.
+  /// The pixel loop alone, for splats and lists that are already in the context.
   template <Executor E>
   void blend_forward(int width, int height, const std::array<T, 3>& background, ImageView<T> image, Context& ctx,
                      E& executor) const {
-    const std::size_t count = ctx.projected.count, tiles = tile_count(ctx.lists);
-    ctx.white.resize(count);
-    executor.for_chunks(count, splat_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t i = begin; i < end; ++i) {
-        __builtin_prefetch(&ctx.projected.splats[i] + detail::splats_ahead);
-        ctx.white[i] = detail::whiten<accuracy>(ctx.projected.splats[i]);
-      }
+    using P = Pack<T, native_width<T>>;
+    ctx.white.resize(ctx.projected.count);
+    executor.for_chunks(ctx.projected.count, splat_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t i = begin; i < end; i += P::width)
+        detail::store_white<accuracy>(ctx.white.data() + i, std::min<std::size_t>(P::width, end - i),
+                                      detail::load_splats<P>(ctx.projected.splats.data() + i, end - i));
     });
+    blend_whitened(width, height, background, image, ctx, executor);
+  }
+
+  /// The same for splats that are already whitened.
+  template <Executor E>
+  void blend_whitened(int width, int height, const std::array<T, 3>& background, ImageView<T> image, Context& ctx,
+                      E& executor) const {
+    const std::size_t tiles = tile_count(ctx.lists);
     ctx.first_chunk.resize(tiles + 1);
     std::size_t chunks = 0;
     for (std::size_t tile = 0; tile < tiles; ++tile) {

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -18,9 +19,11 @@
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/raster/accuracy.hpp"
+#include "compmark/raster/depth_sort.hpp"
 #include "compmark/raster/projected.hpp"
 #include "compmark/raster/splat.hpp"
 #include "compmark/raster/tile_cell.hpp"
+#include "compmark/raster/transpose.hpp"
 
 namespace compmark::inline v0::detail {
 
@@ -42,32 +45,43 @@ struct alignas(16 * sizeof(T)) WhiteSplat {
   std::uint32_t axis;  // offset of the pivot axis in CellTable::at, in scalars
 };
 
-template <Accuracy accuracy, class T>
-[[nodiscard]] inline WhiteSplat<T> whiten(const Splat<T>& splat) {
-  using std::sqrt;
-  constexpr T unit = sigma_unit<accuracy, T>;
-  const T w = sqrt(splat.major * unit), b = sqrt(splat.minor * unit);
-  const bool pivot_x = splat.pivot_x != T(0);
-  const T across = -w * splat.slope;
-  const T other = splat.slope * splat.major / (splat.major * splat.slope * splat.slope + splat.minor);
-  WhiteSplat<T> white{};
-  white.u = splat.u;
-  white.v = splat.v;
-  white.wx = pivot_x ? across : w;
-  white.wy = pivot_x ? w : across;
-  white.bx = pivot_x ? b : T(0);
-  white.by = pivot_x ? T(0) : b;
-  white.reach = splat.sigma_max * unit * T(1.0001) + T(1e-5);
-  white.opacity = splat.opacity;
-  white.y_per_x = pivot_x ? splat.slope : other;
-  white.x_per_y = pivot_x ? other : splat.slope;
-  white.red = splat.red;
-  white.green = splat.green;
-  white.blue = splat.blue;
-  white.depth = splat.depth;
-  white.bd = b;
-  white.axis = pivot_x ? 0u : static_cast<std::uint32_t>(cell_blocks * block_pixels);
-  return white;
+/// The fields of W WhiteSplats from those of W Splats, each in the order of its struct.
+template <Accuracy accuracy, class P>
+[[nodiscard]] COMPMARK_INLINE std::array<P, 16> whiten(const std::array<P, 16>& splats) {
+  using T = typename P::Scalar;
+  static_assert(sizeof(WhiteSplat<T>) == 16 * sizeof(T));
+  const P unit(sigma_unit<accuracy, T>), zero(T(0));
+  const P slope = splats[2], major = splats[3], minor = splats[4], sigma_max = splats[11];
+  const auto pivot_x = splats[5] > zero;
+  const P w = sqrt(major * unit), b = sqrt(minor * unit);
+  const P across = -w * slope;
+  const P other = slope * major / (slope * major * slope + minor);
+  const auto offset = [](std::uint32_t bits) { return P(std::bit_cast<T>(static_cast<DepthKey<T>>(bits))); };
+  return {splats[0],
+          splats[1],
+          select(pivot_x, across, w),
+          select(pivot_x, w, across),
+          keep(pivot_x, b),
+          keep(!pivot_x, b),
+          sigma_max * unit * P(T(1.0001)) + P(T(1e-5)),
+          splats[6],
+          select(pivot_x, slope, other),
+          select(pivot_x, other, slope),
+          splats[7],
+          splats[8],
+          splats[9],
+          splats[10],
+          b,
+          select(pivot_x, offset(0), offset(cell_blocks * block_pixels))};
+}
+
+template <Accuracy accuracy, class P>
+COMPMARK_INLINE void store_white(WhiteSplat<typename P::Scalar>* white, std::size_t lanes,
+                                 const std::array<P, 16>& splats) {
+  std::array<typename P::Scalar*, P::width> record;
+  for (std::size_t lane = 0; lane < P::width; ++lane)
+    record[lane] = lane < lanes ? reinterpret_cast<typename P::Scalar*>(white + lane) : nullptr;
+  store_records<P>(whiten<accuracy>(splats), record);
 }
 
 /// Bit b is set where the splat can reach alpha_min inside block b: the least sigma over the rectangle of the block's pixel centres, exact
