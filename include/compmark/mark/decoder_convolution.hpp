@@ -33,7 +33,7 @@ class DirectConvolution {
 
   template <Executor E>
   void prepare(FeatureView<const T> input, FeatureMaps<T>& output, Scratch& scratch, E& executor) const {
-    convolution_.pack(input, scratch.packed, executor);
+    scratch.packed.pack(input, shape().stride, shape().padding, executor);
     convolution_.resize_output(scratch.packed, output);
   }
   /// Fills `output` with finish(value, place); both finish and place as in Convolution::forward.

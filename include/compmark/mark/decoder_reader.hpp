@@ -35,10 +35,10 @@ class DecoderReader {
 
   [[nodiscard]] bool failed() const { return failed_; }
   [[nodiscard]] const Error& error() const { return error_; }
-  void fail(ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+  void fail(ErrorKind kind, std::string field, std::string problem, std::string advice) {
     if (failed_) return;
     failed_ = true;
-    error_ = {kind, file_.path, std::move(field), std::move(problem), std::move(remedy)};
+    error_ = {kind, file_.path, std::move(field), std::move(problem), std::move(advice)};
   }
 
   [[nodiscard]] std::string text(const std::string& key) {

@@ -163,4 +163,11 @@ struct DecoderHead {
                "use a key and a decoder of one length"};
 }
 
+namespace detail {
+[[nodiscard]] inline Error wrong_kind(const char* wanted, const std::string& file) {
+  return {ErrorKind::invalid, file, "kind", std::string("is not a ") + wanted + " decoder",
+          "use AnyDecoder, which takes every kind"};
+}
+}  // namespace detail
+
 }  // namespace compmark::inline v0

@@ -38,11 +38,6 @@ template <int Bits, int Width, int Depth>
   return Done{};
 }
 
-[[nodiscard]] inline Error wrong_kind(const char* wanted, const std::string& file) {
-  return {ErrorKind::invalid, file, "kind", std::string("is not a ") + wanted + " decoder",
-          "use AnyDecoder, which takes every kind"};
-}
-
 }  // namespace detail
 
 /// Sizes given as template arguments are checked when the weights are; 0 takes the file's.

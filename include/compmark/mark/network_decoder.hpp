@@ -95,11 +95,23 @@ class NetworkDecoder {
   /// Fills features() means over positions, before the head: what whitening statistics are made of.
   template <Executor E>
   void forward_features(ImageView<const T> image, std::span<double> features, Context& context, E& executor) const {
-    if (activation_ == DecoderActivation::gelu) {
-      run(image, features, context, executor, detail::GeluActivation{});
-    } else {
-      run(image, features, context, executor, detail::ReluActivation{});
+    run(image, features, context, executor, false);
+  }
+
+  /// ADDS the means of the last layer before its activation, and those of its squares: what batch normalisation is made of.
+  template <Executor E>
+  void add_moments(ImageView<const T> image, std::span<double> mean, std::span<double> square, Context& context,
+                   E& executor) const {
+    context.features.resize(mean.size());
+    const FeatureView<T> maps = run(image, context.features.span(), context, executor, true);
+    for (std::size_t c = 0; c < mean.size(); ++c) mean[c] += context.features[c];
+    for (int c = 0; c < maps.channels; ++c) {
+      for (int y = 0; y < maps.height; ++y) {
+        for (int x = 0; x < maps.width; ++x) maps.row(c, y)[x] *= maps.row(c, y)[x];
+      }
     }
+    mean_over_positions(FeatureView<const T>(maps), context.features.span(), executor);
+    for (std::size_t c = 0; c < square.size(); ++c) square[c] += context.features[c];
   }
 
   template <Executor E>
@@ -187,9 +199,17 @@ class NetworkDecoder {
     return static_cast<T>(1 / (static_cast<double>(maps.height) * static_cast<double>(maps.width)));
   }
 
+  template <class E>
+  FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor,
+                     bool raw) const {
+    return activation_ == DecoderActivation::gelu
+               ? run(image, features, context, executor, raw, detail::GeluActivation{})
+               : run(image, features, context, executor, raw, detail::ReluActivation{});
+  }
+  /// Fills the features and returns the last maps; `raw`: without the last activation.
   template <class E, class Activation>
-  void run(ImageView<const T> image, std::span<double> features, Context& context, E& executor,
-           const Activation& activation) const {
+  FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor, bool raw,
+                     const Activation& activation) const {
     COMPMARK_ASSERT(image.channels == 3, "NetworkDecoder: an RGB image");
     const auto size = input().output_size(image.height, image.width);
     context.height = size[0];
@@ -217,7 +237,9 @@ class NetworkDecoder {
       const FeatureView<T> output = next->view();
       context.slopes[l].resize(output.channels, output.height, output.width, output.row_stride, output.plane_stride);
       T* const slopes = context.slopes[l].view().data;
+      const bool linear = raw && l + 1 == layers_.size();
       layer.convolution.forward(output, context.convolution, executor, [&](auto value, const ConvPlace<T>& place) {
+        if (linear) return value;
         const auto activated = activation(value);
         place.store(activated.slope, slopes);
         return activated.value;
@@ -229,6 +251,7 @@ class NetworkDecoder {
       }
       std::swap(now, next);
     }
+    return now->view();
   }
 
   /// The gradient before the last activation: d mean, the same at all positions, times the slope.
