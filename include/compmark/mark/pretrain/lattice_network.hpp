@@ -127,10 +127,10 @@ class LatticeNetwork {
 template <class T>
 void lattice_head(LatticeDecoder<T>& decoder, std::span<const double> features, std::uint64_t seed) {
   const auto size = static_cast<std::size_t>(decoder.settings().features);
-  const Whitening whitening = whiten(features, size, 0.1);
+  const TriangularWhitening whitening = triangular_whitening(features, size, 0.1);
   const Random random(seed, 0, random_stage("mark/pretrain/carriers"));
   const std::vector<double> rows = orthonormal_rows(static_cast<std::size_t>(decoder.bits()), size, random);
-  compose_head(rows, whitening, std::span<T>(decoder.weights().head), std::span<T>(decoder.weights().bias));
+  whitened_head(rows, whitening, std::span<T>(decoder.weights().head), std::span<T>(decoder.weights().bias));
 }
 
 }  // namespace compmark::inline v0

@@ -19,7 +19,7 @@
 namespace compmark::inline v0 {
 
 /// z = weight (y - mean), weight lower triangular [size, size].
-struct Whitening {
+struct TriangularWhitening {
   std::size_t size = 0;
   std::vector<double> mean;
   std::vector<double> weight;
@@ -28,10 +28,11 @@ struct Whitening {
 
 /// From samples [count, size]. `ridge` is added to the variances as a share of their mean: without it, fewer samples than features divide by
 /// zero, and with few more the smallest directions are noise.
-[[nodiscard]] inline Whitening whiten(std::span<const double> samples, std::size_t size, double ridge) {
-  COMPMARK_ASSERT(size > 0 && samples.size() >= size && samples.size() % size == 0, "whiten: samples");
+[[nodiscard]] inline TriangularWhitening triangular_whitening(std::span<const double> samples, std::size_t size,
+                                                              double ridge) {
+  COMPMARK_ASSERT(size > 0 && samples.size() >= size && samples.size() % size == 0, "triangular_whitening: samples");
   const std::size_t count = samples.size() / size;
-  Whitening result;
+  TriangularWhitening result;
   result.size = size;
   result.mean.assign(size, 0);
   for (std::size_t n = 0; n < count; ++n) {
@@ -95,8 +96,8 @@ struct Whitening {
 
 /// logits = head y + bias becomes head (whitened y): head = directions W, bias = -head mean. directions [rows, size].
 template <class T>
-void compose_head(std::span<const double> directions, const Whitening& whitening, std::span<T> head,
-                  std::span<T> bias) {
+void whitened_head(std::span<const double> directions, const TriangularWhitening& whitening, std::span<T> head,
+                   std::span<T> bias) {
   const std::size_t size = whitening.size;
   for (std::size_t r = 0; r < bias.size(); ++r) {
     double offset = 0;
@@ -112,7 +113,7 @@ void compose_head(std::span<const double> directions, const Whitening& whitening
 
 /// Whitens the logits of a linear head [rows, columns] in place: head = W head, bias = W (bias - mean), with a whitening of its logits.
 template <class T>
-void whiten_head(const Whitening& whitening, std::span<T> head, std::span<T> bias) {
+void whiten_head(const TriangularWhitening& whitening, std::span<T> head, std::span<T> bias) {
   const std::size_t rows = bias.size(), columns = head.size() / rows;
   for (std::size_t r = rows; r-- > 0;) {  // lower triangular: from below, in place
     const double* const w = whitening.weight.data() + r * rows;
