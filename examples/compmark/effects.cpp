@@ -22,11 +22,12 @@ struct Listed {
   const char* recipe;
   Names effects;
 };
-const std::array<Listed, 8>& list() {
-  static const std::array<Listed, 8> recipes{{{"scaffold", {}},
+const std::array<Listed, 9>& list() {
+  static const std::array<Listed, 9> recipes{{{"scaffold", {}},
                                               {"scaffold+mask", {"masks"}},
                                               {"scaffold+alpha", {"alpha"}},
                                               {"scaffold+exposure+mask", {"exposure", "masks"}},
+                                              {"scaffold+antialiasing+mask", {"anti_aliasing", "masks"}},
                                               {"scaffold+exposure", {"exposure"}},
                                               {"scaffold+antialiasing", {"anti_aliasing"}},
                                               {"scaffold+lens", {"lens_distortion"}},

@@ -24,18 +24,20 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
   if (name == "scaffold+mask") return f(Tag<compmark::recipes::ScaffoldMasked>{});
   if (name == "scaffold+alpha") return f(Tag<compmark::recipes::ScaffoldAlpha>{});
   if (name == "scaffold+antialiasing") return f(Tag<compmark::recipes::ScaffoldAntiAliased>{});
+  if (name == "scaffold+antialiasing+mask") return f(Tag<compmark::recipes::ScaffoldAntiAliasedMasked>{});
   if (name == "scaffold+lens") return f(Tag<compmark::recipes::ScaffoldLens>{});
   if (name == "scaffold+fisheye") return f(Tag<compmark::recipes::ScaffoldFisheye>{});
   if (name == "scaffold+exposure") return f(Tag<compmark::recipes::ScaffoldExposure>{});
   if (name == "scaffold+exposure+mask") return f(Tag<compmark::recipes::ScaffoldExposureMasked>{});
   if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
   if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
-  return f.unknown(compmark::Error{compmark::ErrorKind::invalid,
-                                   {},
-                                   "recipe",
-                                   "unknown recipe \"" + std::string(name) + "\"",
-                                   "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +lens, "
-                                   "+fisheye, +exposure or +exposure+mask, compmark-host and compmark-paper-host"});
+  return f.unknown(compmark::Error{
+      compmark::ErrorKind::invalid,
+      {},
+      "recipe",
+      "unknown recipe \"" + std::string(name) + "\"",
+      "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, "
+      "+antialiasing+mask, +lens, +fisheye, +exposure or +exposure+mask, compmark-host and compmark-paper-host"});
 }
 
 /// A generic lambda and what to return for a name that is in no list.

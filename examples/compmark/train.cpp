@@ -395,9 +395,10 @@ Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option("--recipe", options->recipe,
-                 "scaffold (with +mask, +alpha, +antialiasing, +lens, +fisheye, +exposure or +exposure+mask), "
-                 "compmark-host or compmark-paper-host (default: what the data call for, or the profile's)");
+  app.add_option(
+      "--recipe", options->recipe,
+      "scaffold (with +mask, +alpha, +antialiasing, +antialiasing+mask, +lens, +fisheye, +exposure or "
+      "+exposure+mask), compmark-host or compmark-paper-host (default: what the data call for, or the profile's)");
   app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()
@@ -456,7 +457,8 @@ Command add_train(CLI::App& app) {
                    "unknown colour \"" + options->background + "\"",
                    "choose black or white"});
     }
-    if (options->recipe == "scaffold+antialiasing") settings->blur_variance = recipes::antialiasing_blur_variance;
+    if (options->recipe.find("+antialiasing") != std::string::npos)
+      settings->blur_variance = recipes::antialiasing_blur_variance;
     return with_recipe(options->recipe,
                        ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); }));
   };

@@ -14,11 +14,14 @@
 #include <compmark/core/views.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/image_file.hpp>
+#include <compmark/scene/procedural_write.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -176,6 +179,102 @@ TEST_CASE("tool: scene, train, info, render, evaluate and export work on the bui
   CHECK(splat.code == 0);
   CHECK(splat.text.find("loss of the bake") != std::string::npos);
   CHECK(fs::file_size(at("splats.ply")) > 1000);
+}
+
+TEST_CASE("tool: a lens is projected through from training to evaluation, and its data are those of the family only") {
+  const auto write = [](const std::string& name, const Lens& lens) {
+    ProceduralSettings settings;
+    settings.width = settings.height = 40;
+    settings.views_train = 8;
+    settings.views_test = 2;
+    settings.camera_angle_x = 1.2;
+    settings.camera_distance = 2.4;
+    settings.lens = lens;
+    REQUIRE(write_procedural_scene(at(name), settings).ok());
+    return at(name);
+  };
+  const std::string radial = write("radial", {LensModel::opencv, {-0.25, 0.05, 0.002, -0.001}});
+  const std::string fisheye = write("fisheye", {LensModel::opencv_fisheye, {-0.03, 0.004, 0, 0}});
+  for (const auto& [data, effect, recipe] :
+       {std::tuple(radial, "lens_distortion", "scaffold+lens"), std::tuple(fisheye, "fisheye", "scaffold+fisheye")}) {
+    const std::string run = at(std::string("run-") + effect);
+    const Outcome trained = tool("train --iterations 60 --lens project --effects " + std::string(effect) + " --data " +
+                                 data + " --out " + run);
+    INFO(trained.text);
+    REQUIRE(trained.code == 0);
+    const nlohmann::json results = json_of(run + "/results.json");
+    CHECK(results["recipe"] == recipe);
+    CHECK(results["effects"] == nlohmann::json{effect});
+    // Evaluated with the lens that the data have and rendered with the one that the model stores: the same pictures.
+    CHECK(tool("evaluate --model " + run + "/model.safetensors --data " + data + " --json " + at("lens.json")).code ==
+          0);
+    CHECK(json_of(at("lens.json"))["psnr"].get<double>() ==
+          doctest::Approx(results["test"]["psnr"].get<double>()).epsilon(1e-9));
+    CHECK(tool("render --model " + run + "/model.safetensors --out " + run + "/stored").code == 0);
+    CHECK(tool("render --model " + run + "/model.safetensors --out " + run + "/data --data " + data).code == 0);
+    CHECK(
+        tool("", "cmp " + run + "/stored/test_r_000.png " + run + "/data/test_r_000.png; true ").text.find("differ") ==
+        std::string::npos);
+    CHECK(fs::exists(run + "/stored/test_r_000.png"));
+  }
+  const Outcome other = tool("evaluate --model " + at("run-lens_distortion/model.safetensors") + " --data " + fisheye);
+  CHECK(other.code == 2);
+  CHECK(other.text.find("radial and tangential") != std::string::npos);
+  const Outcome refused = tool("train --recipe scaffold+lens --data " + fisheye + " --out " + at("refused-lens"));
+  CHECK(refused.code == 2);
+  CHECK(refused.text.find("--lens undistort") != std::string::npos);
+}
+
+TEST_CASE("tool: an export says on stderr and in its JSON what the file cannot") {
+  const std::string run = at("run-filter");
+  REQUIRE(tool("train --iterations 20 --recipe scaffold+antialiasing+mask --data " + scene() + " --out " + run).code ==
+          0);
+  const Outcome exported = tool("export --model " + run + "/model.safetensors --refine 0 --compare 1 --out " + run +
+                                "/splats.ply --json " + run + "/export.json");
+  INFO(exported.text);
+  REQUIRE(exported.code == 0);
+  CHECK(exported.text.find("warning: the model was trained with the mip filter") != std::string::npos);
+  const nlohmann::json json = json_of(run + "/export.json");
+  REQUIRE(json["warnings"].size() == 1);
+  CHECK(json["warnings"][0].get<std::string>().find("0.3 pixels^2") != std::string::npos);
+  CHECK(json["gaussians"].get<std::size_t>() > 0);
+  train("run-plain", "--effects none");
+  REQUIRE(tool("export --model " + at("run-plain/model.safetensors") + " --format anchors --out " + run +
+               "/a.ply --json " + run + "/plain.json")
+              .code == 0);
+  CHECK(json_of(run + "/plain.json")["warnings"].empty());
+}
+
+TEST_CASE("tool: a scene far from the origin is rendered alike from every folder of the same world") {
+  // A copy whose world is moved by 5e5: the reader moves it back by the mean of its cameras, which is not that of a part of them.
+  const auto moved = [](const std::string& name, std::size_t keep) {
+    const std::string path = damaged(name);
+    for (const char* file : {"/transforms_train.json", "/transforms_test.json"}) {
+      nlohmann::json json = json_of(path + file);
+      for (auto& frame : json["frames"]) {
+        for (std::size_t row = 0; row < 3; ++row) {
+          double& entry = frame["transform_matrix"][row][3].get_ref<double&>();
+          entry += row == 1 ? -2.5e5 : 5e5;
+        }
+      }
+      if (std::string(file) == "/transforms_train.json")
+        json["frames"].erase(json["frames"].begin() + static_cast<std::ptrdiff_t>(keep), json["frames"].end());
+      write_text(path + file, json.dump());
+    }
+    return path;
+  };
+  const std::string whole = moved("far", 8), part = moved("far-part", 3), run = at("run-far");
+  REQUIRE(tool("train --iterations 60 --effects none --data " + whole + " --out " + run).code == 0);
+  for (const auto& [data, out] : {std::pair(whole, "/whole"), std::pair(part, "/part")})
+    REQUIRE(tool("render --model " + run + "/model.safetensors --out " + run + out + " --data " + data).code == 0);
+  const Result<ImageBytes> a = read_image(run + "/whole/test_r_000.png"), b = read_image(run + "/part/test_r_000.png");
+  REQUIRE(a.ok());
+  REQUIRE(b.ok());
+  int worst = 0;
+  for (std::size_t i = 0; i < a->pixels.size(); ++i)
+    worst = std::max(worst, std::abs(static_cast<int>(a->pixels[i]) - static_cast<int>(b->pixels[i])));
+  CHECK(worst <= 1);  // without the stored origin the two means are 1.5 apart and the pictures have nothing in common
+  CHECK(std::any_of(a->pixels.begin(), a->pixels.end(), [](std::uint8_t x) { return x > 60; }));
 }
 
 TEST_CASE("tool: the same seed gives the same model_sha256 for 1, 2 and 4 threads, another seed another") {

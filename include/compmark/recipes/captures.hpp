@@ -38,6 +38,12 @@ struct ScaffoldAntiAliased : Scaffold {
 };
 inline constexpr double antialiasing_blur_variance = 0.1;
 
+/// The same with pixels that do not count: what a hand-held capture with a lens calls for most often. It shares the rasterizer's code with
+/// ScaffoldAntiAliased; alpha beside the filter would be a rasterizer of its own, and no capture has called for both yet.
+struct ScaffoldAntiAliasedMasked : ScaffoldAntiAliased {
+  using PixelWeights = MaskedPixels<float>;
+};
+
 /// Photographs through a lens of the radial and tangential family, left as they are: Gaussians are projected through the lens.
 struct ScaffoldLens : Scaffold {
   using Rasterizer = EffectTileRasterizer<float, RasterEffects<RadialTangentialLens<float>>, accuracy::standard,
