@@ -71,7 +71,7 @@ struct Layer {
 
   std::vector<T> forward() {
     const Convolution<T> convolution(shape, weight, bias);
-    convolution.pack(dense(input, shape.in, height, width), packed, *executor);
+    packed.pack(dense(input, shape.in, height, width), shape.stride, shape.padding, *executor);
     convolution.resize_output(packed, maps);
     convolution.forward(packed, maps.view(), scratch, *executor, IdentityFinish{});
     return values_of(std::as_const(maps).view());

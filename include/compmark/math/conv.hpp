@@ -96,10 +96,9 @@ struct ConvInput {
   std::size_t plane_stride = 0;  ///< places of a phase plane
 
   /// Copies `source` with `padding_` zeros around it. Several convolutions of one stride may share the copy, with kernels of less padding too.
-  /// `behind` more zeros follow the last row and column.
   template <Executor E>
-  void pack(FeatureView<const T> source, int stride_, int padding_, E& executor, int behind = 0) {
-    shape(source.channels, source.height, source.width, stride_, padding_, behind);
+  void pack(FeatureView<const T> source, int stride_, int padding_, E& executor) {
+    shape(source.channels, source.height, source.width, stride_, padding_);
     const std::size_t phases = static_cast<std::size_t>(stride * stride);
     executor.for_chunks(static_cast<std::size_t>(channels), 1, [&](std::size_t c, std::size_t, std::size_t) {
       T* channel = planes.data() + c * phases * plane_stride;
@@ -131,15 +130,16 @@ struct ConvInput {
     });
   }
 
+ private:
   /// The planes of a copy, not yet filled but for the slack behind them.
-  void shape(int channels_, int height_, int width_, int stride_, int padding_, int behind = 0) {
+  void shape(int channels_, int height_, int width_, int stride_, int padding_) {
     channels = channels_;
     height = height_;
     width = width_;
     stride = stride_;
     padding = padding_;
-    const std::size_t phase_rows = static_cast<std::size_t>((height + 2 * padding + behind + stride - 1) / stride);
-    row_stride = static_cast<std::size_t>((width + 2 * padding + behind + stride - 1) / stride);
+    const std::size_t phase_rows = static_cast<std::size_t>((height + 2 * padding + stride - 1) / stride);
+    row_stride = static_cast<std::size_t>((width + 2 * padding + stride - 1) / stride);
     plane_stride = phase_rows * row_stride;
     const std::size_t used =
         plane_stride * static_cast<std::size_t>(stride * stride) * static_cast<std::size_t>(channels);
@@ -147,7 +147,6 @@ struct ConvInput {
     std::fill_n(planes.data() + used, slack(), T(0));
   }
 
- private:
   template <int Stride>
   static void copy_every(const T* source, std::size_t count, T* target) {
     for (std::size_t i = 0; i < count; ++i) target[i] = source[i * Stride];
@@ -162,11 +161,19 @@ template <class T>
 struct ConvPlace {
   using P = Pack<T, native_width<T>>;
   int channel = 0;
-  std::size_t index = 0;  ///< of lane 0, from the first value of the output (of the view, or of ConvInput::planes)
+  std::size_t index = 0;  ///< of lane 0, from the first value of the output view
   Mask<T, native_width<T>> lanes = Mask<T, native_width<T>>::first(native_width<T>);  ///< those that are outputs
 
-  [[nodiscard]] COMPMARK_INLINE P load(const T* maps) const { return P::load(maps + index, lanes); }
-  COMPMARK_INLINE void store(P value, T* maps) const { value.store(maps + index, lanes); }
+  [[nodiscard]] COMPMARK_INLINE P load(const T* maps) const {
+    return all(lanes) ? P::load(maps + index) : P::load(maps + index, lanes);
+  }
+  COMPMARK_INLINE void store(P value, T* maps) const {
+    if (all(lanes)) {
+      value.store(maps + index);
+    } else {
+      value.store(maps + index, lanes);
+    }
+  }
 };
 
 namespace detail {
@@ -238,15 +245,13 @@ class Convolution {
     }
   }
 
-  using Scratch = ConvScratch<T>;
+  /// What the calls from a view to a view need.
+  struct Scratch {
+    ConvInput<T> packed;
+    ConvScratch<T> convolution;
+  };
 
   [[nodiscard]] const ConvShape& shape() const { return shape_; }
-
-  /// Copies `source` as forward() reads it.
-  template <Executor E>
-  void pack(FeatureView<const T> source, ConvInput<T>& input, E& executor) const {
-    input.pack(source, shape_.stride, shape_.padding, executor);
-  }
 
   /// Shapes `output` for `channels` channels (0: this convolution's) over `input`.
   void resize_output(const ConvInput<T>& input, FeatureMaps<T>& output, int channels = 0) const {
@@ -254,6 +259,22 @@ class Convolution {
     const std::size_t positions = static_cast<std::size_t>(rows) * input.row_stride;
     output.resize(channels == 0 ? shape_.out : channels, rows, shape_.output_size(input.width), input.row_stride,
                   (positions + tile - 1) / tile * tile);
+  }
+
+  /// The same calls from a view, as WinogradConvolution<T> has them: the copy is made here.
+  void resize_output(FeatureView<const T> input, FeatureMaps<T>& output, int channels = 0) const {
+    ConvInput<T> extent;
+    extent.height = input.height;
+    extent.width = input.width;
+    extent.row_stride =
+        static_cast<std::size_t>((input.width + 2 * shape_.padding + shape_.stride - 1) / shape_.stride);
+    resize_output(extent, output, channels);
+  }
+  template <Executor E, class Finish>
+  void forward(FeatureView<const T> input, FeatureView<T> output, Scratch& scratch, E& executor,
+               const Finish& finish) const {
+    scratch.packed.pack(input, shape_.stride, shape_.padding, executor);
+    forward(scratch.packed, output, scratch.convolution, executor, finish);
   }
 
   /// Fills `output` (shaped by resize_output, or a channel range of it) with finish(sum + bias), or finish(sum + bias, place). Columns behind output.width are scratch.
