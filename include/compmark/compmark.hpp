@@ -20,6 +20,7 @@
 
 #include "compmark/mark/any_decoder.hpp"
 #include "compmark/mark/carrier_decoder.hpp"
+#include "compmark/mark/carrier_stream.hpp"
 #include "compmark/mark/carriers.hpp"
 #include "compmark/mark/decoder_convolution.hpp"
 #include "compmark/mark/decoder_file.hpp"
@@ -28,6 +29,7 @@
 #include "compmark/mark/decoder_stem.hpp"
 #include "compmark/mark/decoder_weights.hpp"
 #include "compmark/mark/decoder_whitening.hpp"
+#include "compmark/mark/decoder_winograd.hpp"
 #include "compmark/mark/decoder_writer.hpp"
 #include "compmark/mark/ecc.hpp"
 #include "compmark/mark/hidden_decoder.hpp"
