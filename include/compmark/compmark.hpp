@@ -111,6 +111,8 @@
 #include "compmark/anchor/decoder_shape.hpp"
 #include "compmark/anchor/density_control.hpp"
 #include "compmark/anchor/feature_bank.hpp"
+#include "compmark/anchor/frequency_growth.hpp"
+#include "compmark/anchor/frequency_selector.hpp"
 #include "compmark/anchor/growth.hpp"
 #include "compmark/anchor/growth_statistics.hpp"
 #include "compmark/anchor/initialise.hpp"
