@@ -31,7 +31,7 @@ template <class T, int W>
   using P = Pack<T, W>;
   const P q = x - round_to_even(x);
   if constexpr (!std::is_same_v<T, float>) {
-    Wave<P> result;
+    Wave<P> result{P(T(0)), P(T(0))};  // every lane is set below; g++ 12 does not see it
     for (int i = 0; i < W; ++i) {
       result.cosine.set(i, std::cos(2 * std::numbers::pi_v<T> * q.lane(i)));
       result.sine.set(i, std::sin(2 * std::numbers::pi_v<T> * q.lane(i)));
