@@ -194,7 +194,6 @@ class NetworkDecoder {
     }
     return true;
   }
-  /// d mean / d value.
   [[nodiscard]] T tap_share(FeatureView<const T> maps) const {
     return static_cast<T>(1 / (static_cast<double>(maps.height) * static_cast<double>(maps.width)));
   }
