@@ -10,7 +10,6 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
-#include <random>
 #include <span>
 #include <string>
 #include <string_view>
@@ -22,6 +21,36 @@ namespace compmark::inline v0 {
 
 /// Lengths a message can have.
 inline constexpr std::size_t message_bits_limit = 128;
+
+namespace detail {
+/// MT19937 (Matsumoto, Nishimura 1998): the published messages come from it; nothing else in the library does.
+class PublishedGenerator {
+ public:
+  explicit PublishedGenerator(std::uint32_t seed) {
+    state_[0] = seed;
+    for (std::uint32_t i = 1; i < 624; ++i) state_[i] = 1812433253u * (state_[i - 1] ^ (state_[i - 1] >> 30)) + i;
+  }
+  std::uint32_t operator()() {
+    if (next_ == 624) refill();
+    std::uint32_t y = state_[next_++];
+    y ^= y >> 11;
+    y ^= (y << 7) & 0x9D2C5680u;
+    y ^= (y << 15) & 0xEFC60000u;
+    return y ^ (y >> 18);
+  }
+
+ private:
+  void refill() {
+    for (std::size_t i = 0; i < 624; ++i) {
+      const std::uint32_t y = (state_[i] & 0x80000000u) | (state_[(i + 1) % 624] & 0x7FFFFFFFu);
+      state_[i] = state_[(i + 397) % 624] ^ (y >> 1) ^ ((y & 1u) != 0 ? 0x9908B0DFu : 0u);
+    }
+    next_ = 0;
+  }
+  std::array<std::uint32_t, 624> state_{};
+  std::size_t next_ = 624;
+};
+}  // namespace detail
 
 class Message {
  public:
@@ -104,7 +133,7 @@ class Message {
   /// of cos and sin are read off the quadrant; at the borders they are those of the angle rounded to float.
   [[nodiscard]] static Message from_published_seed(std::uint32_t seed, std::size_t bits) {
     constexpr std::uint32_t quarter = 1u << 22;
-    std::mt19937 generator(seed);
+    detail::PublishedGenerator generator(seed);
     Message message(bits);
     for (std::size_t group = 0; group < bits; group += 16) {
       for (std::size_t j = 0; j < 16; ++j) {

@@ -7,6 +7,7 @@
 // published code) or an anchor (the paper). Nothing in the published losses rewards a large q, so it collapses (numerics case QD2); three
 // measures, each off by itself: a least step, a rate term -w log2(q / Q0), and q without gradient. Random numbers are keyed by (seed,
 // iteration, row, channel). Cost an anchor: 4 D^2 flop forward, 12 D^2 backward; 2 ns a random number.
+// Longer than 300 lines: forward and backward share one panel layout.
 #pragma once
 
 #include <algorithm>
