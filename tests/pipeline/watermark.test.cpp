@@ -218,8 +218,9 @@ TEST_CASE(
           " dB), with quantization noise ", noisy.accuracy, " (", noisy.psnr, " dB)");
   if (compmark::testing::short_trainings) return;
   CHECK(plain.accuracy < 0.9);  // negative control: this message is not what the scene says by itself
-  CHECK(marked.accuracy == 1);
-  CHECK(noisy.accuracy == 1);
+  // An accuracy is a mean of eighths over the views: every bit of every view was read if it is 1 but for the rounding of that sum.
+  CHECK(marked.accuracy > 0.9999);
+  CHECK(noisy.accuracy > 0.9999);
 }
 
 TEST_CASE("pipeline/watermark: a marked training has the same bits at any thread count") {

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SHA-256 (FIPS 180-4), for naming models: two runs that agree in every bit of their model file show the same 64 digits.
-// ~250 MB/s, a few lines, no dependency; it protects against accidents and proves equality, nothing here keeps a secret.
+// ~250 MB/s, a few lines, no dependency; it proves equality, and HMAC (hmac_sha256.hpp) derives from an owner's
+// key with it; it does not run in constant time, so not where an attacker can time it.
 #pragma once
 
 #include <array>

@@ -8,6 +8,7 @@
 //   tensors   the blocks of the arena by name, [rows, columns] F32; camera.* F64, one row a view
 // What a model does not have is not written: camera.lens (model, 16 parameters) where no view is rendered through a lens, origin where the
 // scene was not moved. Files from before there was either are read as such.
+// Longer than 300 lines: the two directions of one format, field by field, are read side by side.
 #pragma once
 
 #include <algorithm>

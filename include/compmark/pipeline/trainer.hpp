@@ -4,6 +4,7 @@
 // The training loop: owns the model, the optimiser's moments, the growth statistics and the workspace. One iteration is, in the published
 // order (method sheet, sections 3.2 and 4): learning rates, view, render, losses, backward, statistics, growing and pruning, Adam.
 // Deterministic: the state after iteration t is a function of the settings, the data and t, whatever the executor's thread count.
+// Longer than 300 lines: one class, and the order of one iteration with every optional stage is to be read in one place.
 #pragma once
 
 #include <algorithm>
