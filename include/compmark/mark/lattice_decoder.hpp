@@ -68,6 +68,7 @@ class LatticeDecoder {
 
   [[nodiscard]] int bits() const { return settings_.bits; }
   [[nodiscard]] int minimum_size() const { return 2 * settings_.stride; }
+  [[nodiscard]] double logit_scale() const { return settings_.logit_scale; }
   [[nodiscard]] const Settings& settings() const { return settings_; }
   [[nodiscard]] const LatticeWeights<T>& weights() const { return weights_; }
   [[nodiscard]] LatticeWeights<T>& weights() { return weights_; }

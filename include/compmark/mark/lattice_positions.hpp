@@ -31,6 +31,7 @@ struct LatticeSettings {
   double epsilon = 0.1;                 ///< added before the logarithm
   double gate = 0.12;                   ///< distance from black and white at which a position counts
   double floor = 0.02;                  ///< share of the positions that is added to the sum of gates
+  double logit_scale = 2;               ///< what a message loss multiplies the logits by
 
   [[nodiscard]] std::size_t dimensions() const { return 3 * (sigma.size() - 1); }
   bool operator==(const LatticeSettings&) const = default;

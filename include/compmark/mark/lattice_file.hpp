@@ -1,0 +1,117 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Lattice decoders in tensor files, in the format of decoder_reader.hpp with kind "lattice". Tensors: wave.frequency [features, 3 octaves],
+// wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: bits, features, octaves, sigma (octaves + 1 numbers), stride,
+// epsilon, gate, floor, logit_scale, note. No number is believed before it is checked. Cost: one pass over the weights.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/mark/decoder_reader.hpp"
+#include "compmark/mark/decoder_weights.hpp"
+#include "compmark/mark/decoder_writer.hpp"
+#include "compmark/mark/lattice_decoder.hpp"
+
+namespace compmark::inline v0 {
+
+/// Whether a tensor file says that it holds a lattice decoder.
+template <class TensorFile>
+[[nodiscard]] bool is_lattice_file(const TensorFile& file) {
+  const auto kind = file.metadata.find("kind");
+  return kind != file.metadata.end() && kind->second == "lattice";
+}
+
+/// The decoder of a file, or one line why not.
+template <class T = float, class TensorFile>
+[[nodiscard]] Result<LatticeDecoder<T>> read_lattice(const TensorFile& file) {
+  detail::DecoderReader<TensorFile> reader(file);
+  if (reader.text("format") != decoder_format)
+    reader.fail(ErrorKind::unsupported, "__metadata__.format", "is not \"" + std::string(decoder_format) + "\"",
+                reader.remedy);
+  if (reader.integer("format_version", 1, 1 << 30) > decoder_format_version)
+    reader.fail(ErrorKind::unsupported, "__metadata__.format_version", "is newer than this program's",
+                "use a newer program");
+  if (reader.text("kind") != "lattice")
+    reader.fail(ErrorKind::unsupported, "__metadata__.kind", "is not lattice", reader.remedy);
+  LatticeSettings settings;
+  settings.bits = reader.integer("bits", 1, 4096);
+  settings.features = reader.integer("features", 1, 4096);
+  const int octaves = reader.integer("octaves", 1, 8);
+  settings.stride = reader.integer("stride", 1, 64);
+  settings.sigma = reader.numbers("sigma", static_cast<std::size_t>(octaves) + 1);
+  for (std::size_t b = 0; b < settings.sigma.size(); ++b) {
+    const double low = b == 0 ? 0 : settings.sigma[b - 1];
+    if (!(settings.sigma[b] > low && settings.sigma[b] <= 256))
+      reader.fail(ErrorKind::invalid, "__metadata__.sigma", "does not grow from above 0 to at most 256", reader.remedy);
+  }
+  const auto positive = [&](const char* key, double& value) {
+    value = reader.numbers(key, 1)[0];
+    if (!(value > 0 && value <= 1e3))
+      reader.fail(ErrorKind::invalid, std::string("__metadata__.") + key, "is not between 0 and 1000", reader.remedy);
+  };
+  positive("epsilon", settings.epsilon);
+  positive("gate", settings.gate);
+  positive("floor", settings.floor);
+  positive("logit_scale", settings.logit_scale);
+  if (reader.failed()) return reader.error();
+
+  const std::vector<float> frequency =
+      reader.tensor("wave.frequency", settings.features, static_cast<int>(settings.dimensions()));
+  const std::vector<float> phase = reader.tensor("wave.phase", settings.features);
+  const std::vector<float> head = reader.tensor("head.weight", settings.bits, settings.features);
+  const std::vector<float> bias = reader.tensor("head.bias", settings.bits);
+  if (reader.failed()) return reader.error();
+  LatticeWeights<T> weights;
+  weights.frequency.assign(frequency.begin(), frequency.end());
+  weights.phase.assign(phase.begin(), phase.end());
+  weights.head.assign(head.begin(), head.end());
+  weights.bias.assign(bias.begin(), bias.end());
+  return LatticeDecoder<T>(std::move(settings), std::move(weights));
+}
+
+/// Hands tensors and metadata to a writer. Values are not copied: `decoder` must live until it has written.
+template <class Writer>
+void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, Writer& writer) {
+  const LatticeSettings& s = decoder.settings();
+  const LatticeWeights<float>& w = decoder.weights();
+  auto& m = writer.metadata;
+  m["format"] = std::string(decoder_format);
+  m["format_version"] = std::to_string(decoder_format_version);
+  m["kind"] = "lattice";
+  m["bits"] = std::to_string(s.bits);
+  m["features"] = std::to_string(s.features);
+  m["octaves"] = std::to_string(s.sigma.size() - 1);
+  m["stride"] = std::to_string(s.stride);
+  std::string sigma;
+  for (const double value : s.sigma) sigma += (sigma.empty() ? "" : " ") + detail::exact_text(value);
+  m["sigma"] = sigma;
+  m["epsilon"] = detail::exact_text(s.epsilon);
+  m["gate"] = detail::exact_text(s.gate);
+  m["floor"] = detail::exact_text(s.floor);
+  m["logit_scale"] = detail::exact_text(s.logit_scale);
+  if (!note.empty()) m["note"] = note;
+  const auto features = static_cast<std::int64_t>(s.features);
+  writer.add_values("wave.frequency", {features, static_cast<std::int64_t>(s.dimensions())},
+                    std::span<const float>(w.frequency));
+  writer.add_values("wave.phase", {features}, std::span<const float>(w.phase));
+  writer.add_values("head.weight", {s.bits, features}, std::span<const float>(w.head));
+  writer.add_values("head.bias", {s.bits}, std::span<const float>(w.bias));
+}
+
+/// Writes a whole file: write_lattice<SafetensorsWriter>(decoder, note, path).
+template <class Writer, class Path>
+[[nodiscard]] Result<Done> write_lattice(const LatticeDecoder<float>& decoder, const std::string& note,
+                                         const Path& path) {
+  Writer writer;
+  add_lattice(decoder, note, writer);
+  return writer.write(path);
+}
+
+}  // namespace compmark::inline v0
