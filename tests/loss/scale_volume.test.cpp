@@ -52,6 +52,35 @@ TEST_CASE("loss/scale_volume: mean of products, gradient of the other two, added
   }
 }
 
+TEST_CASE("loss/scale_volume: a factor counts a Gaussian so many times, and factors of one leave every bit") {
+  for (const std::size_t n : {1u, 17u, 9000u}) {
+    Columns<double> plain(n), ones(n), counted(n);
+    std::vector<double> one(n, 1.0), factor(n);
+    double sum = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      factor[i] = static_cast<double>(i % 5) / 2;
+      sum += factor[i] * plain.scale[0][i] * plain.scale[1][i] * plain.scale[2][i] / static_cast<double>(n);
+    }
+    ScaleVolumeLoss<double> loss;
+    ScaleVolumeLoss<double>::Context context;
+    SerialExecutor executor;
+    const double value = loss.forward_backward(plain.values(), n, 3.0, plain.gradients(), context, executor).loss;
+    CHECK(loss.forward_backward(ones.values(), one.data(), n, 3.0, ones.gradients(), context, executor).loss == value);
+    CHECK(ones.gradient == plain.gradient);
+    CHECK(loss.forward_backward(counted.values(), factor.data(), n, 3.0, counted.gradients(), context, executor).loss ==
+          doctest::Approx(sum).epsilon(1e-13));
+    CHECK(loss.forward(counted.values(), factor.data(), n, context, executor).loss ==
+          doctest::Approx(sum).epsilon(1e-13));
+    double gap = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+      for (std::size_t i = 0; i < n; ++i)
+        gap = std::max(gap, std::abs(counted.gradient[a][i] - 1 - factor[i] * (plain.gradient[a][i] - 1)) *
+                                static_cast<double>(n));
+    }
+    CHECK(gap < 1e-11);  // gradients of about 1 / n beside the 1 that they are added to
+  }
+}
+
 TEST_CASE("loss/scale_volume: no Gaussians cost nothing; a zero scale keeps its gradient") {
   ScaleVolumeLoss<float> loss;
   ScaleVolumeLoss<float>::Context context;

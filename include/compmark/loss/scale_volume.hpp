@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Scale volume: mean over the P Gaussians given to the rasterizer (seen or not) of s0 s1 s2 (Scaffold-GS eq. 9; method sheet 3.1).
-// Gradient: weight / P times the product of the other two scales, so that a scale of zero is no special case. Cost: 12 bytes a Gaussian
-// read, 24 more with the gradient; memory-bound.
+// Gradient: weight / P times the product of the other two scales, so that a scale of zero is no special case. Each Gaussian may count with a
+// factor of its own (pipeline/space_volume.hpp); factors of one leave every bit. Cost: 12 bytes a Gaussian read, 24 more with the gradient, 4
+// more for factors; memory-bound.
 #pragma once
 
 #include <array>
@@ -31,25 +32,37 @@ class ScaleVolumeLoss {
   template <Executor E>
   ScaleVolumeReport forward(const std::array<const T*, 3>& scale, std::size_t count, Context& context,
                             E& executor) const {
-    return run<false>(scale, count, T(0), {}, context, executor);
+    return run<false, false>(scale, nullptr, count, T(0), {}, context, executor);
+  }
+  /// The mean of factor[i] s0 s1 s2.
+  template <Executor E>
+  ScaleVolumeReport forward(const std::array<const T*, 3>& scale, const T* factor, std::size_t count, Context& context,
+                            E& executor) const {
+    return run<false, true>(scale, factor, count, T(0), {}, context, executor);
   }
   /// ADDS weight dloss/dscale into the three columns of `d_scale`.
   template <Executor E>
   ScaleVolumeReport forward_backward(const std::array<const T*, 3>& scale, std::size_t count, T weight,
                                      const std::array<T*, 3>& d_scale, Context& context, E& executor) const {
-    return run<true>(scale, count, weight, d_scale, context, executor);
+    return run<true, false>(scale, nullptr, count, weight, d_scale, context, executor);
+  }
+  /// The same with factors, which are constants.
+  template <Executor E>
+  ScaleVolumeReport forward_backward(const std::array<const T*, 3>& scale, const T* factor, std::size_t count, T weight,
+                                     const std::array<T*, 3>& d_scale, Context& context, E& executor) const {
+    return run<true, true>(scale, factor, count, weight, d_scale, context, executor);
   }
 
  private:
   using P = Pack<T, native_width<T>>;
   static constexpr std::size_t grain = 8192;
 
-  template <bool Backward, class E>
-  ScaleVolumeReport run(const std::array<const T*, 3>& scale, std::size_t count, T weight,
-                        const std::array<T*, 3>& d_scale, Context& context, E& executor) const {
+  template <bool Backward, bool Factors, class E>
+  ScaleVolumeReport run(const std::array<const T*, 3>& scale, [[maybe_unused]] const T* factor, std::size_t count,
+                        T weight, const std::array<T*, 3>& d_scale, Context& context, E& executor) const {
     if (count == 0) return {};
     context.partial.resize(chunk_count(count, grain));
-    const P slope(weight / static_cast<T>(count));
+    const P mean_slope(weight / static_cast<T>(count));
     const double sum =
         ordered_sum<double>(executor, count, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
           double total = 0;
@@ -59,8 +72,14 @@ class ScaleVolumeLoss {
             const P b = P::load(scale[1] + i, mask);
             const P c = P::load(scale[2] + i, mask);
             const P bc = b * c;
+            P slope = mean_slope, volume = a * bc;
+            if constexpr (Factors) {
+              const P counts = P::load(factor + i, mask);
+              slope = slope * counts;
+              volume = volume * counts;
+            }
             total +=
-                static_cast<double>(reduce_add(a * bc));  // volumes span ten orders of magnitude: add them up in double
+                static_cast<double>(reduce_add(volume));  // volumes span ten orders of magnitude: add them up in double
             if constexpr (Backward) {
               const P step = slope * a;
               fma(slope, bc, P::load(d_scale[0] + i, mask)).store(d_scale[0] + i, mask);

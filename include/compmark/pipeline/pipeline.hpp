@@ -23,10 +23,10 @@
 #include "compmark/core/views.hpp"
 #include "compmark/effect/concept.hpp"
 #include "compmark/loss/photometric.hpp"
-#include "compmark/loss/scale_volume.hpp"
 #include "compmark/pipeline/mark_losses.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
+#include "compmark/pipeline/space_volume.hpp"
 #include "compmark/raster/concept.hpp"
 #include "compmark/raster/outputs.hpp"
 #include "compmark/scene/camera.hpp"
@@ -65,6 +65,7 @@ class Pipeline {
  public:
   using Scalar = typename R::Scalar;
   using Road = typename Model<R>::Road;
+  using Volume = SpaceVolumeLoss<Scalar, typename R::Space, R::AnchorModel::shape.offsets>;
   using Marks = MarkLosses<Scalar, typename R::MessageDecoder, typename R::HsvLoss, typename R::FrequencyLoss>;
 
   /// What one view needs between forward and backward; reused, so that nothing allocates after warm-up.
@@ -78,8 +79,8 @@ class Pipeline {
     typename PhotometricLoss<Scalar>::Context photometric;
     Buffer<Scalar> image_storage;
     Buffer<Scalar> d_image_storage;
-    typename ScaleVolumeLoss<Scalar>::Context volume;
-    Scalar volume_weight = 0;  ///< of the loss that backward differentiates
+    typename Volume::Context volume;  ///< with a space that stretches: set volume.space before a training pass
+    Scalar volume_weight = 0;         ///< of the loss that backward differentiates
     ImageView<Scalar> image;
     ImageView<Scalar> d_image;
     [[no_unique_address]] typename R::Exposure::Context exposure;
@@ -116,6 +117,10 @@ class Pipeline {
     }
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
                                         model.decoder, context.gaussians, context.decoder, executor);
+    if constexpr (present<typename R::Space>) {
+      context.volume.position = columns.position;
+      context.volume.decoded = decoder_.statistics(context.decoder);
+    }
     report.raster = rasterizer(model.render, camera)
                         .forward(std::as_const(context.gaussians).columns(), scalar_camera,
                                  background(model.render, context), context.image, context.raster, executor);
@@ -152,8 +157,7 @@ class Pipeline {
     context.volume_weight = static_cast<Scalar>(image_weight(context) * weights.lambda_volume);
     if (weights.lambda_volume != 0) {
       const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
-      report.volume =
-          ScaleVolumeLoss<Scalar>{}.forward(gaussians.scale, gaussians.count, context.volume, executor).loss;
+      report.volume = Volume{}.forward(gaussians.scale, gaussians.count, context.volume, executor).loss;
       report.total += image_weight(context) * weights.lambda_volume * report.volume;
     }
     if constexpr (present<typename R::AlphaLoss>) {
@@ -206,8 +210,8 @@ class Pipeline {
       raster.backward(gaussians, scalar_camera, behind, context.d_image, d_gaussians, context.raster, executor);
     }
     if (context.volume_weight != Scalar(0)) {
-      ScaleVolumeLoss<Scalar>{}.forward_backward(gaussians.scale, gaussians.count, context.volume_weight,
-                                                 d_gaussians.scale, context.volume, executor);
+      Volume{}.backward(gaussians.scale, gaussians.count, context.volume_weight, d_gaussians.scale, context.volume,
+                        executor);
     }
     if constexpr (Road::is_absent) {
       decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena,

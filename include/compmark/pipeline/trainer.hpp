@@ -124,6 +124,7 @@ class Trainer {
     const ViewCamera<R> camera = views.camera(report.view);
     target_storage_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     target_ = {target_storage_.data(), 3, camera.height, camera.width};
+    if constexpr (present<typename R::Space>) context_.volume.space = space();
     if constexpr (present<typename R::Background>) {
       context_.background.color = R::Background::color(settings_.seed, static_cast<std::uint64_t>(t));
       context_.background.drawn = true;
