@@ -58,6 +58,16 @@ TEST_CASE("io/owner_key: what is written is read, by its owner only, and never o
   CHECK_FALSE(key_file_is_private(path));
 }
 
+TEST_CASE("io/owner_key: a note is kept and binds nothing") {
+  const Folder folder;
+  const OwnerKey key = *make_key(some_secret(), "2026-01-31T23:59:59Z", 48, "for the \"museum\", 2026");
+  REQUIRE(write_key(folder.path / "noted.key", key).ok());
+  const Result<OwnerKey> read = read_key(folder.path / "noted.key");
+  REQUIRE(read.ok());
+  CHECK(read->note == key.note);
+  CHECK(read->commitment() == some_key().commitment());
+}
+
 TEST_CASE("io/owner_key: the commitment is the hash that the documentation says, and binds every field") {
   const OwnerKey key = some_key();
   std::string text = "compmark/commitment/v1";
@@ -118,6 +128,8 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   refused("commitment", [](nlohmann::json& json) { json["created"] = "2025-01-31T23:59:59Z"; });
   refused("commitment", [&](nlohmann::json& json) { json["secret"] = "ff" + secret.substr(2); });
   refused("id", [](nlohmann::json& json) { json["id"] = "0000000000000000"; });
+  refused("note", [](nlohmann::json& json) { json["note"] = 5; });
+  refused("note", [](nlohmann::json& json) { json["note"] = std::string(1001, 'x'); });
   refused("format", [](nlohmann::json& json) { json = nlohmann::json::array(); });
   const auto text_refused = [&](const std::string& text) {
     REQUIRE(write_file(bad, text).ok());

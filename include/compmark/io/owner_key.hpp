@@ -33,10 +33,12 @@ struct OwnerKey {
   static constexpr std::string_view format = "compmark-key";
   static constexpr std::int64_t version = 1;
   static constexpr std::size_t bits_limit = 128;
+  static constexpr std::size_t note_limit = 1000;
 
   Digest256 secret{};
   std::string created;   ///< UTC, "2026-01-31T23:59:59Z"
   std::size_t bits = 0;  ///< length of the message
+  std::string note{};    ///< for the owner, no part of the commitment
 
   /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; may be published.
   [[nodiscard]] std::string commitment() const {
@@ -66,7 +68,8 @@ namespace detail {
 }  // namespace detail
 
 /// A key from 32 random bytes (io/os_random.hpp), a time and a message length of 1 to 128.
-[[nodiscard]] inline Result<OwnerKey> make_key(const Digest256& secret, std::string created, std::size_t bits) {
+[[nodiscard]] inline Result<OwnerKey> make_key(const Digest256& secret, std::string created, std::size_t bits,
+                                               std::string note = {}) {
   if (bits < 1 || bits > OwnerKey::bits_limit) {
     return Error{ErrorKind::invalid, "", "bits", std::to_string(bits) + " is not a message length",
                  "a message has 1 to " + std::to_string(OwnerKey::bits_limit) + " bits"};
@@ -78,7 +81,11 @@ namespace detail {
   if (secret == Digest256{}) {
     return Error{ErrorKind::invalid, "", "secret", "is all zeros", "draw 32 random bytes"};
   }
-  return OwnerKey{secret, std::move(created), bits};
+  if (note.size() > OwnerKey::note_limit) {
+    return Error{ErrorKind::invalid, "", "note", "has " + std::to_string(note.size()) + " bytes",
+                 "keep it below " + std::to_string(OwnerKey::note_limit)};
+  }
+  return OwnerKey{secret, std::move(created), bits, std::move(note)};
 }
 
 /// Writes a key file that only its owner may read (POSIX systems). An existing file is left alone.
@@ -107,6 +114,7 @@ namespace detail {
                               {"derivation", "HKDF-SHA-256, salt \"compmark\", info = label of the purpose"},
                               {"commitment", key.commitment()},
                               {"secret", to_hex(key.secret)}};
+  if (!key.note.empty()) json["note"] = key.note;
   return write_json(path, json);
 }
 
@@ -143,7 +151,13 @@ namespace detail {
   if (!created) return created.error();
   const Result<std::size_t> length = json_field<std::size_t>(*json, "bits", file);
   if (!length) return length.error();
-  Result<OwnerKey> key = make_key(bytes, *created, *length);
+  std::string note;
+  if (json->contains("note")) {
+    const Result<std::string> text = json_field<std::string>(*json, "note", file);
+    if (!text) return text.error();
+    note = *text;
+  }
+  Result<OwnerKey> key = make_key(bytes, *created, *length, std::move(note));
   if (!key) {
     Error error = key.error();
     error.file = file;
