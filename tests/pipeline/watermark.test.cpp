@@ -231,3 +231,51 @@ TEST_CASE("pipeline/watermark: a marked training has the same bits at any thread
   REQUIRE(one.size() == three.size());
   CHECK(std::memcmp(one.data(), three.data(), one.size() * sizeof(float)) == 0);
 }
+
+TEST_CASE("pipeline/watermark: a finished model is marked by training on from it") {
+  // The host without a mark, then the same model with room for one.
+  TrainSettings settings;
+  settings.iterations = compmark::testing::short_trainings ? 20 : 200;
+  settings.voxel_size = 0.05;
+  settings.seed = 2;
+  ThreadExecutor executor(2);
+  BlobViews views;
+  Trainer<Host, ThreadExecutor> first(settings, 6, 1.0, executor);
+  REQUIRE(first.initialise(cloud(400, 7)));
+  REQUIRE(first.run(views));
+
+  settings.iterations = compmark::testing::short_trainings ? 20 : 400;
+  settings.grow_until = 0;
+  settings.mark.lambda_message = 0.05;
+  settings.mark.message_after = 0;
+  settings.mark.message_ramp = 0;
+  settings.mark.hsv_after = 0;
+  settings.mark.logit_scale = 1;
+  Trainer<MarkedHost, ThreadExecutor> second(settings, 6, 1.0, executor);
+  second.set_watermark(Waves<float>{}, message);
+  second.start_from(with_room_for_mark<MarkedHost>(first.model(), settings.seed));
+  CHECK(second.state().iteration == 0);
+  // It starts as what it was started from, to the bit: the residual is zero.
+  const Model<Host> room = unmarked_host(second.model());
+  REQUIRE(room.arena.all_values().size() == first.model().arena.all_values().size());
+  CHECK(std::memcmp(room.arena.all_values().data(), first.model().arena.all_values().data(),
+                    room.arena.all_values().size() * sizeof(float)) == 0);
+  REQUIRE(second.run(views));
+  CHECK(second.model().anchor_count() == first.model().anchor_count());
+  const auto matches = [&](const Model<Host>& host) {
+    const Pipeline<Host> pipeline;
+    Pipeline<Host>::Context context;
+    std::vector<float> logits(8);
+    std::size_t found = 0;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      static_cast<void>(pipeline.forward(host, views.camera(v), v, context, executor));
+      Waves<float>::Context wave_context;
+      Waves<float>{}.forward(context.image, logits, wave_context, executor);
+      for (std::size_t i = 0; i < 8; ++i) found += (logits[i] > 0) == (message[i] == 1) ? 1 : 0;
+    }
+    return found;
+  };
+  if (compmark::testing::short_trainings) return;
+  CHECK(matches(first.model()) < 8 * views.size());  // negative control
+  CHECK(matches(unmarked_host(second.model())) == 8 * views.size());
+}

@@ -98,10 +98,15 @@ class Trainer {
     if constexpr (!MarkedPipeline::Road::is_absent) {
       MarkedPipeline::Road::initialise(state_.model.arena, state_.model.road, settings_.seed);
     }
-    state_.iteration = 0;
-    optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
-    growth().prepare(rows, state_.growth);
+    start(rows);
     return Done{};
+  }
+  /// Starts from a finished model (see with_room_for_mark): its parameters, fresh moments and statistics. Background, blur and voxel size
+  /// are the model's, not the settings'.
+  void start_from(Model<R> model) {
+    COMPMARK_ASSERT(model.train_views == view_count_, "Trainer: the model was trained with another number of views");
+    state_.model = std::move(model);
+    start(state_.model.anchor_count());
   }
 
   /// Continues from a saved state (see pipeline/checkpoint.hpp).
@@ -209,6 +214,12 @@ class Trainer {
   }
 
  private:
+  void start(std::size_t rows) {
+    state_.iteration = 0;
+    optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
+    growth().prepare(rows, state_.growth);
+  }
+
   /// Effects that look at more of a photograph than its colours over the constant background.
   static constexpr bool needs_planes =
       present<typename R::Background> || present<typename R::AlphaLoss> || present<typename R::PixelWeights>;
