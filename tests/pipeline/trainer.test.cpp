@@ -189,6 +189,60 @@ TEST_CASE("pipeline/checkpoint: other settings and broken files are refused with
   std::filesystem::remove(path);
 }
 
+TEST_CASE("pipeline/checkpoint: a run is resumed with the cameras, the lenses, the origin and the effects it had") {
+  const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark-checkpoint-views.safetensors";
+  Run<SerialExecutor> run;
+  REQUIRE(run.trainer.step(run.views).ok());
+  const Lens phone{LensModel::opencv, {-0.25, 0.08, 0.004, -0.003}};
+  ModelInfo info;
+  info.recipe = "small";
+  info.effects = {"lens_distortion"};
+  info.origin = {5e5, 0.1, -2e5};
+  for (std::size_t i = 0; i < 3; ++i)
+    info.views.push_back({"v" + std::to_string(i), i == 2, run.views.camera(i), phone});
+  info.views[1].lens = {LensModel::simple_pinhole, {}};  // beside lenses a pinhole keeps its name, alone it does not
+  const auto field = [&](const ModelInfo& now, const std::string& piece) {
+    const auto loaded = read_checkpoint<Small, SerialExecutor>(path, run.settings, now);
+    if (loaded.ok()) return std::string();
+    CAPTURE(loaded.error().line());
+    CHECK(loaded.error().line().find(piece) != std::string::npos);
+    CHECK(loaded.error().remedy.find("resume with the options") != std::string::npos);
+    return loaded.error().field;
+  };
+  REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
+  CHECK(field(info, "").empty());
+  ModelInfo other = info;
+  other.views[2].lens.parameters[3] = std::nextafter(-0.003, 0.0);
+  CHECK(field(other, "view 2 (v2)") == "lens");
+  other = info;
+  other.views[0].lens = {LensModel::radial, phone.parameters};
+  CHECK(field(other, "view 0 (v0)") == "lens");
+  other = info;
+  for (StoredView& view : other.views) view.lens = {};  // taken out of the images instead
+  CHECK(field(other, "view 0 (v0)") == "lens");
+  other = info;
+  other.origin[2] = std::nextafter(other.origin[2], 0.0);
+  CHECK(field(other, "500000.0") == "origin");
+  other = info;
+  other.views[2].test = false;
+  CHECK(field(other, "view 2 (v2)") == "views");
+  other = info;
+  other.views[1].camera.cx += 1e-9;
+  CHECK(field(other, "view 1 (v1)") == "views");
+  other = info;
+  other.effects = {"lens_ignored"};
+  CHECK(field(other, "are lens_distortion in the checkpoint and lens_ignored now") == "effects");
+
+  // Pinholes of either name, and a scene that was not moved, leave nothing in the file, and are what is read from it.
+  for (StoredView& view : info.views) view.lens = {LensModel::simple_pinhole, {}};
+  info.origin = {0, 0, 0};
+  REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
+  CHECK(field(info, "").empty());
+  info.views[0].lens = phone;
+  CHECK(field(info, "view 0 (v0)") == "lens");
+  std::filesystem::remove(path);
+}
+
 TEST_CASE("pipeline/trainer: nothing allocates after warm-up, between adjustments") {
 #if !COMPMARK_COUNTS_ALLOCATIONS
   MESSAGE("skipped: the address sanitizer replaces operator new, which this test counts");

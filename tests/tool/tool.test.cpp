@@ -220,6 +220,20 @@ TEST_CASE("tool: a lens is projected through from training to evaluation, and it
   const Outcome other = tool("evaluate --model " + at("run-lens_distortion/model.safetensors") + " --data " + fisheye);
   CHECK(other.code == 2);
   CHECK(other.text.find("radial and tangential") != std::string::npos);
+
+  // A run that was stopped goes on through the same lens alone: not with another treatment, not with other coefficients.
+  const std::string resume = "train --iterations 5000 --checkpoint-every 5 --resume --out " + at("lens-stopped");
+  static_cast<void>(tool(resume + " --recipe scaffold+lens --data " + radial + " 2>&1 & pid=$!; while [ ! -f " +
+                         at("lens-stopped/checkpoint.safetensors") +
+                         " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -TERM $pid; wait $pid #"));
+  REQUIRE(fs::exists(at("lens-stopped/checkpoint.safetensors")));
+  check_refused(tool(resume + " --recipe scaffold+lens --lens ignore --data " + radial),
+                {"checkpoint.safetensors", "effects", "lens_ignored", "resume with the options"});
+  check_refused(tool(resume + " --recipe scaffold+mask --lens undistort --data " + radial),
+                {"checkpoint.safetensors", "recipe is scaffold+lens", "resume with the options"});
+  const std::string weaker = write("radial-weaker", {LensModel::opencv, {-0.25, 0.05, 0.002, -0.0011}});
+  check_refused(tool(resume + " --recipe scaffold+lens --data " + weaker),
+                {"checkpoint.safetensors", "lens", "of view 0", "resume with the options"});
   const Outcome refused = tool("train --recipe scaffold+lens --data " + fisheye + " --out " + at("refused-lens"));
   CHECK(refused.code == 2);
   CHECK(refused.text.find("--lens undistort") != std::string::npos);

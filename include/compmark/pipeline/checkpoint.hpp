@@ -169,8 +169,15 @@ template <Recipe R, Executor E>
     return refuse("settings", "the watermark (its message, decoder or numbers) is another one in the checkpoint");
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
-  if (model->info.effects != info.effects)
-    return refuse("effects", "are others in the checkpoint (a lens taken out or ignored, for instance)");
+  if (model->info.effects != info.effects) {
+    const auto list = [](const std::vector<std::string>& names) {
+      std::string text;
+      for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+      return text.empty() ? std::string("none") : text;
+    };
+    return refuse("effects", "are " + list(model->info.effects) + " in the checkpoint and " + list(info.effects) +
+                                 " now (a lens taken out or ignored, for instance)");
+  }
   if (model->info.recipe != info.recipe)
     return refuse("recipe", "is " + model->info.recipe + " in the checkpoint and " + info.recipe + " now");
   if (model->info.views.size() != info.views.size()) {
@@ -178,14 +185,20 @@ template <Recipe R, Executor E>
                                std::to_string(info.views.size()) + " now");
   }
   for (std::size_t i = 0; i < info.views.size(); ++i) {
-    const Camera<double>& a = model->info.views[i].camera;
-    const Camera<double>& b = info.views[i].camera;
-    if (model->info.views[i].name != info.views[i].name || a.width != b.width || a.height != b.height ||
+    const StoredView &before = model->info.views[i], &view = info.views[i];
+    const Camera<double>&a = before.camera, &b = view.camera;
+    if (before.name != view.name || before.test != view.test || a.width != b.width || a.height != b.height ||
         a.center_world != b.center_world || a.rotation_camera_world != b.rotation_camera_world || a.fx != b.fx ||
         a.fy != b.fy || a.cx != b.cx || a.cy != b.cy) {
-      return refuse("views",
-                    "view " + std::to_string(i) + " (" + info.views[i].name + ") is another one in the checkpoint");
+      return refuse("views", "view " + std::to_string(i) + " (" + view.name + ") is another one in the checkpoint");
     }
+    // A pinhole by any name is one: the file does not keep which.
+    if (before.lens != view.lens && !(is_pinhole(before.lens) && is_pinhole(view.lens)))
+      return refuse("lens", "of view " + std::to_string(i) + " (" + view.name + ") is another one in the checkpoint");
+  }
+  if (model->info.origin != info.origin) {
+    return refuse("origin", "is " + nlohmann::json(model->info.origin).dump() + " in the checkpoint and " +
+                                nlohmann::json(info.origin).dump() + " now: the same files give the same origin");
   }
 
   Checkpoint<R, E> checkpoint;
