@@ -19,6 +19,7 @@
 #include "compmark/core/views.hpp"
 
 #include "compmark/mark/any_decoder.hpp"
+#include "compmark/mark/calibrate.hpp"
 #include "compmark/mark/carrier_decoder.hpp"
 #include "compmark/mark/carrier_stream.hpp"
 #include "compmark/mark/carriers.hpp"
