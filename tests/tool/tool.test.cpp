@@ -227,16 +227,22 @@ TEST_CASE("tool: a lens is projected through from training to evaluation, and it
                          at("lens-stopped/checkpoint.safetensors") +
                          " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -TERM $pid; wait $pid #"));
   REQUIRE(fs::exists(at("lens-stopped/checkpoint.safetensors")));
-  check_refused(tool(resume + " --recipe scaffold+lens --lens ignore --data " + radial),
-                {"checkpoint.safetensors", "effects", "lens_ignored", "resume with the options"});
-  check_refused(tool(resume + " --recipe scaffold+mask --lens undistort --data " + radial),
-                {"checkpoint.safetensors", "recipe is scaffold+lens", "resume with the options"});
+  const auto check_resume = [&](const std::string& more, const std::string& piece) {
+    const Outcome outcome = tool(resume + more);
+    INFO(outcome.text);
+    CHECK(outcome.code == 2);
+    const std::size_t line = outcome.text.rfind("compmark: error: ");  // after the warnings of the readers
+    REQUIRE(line != std::string::npos);
+    for (const std::string& part :
+         {std::string("checkpoint.safetensors"), piece, std::string("resume with the options")})
+      CHECK(outcome.text.find(part, line) != std::string::npos);
+  };
+  check_resume(" --recipe scaffold+lens --lens ignore --data " + radial,
+               "effects: are lens_distortion in the checkpoint and lens_ignored now");
+  check_resume(" --recipe scaffold+mask --lens undistort --data " + radial,
+               "recipe: is scaffold+lens in the checkpoint and scaffold+mask now");
   const std::string weaker = write("radial-weaker", {LensModel::opencv, {-0.25, 0.05, 0.002, -0.0011}});
-  check_refused(tool(resume + " --recipe scaffold+lens --data " + weaker),
-                {"checkpoint.safetensors", "lens", "of view 0", "resume with the options"});
-  const Outcome refused = tool("train --recipe scaffold+lens --data " + fisheye + " --out " + at("refused-lens"));
-  CHECK(refused.code == 2);
-  CHECK(refused.text.find("--lens undistort") != std::string::npos);
+  check_resume(" --recipe scaffold+lens --data " + weaker, "lens: of view 0 (./train/r_000) is another one");
 }
 
 TEST_CASE("tool: an export says on stderr and in its JSON what the file cannot") {
