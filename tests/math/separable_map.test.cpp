@@ -36,7 +36,9 @@ std::vector<std::pair<const char*, SeparableMap<double>>> maps(int height, int w
 }  // namespace
 
 TEST_CASE("math/separable_map: the transpose is the adjoint, at any number of threads") {
-  for (const auto& [name, map] : maps(17, 23)) {
+  for (const auto& named : maps(17, 23)) {
+    const auto& name = named.first;
+    const auto& map = named.second;
     CAPTURE(name);
     const std::vector<double> x = normals(3 * 17 * 23, 1);
     const std::size_t places = static_cast<std::size_t>(map.height()) * static_cast<std::size_t>(map.width());
@@ -59,7 +61,9 @@ TEST_CASE("math/separable_map: the transpose is the adjoint, at any number of th
 }
 
 TEST_CASE("math/separable_map: a constant image stays constant up to its border") {
-  for (const auto& [name, map] : maps(16, 12)) {
+  for (const auto& named : maps(16, 12)) {
+    const auto& name = named.first;
+    const auto& map = named.second;
     CAPTURE(name);
     const std::vector<double> x(3 * 16 * 12, 0.75);
     std::vector<double> out(3 * static_cast<std::size_t>(map.height()) * static_cast<std::size_t>(map.width()));
