@@ -14,9 +14,14 @@ using Command = std::function<int()>;
 Command add_scene(CLI::App& app);
 Command add_probe(CLI::App& app);
 Command add_train(CLI::App& app);
+Command add_pretrain(CLI::App& app);
 Command add_render(CLI::App& app);
 Command add_evaluate(CLI::App& app);
 Command add_export(CLI::App& app);
 Command add_info(CLI::App& app);
+Command add_keygen(CLI::App& app);
+Command add_extract(CLI::App& app);
+Command add_verify(CLI::App& app);
+Command add_calibrate(CLI::App& app);
 
 }  // namespace tool

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The command-line tool: train, render and evaluate anchor-based splats on the CPU. Exit codes: 0 done, 2 error (one line says what, where
-// and what to do), 130 interrupted (a checkpoint was written).
+// The command-line tool: train, render and evaluate anchor-based splats on the CPU. Exit codes: 0 done (verify: detected), 1 verify: not detected,
+// 2 error (one line says what, where and what to do), 3 verify: inconclusive, 130 interrupted (a checkpoint was written).
 #include <CLI/CLI.hpp>
 #include <exception>
 #include <utility>
@@ -28,10 +28,15 @@ int main(int argc, char** argv) {
   add("scene", "write the built-in procedural scene as a dataset", tool::add_scene);
   add("probe", "say which effects a capture calls for", tool::add_probe);
   add("train", "train a splat from a dataset", tool::add_train);
+  add("pretrain", "train a message decoder", tool::add_pretrain);
   add("render", "render views of a model to PNG", tool::add_render);
   add("evaluate", "measure a model against a dataset's test views", tool::add_evaluate);
   add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);
   add("info", "say what a model file holds", tool::add_info);
+  add("keygen", "make an owner's key", tool::add_keygen);
+  add("extract", "read the bits of a model's renders or of images", tool::add_extract);
+  add("verify", "test whether a key's message is in a model or in images, with a p-value", tool::add_verify);
+  add("calibrate", "measure false positives of random keys on images", tool::add_calibrate);
 
   try {
     app.parse(argc, argv);

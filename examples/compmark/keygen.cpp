@@ -1,0 +1,102 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark keygen: a new owner's key, 256 random bits of the operating system. A key that exists is never lost: --force moves it aside.
+#include <compmark/io/os_random.hpp>
+#include <compmark/io/owner_key.hpp>
+#include <compmark/mark/verify.hpp>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+#include <string>
+#include <system_error>
+
+#include "commands.hpp"
+#include "common.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+namespace fs = std::filesystem;
+
+struct KeygenOptions {
+  fs::path out;
+  std::size_t bits = 48;
+  std::string note;
+  bool force = false;
+};
+
+std::string utc_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text.data();
+}
+
+/// Where an existing key goes: <file>.<id>.old. Whatever else is there is left alone.
+Result<fs::path> move_aside(const fs::path& path) {
+  const Result<OwnerKey> old = read_key(path);
+  if (!old) {
+    return Error{ErrorKind::unwritable, path.string(), {}, "exists and is not a whole key file", "choose another name"};
+  }
+  fs::path aside = path;
+  aside += "." + old->id() + ".old";
+  std::error_code status;
+  if (!fs::exists(aside, status)) fs::rename(path, aside, status);
+  if (status || fs::exists(path)) {
+    return Error{ErrorKind::unwritable,
+                 aside.string(),
+                 {},
+                 "the old key cannot be moved there",
+                 "choose another name for the new one"};
+  }
+  return aside;
+}
+
+int run(const KeygenOptions& options) {
+  Digest256 secret{};
+  if (Result<Done> drawn = os_random(secret); !drawn) return fail(drawn.error());
+  Result<OwnerKey> key = make_key(secret, utc_now(), options.bits, options.note);
+  if (!key) return fail(key.error());
+  fs::path aside;
+  std::error_code status;
+  if (options.force && fs::exists(options.out, status)) {
+    const Result<fs::path> moved = move_aside(options.out);
+    if (!moved) return fail(moved.error());
+    aside = *moved;
+  }
+  if (Result<Done> written = write_key(options.out, *key); !written) {
+    if (!aside.empty()) fs::rename(aside, options.out, status);
+    Error error = written.error();
+    if (!options.force && fs::exists(options.out, status)) error.remedy += ", or move it aside with --force";
+    return fail(error);
+  }
+  std::printf("key file    %s: keep it secret, and keep a copy: it cannot be made again\n",
+              options.out.string().c_str());
+  if (!aside.empty()) std::printf("old key     moved to %s\n", aside.string().c_str());
+  std::printf("key id      %s\nmessage     %zu bits\ncreated     %s\ncommitment  %s\n", key->id().c_str(), key->bits,
+              key->created.c_str(), key->commitment().c_str());
+  std::printf("Publish the commitment with a date that others can check before you publish what you mark\n");
+  if (!match_threshold(key->bits, VerifySettings{}.false_positive_rate)) {
+    std::fprintf(stderr, "compmark: warning: %zu bits can never be evidence at a false-positive rate of 1e-06\n",
+                 key->bits);
+  }
+  return success;
+}
+
+}  // namespace
+
+Command add_keygen(CLI::App& app) {
+  auto options = std::make_shared<KeygenOptions>();
+  app.add_option("--out", options->out, "key file to write, readable by you only")->required();
+  app.add_option("--bits", options->bits, "length of the message, that of the decoder you will use (1 to 128)")
+      ->capture_default_str();
+  app.add_option("--note", options->note, "a line to know the key by; it is not part of the commitment");
+  app.add_flag("--force", options->force, "if the file is a key already, move that to FILE.<id>.old");
+  return [options]() -> int { return run(*options); };
+}
+
+}  // namespace tool

@@ -1,0 +1,232 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "reading.hpp"
+
+#include <algorithm>
+#include <compmark/io/image_file.hpp>
+#include <compmark/io/safetensors.hpp>
+#include <compmark/io/sha256.hpp>
+#include <compmark/mark/carrier_stream.hpp>
+#include <compmark/mark/key.hpp>
+#include <compmark/metric/rounding.hpp>
+#include <compmark/scene/image.hpp>
+#include <compmark/scene/turn.hpp>
+#include <compmark/version.hpp>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <span>
+#include <system_error>
+#include <utility>
+
+#include "any_model.hpp"
+#include "common.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+namespace fs = std::filesystem;
+
+/// The views a user asked for, evenly spaced: the same ones for everybody.
+template <class T>
+void keep_evenly(std::vector<T>& items, std::size_t count) {
+  if (count == 0 || count >= items.size()) return;
+  std::vector<T> kept;
+  for (std::size_t i = 0; i < count; ++i) kept.push_back(std::move(items[i * items.size() / count]));
+  items = std::move(kept);
+}
+
+/// An image file as planes in [0, 1].
+Result<std::vector<std::uint8_t>> read_planes(std::span<const std::byte> bytes, const fs::path& path,
+                                              const std::string& background, int& width, int& height) {
+  const Result<ImageInfo> info = decode_image_info(bytes, path.string());
+  if (!info) return info.error();
+  Result<ImageBytes> image = decode_image(bytes, path.string());
+  if (!image) return image.error();
+  *image = turned(std::move(*image), info->orientation);
+  const std::size_t channels = static_cast<std::size_t>(image->channels);
+  if (background.empty() && (channels == 2 || channels == 4)) {
+    for (std::size_t i = channels - 1; i < image->pixels.size(); i += channels) {
+      if (image->pixels[i] == 255) continue;
+      return Error{ErrorKind::invalid, path.string(), "alpha", "has transparent pixels",
+                   "say what is behind them: --background white or black"};
+    }
+  }
+  width = image->width;
+  height = image->height;
+  std::vector<std::uint8_t> planes(3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  const float behind = background == "white" ? 1.0f : 0.0f;
+  composite(image->pixels, image->channels, {behind, behind, behind}, AlphaRounding::nearest, planes);
+  return planes;
+}
+
+Result<Done> read_images(const ReadingOptions& options, const Decoder& decoder, ThreadExecutor& executor,
+                         Reading& reading) {
+  Result<std::vector<fs::path>> files = image_files(options.images);
+  if (!files) return files.error();
+  keep_evenly(*files, options.views);
+  Decoder::Context context;
+  std::vector<float> pixels;
+  for (const fs::path& path : *files) {
+    const Result<std::vector<std::byte>> bytes = read_file(path, image_file_limit);
+    if (!bytes) return bytes.error();
+    int width = 0, height = 0;
+    const Result<std::vector<std::uint8_t>> planes = read_planes(*bytes, path, options.background, width, height);
+    if (!planes) return planes.error();
+    pixels.resize(planes->size());
+    for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<float>((*planes)[i]) / 255.0f;
+    Result<ViewLogits> view =
+        read_logits(decoder, ImageView<const float>{pixels.data(), 3, height, width}, path.string(), context, executor);
+    if (!view) return view.error();
+    view->name = path.filename().string();
+    view->sha256 = Sha256{}.update(*bytes).hex();
+    reading.views.push_back(std::move(*view));
+  }
+  return Done{};
+}
+
+Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder, ThreadExecutor& executor,
+                          Reading& reading) {
+  Result<std::unique_ptr<AnyModel>> model = load_model(options.model);
+  if (!model) return model.error();
+  const Result<std::string> digest = file_sha256(options.model);
+  if (!digest) return digest.error();
+  reading.sources.model = options.model.filename().string();
+  reading.sources.model_sha256 = *digest;
+  std::vector<StoredView> views = (*model)->info.views;
+  const bool any_test = std::any_of(views.begin(), views.end(), [](const StoredView& view) { return view.test; });
+  if (options.split != "all") {
+    const bool test = options.split == "test" && any_test;
+    std::erase_if(views, [&](const StoredView& view) { return view.test != test; });
+  }
+  if (views.empty()) {
+    return Error{ErrorKind::invalid, options.model.string(), "--split", "the model stores no such camera",
+                 "render images of it and give them with --images"};
+  }
+  keep_evenly(views, options.views);
+  Decoder::Context context;
+  for (const StoredView& view : views) {
+    const Result<RenderedView> render = (*model)->render(view.camera, view.lens, executor);
+    if (!render) return render.error();
+    round_to_8bit<float>(render->image, render->image);
+    Result<ViewLogits> read = read_logits(decoder, ImageView<const float>(render->image), view.name, context, executor);
+    if (!read) return read.error();
+    const ImageBytes bytes = to_bytes(ImageView<const float>(render->image));
+    read->sha256 = Sha256{}.update(std::as_bytes(std::span<const std::uint8_t>(bytes.pixels))).hex();
+    reading.views.push_back(std::move(*read));
+  }
+  return Done{};
+}
+
+}  // namespace
+
+Result<OwnerKey> load_key(const fs::path& path) {
+  Result<OwnerKey> key = read_key(path);
+  if (key && !key_file_is_private(path)) {
+    std::fprintf(stderr, "compmark: warning: %s: others may read this key; run chmod 600 on it\n",
+                 path.string().c_str());
+  }
+  return key;
+}
+
+Result<Decoder> load_decoder(const fs::path& path, const OwnerKey* key) {
+  const Result<SafetensorsFile> file = read_safetensors(path);
+  if (!file) return file.error();
+  std::vector<double> carriers;
+  const auto kind = file->metadata.find("kind");
+  if (key != nullptr && kind != file->metadata.end() && kind->second == "carrier") {
+    const Result<DecoderWeights> weights = read_decoder(*file);
+    if (!weights) return weights.error();
+    if (Result<Done> fits = require_bits(*weights, static_cast<int>(key->bits), path.string()); !fits)
+      return fits.error();
+    carriers = make_carriers(carrier_seed(*key), static_cast<int>(key->bits), weights->dimension());
+  }
+  Result<Decoder> decoder = Decoder::read(*file, carriers);
+  if (!decoder) return decoder.error();
+  const int bits = decoder->bits();
+  if (key != nullptr && bits != static_cast<int>(key->bits)) {
+    return Error{
+        ErrorKind::invalid, path.string(), "bits",
+        "the decoder reads " + std::to_string(bits) + " bits, the key is for messages of " + std::to_string(key->bits),
+        "use a key and a decoder of one message length"};
+  }
+  if (bits > static_cast<int>(message_bits_limit)) {
+    return Error{ErrorKind::unsupported, path.string(), "bits", "the decoder reads " + std::to_string(bits) + " bits",
+                 "messages have at most " + std::to_string(message_bits_limit)};
+  }
+  return decoder;
+}
+
+void add_reading_options(CLI::App& app, ReadingOptions& options) {
+  app.add_option("--decoder", options.decoder, "decoder file (safetensors)")->required();
+  CLI::Option* model = app.add_option("--model", options.model, "model.safetensors of a run: its renders are read");
+  CLI::Option* images = app.add_option("--images", options.images, "image files, or folders of them (PNG, JPEG)");
+  images->excludes(model);
+  model->excludes(images);
+  app.add_option("--split", options.split, "which of the model's cameras: test, train or all")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"test", "train", "all"}));
+  app.add_option("--views", options.views, "read at most so many, evenly spaced (0: all)")->capture_default_str();
+  app.add_option("--background", options.background, "what is behind transparent pixels of images: white or black")
+      ->check(CLI::IsMember({"white", "black"}));
+  app.add_option("--threads", options.threads, "0: all")->capture_default_str();
+}
+
+Result<std::vector<fs::path>> image_files(const std::vector<fs::path>& paths) {
+  std::vector<fs::path> files;
+  for (const fs::path& path : paths) {
+    std::error_code status;
+    if (!fs::is_directory(path, status)) {
+      if (!fs::exists(path, status))
+        return Error{ErrorKind::not_found, path.string(), "--images", "no such file or folder", "check the path"};
+      files.push_back(path);
+      continue;
+    }
+    std::vector<fs::path> found;
+    for (fs::directory_iterator i(path, status), end; !status && i != end; i.increment(status)) {
+      std::string extension = i->path().extension().string();
+      for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+      const bool image = extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+      if (image && i->path().filename().string().front() != '.') found.push_back(i->path());
+    }
+    if (status) {
+      return Error{ErrorKind::unreadable, path.string(), "--images", "cannot be listed: " + status.message(),
+                   "check its permissions"};
+    }
+    if (found.empty()) {
+      return Error{ErrorKind::not_found, path.string(), "--images", "holds no PNG or JPEG file",
+                   "give a folder of images, or the files themselves"};
+    }
+    std::sort(found.begin(), found.end());
+    files.insert(files.end(), found.begin(), found.end());
+  }
+  return files;
+}
+
+Result<Reading> read_all(const ReadingOptions& options, const std::optional<OwnerKey>& key) {
+  if (options.model.empty() && options.images.empty()) {
+    return Error{ErrorKind::invalid, {}, "--model, --images", "neither is given", "say what is to be read"};
+  }
+  Result<Decoder> decoder = load_decoder(options.decoder, key ? &*key : nullptr);
+  if (!decoder) return decoder.error();
+  const Result<std::string> digest = file_sha256(options.decoder);
+  if (!digest) return digest.error();
+  Reading reading;
+  reading.bits = static_cast<std::size_t>(decoder->bits());
+  reading.sources.program = std::string("compmark ") + version;
+  reading.sources.decoder = options.decoder.filename().string();
+  reading.sources.decoder_sha256 = *digest;
+  if (key) {
+    reading.sources.key_id = key->id();
+    reading.sources.key_commitment = key->commitment();
+    reading.sources.key_created = key->created;
+  }
+  ThreadExecutor executor(options.threads);
+  const Result<Done> read = options.model.empty() ? read_images(options, *decoder, executor, reading)
+                                                  : read_renders(options, *decoder, executor, reading);
+  if (!read) return read.error();
+  return reading;
+}
+
+}  // namespace tool

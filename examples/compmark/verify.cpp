@@ -1,0 +1,81 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark verify: is the message of this key in a model or in images, and how likely would that be by chance.
+#include <compmark/io/json_file.hpp>
+#include <compmark/mark/key.hpp>
+#include <compmark/mark/verify.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "commands.hpp"
+#include "common.hpp"
+#include "reading.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct VerifyOptions {
+  ReadingOptions reading;
+  std::filesystem::path key;
+  std::filesystem::path json;
+  double alpha = 1e-6;
+  std::uint64_t tests = 1;
+};
+
+int run(const VerifyOptions& options) {
+  const Result<OwnerKey> key = load_key(options.key);
+  if (!key) return fail(key.error());
+  Result<Reading> reading = read_all(options.reading, *key);
+  if (!reading) return fail(reading.error());
+  VerifySettings settings;
+  settings.false_positive_rate = options.alpha;
+  settings.tries = options.tests;
+  Result<Verification> verification = verify_message(message_of(*key), reading->views, settings);
+  if (!verification) return fail(verification.error());
+  const VerificationReport report{std::move(reading->sources), std::move(reading->views), std::move(*verification)};
+  if (!options.json.empty()) {
+    if (Result<Done> written = write_json(options.json, report_json<nlohmann::ordered_json>(report)); !written)
+      return fail(written.error());
+  }
+  const ReportSources& from = report.sources;
+  std::printf("key         %s, created %s (by its own account; the commitment %s proves it if it was published)\n",
+              from.key_id.c_str(), from.key_created.c_str(), from.key_commitment.c_str());
+  std::printf("decoder     %s, sha256 %s\n", from.decoder.c_str(), from.decoder_sha256.c_str());
+  if (!from.model.empty()) std::printf("model       %s, sha256 %s\n", from.model.c_str(), from.model_sha256.c_str());
+  std::fputs(report_text(report.verification).c_str(), stdout);
+  switch (report.verification.verdict) {
+    case Verdict::detected:
+      return success;
+    case Verdict::not_detected:
+      return not_detected;
+    case Verdict::inconclusive:
+      break;
+  }
+  return inconclusive;
+}
+
+}  // namespace
+
+Command add_verify(CLI::App& app) {
+  auto options = std::make_shared<VerifyOptions>();
+  app.add_option("--key", options->key, "the owner's key file (compmark keygen)")->required();
+  add_reading_options(app, options->reading);
+  app.add_option("--alpha", options->alpha, "false-positive rate you accept; choose it before you look")
+      ->capture_default_str();
+  app.add_option("--tests", options->tests,
+                 "how many tests are made in all: keys times crops times models; the p-value is multiplied by it")
+      ->capture_default_str();
+  app.add_option("--json", options->json, "write the report to this file");
+  app.footer(
+      "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive: tests times p is above --alpha but not above\n"
+      "0.01, or no number of matches could reach --alpha with so few bits. The p-value is the probability that a key\n"
+      "drawn at random, without knowing the images, matches at least as well.");
+  return [options]() -> int { return run(*options); };
+}
+
+}  // namespace tool
