@@ -28,13 +28,14 @@ struct VerifyOptions {
 };
 
 int run(const VerifyOptions& options) {
+  VerifySettings settings;
+  settings.false_positive_rate = options.alpha;
+  settings.tries = options.tests;
+  if (const Result<Done> checked = check_settings(settings); !checked) return fail(checked.error());
   const Result<OwnerKey> key = load_key(options.key);
   if (!key) return fail(key.error());
   Result<Reading> reading = read_all(options.reading, *key);
   if (!reading) return fail(reading.error());
-  VerifySettings settings;
-  settings.false_positive_rate = options.alpha;
-  settings.tries = options.tests;
   Result<Verification> verification = verify_message(message_of(*key), reading->views, settings);
   if (!verification) return fail(verification.error());
   const VerificationReport report{std::move(reading->sources), std::move(reading->views), std::move(*verification)};

@@ -125,16 +125,24 @@ inline void fuse_logits(std::span<const ViewLogits> views, FusionRule rule, std:
   return {count, binomial_tail(count, expected.size())};
 }
 
+/// One line where the settings are no test.
+[[nodiscard]] inline Result<Done> check_settings(const VerifySettings& settings) {
+  if (!(settings.false_positive_rate > 0 && settings.false_positive_rate < 1)) {
+    return Error{ErrorKind::invalid, "", "false positive rate", "is not between 0 and 1",
+                 "give the rate of false accusations you accept, as 1e-6"};
+  }
+  if (settings.tries < 1)
+    return Error{ErrorKind::invalid, "", "tries", "is 0", "count every key and alignment that is tried"};
+  return Done{};
+}
+
 /// Tests one message against the logits of one or more views.
 [[nodiscard]] inline Result<Verification> verify_message(const Message& expected, std::span<const ViewLogits> views,
                                                          const VerifySettings& settings = {}) {
   const auto fail = [](std::string field, std::string problem, std::string remedy) {
     return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), std::move(remedy)};
   };
-  if (!(settings.false_positive_rate > 0 && settings.false_positive_rate < 1))
-    return fail("false positive rate", "is not between 0 and 1",
-                "give the rate of false accusations you accept, as 1e-6");
-  if (settings.tries < 1) return fail("tries", "is 0", "count every key and alignment that is tried");
+  if (Result<Done> checked = check_settings(settings); !checked) return checked.error();
   if (expected.size() == 0) return fail("message", "is empty", "give a message");
   if (views.empty()) return fail("views", "there is none", "give at least one image");
   for (const ViewLogits& view : views) {
