@@ -17,15 +17,18 @@
 namespace compmark::inline v0 {
 namespace detail {
 
-/// File names in a folder, sorted, without hidden ones.
+/// Names of the photographs in a folder, sorted. What a system left beside them (._a.png, .hidden.png) and folders are none.
 [[nodiscard]] inline std::vector<std::string> image_names(const std::filesystem::path& folder) {
   static constexpr std::array<const char*, 6> extensions{".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"};
   std::vector<std::string> names;
   std::error_code status;
   for (std::filesystem::directory_iterator i(folder, status), end; !status && i != end; i.increment(status)) {
-    const std::string extension = i->path().extension().string();
-    if (std::find(extensions.begin(), extensions.end(), extension) != extensions.end())
-      names.push_back(i->path().filename().string());
+    const std::string name = i->path().filename().string(), extension = i->path().extension().string();
+    std::error_code ignored;
+    if (name.front() != '.' && std::find(extensions.begin(), extensions.end(), extension) != extensions.end() &&
+        i->is_regular_file(ignored)) {
+      names.push_back(name);
+    }
   }
   std::sort(names.begin(), names.end());
   return names;
