@@ -221,6 +221,7 @@
 #include "compmark/mark/pretrain/dead_leaves.hpp"
 #include "compmark/mark/pretrain/decoder_measure.hpp"
 #include "compmark/mark/pretrain/lattice_network.hpp"
+#include "compmark/mark/pretrain/photograph_split.hpp"
 #include "compmark/mark/pretrain/pixel_adam.hpp"
 #include "compmark/mark/pretrain/pixel_embedding.hpp"
 #include "compmark/mark/pretrain/rotation.hpp"

@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,6 +13,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/mark/pretrain/augmentation.hpp"
 #include "compmark/mark/pretrain/dead_leaves.hpp"
+#include "compmark/mark/pretrain/photograph_split.hpp"
 #include "compmark/mark/pretrain/pixel_adam.hpp"
 #include "compmark/mark/pretrain/whitening.hpp"
 #include "compmark/testing/gradient.hpp"
@@ -179,4 +182,22 @@ TEST_CASE("mark/pretrain: dead leaves are images, the same for the same index") 
     square += static_cast<double>(v * v) / static_cast<double>(a.size());
   }
   CHECK(square - mean * mean > 1e-3);
+}
+
+TEST_CASE("mark/pretrain: pieces of one photograph stay on one side of the split, whatever else is in the folder") {
+  CHECK(photograph_group("kitchen_0.jpg") == "kitchen");
+  CHECK(photograph_group("kitchen_12.png") == "kitchen");
+  CHECK(photograph_group("coco_000000000009_1.jpg") == "coco_000000000009");
+  CHECK(photograph_group("0001.jpg") == "0001");
+  CHECK(photograph_group("_7.jpg") == "_7");
+  std::vector<std::string> names;
+  for (int i = 0; i < 100; ++i) {
+    for (const char* piece : {"_0.jpg", "_1.jpg"}) names.push_back("photo" + std::to_string(i) + piece);
+  }
+  const std::set<std::string> out = held_out_groups(names, 0.2);
+  CHECK(out.size() == 20);
+  CHECK(held_out_groups({names.rbegin(), names.rend()}, 0.2) == out);
+  CHECK(held_out_groups({"a_0.png", "b_0.png"}, 0.001).size() == 1);
+  const std::set<std::string> more = held_out_groups(names, 0.3);  // the same and others
+  CHECK(std::includes(more.begin(), more.end(), out.begin(), out.end()));
 }
