@@ -76,6 +76,7 @@
 #include "compmark/io/sha256.hpp"
 #include "compmark/io/splat_ply.hpp"
 
+#include "compmark/scene/between.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/colmap.hpp"
 #include "compmark/scene/colmap_binary.hpp"

@@ -164,7 +164,8 @@ struct Outcome {
   double accuracy = 0, psnr = 0;
 };
 template <class R>
-Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::size_t threads = 2) {
+Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::size_t threads = 2,
+              std::int64_t between_every = 0) {
   TrainSettings settings;
   settings.iterations = compmark::testing::short_trainings ? 30 : 600;
   settings.voxel_size = 0.05;
@@ -174,6 +175,8 @@ Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::siz
   settings.mark.message_ramp = 3000;
   settings.mark.logit_scale = 1;
   settings.mark.scaling_noise = 1e-4;
+  settings.mark.between_every = between_every;
+  if (between_every != 0) settings.mark.hinge_margin = 1;
   ThreadExecutor executor(threads);
   Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
   if constexpr (present<typename R::MessageDecoder>) trainer.set_watermark(Waves<float>{}, message);
@@ -223,11 +226,19 @@ TEST_CASE(
   CHECK(noisy.accuracy > 0.9999);
 }
 
+TEST_CASE("pipeline/watermark: readings between the training views change the model, and the message is read") {
+  std::vector<float> without, with;
+  static_cast<void>(train<MarkedHost>(true, &without, 2, 0));
+  const Outcome outcome = train<MarkedHost>(true, &with, 2, 1);
+  CHECK(without != with);
+  if (!compmark::testing::short_trainings) CHECK(outcome.accuracy > 0.9999);
+}
+
 TEST_CASE("pipeline/watermark: a marked training has the same bits at any thread count") {
   std::vector<float> one, three;
   using R = recipes::MarkedForCompression<Host, Waves<float>>;
-  static_cast<void>(train<R>(true, &one, 1));
-  static_cast<void>(train<R>(true, &three, 3));
+  static_cast<void>(train<R>(true, &one, 1, 2));
+  static_cast<void>(train<R>(true, &three, 3, 2));
   REQUIRE(one.size() == three.size());
   CHECK(std::memcmp(one.data(), three.data(), one.size() * sizeof(float)) == 0);
 }

@@ -77,6 +77,8 @@ struct Checkpoint {
                     {"message_ramp", m.message_ramp},
                     {"message_every", m.message_every},
                     {"logit_scale", m.logit_scale},
+                    {"hinge_margin", m.hinge_margin},
+                    {"between_every", m.between_every},
                     {"lambda_hsv", m.lambda_hsv},
                     {"hsv_after", m.hsv_after},
                     {"lambda_frequency", m.lambda_frequency},

@@ -43,6 +43,15 @@ class MarkPhases {
     return weights;
   }
 
+  /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
+  [[nodiscard]] bool reads_between(std::int64_t t) const {
+    return numbers_.between_every > 0 && t % numbers_.between_every == 0 && between_weight(t) != 0;
+  }
+  [[nodiscard]] double between_weight(std::int64_t t) const {
+    if (t <= message_.begin) return 0;
+    return numbers_.lambda_message * message_.progress(t) * static_cast<double>(numbers_.between_every);
+  }
+
   [[nodiscard]] DistortionPhase distortion(std::int64_t t, std::uint64_t seed) const {
     DistortionPhase phase;
     phase.seed = seed;

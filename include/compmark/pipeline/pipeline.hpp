@@ -179,6 +179,24 @@ class Pipeline {
     return report;
   }
 
+  /// The message alone, of a render that there is no photograph of, in place of loss(): context.d_image is set from what was read.
+  template <Executor E>
+  MarkReport message_loss(double weight, Context& context, E& executor) const
+      requires(present<typename R::MessageDecoder>) {
+    context.d_image_storage.resize(context.image.size());
+    context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
+    std::fill(context.d_image_storage.begin(), context.d_image_storage.end(), Scalar(0));
+    context.volume_weight = 0;
+    if constexpr (present<typename R::AlphaLoss>) {
+      context.alpha_loss.d_alpha.resize(context.image.plane_size());
+      std::fill(context.alpha_loss.d_alpha.begin(), context.alpha_loss.d_alpha.end(), Scalar(0));
+    }
+    context.marks.weights = {weight, 0, 0, 0};
+    context.marks.report =
+        marks_.forward_backward(context.image, context.image, context.d_image, context.marks, executor);
+    return context.marks.report;
+  }
+
   /// The same for a target that is nothing but an image.
   template <Executor E>
   LossReport loss(ImageView<const Scalar> target, const LossWeights& weights, Context& context, E& executor) const {

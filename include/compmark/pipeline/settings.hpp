@@ -41,6 +41,8 @@ struct MarkNumbers {
   std::int64_t message_ramp = 5000;
   std::int64_t message_every = 1;  ///< cadence: every n-th iteration, n times the weight; does not scale
   double logit_scale = 10;         ///< of the cross entropy; a decoder file states what suits its logits
+  double hinge_margin = 0;  ///< above 0: a hinge instead, no pull on a bit that is right by this much (scaled logits)
+  std::int64_t between_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
   double lambda_hsv = 0.6;
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;

@@ -30,6 +30,7 @@
 #include "compmark/pipeline/pipeline.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/training_views.hpp"
+#include "compmark/scene/between.hpp"
 
 namespace compmark::inline v0 {
 
@@ -155,6 +156,9 @@ class Trainer {
         if (phases_.adjusts(t)) adjust(t, report);
       }
     }
+    if constexpr (present<typename R::MessageDecoder>) {
+      if (!report.adjusted && mark_phases_.reads_between(t)) read_between(views, camera, report.view, t);
+    }
     if (t < settings_
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
       learning_rates(t);
@@ -189,6 +193,10 @@ class Trainer {
   [[nodiscard]] const MarkReport& mark_report() const requires(!Pipeline<R>::Marks::is_absent) {
     return context_.marks.report;
   }
+  /// What was read in the last view between training views.
+  [[nodiscard]] const MarkReport& between_report() const requires(present<typename R::MessageDecoder>) {
+    return between_.marks.report;
+  }
   /// Mean step and rate of the distortion layer in the last iteration.
   [[nodiscard]] const DistortionReport& distortion_report() const requires(present<typename R::DistortionLayer>) {
     return context_.road.distortion;
@@ -198,7 +206,12 @@ class Trainer {
                      std::span<const std::uint8_t> message) requires(present<typename R::MessageDecoder>) {
     COMPMARK_ASSERT(static_cast<std::size_t>(decoder.bits()) == message.size(), "Trainer: message length");
     auto& marks = pipeline_.marks();
-    marks.message_loss.settings.logit_scale = static_cast<Scalar>(settings_.mark.logit_scale);
+    auto& loss = marks.message_loss.settings;
+    loss.logit_scale = static_cast<Scalar>(settings_.mark.logit_scale);
+    if (settings_.mark.hinge_margin > 0) {
+      loss.rule = MessageRule::hinge;
+      loss.margin = static_cast<Scalar>(settings_.mark.hinge_margin);
+    }
     marks.decoder = std::move(decoder);
     marks.message.assign(message.begin(), message.end());
   }
@@ -214,6 +227,19 @@ class Trainer {
   }
 
  private:
+  /// One more reading, of a view between this one and a neighbour; adds its gradients to those of the iteration.
+  template <class Views>
+  void read_between(const Views& views, const ViewCamera<R>& camera, std::size_t view, std::int64_t t) {
+    const Random random(settings_.seed, static_cast<std::uint64_t>(t), random_stage("between"));
+    const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
+    const std::size_t other = neighbouring_view(camera_of, views.size(), view, random);
+    const ViewCamera<R> between = camera_between(camera, camera_of(other), random.uniform(1));
+    if constexpr (present<typename R::DistortionLayer>) between_.road.phase = context_.road.phase;
+    static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
+    pipeline_.message_loss(mark_phases_.between_weight(t), between_, *executor_);
+    pipeline_.backward(state_.model, between, view, between_, *executor_);
+  }
+
   void start(std::size_t rows) {
     state_.iteration = 0;
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
@@ -351,6 +377,9 @@ class Trainer {
   [[no_unique_address]] std::conditional_t<MarkedPipeline::Road::is_absent && MarkedPipeline::Marks::is_absent,
                                            detail::Nothing<MarkPhases>, MarkPhases>
       mark_phases_;
+  [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, typename Pipeline<R>::Context,
+                                           detail::Nothing<typename Pipeline<R>::Context>>
+      between_;  ///< its own, so that image() and mark_report() stay those of the photographed view
 };
 
 }  // namespace compmark::inline v0

@@ -1,0 +1,69 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Views that nobody took: cameras between two neighbouring training cameras. What needs no photograph, such as reading a message, can be
+// asked of them, and then holds between the photographs too (docs/watermark.md). Position and axes are interpolated, the latter along the
+// shorter arc; the intrinsics are those of the first camera. Cost: O(views) for a choice, nothing to store.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "compmark/core/random.hpp"
+#include "compmark/scene/camera.hpp"
+
+namespace compmark::inline v0 {
+
+/// `from` moved towards `to` by `fraction` in [0, 1]: at 0 it is `from` to the bit, at 1 it stands and looks as `to` does. Works on
+/// LensCamera too; the lens stays.
+template <class AnyCamera>
+[[nodiscard]] AnyCamera camera_between(const AnyCamera& from, const AnyCamera& to, double fraction) {
+  AnyCamera camera = from;
+  if (fraction <= 0) return camera;
+  using Matrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  const Eigen::Quaterniond first(Matrix(Eigen::Map<const Matrix>(from.rotation_camera_world.data())));
+  const Eigen::Quaterniond last(Matrix(Eigen::Map<const Matrix>(to.rotation_camera_world.data())));
+  Eigen::Map<Matrix>(camera.rotation_camera_world.data()) =
+      first.normalized().slerp(fraction, last.normalized()).toRotationMatrix();
+  for (std::size_t c = 0; c < 3; ++c)
+    camera.center_world[c] = (1 - fraction) * from.center_world[c] + fraction * to.center_world[c];
+  return camera;
+}
+
+/// One of the `nearest` views that stand closest to `view` and look the same way within 60 degrees, drawn with `random`; `view` itself
+/// where there is none. `cameras(i)` gives the camera of view i < views.
+template <class Cameras>
+[[nodiscard]] std::size_t neighbouring_view(const Cameras& cameras, std::size_t views, std::size_t view,
+                                            const Random& random) {
+  constexpr std::size_t nearest = 6;
+  constexpr double least_cosine = 0.5;
+  std::array<double, nearest> distance;
+  std::array<std::size_t, nearest> index{};
+  distance.fill(std::numeric_limits<double>::infinity());
+  std::size_t found = 0;
+  const Camera<double> self = cameras(view);
+  for (std::size_t i = 0; i < views; ++i) {
+    if (i == view) continue;
+    const Camera<double> other = cameras(i);
+    double square = 0, cosine = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double d = other.center_world[c] - self.center_world[c];
+      square += d * d;
+      cosine += other.rotation_camera_world[6 + c] * self.rotation_camera_world[6 + c];  // the viewing directions
+    }
+    if (!(cosine >= least_cosine) || !(square < distance.back())) continue;
+    std::size_t place = found < nearest ? found++ : nearest - 1;
+    for (; place > 0 && square < distance[place - 1]; --place) {
+      distance[place] = distance[place - 1];
+      index[place] = index[place - 1];
+    }
+    distance[place] = square;
+    index[place] = i;
+  }
+  return found == 0 ? view : index[random.below(0, found)];
+}
+
+}  // namespace compmark::inline v0

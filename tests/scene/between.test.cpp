@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/scene/between.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <numbers>
+#include <set>
+#include <vector>
+
+using namespace compmark;
+
+namespace {
+
+/// A camera on the unit circle of the plane z = 0, at `angle`, that looks at the origin.
+Camera<double> on_circle(double angle) {
+  Camera<double> camera;
+  camera.width = camera.height = 8;
+  camera.fx = camera.fy = 5 + angle;
+  const double c = std::cos(angle), s = std::sin(angle);
+  camera.rotation_camera_world = {-s, c, 0, 0, 0, -1, -c, -s, 0};
+  camera.center_world = {c, s, 0};
+  return camera;
+}
+
+}  // namespace
+
+TEST_CASE("scene/between: half way between two cameras of a circle it stands on the chord and looks at the centre") {
+  const Camera<double> from = on_circle(0.3), to = on_circle(1.1);
+  const Camera<double> middle = camera_between(from, to, 0.5);
+  const double mean = 0.7;
+  const double chord = std::cos(0.4);
+  CHECK(middle.center_world[0] == doctest::Approx(chord * std::cos(mean)).epsilon(1e-14));
+  CHECK(middle.center_world[1] == doctest::Approx(chord * std::sin(mean)).epsilon(1e-14));
+  const Camera<double> wanted = on_circle(mean);
+  for (std::size_t i = 0; i < 9; ++i)
+    CHECK(std::abs(middle.rotation_camera_world[i] - wanted.rotation_camera_world[i]) < 1e-15 * 8);
+  CHECK(middle.fx == from.fx);
+  // Negative control: the mean of the two matrices is no rotation.
+  double row = 0;
+  for (std::size_t c = 0; c < 3; ++c)
+    row += std::pow((from.rotation_camera_world[6 + c] + to.rotation_camera_world[6 + c]) / 2, 2);
+  CHECK(row < 0.9);
+}
+
+TEST_CASE("scene/between: the ends are the two cameras") {
+  const Camera<double> from = on_circle(-2.0), to = on_circle(-1.5);
+  const Camera<double> begin = camera_between(from, to, 0), end = camera_between(from, to, 1);
+  CHECK(begin.rotation_camera_world == from.rotation_camera_world);
+  CHECK(begin.center_world == from.center_world);
+  CHECK(end.center_world == to.center_world);
+  for (std::size_t i = 0; i < 9; ++i)
+    CHECK(std::abs(end.rotation_camera_world[i] - to.rotation_camera_world[i]) < 1e-15 * 8);
+}
+
+TEST_CASE("scene/between: a neighbour is one of the six nearest that look the same way, and every one is drawn") {
+  std::vector<Camera<double>> cameras;
+  for (int i = 0; i < 24; ++i) cameras.push_back(on_circle(i * std::numbers::pi / 12));
+  // Beside camera 0, and turned round: the nearest of all, and of no use.
+  Camera<double> turned = on_circle(0.001);
+  for (std::size_t i = 0; i < 9; ++i)
+    if (i < 3 || i > 5) turned.rotation_camera_world[i] = -turned.rotation_camera_world[i];
+  cameras.push_back(turned);
+  const auto camera = [&](std::size_t i) { return cameras[i]; };
+  std::set<std::size_t> drawn;
+  for (std::uint64_t t = 0; t < 200; ++t)
+    drawn.insert(neighbouring_view(camera, cameras.size(), 0, Random(1, t, random_stage("test"))));
+  CHECK(drawn == std::set<std::size_t>{1, 2, 3, 21, 22, 23});
+  // With nobody beside it, a view is its own neighbour.
+  CHECK(neighbouring_view(camera, 1, 0, Random(1, 0, 0)) == 0);
+  const auto opposite = [&](std::size_t i) { return i == 0 ? cameras[0] : turned; };
+  CHECK(neighbouring_view(opposite, 2, 0, Random(1, 0, 0)) == 0);
+}
