@@ -38,6 +38,8 @@ BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldExposure)->Unit(benchmark::kMilli
 BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldExposureMasked)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldAlpha)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldAntiAliased)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldLens)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldFisheye)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_TEMPLATE(iteration, recipes::ScaffoldFarField)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 /// What a space does cost: cells of 30,000 points, once at the start (and as many at each adjustment), beside those of the world.

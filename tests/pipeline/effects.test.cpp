@@ -11,6 +11,7 @@
 #include <compmark/effect/pixel_weights.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/trainer.hpp>
+#include <compmark/raster/effects.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/scene/procedural_write.hpp>
 #include <compmark/scene/random_points.hpp>
@@ -41,6 +42,10 @@ struct WithAlpha : DefaultRecipe<double, small, smooth_accuracy> {
   using Rasterizer = TileRasterizer<double, smooth_accuracy, with_alpha>;
   using AlphaLoss = L1AlphaLoss<double>;
 };
+struct WithFilteredAlpha : DefaultRecipe<double, small, smooth_accuracy> {
+  using Rasterizer = EffectTileRasterizer<double, RasterEffects<PinholeLens, MipFilter>, smooth_accuracy, with_alpha>;
+  using AlphaLoss = L1AlphaLoss<double>;
+};
 struct WithAll : DefaultRecipe<double, small, smooth_accuracy> {
   using Rasterizer = TileRasterizer<double, smooth_accuracy, with_alpha>;
   using Exposure = AffineExposure<double>;
@@ -52,7 +57,7 @@ struct WithAll : DefaultRecipe<double, small, smooth_accuracy> {
 }  // namespace
 
 TEST_CASE_TEMPLATE("pipeline/effects: the directional derivative of the whole road equals central differences", R,
-                   WithExposure, WithWeights, WithAlpha, WithAll) {
+                   WithExposure, WithWeights, WithAlpha, WithFilteredAlpha, WithAll) {
   constexpr int width = 37, height = 29;
   constexpr std::size_t pixels = width * height;
   Model<R> model = compmark::testing::random_model<R>(24);

@@ -39,9 +39,15 @@ struct ScaffoldAntiAliased : Scaffold {
 inline constexpr double antialiasing_blur_variance = 0.1;
 
 /// The same with pixels that do not count: what a hand-held capture with a lens calls for most often. It shares the rasterizer's code with
-/// ScaffoldAntiAliased; alpha beside the filter would be a rasterizer of its own, and no capture has called for both yet.
+/// ScaffoldAntiAliased.
 struct ScaffoldAntiAliasedMasked : ScaffoldAntiAliased {
   using PixelWeights = MaskedPixels<float>;
+};
+
+/// Cut-out objects from several distances: alpha and the mip filter.
+struct ScaffoldAlphaAntiAliased : ScaffoldAlpha {
+  using Rasterizer = EffectTileRasterizer<float, RasterEffects<PinholeLens, MipFilter>, accuracy::standard,
+                                          RasterOutputs{.alpha = true, .screen_statistics = true}>;
 };
 
 /// Photographs through a lens of the radial and tangential family, left as they are: Gaussians are projected through the lens.
