@@ -54,6 +54,9 @@ int run(const ExtractOptions& options) {
 
   nlohmann::ordered_json json{
       {"schema", "compmark.extraction.1"}, {"bits", reading->bits}, {"hex", together.hex()}, {"fused_logits", fused}};
+  const std::optional<PayloadText> payload =
+      key && key->corrects != 0 ? std::optional(payload_text(*key, together)) : std::nullopt;
+  if (payload) json["payload"] = payload->json;
   add_sources(json, reading->sources);
   json["views"] = nlohmann::ordered_json::array();
   for (const ViewLogits& view : reading->views) {
@@ -75,6 +78,7 @@ int run(const ExtractOptions& options) {
     std::printf("  %-24s %s  |logit| mean %.3g, least %.2g; %zu of %zu bits as above\n", view.name.c_str(),
                 bits.hex().c_str(), confidence.mean, confidence.least, bits.matches(together), bits.size());
   }
+  if (payload) std::fputs(payload->line.c_str(), stdout);
   std::printf("Every image gives bits, marked or not: what they prove is what compmark verify says\n");
   return success;
 }
@@ -84,7 +88,7 @@ int run(const ExtractOptions& options) {
 Command add_extract(CLI::App& app) {
   auto options = std::make_shared<ExtractOptions>();
   add_reading_options(app, options->reading);
-  app.add_option("--key", options->key, "the owner's key file: needed by carrier decoders only");
+  app.add_option("--key", options->key, "the owner's key file: for carrier decoders, and to read a payload");
   app.add_option("--json", options->json, "write bits and logits to this file");
   return [options]() -> int { return run(*options); };
 }

@@ -4,6 +4,7 @@
 // compmark keygen: a new owner's key, 256 random bits of the operating system. A key that exists is never lost: --force moves it aside.
 #include <compmark/io/os_random.hpp>
 #include <compmark/io/owner_key.hpp>
+#include <compmark/mark/key.hpp>
 #include <compmark/mark/verify.hpp>
 #include <cstdio>
 #include <ctime>
@@ -13,6 +14,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "reading.hpp"
 
 namespace tool {
 namespace {
@@ -24,6 +26,9 @@ struct KeygenOptions {
   fs::path out;
   std::size_t bits = 48;
   std::string note;
+  std::string payload;
+  std::size_t corrects = 4;
+  fs::path from;
   bool force = false;
 };
 
@@ -58,9 +63,26 @@ Result<fs::path> move_aside(const fs::path& path) {
 
 int run(const KeygenOptions& options) {
   Digest256 secret{};
-  if (Result<Done> drawn = os_random(secret); !drawn) return fail(drawn.error());
+  if (!options.from.empty()) {
+    const Result<OwnerKey> other = load_key(options.from);
+    if (!other) return fail(other.error());
+    secret = other->secret;
+  } else if (Result<Done> drawn = os_random(secret); !drawn) {
+    return fail(drawn.error());
+  }
   Result<OwnerKey> key = make_key(secret, utc_now(), options.bits, options.note);
   if (!key) return fail(key.error());
+  if (!options.payload.empty()) {
+    key->payload = options.payload;
+    key->corrects = options.corrects;
+    if (const Result<Done> fits = check_payload(*key); !fits) return fail(fits.error());
+  } else if (!options.from.empty()) {
+    return fail({ErrorKind::invalid,
+                 {},
+                 "--from",
+                 "would make the same key again",
+                 "give the new key a payload of its own with --payload"});
+  }
   fs::path aside;
   std::error_code status;
   if (options.force && fs::exists(options.out, status)) {
@@ -79,6 +101,8 @@ int run(const KeygenOptions& options) {
   if (!aside.empty()) std::printf("old key     moved to %s\n", aside.string().c_str());
   std::printf("key id      %s\nmessage     %zu bits\ncreated     %s\ncommitment  %s\n", key->id().c_str(), key->bits,
               key->created.c_str(), key->commitment().c_str());
+  if (key->corrects != 0)
+    std::printf("payload     %s, up to %zu wrong bits corrected\n", key->payload.c_str(), key->corrects);
   std::printf("Publish the commitment with a date that others can check before you publish what you mark\n");
   if (!match_threshold(key->bits, VerifySettings{}.false_positive_rate)) {
     std::fprintf(stderr, "compmark: warning: %zu bits can never be evidence at a false-positive rate of 1e-06\n",
@@ -95,6 +119,11 @@ Command add_keygen(CLI::App& app) {
   app.add_option("--bits", options->bits, "length of the message, that of the decoder you will use (1 to 128)")
       ->capture_default_str();
   app.add_option("--note", options->note, "a line to know the key by; it is not part of the commitment");
+  app.add_option("--payload", options->payload,
+                 "hexadecimal digits that the message says, an identifier; it takes bits, but none from the evidence");
+  app.add_option("--corrects", options->corrects, "wrong bits that the payload survives")->capture_default_str();
+  app.add_option("--from", options->from,
+                 "take the secret of this key: one key then reads the payloads of all, but see docs/verification.md");
   app.add_flag("--force", options->force, "if the file is a key already, move that to FILE.<id>.old");
   return [options]() -> int { return run(*options); };
 }

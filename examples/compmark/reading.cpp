@@ -3,6 +3,7 @@
 #include "reading.hpp"
 
 #include <algorithm>
+#include <array>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/io/sha256.hpp>
@@ -16,6 +17,7 @@
 #include <cstdio>
 #include <memory>
 #include <span>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -119,11 +121,46 @@ Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder,
   return Done{};
 }
 
+std::string_view outcome_name(PayloadCode::Outcome outcome) {
+  return outcome == PayloadCode::Outcome::read         ? "read"
+         : outcome == PayloadCode::Outcome::crc_failed ? "crc_failed"
+                                                       : "too_many_errors";
+}
+
 }  // namespace
+
+PayloadText payload_text(const OwnerKey& key, const Message& read) {
+  const PayloadCode::Reading reading = read_payload(key, read);
+  const bool whole = reading.outcome == PayloadCode::Outcome::read;
+  // A random word passes BCH and the CRC with this probability: no proof of anything.
+  const double chance = payload_code(key)->code.random_decode_rate() / 256;
+  PayloadText text;
+  text.json = {{"outcome", std::string(outcome_name(reading.outcome))},
+               {"hex", whole ? nlohmann::ordered_json(reading.data.hex()) : nlohmann::ordered_json(nullptr)},
+               {"corrected", whole ? nlohmann::ordered_json(reading.corrected) : nlohmann::ordered_json(nullptr)},
+               {"chance", chance}};
+  std::array<char, 160> line{};
+  if (whole) {
+    std::snprintf(line.data(), line.size(),
+                  "payload     %s, %zu bit%s corrected, CRC right; bits of chance pass with probability %.1g\n",
+                  reading.data.hex().c_str(), reading.corrected, reading.corrected == 1 ? "" : "s", chance);
+  } else {
+    std::snprintf(line.data(), line.size(), "payload     cannot be read (%s)\n",
+                  reading.outcome == PayloadCode::Outcome::crc_failed ? "the CRC is wrong" : "too many wrong bits");
+  }
+  text.line = line.data();
+  return text;
+}
 
 Result<OwnerKey> load_key(const fs::path& path) {
   Result<OwnerKey> key = read_key(path);
-  if (key && !key_file_is_private(path)) {
+  if (!key) return key;
+  if (Result<Done> fits = check_payload(*key); !fits) {
+    Error error = fits.error();
+    error.file = path.string();
+    return error;
+  }
+  if (!key_file_is_private(path)) {
     std::fprintf(stderr, "compmark: warning: %s: others may read this key; run chmod 600 on it\n",
                  path.string().c_str());
   }

@@ -13,6 +13,7 @@
 #include <compmark/mark/stored_decoder.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,8 +23,15 @@ namespace tool {
 /// Any decoder file, with the fast convolution.
 using Decoder = compmark::StoredDecoder<float, compmark::WinogradOrDirect>;
 
-/// Reads a key file; warns on stderr if others may read it.
+/// Reads a key file and checks its payload; warns on stderr if others may read it.
 compmark::Result<compmark::OwnerKey> load_key(const std::filesystem::path& path);
+
+/// What read bits say, as a line and as JSON; for a key with a payload.
+struct PayloadText {
+  std::string line;
+  nlohmann::ordered_json json;
+};
+PayloadText payload_text(const compmark::OwnerKey& key, const compmark::Message& read);
 
 /// Reads a decoder file. With a key: the decoder of the key's message length, or an error; a carrier file needs the key.
 compmark::Result<Decoder> load_decoder(const std::filesystem::path& path, const compmark::OwnerKey* key);

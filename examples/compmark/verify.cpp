@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <utility>
 
 #include "commands.hpp"
@@ -39,15 +40,20 @@ int run(const VerifyOptions& options) {
   Result<Verification> verification = verify_message(message_of(*key), reading->views, settings);
   if (!verification) return fail(verification.error());
   const VerificationReport report{std::move(reading->sources), std::move(reading->views), std::move(*verification)};
+  const std::optional<PayloadText> payload =
+      key->corrects == 0 ? std::nullopt : std::optional(payload_text(*key, report.verification.read));
   if (!options.json.empty()) {
-    if (Result<Done> written = write_json(options.json, report_json<nlohmann::ordered_json>(report)); !written)
-      return fail(written.error());
+    nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(report);
+    if (payload) json["payload"] = payload->json;
+    if (Result<Done> written = write_json(options.json, json); !written) return fail(written.error());
   }
   const ReportSources& from = report.sources;
-  std::printf("key         %s, created %s (by its own account; the commitment %s proves it if it was published)\n",
-              from.key_id.c_str(), from.key_created.c_str(), from.key_commitment.c_str());
+  std::printf("key         %s, created %s by its own account\n", from.key_id.c_str(), from.key_created.c_str());
+  std::printf("commitment  %s: published earlier, it shows that the key was not made to fit\n",
+              from.key_commitment.c_str());
   std::printf("decoder     %s, sha256 %s\n", from.decoder.c_str(), from.decoder_sha256.c_str());
   if (!from.model.empty()) std::printf("model       %s, sha256 %s\n", from.model.c_str(), from.model_sha256.c_str());
+  if (payload) std::fputs(payload->line.c_str(), stdout);
   std::fputs(report_text(report.verification).c_str(), stdout);
   switch (report.verification.verdict) {
     case Verdict::detected:

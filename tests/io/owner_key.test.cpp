@@ -68,6 +68,36 @@ TEST_CASE("io/owner_key: a note is kept and binds nothing") {
   CHECK(read->commitment() == some_key().commitment());
 }
 
+TEST_CASE("io/owner_key: a payload is kept and bound by the commitment") {
+  const Folder folder;
+  OwnerKey key = some_key();
+  key.payload = "5eed";
+  key.corrects = 4;
+  REQUIRE(write_key(folder.path / "payload.key", key).ok());
+  const Result<OwnerKey> read = read_key(folder.path / "payload.key");
+  REQUIRE(read.ok());
+  CHECK(read->payload == "5eed");
+  CHECK(read->corrects == 4);
+  CHECK(read->commitment() != some_key().commitment());
+  const nlohmann::json good = *read_json(folder.path / "payload.key");
+  for (const auto& [name, value] : {std::pair<const char*, nlohmann::json>{"hex", "5eee"},
+                                    {"hex", ""},
+                                    {"hex", std::string(33, '0')},
+                                    {"hex", 5},
+                                    {"corrects", 5},
+                                    {"corrects", 0},
+                                    {"corrects", -1}}) {
+    nlohmann::json bad = good;
+    bad["payload"][name] = value;
+    REQUIRE(write_json(folder.path / "bad.key", bad).ok());
+    CHECK_FALSE(read_key(folder.path / "bad.key").ok());
+  }
+  nlohmann::json bad = good;
+  bad.erase("payload");
+  REQUIRE(write_json(folder.path / "bad.key", bad).ok());
+  CHECK_FALSE(read_key(folder.path / "bad.key").ok());
+}
+
 TEST_CASE("io/owner_key: the commitment is the hash that the documentation says, and binds every field") {
   const OwnerKey key = some_key();
   std::string text = "compmark/commitment/v1";

@@ -80,6 +80,25 @@ std::vector<float> picture(std::uint64_t seed) {
 }
 ImageView<const float> view_of(const std::vector<float>& pixels) { return {pixels.data(), 3, side, side}; }
 
+/// Writes picture number `seed` with a message in its pixels, at 34 dB.
+void embed(const LatticeDecoder<float>& network, const Message& message, std::uint64_t seed, const std::string& path) {
+  std::vector<float> signs;
+  for (std::size_t i = 0; i < message.size(); ++i) signs.push_back(message[i] ? 1.0f : -1.0f);
+  PixelEmbedding<LatticeDecoder<float>> embedding;
+  PixelEmbeddingSettings settings;
+  settings.steps = 60;
+  settings.psnr = 34;
+  settings.temperature = 20;
+  settings.augmentation = no_augmentation();
+  const std::vector<float> image = picture(seed);
+  std::vector<float> result(image.size());
+  ThreadExecutor executor(2);
+  embedding.embed(
+      network, view_of(image), std::span<const float>(signs), settings, seed, [](auto&&...) {},
+      ImageView<float>{result.data(), 3, side, side}, executor);
+  REQUIRE(write_png(path, view_of(result)).ok());
+}
+
 /// Files that all tests read, written once: a key, a decoder, three marked images and three unmarked ones.
 struct Setting {
   std::string key = at("owner.key"), other = at("other.key"), decoder = at("lattice.safetensors");
@@ -89,26 +108,12 @@ struct Setting {
     REQUIRE(tool("keygen --out " + other).code == 0);
     const LatticeDecoder<float> network = lattice();
     REQUIRE(write_lattice<SafetensorsWriter>(network, "a test", fs::path(decoder)).ok());
-    const Message message = message_of(*read_key(key));
-    std::vector<float> signs;
-    for (std::size_t i = 0; i < 48; ++i) signs.push_back(message[i] ? 1.0f : -1.0f);
-    PixelEmbedding<LatticeDecoder<float>> embedding;
-    PixelEmbeddingSettings settings;
-    settings.steps = 60;
-    settings.psnr = 34;
-    settings.temperature = 20;
-    settings.augmentation = no_augmentation();
     fs::create_directories(marked);
     fs::create_directories(plain);
-    ThreadExecutor executor(2);
     for (std::uint64_t i = 0; i < 3; ++i) {
-      const std::vector<float> image = picture(i);
-      std::vector<float> result(image.size());
-      embedding.embed(
-          network, view_of(image), std::span<const float>(signs), settings, i, [](auto&&...) {},
-          ImageView<float>{result.data(), 3, side, side}, executor);
       const std::string name = "/image" + std::to_string(i);
-      REQUIRE(write_png(marked + name + ".png", view_of(result)).ok());
+      embed(network, message_of(*read_key(key)), i, marked + name + ".png");
+      const std::vector<float> image = picture(i);
       REQUIRE(write_file(plain + name + ".jpg", encode_jpeg(to_bytes(view_of(image)), 95)).ok());
     }
     REQUIRE(write_file(marked + "/notes.txt", std::string_view("no image")).ok());
@@ -244,6 +249,33 @@ TEST_CASE("tool: a carrier decoder is read with the carriers of the key") {
   CHECK(one.code == 0);
   CHECK(two.code == 0);
   CHECK(one.text != two.text);
+}
+
+TEST_CASE("tool: a payload is read apart from the verdict, by another key of the same secret too") {
+  const Setting& s = setting();
+  const Outcome made = tool("keygen --payload 5eed --out " + at("copy1.key"));
+  INFO(made.text);
+  REQUIRE(made.code == 0);
+  REQUIRE(tool("keygen --payload 0002 --from " + at("copy1.key") + " --out " + at("copy2.key")).code == 0);
+  CHECK(read_key(at("copy1.key"))->secret == read_key(at("copy2.key"))->secret);
+  embed(lattice(), message_of(*read_key(at("copy1.key"))), 2, at("copy1.png"));
+  const std::string rest = " --decoder " + s.decoder + " --images " + at("copy1.png");
+  const Outcome own = tool("verify --key " + at("copy1.key") + rest + " --json " + at("payload.json"));
+  INFO(own.text);
+  CHECK(own.code == 0);
+  CHECK(own.text.find("payload     5eed") != std::string::npos);
+  CHECK(json_of(at("payload.json"))["payload"]["hex"] == "5eed");
+  CHECK(json_of(at("payload.json"))["payload"]["outcome"] == "read");
+  CHECK(tool("extract --key " + at("copy2.key") + rest).text.find("payload     5eed") != std::string::npos);
+  const Outcome plain = tool("verify --key " + at("copy1.key") + " --decoder " + s.decoder + " --images " + s.plain);
+  CHECK(plain.code != 0);
+  CHECK(plain.code != 2);
+  check_refused(tool("keygen --payload 5eed1 --out " + at("x.key")), {"payload", "16 bits of payload, 4 digits"});
+  check_refused(tool("keygen --payload xyz0 --out " + at("x.key")), {"payload", "16 bits of payload"});
+  check_refused(tool("keygen --payload 00 --corrects 20 --out " + at("x.key")), {"20 bits"});
+  check_refused(tool("keygen --bits 128 --payload 00 --out " + at("x.key")), {"128 bits"});
+  check_refused(tool("keygen --from " + at("copy1.key") + " --out " + at("x.key")), {"--from", "--payload"});
+  CHECK_FALSE(fs::exists(at("x.key")));
 }
 
 TEST_CASE("tool: a key is readable by its owner only, never overwritten, and moved aside when that is asked for") {

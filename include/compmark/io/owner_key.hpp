@@ -36,15 +36,25 @@ struct OwnerKey {
   static constexpr std::size_t note_limit = 1000;
 
   Digest256 secret{};
-  std::string created;   ///< UTC, "2026-01-31T23:59:59Z"
-  std::size_t bits = 0;  ///< length of the message
-  std::string note{};    ///< for the owner, no part of the commitment
+  std::string created;       ///< UTC, "2026-01-31T23:59:59Z"
+  std::size_t bits = 0;      ///< length of the message
+  std::string note{};        ///< for the owner, no part of the commitment
+  std::string payload{};     ///< what the message says, hexadecimal (mark/key.hpp); empty: it says nothing
+  std::size_t corrects = 0;  ///< wrong bits that the code of the payload corrects; 0: no payload
 
-  /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; may be published.
+  /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; with a payload, of another label,
+  /// secret, length, `corrects` (4 bytes), the creation time and the payload's digits. May be published.
   [[nodiscard]] std::string commitment() const {
-    std::array<std::byte, 4> length{};
-    for (std::size_t i = 0; i < 4; ++i) length[i] = static_cast<std::byte>(bits >> (24 - 8 * i) & 0xFFu);
-    return to_hex(sha256_digest({bytes_of("compmark/commitment/v1"), secret, length, bytes_of(created)}));
+    const auto number = [](std::size_t value) {
+      std::array<std::byte, 4> bytes{};
+      for (std::size_t i = 0; i < 4; ++i) bytes[i] = static_cast<std::byte>(value >> (24 - 8 * i) & 0xFFu);
+      return bytes;
+    };
+    const std::array<std::byte, 4> length = number(bits), errors = number(corrects);
+    if (corrects == 0)
+      return to_hex(sha256_digest({bytes_of("compmark/commitment/v1"), secret, length, bytes_of(created)}));
+    return to_hex(sha256_digest(
+        {bytes_of("compmark/commitment/payload/v1"), secret, length, errors, bytes_of(created), bytes_of(payload)}));
   }
   /// The first 16 digits of the commitment: a name for reports and registers.
   [[nodiscard]] std::string id() const { return commitment().substr(0, 16); }
@@ -115,6 +125,7 @@ namespace detail {
                               {"commitment", key.commitment()},
                               {"secret", to_hex(key.secret)}};
   if (!key.note.empty()) json["note"] = key.note;
+  if (key.corrects != 0) json["payload"] = {{"hex", key.payload}, {"corrects", key.corrects}};
   return write_json(path, json);
 }
 
@@ -163,6 +174,17 @@ namespace detail {
     error.file = file;
     error.remedy = "restore the file from a copy";
     return error;
+  }
+  if (json->contains("payload")) {
+    const nlohmann::json& payload = (*json)["payload"];
+    const Result<std::string> hex = json_field<std::string>(payload, "hex", file, "payload");
+    if (!hex) return hex.error();
+    const Result<std::size_t> corrects = json_field<std::size_t>(payload, "corrects", file, "payload");
+    if (!corrects) return corrects.error();
+    if (hex->empty() || hex->size() > OwnerKey::bits_limit / 4 || *corrects < 1 || *corrects > OwnerKey::bits_limit)
+      return fail(ErrorKind::invalid, "payload", "is out of range", "restore the file from a copy");
+    key->payload = *hex;
+    key->corrects = *corrects;
   }
   for (const auto& [name, expected] : {std::pair<std::string, std::string>{"commitment", key->commitment()},
                                        std::pair<std::string, std::string>{"id", key->id()}}) {

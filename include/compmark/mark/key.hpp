@@ -3,6 +3,9 @@
 //
 // What the watermark takes from an owner's key (io/owner_key.hpp): the message, the seed of the carriers and the mask of a payload, each under
 // a label of its own, so that no one of them tells another. A key that gives bytes is anything with derive(label, out) and bits.
+// A message is random bits, or, for a key with a payload, the payload's code word (ecc.hpp) plus the mask: as random, and the p-value as exact, since
+// the mask is. Keys of one secret with payloads of their own mark copies that one of them reads; but who learns one message and its payload
+// knows the mask, and so the messages of all.
 #pragma once
 
 #include <array>
@@ -10,8 +13,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
 
+#include "compmark/core/config.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/mark/ecc.hpp"
 #include "compmark/mark/message.hpp"
 
 namespace compmark::inline v0 {
@@ -20,6 +27,13 @@ template <class K>
 concept SecretKey = requires(const K& key, std::string_view label, std::span<std::byte> out) {
   key.derive(label, out);
   { key.bits } -> std::convertible_to<std::size_t>;
+};
+
+/// A key whose message may say something: `payload` in hexadecimal digits, `corrects` wrong bits; 0: it says nothing.
+template <class K>
+concept PayloadKey = SecretKey<K> && requires(const K& key) {
+  { key.payload } -> std::convertible_to<std::string_view>;
+  { key.corrects } -> std::convertible_to<std::size_t>;
 };
 
 inline constexpr std::string_view message_label = "compmark/message/v1";
@@ -35,17 +49,55 @@ template <SecretKey K>
 }
 }  // namespace detail
 
-/// The message of a key.
-template <SecretKey K>
-[[nodiscard]] Message message_of(const K& key) {
-  return detail::derived_bits(key, message_label);
-}
-
 /// Bits that are added to a code word (ecc.hpp) before it is embedded: the embedded message is then as random as one without a payload, and
 /// its p-value as exact.
 template <SecretKey K>
 [[nodiscard]] Message payload_mask(const K& key) {
   return detail::derived_bits(key, payload_label);
+}
+
+/// The code of a key's payload: BCH that corrects key.corrects bits, with an 8-bit CRC.
+template <PayloadKey K>
+[[nodiscard]] Result<PayloadCode> payload_code(const K& key) {
+  return PayloadCode::make(key.bits, key.corrects, CrcKind::crc8);
+}
+
+/// One line where a key's payload does not fit its code; keys without one are fine.
+template <SecretKey K>
+[[nodiscard]] Result<Done> check_payload(const K& key) {
+  if constexpr (PayloadKey<K>) {
+    if (key.corrects == 0) return Done{};
+    const Result<PayloadCode> code = payload_code(key);
+    if (!code) return code.error();
+    if (const Result<Message> data = Message::from_hex(key.payload, code->data_bits()); !data) {
+      Error error = data.error();
+      error.field = "payload";
+      error.remedy = "this message has room for " + std::to_string(code->data_bits()) + " bits of payload, " +
+                     std::to_string((code->data_bits() + 3) / 4) + " digits";
+      return error;
+    }
+  }
+  return Done{};
+}
+
+/// The message of a key: code word and mask where there is a payload that fits (check_payload), else random bits.
+template <SecretKey K>
+[[nodiscard]] Message message_of(const K& key) {
+  if constexpr (PayloadKey<K>) {
+    if (key.corrects != 0 && check_payload(key).ok()) {
+      const Result<PayloadCode> code = payload_code(key);
+      return code->encode(*Message::from_hex(key.payload, code->data_bits())) ^ payload_mask(key);
+    }
+  }
+  return detail::derived_bits(key, message_label);
+}
+
+/// What read bits say under the secret of a key; its own payload is not looked at. The key passes check_payload and has corrects > 0.
+template <PayloadKey K>
+[[nodiscard]] PayloadCode::Reading read_payload(const K& key, const Message& read) {
+  const Result<PayloadCode> code = payload_code(key);
+  COMPMARK_ASSERT(code.ok() && read.size() == key.bits, "read_payload: a key with a payload, a message of its length");
+  return code->decode(read ^ payload_mask(key));
 }
 
 /// Seed of the secret carriers, 256 bits.

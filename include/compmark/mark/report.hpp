@@ -183,7 +183,10 @@ template <class Json>
           number(accuracy.largest_p) + "); views of one scene are no independent proofs and are not multiplied\n";
   switch (v.verdict) {
     case Verdict::detected:
-      return text + "DETECTED: the message of this key is in these images\n";
+      return text +
+             "DETECTED: these images carry the message of this key; chance alone passes this test with a probability "
+             "of at most " +
+             rate + "\n";
     case Verdict::not_detected:
       return text + "NOT DETECTED: no evidence of this key's message. It does not prove that there never was one\n";
     case Verdict::inconclusive:
