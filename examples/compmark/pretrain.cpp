@@ -353,7 +353,8 @@ int run(PretrainOptions& options) {
   nlohmann::ordered_json accuracy = nlohmann::ordered_json::object();
   const std::vector<MeasuredDistortion> kinds = measured_distortions();
   for (std::size_t d = 0; d < kinds.size(); ++d)
-    accuracy[std::string(kinds[d].name)] = {{"mean", result.accuracy[d]}, {"worst_image", result.worst[d]}};
+    accuracy[std::string(kinds[d].name)] = {
+        {"mean", result.accuracy[d]}, {"standard_error", result.error[d]}, {"worst_image", result.worst[d]}};
   const nlohmann::ordered_json json{{"schema", 1},
                                     {"kind", "lattice"},
                                     {"bits", options.bits},

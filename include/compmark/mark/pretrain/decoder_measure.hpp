@@ -58,6 +58,7 @@ struct MeasuredDistortion {
 struct DecoderMeasurement {
   std::vector<double> accuracy;  ///< mean share of right bits, one a distortion
   std::vector<double> worst;     ///< of the worst image
+  std::vector<double> error;     ///< standard error of the mean: images differ more than bits do
   double psnr = 0;               ///< mean, after rounding
   std::size_t images = 0;
 };
@@ -69,8 +70,8 @@ template <class Decoder, class Images, class Jpeg, Executor E>
                                                  const Jpeg& jpeg, E& executor) {
   using T = typename Decoder::Scalar;
   const std::vector<MeasuredDistortion> distortions = measured_distortions();
-  DecoderMeasurement result{std::vector<double>(distortions.size(), 0), std::vector<double>(distortions.size(), 1), 0,
-                            count};
+  const std::vector<double> zeros(distortions.size(), 0);
+  DecoderMeasurement result{zeros, std::vector<double>(distortions.size(), 1), zeros, 0, count};
   PixelEmbedding<Decoder> embedding;
   Augmenter<T> augmenter;
   std::vector<T> pixels, marked, read;
@@ -101,7 +102,12 @@ template <class Decoder, class Images, class Jpeg, Executor E>
       for (std::size_t b = 0; b < bits; ++b) right += logits[b] * signs[b] > T(0) ? 1.0 / static_cast<double>(bits) : 0;
       result.accuracy[d] += right / static_cast<double>(count);
       result.worst[d] = std::fmin(result.worst[d], right);
+      result.error[d] += right * right / static_cast<double>(count);
     }
+  }
+  for (std::size_t d = 0; d < distortions.size(); ++d) {
+    const double variance = std::fmax(0.0, result.error[d] - result.accuracy[d] * result.accuracy[d]);
+    result.error[d] = count > 1 ? std::sqrt(variance / static_cast<double>(count - 1)) : 0;
   }
   return result;
 }
