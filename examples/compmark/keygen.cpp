@@ -103,7 +103,9 @@ int run(const KeygenOptions& options) {
               key->created.c_str(), key->commitment().c_str());
   if (key->corrects != 0)
     std::printf("payload     %s, up to %zu wrong bits corrected\n", key->payload.c_str(), key->corrects);
-  std::printf("Publish the commitment with a date that others can check before you publish what you mark\n");
+  std::printf(
+      "Before you publish what you mark, publish the commitment, and the SHA-256 of a decoder of your own, where "
+      "others\ndate it\n");
   if (!match_threshold(key->bits, VerifySettings{}.false_positive_rate)) {
     std::fprintf(stderr, "compmark: warning: %zu bits can never be evidence at a false-positive rate of 1e-06\n",
                  key->bits);

@@ -218,6 +218,22 @@ TEST_CASE("mark/calibrate: a key that was chosen after a look at images fails, w
   CHECK(clopper_pearson(hits, 200).low > 0.1);  // claimed: at most 0.01
 }
 
+TEST_CASE(
+    "mark/calibrate: a decoder that was made after the key reads its message everywhere, which is why its hash is "
+    "published first") {
+  const Message message = message_of(owner(1));
+  LatticeDecoder<float> decoder = lattice();
+  for (std::size_t i = 0; i < bits; ++i) decoder.weights().bias[i] = message[i] ? 100.0f : -100.0f;
+  const std::vector<ViewLogits> views = unmarked(decoder, 3);
+  const Result<Verification> claimed = verify_message(message, views);
+  REQUIRE(claimed.ok());
+  CHECK(claimed->verdict == Verdict::detected);  // in pictures that carry nothing: the hypothesis is not met
+  const Result<NullCalibration> result =         // other keys are safe from it all the same
+      calibrate_null(views, {}, [](std::size_t key) { return random_message(5, key, bits); });
+  REQUIRE(result.ok());
+  CHECK(result->holds());
+}
+
 TEST_CASE("mark/calibrate: images of independent fair bits are worth their number, copies are worth one") {
   const std::size_t count = 400;
   std::vector<ViewLogits> views(count);
