@@ -22,16 +22,17 @@ struct Listed {
   const char* recipe;
   Names effects;
 };
-const std::array<Listed, 9>& list() {
-  static const std::array<Listed, 9> recipes{{{"scaffold", {}},
-                                              {"scaffold+mask", {"masks"}},
-                                              {"scaffold+alpha", {"alpha"}},
-                                              {"scaffold+exposure+mask", {"exposure", "masks"}},
-                                              {"scaffold+antialiasing+mask", {"anti_aliasing", "masks"}},
-                                              {"scaffold+exposure", {"exposure"}},
-                                              {"scaffold+antialiasing", {"anti_aliasing"}},
-                                              {"scaffold+lens", {"lens_distortion"}},
-                                              {"scaffold+fisheye", {"fisheye"}}}};
+const std::array<Listed, 10>& list() {
+  static const std::array<Listed, 10> recipes{{{"scaffold", {}},
+                                               {"scaffold+mask", {"masks"}},
+                                               {"scaffold+alpha", {"alpha"}},
+                                               {"scaffold+exposure+mask", {"exposure", "masks"}},
+                                               {"scaffold+antialiasing+mask", {"anti_aliasing", "masks"}},
+                                               {"scaffold+alpha+antialiasing", {"alpha", "anti_aliasing"}},
+                                               {"scaffold+exposure", {"exposure"}},
+                                               {"scaffold+antialiasing", {"anti_aliasing"}},
+                                               {"scaffold+lens", {"lens_distortion"}},
+                                               {"scaffold+fisheye", {"fisheye"}}}};
   return recipes;
 }
 

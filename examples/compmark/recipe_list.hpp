@@ -25,6 +25,7 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
   if (name == "scaffold+alpha") return f(Tag<compmark::recipes::ScaffoldAlpha>{});
   if (name == "scaffold+antialiasing") return f(Tag<compmark::recipes::ScaffoldAntiAliased>{});
   if (name == "scaffold+antialiasing+mask") return f(Tag<compmark::recipes::ScaffoldAntiAliasedMasked>{});
+  if (name == "scaffold+alpha+antialiasing") return f(Tag<compmark::recipes::ScaffoldAlphaAntiAliased>{});
   if (name == "scaffold+lens") return f(Tag<compmark::recipes::ScaffoldLens>{});
   if (name == "scaffold+fisheye") return f(Tag<compmark::recipes::ScaffoldFisheye>{});
   if (name == "scaffold+exposure") return f(Tag<compmark::recipes::ScaffoldExposure>{});
@@ -36,8 +37,8 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
       {},
       "recipe",
       "unknown recipe \"" + std::string(name) + "\"",
-      "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, "
-      "+antialiasing+mask, +lens, +fisheye, +exposure or +exposure+mask, compmark-host and compmark-paper-host"});
+      "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +antialiasing+mask, +alpha+antialiasing, "
+      "+lens, +fisheye, +exposure or +exposure+mask, compmark-host and compmark-paper-host"});
 }
 
 /// A generic lambda and what to return for a name that is in no list.

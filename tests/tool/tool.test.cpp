@@ -135,6 +135,11 @@ TEST_CASE(
   CHECK(none["recipe"] == "scaffold");
   CHECK(none["effects"].empty());
   CHECK(trained("effects-list", "--effects exposure,masks")["recipe"] == "scaffold+exposure+mask");
+  const nlohmann::json both = trained("effects-both", "--effects anti_aliasing,alpha");
+  CHECK(both["recipe"] == "scaffold+alpha+antialiasing");
+  CHECK(both["effects"] == nlohmann::json{"anti_aliasing", "alpha"});
+  CHECK(tool("render --model " + at("effects-both/model.safetensors") + " --out " + at("effects-both/renders")).code ==
+        0);
   CHECK(trained("effects-recipe", "--recipe scaffold+antialiasing")["recipe"] == "scaffold+antialiasing");
   CHECK(tool("evaluate --data " + scene() + " --model " + at("effects-list/model.safetensors")).code == 0);
   const Outcome unknown = tool("train --data " + scene() + " --out " + at("x") + " --effects fog");
