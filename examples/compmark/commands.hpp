@@ -14,6 +14,7 @@ using Command = std::function<int()>;
 Command add_scene(CLI::App& app);
 Command add_probe(CLI::App& app);
 Command add_train(CLI::App& app);
+Command add_embed(CLI::App& app);
 Command add_pretrain(CLI::App& app);
 Command add_render(CLI::App& app);
 Command add_evaluate(CLI::App& app);

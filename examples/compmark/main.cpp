@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
   add("scene", "write the built-in procedural scene as a dataset", tool::add_scene);
   add("probe", "say which effects a capture calls for", tool::add_probe);
   add("train", "train a splat from a dataset", tool::add_train);
+  add("embed", "hide a message in a finished model", tool::add_embed);
   add("pretrain", "train a message decoder", tool::add_pretrain);
   add("render", "render views of a model to PNG", tool::add_render);
   add("evaluate", "measure a model against a dataset's test views", tool::add_evaluate);

@@ -49,13 +49,16 @@ nlohmann::ordered_json to_json(const ProgressLine& line) {
   nlohmann::ordered_json json{{"iteration", line.iteration}, {"total", line.total},     {"seconds", line.seconds},
                               {"loss", line.loss},           {"l1", line.l1},           {"ssim", line.ssim},
                               {"psnr", line.psnr},           {"anchors", line.anchors}, {"gaussians", line.gaussians}};
+  if (line.bit_accuracy) json["bit_accuracy"] = *line.bit_accuracy;
   if (line.test_psnr) json["test_psnr"] = *line.test_psnr;
   return json;
 }
 
 std::string values_text(const ProgressLine& line) {
-  return format_text("loss %.4f  PSNR %.2f dB  anchors %llu", line.loss, line.psnr,
-                     static_cast<unsigned long long>(line.anchors));
+  std::string text = format_text("loss %.4f  PSNR %.2f dB  anchors %llu", line.loss, line.psnr,
+                                 static_cast<unsigned long long>(line.anchors));
+  if (line.bit_accuracy) text += format_text("  bits %.0f %%", 100 * *line.bit_accuracy);
+  return text;
 }
 
 }  // namespace
@@ -236,6 +239,7 @@ Result<std::vector<ProgressLine>> read_progress_log(const std::filesystem::path&
     line.psnr = number_of("psnr");
     line.anchors = count_of("anchors");
     line.gaussians = count_of("gaussians");
+    if (json.contains("bit_accuracy")) line.bit_accuracy = number_of("bit_accuracy");
     if (json.contains("test_psnr")) line.test_psnr = number_of("test_psnr");
     while (!lines.empty() && lines.back().iteration >= line.iteration) lines.pop_back();
     lines.push_back(line);

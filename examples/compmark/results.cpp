@@ -25,20 +25,31 @@ Result<Done> write_results(const std::filesystem::path& path, const Results& res
         results.test->lpips_alex ? nlohmann::ordered_json(*results.test->lpips_alex) : nlohmann::ordered_json(nullptr);
     test["views"] = results.test->views;
   }
-  const nlohmann::ordered_json json{{"schema", results_schema},
-                                    {"dataset", results.dataset},
-                                    {"recipe", results.recipe},
-                                    {"profile", results.profile},
-                                    {"iterations", results.iterations},
-                                    {"seed", results.seed},
-                                    {"threads", results.threads},
-                                    {"anchors", results.anchors},
-                                    {"gaussians_per_view", results.gaussians_per_view},
-                                    {"train_seconds", results.train_seconds},
-                                    {"peak_memory_mb", results.peak_memory_mb},
-                                    {"test", std::move(test)},
-                                    {"model_sha256", results.model_sha256},
-                                    {"effects", results.effects}};
+  nlohmann::ordered_json json{{"schema", results_schema},
+                              {"dataset", results.dataset},
+                              {"recipe", results.recipe},
+                              {"profile", results.profile},
+                              {"iterations", results.iterations},
+                              {"seed", results.seed},
+                              {"threads", results.threads},
+                              {"anchors", results.anchors},
+                              {"gaussians_per_view", results.gaussians_per_view},
+                              {"train_seconds", results.train_seconds},
+                              {"peak_memory_mb", results.peak_memory_mb},
+                              {"test", std::move(test)},
+                              {"model_sha256", results.model_sha256},
+                              {"effects", results.effects}};
+  if (results.watermark) {
+    const WatermarkMetrics& m = *results.watermark;
+    const auto or_null = [](const std::optional<double>& value) {
+      return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+    };
+    json["bit_accuracy"] = {{"mean", m.mean}, {"min", m.min}, {"views", m.views}};
+    json["p_value"] = m.p_value;
+    json["largest_view_p_value"] = m.largest_view_p_value;
+    json["psnr_cost_vs_unmarked"] = or_null(m.psnr_cost_vs_unmarked);
+    json["psnr_marked_vs_unmarked"] = or_null(m.psnr_marked_vs_unmarked);
+  }
   return compmark::write_json(path, json);
 }
 
@@ -92,6 +103,24 @@ Result<Results> read_results(const std::filesystem::path& path) {
     for (const nlohmann::json& effect : (*json)["effects"]) {
       if (effect.is_string()) results.effects.push_back(effect.get<std::string>());
     }
+  }
+  if (json->contains("bit_accuracy")) {
+    const nlohmann::json& object = (*json)["bit_accuracy"];
+    WatermarkMetrics m;
+    read(object, "mean", m.mean, "bit_accuracy");
+    read(object, "min", m.min, "bit_accuracy");
+    read(object, "views", m.views, "bit_accuracy");
+    read(*json, "p_value", m.p_value, "");
+    read(*json, "largest_view_p_value", m.largest_view_p_value, "");
+    const auto read_optional = [&](const char* key, std::optional<double>& value) {
+      if (!json->contains(key) || (*json)[key].is_null()) return;
+      double number = 0;
+      read(*json, key, number, "");
+      value = number;
+    };
+    read_optional("psnr_cost_vs_unmarked", m.psnr_cost_vs_unmarked);
+    read_optional("psnr_marked_vs_unmarked", m.psnr_marked_vs_unmarked);
+    results.watermark = m;
   }
   if (failure) return *failure;
   return results;

@@ -25,6 +25,17 @@ struct TestMetrics {
   int views = 0;
 };
 
+/// What was read from the renders of a marked model.
+struct WatermarkMetrics {
+  double mean = 0;  ///< share of the bits that are right, mean over the views
+  double min = 0;   ///< in the worst view
+  int views = 0;
+  double p_value = 1;                             ///< of all views together
+  double largest_view_p_value = 1;                ///< of the worst view by itself
+  std::optional<double> psnr_cost_vs_unmarked;    ///< dB, the twin's test PSNR less this model's; null without a twin
+  std::optional<double> psnr_marked_vs_unmarked;  ///< dB, of the renders of both
+};
+
 struct Results {
   std::string dataset;  ///< path as given
   std::string recipe;
@@ -33,12 +44,13 @@ struct Results {
   std::uint64_t seed = 0;
   int threads = 0;
   std::uint64_t anchors = 0;
-  double gaussians_per_view = 0;     ///< mean over the test views (training views where there are none)
-  double train_seconds = 0;          ///< wall clock, over all sessions of a resumed run
-  double peak_memory_mb = 0;         ///< resident, 10^6 bytes
-  std::optional<TestMetrics> test;   ///< null when the data set has no test views
-  std::string model_sha256;          ///< of RUN/model.safetensors
-  std::vector<std::string> effects;  ///< names of the scene effects that the recipe models
+  double gaussians_per_view = 0;              ///< mean over the test views (training views where there are none)
+  double train_seconds = 0;                   ///< wall clock, over all sessions of a resumed run
+  double peak_memory_mb = 0;                  ///< resident, 10^6 bytes
+  std::optional<TestMetrics> test;            ///< null when the data set has no test views
+  std::string model_sha256;                   ///< of RUN/model.safetensors
+  std::vector<std::string> effects;           ///< names of the scene effects that the recipe models
+  std::optional<WatermarkMetrics> watermark;  ///< not in the file of an unmarked run
 };
 
 compmark::Result<compmark::Done> write_results(const std::filesystem::path& path, const Results& results);

@@ -72,3 +72,46 @@ TEST_CASE("scene/between: a neighbour is one of the six nearest that look the sa
   const auto opposite = [&](std::size_t i) { return i == 0 ? cameras[0] : turned; };
   CHECK(neighbouring_view(opposite, 2, 0, Random(1, 0, 0)) == 0);
 }
+
+TEST_CASE(
+    "scene/between: a turned and zoomed camera sees the same points, turned and scaled round the principal point") {
+  const Camera<double> camera = on_circle(0.4);
+  const double roll = 0.2, zoom = 1.1;
+  const Camera<double> turned = camera_turned(camera, roll, zoom);
+  const auto project = [](const Camera<double>& c, std::array<double, 3> point) {
+    std::array<double, 3> p{};
+    for (std::size_t r = 0; r < 3; ++r)
+      for (std::size_t k = 0; k < 3; ++k) p[r] += c.rotation_camera_world[3 * r + k] * (point[k] - c.center_world[k]);
+    return std::array<double, 2>{c.fx * p[0] / p[2], c.fy * p[1] / p[2]};
+  };
+  for (const std::array<double, 3> point : {std::array<double, 3>{0.1, 0.2, 0.3}, {-0.3, 0.1, -0.2}}) {
+    const auto before = project(camera, point), after = project(turned, point);
+    const double x = zoom * (std::cos(roll) * before[0] - std::sin(roll) * before[1]);
+    const double y = zoom * (std::sin(roll) * before[0] + std::cos(roll) * before[1]);
+    CHECK(after[0] == doctest::Approx(x).epsilon(1e-13));
+    CHECK(after[1] == doctest::Approx(y).epsilon(1e-13));
+  }
+}
+
+TEST_CASE("scene/between: drawn cameras fill the triangle of a view and two neighbours and look at the scene") {
+  std::vector<Camera<double>> cameras;
+  for (int i = 0; i < 24; ++i) cameras.push_back(on_circle(i * std::numbers::pi / 12));
+  const auto camera = [&](std::size_t i) { return cameras[i]; };
+  std::set<double> places;
+  for (std::uint64_t t = 0; t < 100; ++t) {
+    const Camera<double> drawn = drawn_camera(camera, cameras.size(), 0, Random(1, t, random_stage("test")));
+    const double radius = std::hypot(drawn.center_world[0], drawn.center_world[1]);
+    CHECK(radius <= 1 + 1e-12);
+    CHECK(radius >= std::cos(std::numbers::pi / 4) - 1e-12);  // the longest chord is that of views 3 and 21
+    double towards = 0;
+    for (std::size_t c = 0; c < 3; ++c) towards -= drawn.rotation_camera_world[6 + c] * drawn.center_world[c] / radius;
+    CHECK(towards > std::cos(std::numbers::pi / 4));
+    CHECK(drawn.fx <= camera(0).fx * 1.2 + 1e-12);
+    CHECK(drawn.fx >= camera(0).fx / 1.2 - 1e-12);
+    places.insert(drawn.center_world[0]);
+  }
+  CHECK(places.size() > 90);
+  // A lonely view is turned and zoomed where it stands.
+  const Camera<double> alone = drawn_camera(camera, 1, 0, Random(1, 0, 0));
+  CHECK(alone.center_world == cameras[0].center_world);
+}

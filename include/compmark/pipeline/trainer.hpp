@@ -157,7 +157,7 @@ class Trainer {
       }
     }
     if constexpr (present<typename R::MessageDecoder>) {
-      if (!report.adjusted && mark_phases_.reads_between(t)) read_between(views, camera, report.view, t);
+      if (!report.adjusted && mark_phases_.reads_between(t)) read_between(views, report.view, t);
     }
     if (t < settings_
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
@@ -227,13 +227,12 @@ class Trainer {
   }
 
  private:
-  /// One more reading, of a view between this one and a neighbour; adds its gradients to those of the iteration.
+  /// One more reading, of a view near this one that nobody took; adds its gradients to those of the iteration.
   template <class Views>
-  void read_between(const Views& views, const ViewCamera<R>& camera, std::size_t view, std::int64_t t) {
+  void read_between(const Views& views, std::size_t view, std::int64_t t) {
     const Random random(settings_.seed, static_cast<std::uint64_t>(t), random_stage("between"));
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
-    const std::size_t other = neighbouring_view(camera_of, views.size(), view, random);
-    const ViewCamera<R> between = camera_between(camera, camera_of(other), random.uniform(1));
+    const ViewCamera<R> between = drawn_camera(camera_of, views.size(), view, random);
     if constexpr (present<typename R::DistortionLayer>) between_.road.phase = context_.road.phase;
     static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
     pipeline_.message_loss(mark_phases_.between_weight(t), between_, *executor_);

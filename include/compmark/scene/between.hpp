@@ -7,7 +7,9 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -33,11 +35,11 @@ template <class AnyCamera>
   return camera;
 }
 
-/// One of the `nearest` views that stand closest to `view` and look the same way within 60 degrees, drawn with `random`; `view` itself
+/// One of the `nearest` views that stand closest to `view` and look the same way within 60 degrees, drawn with number `draw` of `random`; `view` itself
 /// where there is none. `cameras(i)` gives the camera of view i < views.
 template <class Cameras>
 [[nodiscard]] std::size_t neighbouring_view(const Cameras& cameras, std::size_t views, std::size_t view,
-                                            const Random& random) {
+                                            const Random& random, std::uint64_t draw = 0) {
   constexpr std::size_t nearest = 6;
   constexpr double least_cosine = 0.5;
   std::array<double, nearest> distance;
@@ -63,7 +65,37 @@ template <class Cameras>
     distance[place] = square;
     index[place] = i;
   }
-  return found == 0 ? view : index[random.below(0, found)];
+  return found == 0 ? view : index[random.below(draw, found)];
+}
+
+/// Turned round its optical axis by `roll_radians`, with the image `zoom` times as large round the principal point.
+template <class AnyCamera>
+[[nodiscard]] AnyCamera camera_turned(const AnyCamera& from, double roll_radians, double zoom) {
+  AnyCamera camera = from;
+  const double c = std::cos(roll_radians), s = std::sin(roll_radians);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double x = from.rotation_camera_world[k], y = from.rotation_camera_world[3 + k];
+    camera.rotation_camera_world[k] = c * x - s * y;
+    camera.rotation_camera_world[3 + k] = s * x + c * y;
+  }
+  camera.fx *= zoom;
+  camera.fy *= zoom;
+  return camera;
+}
+
+/// A camera drawn near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and zoomed by up to a fifth either way, so
+/// that what is learned from such views holds for more than the places where somebody stood.
+template <class Cameras>
+[[nodiscard]] auto drawn_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random) {
+  constexpr double most_roll = 0.26, most_zoom = 1.2;
+  const std::size_t second = neighbouring_view(cameras, views, view, random, 0);
+  const std::size_t third = neighbouring_view(cameras, views, view, random, 1);
+  // Uniform in the triangle: u <= v sorted uniforms, weights u, v - u, 1 - v.
+  const double a = random.uniform(2), b = random.uniform(3);
+  const double u = std::min(a, b), v = std::max(a, b);
+  const auto side = camera_between(cameras(second), cameras(third), v > 0 ? (v - u) / v : 0.0);
+  auto camera = camera_between(cameras(view), side, v);
+  return camera_turned(camera, most_roll * (2 * random.uniform(4) - 1), std::pow(most_zoom, 2 * random.uniform(5) - 1));
 }
 
 }  // namespace compmark::inline v0

@@ -1,0 +1,79 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark embed: hides a message in a finished model by training on from it, with the photographs it was trained on. Nothing grows, the learning
+// rates are those of the end of a training, and the model that is read from is left as it is.
+#include <compmark/pipeline/model_file.hpp>
+#include <memory>
+#include <string>
+
+#include "commands.hpp"
+#include "train_marked.hpp"
+#include "train_run.hpp"
+
+namespace tool {
+namespace {
+
+/// A finished model is touched up, not trained: constant small rates, no growing, the message from the first iteration.
+TrainSettings embed_settings(TrainSettings settings) {
+  const auto last = [](LearningRate& rate) { rate.initial = rate.final; };
+  last(settings.offset);
+  last(settings.mlp_opacity);
+  last(settings.mlp_color);
+  settings.mlp_covariance = {settings.mlp_color.final, settings.mlp_color.final};
+  settings.scaling = {settings.mark.residual_rate / 10, settings.mark.residual_rate / 100};
+  settings.feature = {settings.mark.residual_rate, settings.mark.residual_rate / 10};
+  settings.grow_until = 0;
+  settings.mark.message_after = 0;
+  settings.mark.hsv_after = 0;
+  settings.mark.frequency_after = 0;
+  return settings;
+}
+
+}  // namespace
+
+Command add_embed(CLI::App& app) {
+  auto options = std::make_shared<TrainOptions>();
+  options->iterations = 3000;
+  app.add_option("--model", options->model, "the model to mark (model.safetensors of a training)")->required();
+  app.add_option("--data", options->data, "the dataset it was trained on")->required();
+  app.add_option("--out", options->out, "folder for the marked model, results.json and report.html")->required();
+  app.add_option("--iterations", options->iterations, "length of the run")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 64.0));
+  app.add_option("--seed", options->seed, "seed of every random number (default: 0)");
+  app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
+  app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
+  app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
+  add_mark_options(app, options->mark, true);
+  return [options]() -> int {
+    const Result<std::string> recipe = [&]() -> Result<std::string> {
+      const Result<SafetensorsFile> file = read_safetensors(options->model);
+      if (!file) return file.error();
+      return model_recipe(*file);
+    }();
+    if (!recipe) return fail(recipe.error());
+    options->recipe = *recipe;
+    std::error_code ignored;
+    if (std::filesystem::equivalent(options->model, options->out / "model.safetensors", ignored)) {
+      return fail({ErrorKind::invalid, options->model.string(), "--out", "is the folder of the model that is marked",
+                   "choose another, the unmarked model is worth keeping"});
+    }
+    TrainSettings settings = *profile_settings(options->profile);
+    settings.iterations = options->iterations;
+    if (options->seed) settings.seed = *options->seed;
+    if (options->mark.twin.empty()) options->mark.twin = options->model;
+    const Result<MarkInput> mark = load_mark(options->mark, settings);
+    if (!mark) return fail(mark.error());
+    return train_marked(*options, embed_settings(settings), *mark);
+  };
+}
+
+}  // namespace tool

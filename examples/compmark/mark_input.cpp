@@ -1,0 +1,121 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "mark_input.hpp"
+
+#include <compmark/io/sha256.hpp>
+#include <compmark/mark/key.hpp>
+#include <compmark/metric/psnr.hpp>
+#include <compmark/metric/rounding.hpp>
+#include <string>
+#include <utility>
+
+#include "evaluation.hpp"
+
+namespace tool {
+
+using namespace compmark;
+
+void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
+  CLI::Option* key =
+      app.add_option("--key", options.key, "the owner's key file (compmark keygen): whose message is hidden");
+  CLI::Option* decoder = app.add_option("--decoder", options.decoder, "the decoder file that shall read the message");
+  if (required) {
+    key->required();
+    decoder->required();
+  }
+  app.add_option("--bits", options.bits, "length of the message (default: the key's)");
+  app.add_option("--twin", options.twin,
+                 "an unmarked model of the same scene, to say what the mark costs (embed: the model that is marked)");
+  app.add_option("--message-weight", options.weight, "of the message in the loss (default: the profile's)")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--for-compression", options.for_compression,
+               "train with the noise of quantization, so that the message survives a codec");
+}
+
+Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings) {
+  const auto missing = [](const char* option, const char* remedy) {
+    return Error{ErrorKind::invalid, {}, option, "is missing", remedy};
+  };
+  if (options.key.empty()) return missing("--key", "make one with compmark keygen");
+  if (options.decoder.empty()) return missing("--decoder", "give a file of weights/ or one of compmark pretrain");
+  const Result<OwnerKey> key = load_key(options.key);
+  if (!key) return key.error();
+  Result<Decoder> decoder = load_decoder(options.decoder, &*key);
+  if (!decoder) return decoder.error();
+  MarkInput input;
+  input.message = message_of(*key);
+  if (options.bits != 0 && options.bits != input.message.size()) {
+    return Error{ErrorKind::invalid, options.key.string(), "bits",
+                 "is " + std::to_string(input.message.size()) + ", and --bits is " + std::to_string(options.bits),
+                 "leave out --bits, or make a key of that length with compmark keygen"};
+  }
+  for (std::size_t i = 0; i < input.message.size(); ++i) input.bits.push_back(input.message[i] ? 1 : 0);
+  const Result<std::string> digest = file_sha256(options.decoder);
+  if (!digest) return digest.error();
+  input.sources.key_id = key->id();
+  input.sources.key_commitment = key->commitment();
+  input.sources.key_created = key->created;
+  input.sources.decoder = options.decoder.filename().string();
+  input.sources.decoder_sha256 = *digest;
+  input.twin = options.twin;
+  input.for_compression = options.for_compression;
+
+  MarkNumbers& mark = settings.mark;
+  mark.logit_scale = decoder->logit_scale();
+  if (options.weight) mark.lambda_message = *options.weight;
+  if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
+  mark.message_every = options.message_every;
+  // A run is resumed with the same message and decoder alone. The message itself is nobody's business who reads the checkpoint.
+  mark.identity = Sha256{}.update(std::as_bytes(std::span(input.bits))).hex().substr(0, 16) + digest->substr(0, 16);
+  input.decoder = std::move(*decoder);
+  return input;
+}
+
+Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, DatasetViews views,
+                                     ThreadExecutor& executor) {
+  std::unique_ptr<AnyModel> twin;
+  if (!mark.twin.empty()) {
+    Result<std::unique_ptr<AnyModel>> loaded = load_model(mark.twin);
+    if (!loaded) return loaded.error();
+    twin = std::move(*loaded);
+  }
+  MarkMeasurement found;
+  Decoder::Context context;
+  double between = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Camera<double> camera = views.camera(i);
+    const Result<RenderedView> render = model.render(camera, views.lens(i), executor);
+    if (!render) return render.error();
+    round_to_8bit<float>(render->image, render->image);
+    Result<ViewLogits> read = read_logits(mark.decoder, ImageView<const float>(render->image),
+                                          views.dataset->views[views.index[i]].name, context, executor);
+    if (!read) return read.error();
+    found.report.views.push_back(std::move(*read));
+    if (twin) {
+      const Result<RenderedView> unmarked = twin->render(camera, views.lens(i), executor);
+      if (!unmarked) return unmarked.error();
+      round_to_8bit<float>(unmarked->image, unmarked->image);
+      between += psnr(ImageView<const float>(render->image), ImageView<const float>(unmarked->image));
+    }
+  }
+  Result<Verification> verification = verify_message(mark.message, found.report.views, VerifySettings{});
+  if (!verification) return verification.error();
+  found.report.verification = std::move(*verification);
+  found.report.sources = mark.sources;
+  if (twin) {
+    found.psnr_marked_vs_unmarked = between / static_cast<double>(views.size());
+    const Result<Evaluation> evaluation =
+        evaluate_views(*twin, views, {}, executor,
+                       [](std::size_t, const ViewResult&, ImageView<const float>, ImageView<const float>) {});
+    if (!evaluation) return evaluation.error();
+    found.unmarked_psnr = evaluation->mean([](const ViewResult& view) { return view.psnr; });
+  }
+  return found;
+}
+
+}  // namespace tool

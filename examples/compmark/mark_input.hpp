@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What train and embed share to hide a message: the key's message, the decoder that shall read it, and the measurement of the result.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <compmark/mark/message.hpp>
+#include <compmark/mark/report.hpp>
+#include <compmark/pipeline/settings.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "any_model.hpp"
+#include "common.hpp"
+#include "reading.hpp"
+
+namespace tool {
+
+struct MarkOptions {
+  std::size_t bits = 0;  ///< 0: the key's
+  std::filesystem::path key;
+  std::filesystem::path decoder;
+  std::filesystem::path twin;      ///< unmarked model to compare with; may be empty
+  std::optional<double> weight;    ///< of the message; not set: the profile's
+  std::optional<double> margin;    ///< of the hinge, in logits
+  std::int64_t message_every = 1;  ///< cadence
+  bool for_compression = false;    ///< with the noise of quantization
+  [[nodiscard]] bool wanted() const { return bits != 0 || !key.empty() || !decoder.empty(); }
+};
+/// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-every, --for-compression
+void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
+
+struct MarkInput {
+  Decoder decoder;
+  compmark::Message message;
+  std::vector<std::uint8_t> bits;  ///< the same, one a byte
+  compmark::ReportSources sources;
+  std::filesystem::path twin;
+  bool for_compression = false;
+};
+/// Reads key and decoder, which must agree on the length, and writes what they say into the settings of the run.
+compmark::Result<MarkInput> load_mark(const MarkOptions& options, compmark::TrainSettings& settings);
+
+/// What results.json says about a mark.
+struct MarkMeasurement {
+  compmark::VerificationReport report;
+  std::optional<double> unmarked_psnr;            ///< of the twin's renders against the photographs, mean, dB
+  std::optional<double> psnr_marked_vs_unmarked;  ///< of the two renders, mean over the views, dB
+};
+/// Reads the message from every view of a marked model, as whoever checks it does: from renders rounded to 8 bits.
+compmark::Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, DatasetViews views,
+                                               compmark::ThreadExecutor& executor);
+
+}  // namespace tool

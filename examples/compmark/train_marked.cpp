@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "train_marked.hpp"
+
+#include <compmark/recipes/captures.hpp>
+#include <compmark/recipes/marked.hpp>
+#include <compmark/recipes/scaffold.hpp>
+
+#include "train_run.hpp"
+
+namespace tool {
+
+int train_marked(const TrainOptions& options, TrainSettings settings, const MarkInput& mark) {
+  using namespace recipes;
+  if (options.recipe == "scaffold") {
+    if (mark.for_compression) return run<MarkedForCompression<Scaffold, Decoder>>(options, settings, &mark);
+    return run<Marked<Scaffold, Decoder>>(options, settings, &mark);
+  }
+  if (mark.for_compression) {
+    return fail({ErrorKind::unsupported,
+                 {},
+                 "--for-compression",
+                 "is there for the recipe scaffold alone",
+                 "leave it out, or choose --recipe scaffold"});
+  }
+  if (options.recipe == "scaffold+mask") return run<Marked<ScaffoldMasked, Decoder>>(options, settings, &mark);
+  if (options.recipe == "scaffold+alpha") return run<Marked<ScaffoldAlpha, Decoder>>(options, settings, &mark);
+  return fail({ErrorKind::unsupported,
+               {},
+               "--recipe",
+               "\"" + options.recipe + "\" is not built with a message",
+               "this tool marks scaffold, scaffold+mask and scaffold+alpha: choose one with --recipe"});
+}
+
+}  // namespace tool

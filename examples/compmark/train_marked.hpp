@@ -1,0 +1,18 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Training runs that hide a message. They are compiled apart from the others: each is a recipe of its own.
+#pragma once
+
+#include <compmark/pipeline/settings.hpp>
+
+#include "mark_input.hpp"
+
+namespace tool {
+
+struct TrainOptions;
+
+/// Trains options.recipe with a mark, or marks options.model by training on from it. Returns the exit code.
+int train_marked(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput& mark);
+
+}  // namespace tool
