@@ -41,7 +41,7 @@ struct NoCodec {
 
 TEST_CASE("mark/lattice: the shipped decoders are those of their cards and read what is embedded at 38 dB") {
   SerialExecutor executor;
-  for (const int bits : {32, 48}) {
+  for (const int bits : {32, 48, 64}) {
     CAPTURE(bits);
     const std::string name = "lattice_" + std::to_string(bits);
     const std::filesystem::path path = weights(name + ".safetensors");
