@@ -22,14 +22,16 @@ struct Listed {
   const char* recipe;
   Names effects;
 };
-const std::array<Listed, 10>& list() {
-  static const std::array<Listed, 10> recipes{{{"scaffold", {}},
+const std::array<Listed, 12>& list() {
+  static const std::array<Listed, 12> recipes{{{"scaffold", {}},
                                                {"scaffold+mask", {"masks"}},
                                                {"scaffold+alpha", {"alpha"}},
                                                {"scaffold+exposure+mask", {"exposure", "masks"}},
                                                {"scaffold+antialiasing+mask", {"anti_aliasing", "masks"}},
                                                {"scaffold+alpha+antialiasing", {"alpha", "anti_aliasing"}},
+                                               {"scaffold+exposure+farfield", {"exposure", "far_field"}},
                                                {"scaffold+exposure", {"exposure"}},
+                                               {"scaffold+farfield", {"far_field"}},
                                                {"scaffold+antialiasing", {"anti_aliasing"}},
                                                {"scaffold+lens", {"lens_distortion"}},
                                                {"scaffold+fisheye", {"fisheye"}}}};

@@ -24,7 +24,7 @@ TrainSettings embed_settings(TrainSettings settings) {
   settings.scaling = {settings.mark.residual_rate / 10, settings.mark.residual_rate / 100};
   settings.feature = {settings.mark.residual_rate, settings.mark.residual_rate / 10};
   settings.grow_until = 0;
-  settings.mark.message_after = 0;
+  settings.mark.message_after = settings.mark.residual_after = 0;
   settings.mark.hsv_after = 0;
   settings.mark.frequency_after = 0;
   return settings;

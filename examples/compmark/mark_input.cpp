@@ -47,6 +47,9 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (!key) return key.error();
   Result<Decoder> decoder = load_decoder(options.decoder, &*key);
   if (!decoder) return decoder.error();
+  if (!options.twin.empty()) {  // better now than after the training
+    if (const auto twin = load_model(options.twin); !twin) return twin.error();
+  }
   MarkInput input;
   input.message = message_of(*key);
   if (options.bits != 0 && options.bits != input.message.size()) {

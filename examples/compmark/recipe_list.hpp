@@ -6,6 +6,7 @@
 #pragma once
 
 #include <compmark/recipes/captures.hpp>
+#include <compmark/recipes/far_field.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <string>
 #include <string_view>
@@ -30,6 +31,8 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
   if (name == "scaffold+fisheye") return f(Tag<compmark::recipes::ScaffoldFisheye>{});
   if (name == "scaffold+exposure") return f(Tag<compmark::recipes::ScaffoldExposure>{});
   if (name == "scaffold+exposure+mask") return f(Tag<compmark::recipes::ScaffoldExposureMasked>{});
+  if (name == "scaffold+farfield") return f(Tag<compmark::recipes::ScaffoldFarField>{});
+  if (name == "scaffold+exposure+farfield") return f(Tag<compmark::recipes::ScaffoldFarFieldExposure>{});
   if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
   if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
   return f.unknown(compmark::Error{
@@ -38,7 +41,8 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
       "recipe",
       "unknown recipe \"" + std::string(name) + "\"",
       "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +antialiasing+mask, +alpha+antialiasing, "
-      "+lens, +fisheye, +exposure or +exposure+mask, compmark-host and compmark-paper-host"});
+      "+lens, +fisheye, +exposure, +exposure+mask, +farfield or +exposure+farfield, compmark-host and "
+      "compmark-paper-host"});
 }
 
 /// A generic lambda and what to return for a name that is in no list.

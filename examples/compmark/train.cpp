@@ -79,10 +79,11 @@ Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option(
-      "--recipe", options->recipe,
-      "scaffold (with +mask, +alpha, +antialiasing, +antialiasing+mask, +lens, +fisheye, +exposure or "
-      "+exposure+mask), compmark-host or compmark-paper-host (default: what the data call for, or the profile's)");
+  app.add_option("--recipe", options->recipe,
+                 "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
+                 "+fisheye, +exposure, "
+                 "+exposure+mask, +farfield or +exposure+farfield), compmark-host or compmark-paper-host (default: "
+                 "what the data call for, or the profile's)");
   app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()

@@ -15,6 +15,7 @@
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <compmark/scene/extent.hpp>
+#include <compmark/scene/far_field.hpp>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <filesystem>
@@ -198,6 +199,11 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   Result<Dataset> opened = open_dataset(options.data, data_settings);
   if (!opened) return fail(opened.error());
   const Dataset& dataset = *opened;
+  if constexpr (present<typename R::Space>) {  // the ball of the cameras, beyond which cells grow
+    const CameraBall ball = camera_ball(dataset);
+    settings.effects.space_origin = ball.origin;
+    settings.effects.space_radius = ball.radius;
+  }
   for (const std::string& warning : dataset.warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
   if (dataset.kind == "blender")
     settings.init_factor = 4;  // as all published scripts do for these scenes (method sheet, section 3.5)

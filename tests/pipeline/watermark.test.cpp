@@ -130,7 +130,8 @@ TEST_CASE(
     TrainSettings settings;
     settings.iterations = 12;
     settings.voxel_size = 0.05;
-    settings.mark.lambda_message = settings.mark.lambda_hsv = settings.mark.residual_rate = 0;
+    settings.mark.lambda_message = settings.mark.lambda_hsv = 0;
+    settings.mark.residual_after = 30000;  // the residual has a learning rate, but not yet
     ThreadExecutor executor(2);
     Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
     if constexpr (present<typename R::MessageDecoder>) trainer.set_watermark(Waves<float>{}, message);

@@ -85,6 +85,7 @@ struct Checkpoint {
                     {"frequency_after", m.frequency_after},
                     {"image_weight", m.image_weight},
                     {"residual_rate", m.residual_rate},
+                    {"residual_after", m.residual_after},
                     {"distortion_rate", m.distortion_rate},
                     {"feature_noise", m.feature_noise},
                     {"scaling_noise", m.scaling_noise},

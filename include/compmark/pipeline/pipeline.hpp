@@ -5,6 +5,7 @@
 //   anchors -> visible -> (Embedder -> DistortionLayer ->) GaussianDecoder -> Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
 // Every stage adds into the gradient spans it is given; nothing here knows an iteration number, a file or a clock.
 // Stages a recipe leaves out are empty members and leave no branch.
+// Longer than 300 lines: the way there and the way back, with every optional stage, are to be read side by side.
 #pragma once
 
 #include <algorithm>

@@ -50,6 +50,7 @@ struct MarkNumbers {
   double image_weight = 1;  ///< of every other loss once the message has begun
 
   double residual_rate = 0.0015;    ///< learning rate of the embedder's residual
+  std::int64_t residual_after = 0;  ///< the residual is zero until here, and the run to the bit that of the host
   double distortion_rate = 0.001;   ///< learning rate of the distortion layer's network
   double feature_noise = 1;         ///< Q0 of features: uniform noise first, the step of the network later
   double scaling_noise = 0.001;     ///< of exp(scaling), world units, from the first iteration
@@ -114,8 +115,8 @@ struct TrainSettings {
   settings.profile = std::string(profile);
   if (profile == "scaffold") {
     // Ours, measured (docs/watermark.md): from the end of growing on, held by a margin, read between the training views too.
-    settings.mark.lambda_message = 0.01;
-    settings.mark.message_after = 15000;
+    settings.mark.lambda_message = 0.002;
+    settings.mark.message_after = settings.mark.residual_after = 15000;
     settings.mark.hinge_margin = 4;
     settings.mark.between_every = 1;
     settings.mark.residual_rate = 0.002;

@@ -346,7 +346,8 @@ class Trainer {
         rates_[b] = rate(settings_.appearance);
       }
       if constexpr (!MarkedPipeline::Road::is_absent) {
-        if (name == "anchor.residual") rates_[b] = settings_.mark.residual_rate;
+        const std::int64_t residual_after = scale_iteration(settings_.mark.residual_after, settings_.iterations);
+        if (name == "anchor.residual") rates_[b] = t > residual_after ? settings_.mark.residual_rate : 0;
         if (begins("distortion")) rates_[b] = settings_.mark.distortion_rate;
       }
       if constexpr (present<typename R::Exposure>) {

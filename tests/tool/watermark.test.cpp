@@ -1,0 +1,165 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A message in a scene, from the key to the proof, as an owner meets it: train with a key, embed into a finished model, and the verdicts on
+// marked, unmarked and foreign models; the same bits at any thread count and after a stop; bad input.
+#include <doctest/doctest.h>
+
+#include <compmark/core/random.hpp>
+#include <compmark/io/json_file.hpp>
+#include <compmark/io/owner_key.hpp>
+#include <compmark/io/safetensors.hpp>
+#include <compmark/mark/lattice_file.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "support/tool.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace compmark;
+using testing::check_refused;
+using testing::Outcome;
+
+const fs::path& scratch() {
+  static const testing::ScratchFolder folder("compmark-watermark-test");
+  return folder.path;
+}
+std::string at(const std::string& name) { return (scratch() / name).string(); }
+Outcome tool(const std::string& arguments) { return testing::run_tool(COMPMARK_TOOL, arguments); }
+nlohmann::json json_of(const std::string& path) {
+  const Result<nlohmann::json> json = read_json(path);
+  REQUIRE(json.ok());
+  return *json;
+}
+
+/// The built-in scene, small; a key of 16 bits, another, and a decoder that nobody trained: seconds must do.
+struct Setting {
+  std::string scene = at("scene"), key = at("owner.key"), other = at("other.key"), decoder = at("lattice.safetensors");
+  Setting() {
+    REQUIRE(tool("scene --out " + scene + " --width 96 --height 80 --train 12 --test 4").code == 0);
+    // Fixed keys: whether a decoder that nobody whitened can carry a message in seconds depends on the message.
+    for (const auto& [path, number] : {std::pair(&key, 1), std::pair(&other, 2)}) {
+      Digest256 secret{};
+      secret[0] = static_cast<std::byte>(number);
+      const Result<OwnerKey> made = make_key(secret, "2026-01-01T00:00:00Z", 16);
+      REQUIRE(made.ok());
+      REQUIRE(write_key(*path, *made).ok());
+    }
+    LatticeSettings settings;
+    settings.bits = 16;
+    settings.features = 64;
+    settings.sigma = {1.5, 3, 6};
+    LatticeWeights<float> weights(settings);
+    const Random random(3, 0, random_stage("test/tool decoder"));
+    std::uint64_t n = 0;
+    for (float& value : weights.frequency) value = static_cast<float>(2 * random.normal(n++));
+    for (std::vector<float>* part : {&weights.phase, &weights.head})
+      for (float& value : *part) value = static_cast<float>(random.normal(n++));
+    REQUIRE(
+        write_lattice<SafetensorsWriter>(LatticeDecoder<float>(settings, weights), "a test", fs::path(decoder)).ok());
+  }
+  [[nodiscard]] std::string mark() const { return " --key " + key + " --decoder " + decoder; }
+};
+const Setting& setting() {
+  static const Setting instance;
+  return instance;
+}
+
+/// Trains on the scene; returns results.json.
+nlohmann::json train(const std::string& out, const std::string& options, int iterations = 600) {
+  const Outcome outcome = tool("train --effects none --iterations " + std::to_string(iterations) + " --data " +
+                               setting().scene + " --out " + at(out) + " " + options);
+  INFO(outcome.text);
+  REQUIRE(outcome.code == 0);
+  return json_of(at(out) + "/results.json");
+}
+const nlohmann::json& unmarked() {
+  static const nlohmann::json results = train("unmarked", "");
+  return results;
+}
+/// Of all views, the training views among them: a few hundred iterations on a dozen small pictures do not carry a message to other places.
+int verdict(const std::string& model, const std::string& key, const std::string& more = "--split all") {
+  const Outcome outcome = tool("verify --alpha 1e-3 --model " + at(model) + "/model.safetensors --key " + key +
+                               " --decoder " + setting().decoder + " " + more);
+  const std::size_t line = outcome.text.find("matches ");
+  if (line != std::string::npos) MESSAGE(model, ": ", outcome.text.substr(line, outcome.text.find('\n', line) - line));
+  return outcome.code;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "tool: a key's message is hidden while a scene is trained, and proven from its renders; another key's is not") {
+  const nlohmann::json plain = unmarked();
+  CHECK_FALSE(plain.contains("bit_accuracy"));
+  const nlohmann::json marked =
+      train("marked", setting().mark() + " --message-weight 0.03 --twin " + at("unmarked/model.safetensors"));
+  MESSAGE(marked["bit_accuracy"].dump(), " p ", marked["p_value"].dump(), " cost ",
+          marked["psnr_cost_vs_unmarked"].dump(), " dB, ", marked["psnr_marked_vs_unmarked"].dump(), " dB");
+  CHECK(marked["recipe"] == "scaffold");
+  CHECK(marked["bit_accuracy"]["views"] == 4);
+  CHECK(marked["psnr_cost_vs_unmarked"].get<double>() ==
+        doctest::Approx(plain["test"]["psnr"].get<double>() - marked["test"]["psnr"].get<double>()).epsilon(1e-9));
+  CHECK(marked["psnr_marked_vs_unmarked"].get<double>() > 20);
+
+  CHECK(verdict("marked", setting().key) == 0);
+  CHECK(verdict("marked", setting().other) != 0);  // negative controls
+  CHECK(verdict("unmarked", setting().key) != 0);
+  // What verify reads from the file's test views is what the training said.
+  CHECK(verdict("marked", setting().key, "--split test --json " + at("report.json")) != 2);
+  CHECK(json_of(at("report.json"))["p_value"] == marked["p_value"]);
+  CHECK(json_of(at("marked/verification.json"))["model"]["sha256"] == marked["model_sha256"]);
+}
+
+TEST_CASE("tool: embed marks a finished model and leaves the file it read as it was") {
+  const std::string before = unmarked()["model_sha256"];
+  const Outcome outcome =
+      tool("embed --iterations 800 --message-weight 0.1 --model " + at("unmarked/model.safetensors") + " --data " +
+           setting().scene + " --out " + at("embedded") + setting().mark());
+  INFO(outcome.text);
+  REQUIRE(outcome.code == 0);
+  const nlohmann::json results = json_of(at("embedded/results.json"));
+  MESSAGE(results["bit_accuracy"].dump(), " p ", results["p_value"].dump(), " cost ",
+          results["psnr_cost_vs_unmarked"].dump(), " dB, ", results["psnr_marked_vs_unmarked"].dump(), " dB");
+  CHECK(results["anchors"] == unmarked()["anchors"]);
+  CHECK(results["psnr_marked_vs_unmarked"].get<double>() > 20);
+  CHECK(verdict("embedded", setting().key) == 0);
+  CHECK(json_of(at("unmarked/results.json"))["model_sha256"] == before);
+  CHECK(tool("info " + at("unmarked/model.safetensors")).text.find(before) != std::string::npos);
+}
+
+TEST_CASE("tool: a marked training has the same model_sha256 at any thread count, with the noise of quantization too") {
+  const std::string options = setting().mark() + " --for-compression";
+  CHECK(train("threads-1", options + " --threads 1", 60)["model_sha256"] ==
+        train("threads-3", options + " --threads 3", 60)["model_sha256"]);
+}
+
+TEST_CASE("tool: bad input to a marked training is one line, and nothing is written") {
+  const std::string common = "train --effects none --iterations 20 --data " + setting().scene + " --out " + at("none");
+  check_refused(tool(common + " --key " + setting().key), {"--decoder", "missing"});
+  check_refused(tool(common + " --decoder " + setting().decoder), {"--key", "missing"});
+  check_refused(tool(common + setting().mark() + " --bits 48"), {"owner.key", "bits", "16", "48"});
+  REQUIRE(tool("keygen --bits 32 --out " + at("long.key")).code == 0);
+  check_refused(tool(common + " --key " + at("long.key") + " --decoder " + setting().decoder),
+                {"lattice.safetensors", "16", "32"});
+  check_refused(tool("train --iterations 20 --data " + setting().scene + " --out " + at("none") + setting().mark() +
+                     " --recipe compmark-host"),
+                {"--recipe", "compmark-host", "scaffold+alpha"});
+  check_refused(tool(common + setting().mark() + " --twin " + at("nowhere.safetensors")), {"nowhere.safetensors"});
+  CHECK_FALSE(fs::exists(at("none/model.safetensors")));
+  static_cast<void>(unmarked());
+  const std::string embed = "embed --iterations 20 --data " + setting().scene + setting().mark();
+  check_refused(tool(embed + " --model " + at("unmarked/model.safetensors") + " --out " + at("unmarked")), {"--out"});
+  check_refused(tool(embed + " --model " + at("nowhere.safetensors") + " --out " + at("none")),
+                {"nowhere.safetensors"});
+  REQUIRE(tool("scene --out " + at("scene-5") + " --width 48 --height 40 --train 5 --test 1").code == 0);
+  check_refused(tool("embed --iterations 20 --data " + at("scene-5") + setting().mark() + " --model " +
+                     at("unmarked/model.safetensors") + " --out " + at("none")),
+                {"train_views", "12", "5"});
+}
