@@ -31,6 +31,10 @@ struct CalibrateOptions {
 };
 
 int run(const CalibrateOptions& options) {
+  if (const Result<Done> kept =
+          keep_inputs(options.json, {options.key, options.reading.decoder, options.reading.model});
+      !kept)
+    return fail(kept.error());
   std::optional<OwnerKey> key;
   if (!options.key.empty()) {
     Result<OwnerKey> read = load_key(options.key);
@@ -71,7 +75,7 @@ Command add_calibrate(CLI::App& app) {
   app.add_option("--json", options->json, "write figures and logits to this file");
   app.footer(
       "Exit codes: 0 every measured rate agrees with the p-value; 2 error; 3 one lies outside its 99 % interval,\n"
-      "which one seed in a hundred does by chance: repeat with another --seed and more --keys.");
+      "which about one seed in thirty does by chance: repeat with another --seed and more --keys.");
   return [options]() -> int { return run(*options); };
 }
 

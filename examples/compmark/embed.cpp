@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark embed: hides a message in a finished model by training on from it, with the photographs it was trained on. Nothing grows, the learning
-// rates are those of the end of a training, and the model that is read from is left as it is.
+// rates are small, and the model that is read from is left as it is.
 #include <compmark/pipeline/model_file.hpp>
 #include <memory>
 #include <string>
@@ -72,6 +72,9 @@ Command add_embed(CLI::App& app) {
     if (options->mark.twin.empty()) options->mark.twin = options->model;
     const Result<MarkInput> mark = load_mark(options->mark, settings);
     if (!mark) return fail(mark.error());
+    const Result<std::string> digest = file_sha256(options->model);
+    if (!digest) return fail(digest.error());
+    settings.mark.identity += digest->substr(0, 16);  // a run is resumed from the same model alone
     return train_marked(*options, embed_settings(settings), *mark);
   };
 }

@@ -40,6 +40,10 @@ Confidence confidence_of(const std::vector<double>& logits) {
 }
 
 int run(const ExtractOptions& options) {
+  if (const Result<Done> kept =
+          keep_inputs(options.json, {options.key, options.reading.decoder, options.reading.model});
+      !kept)
+    return fail(kept.error());
   std::optional<OwnerKey> key;
   if (!options.key.empty()) {
     Result<OwnerKey> read = load_key(options.key);

@@ -123,7 +123,9 @@ Command add_keygen(CLI::App& app) {
   app.add_option("--note", options->note, "a line to know the key by; it is not part of the commitment");
   app.add_option("--payload", options->payload,
                  "hexadecimal digits that the message says, an identifier; it takes bits, but none from the evidence");
-  app.add_option("--corrects", options->corrects, "wrong bits that the payload survives")->capture_default_str();
+  app.add_option("--corrects", options->corrects, "wrong bits that the payload survives")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 128));
   app.add_option("--from", options->from,
                  "take the secret of this key: one key then reads the payloads of all, but see docs/verification.md");
   app.add_flag("--force", options->force, "if the file is a key already, move that to FILE.<id>.old");

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mark_input.hpp"
 
-#include <compmark/io/sha256.hpp>
 #include <compmark/mark/key.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
+#include <compmark/version.hpp>
 #include <string>
 #include <utility>
 
@@ -60,6 +60,8 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   for (std::size_t i = 0; i < input.message.size(); ++i) input.bits.push_back(input.message[i] ? 1 : 0);
   const Result<std::string> digest = file_sha256(options.decoder);
   if (!digest) return digest.error();
+  input.key = *key;
+  input.sources.program = std::string("compmark ") + version;
   input.sources.key_id = key->id();
   input.sources.key_commitment = key->commitment();
   input.sources.key_created = key->created;
@@ -73,8 +75,9 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
   mark.message_every = options.message_every;
-  // A run is resumed with the same message and decoder alone. The message itself is nobody's business who reads the checkpoint.
-  mark.identity = Sha256{}.update(std::as_bytes(std::span(input.bits))).hex().substr(0, 16) + digest->substr(0, 16);
+  if (mark.between_every != 0) mark.between_every = options.message_every;
+  // A run is resumed with the same key, decoder and stages alone. The commitment says nothing of the message.
+  mark.identity = key->commitment().substr(0, 16) + digest->substr(0, 16) + (options.for_compression ? "c" : "");
   input.decoder = std::move(*decoder);
   return input;
 }
@@ -98,6 +101,7 @@ Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, Dat
     Result<ViewLogits> read = read_logits(mark.decoder, ImageView<const float>(render->image),
                                           views.dataset->views[views.index[i]].name, context, executor);
     if (!read) return read.error();
+    read->sha256 = pixels_sha256(render->image);
     found.report.views.push_back(std::move(*read));
     if (twin) {
       const Result<RenderedView> unmarked = twin->render(camera, views.lens(i), executor);

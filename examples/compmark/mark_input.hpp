@@ -31,12 +31,17 @@ struct MarkOptions {
   std::optional<double> margin;    ///< of the hinge, in logits
   std::int64_t message_every = 1;  ///< cadence
   bool for_compression = false;    ///< with the noise of quantization
-  [[nodiscard]] bool wanted() const { return bits != 0 || !key.empty() || !decoder.empty(); }
+  /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.
+  [[nodiscard]] bool wanted() const {
+    return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || weight || margin || message_every != 1 ||
+           for_compression;
+  }
 };
 /// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-every, --for-compression
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
 
 struct MarkInput {
+  compmark::OwnerKey key;
   Decoder decoder;
   compmark::Message message;
   std::vector<std::uint8_t> bits;  ///< the same, one a byte

@@ -12,6 +12,7 @@
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/lattice_file.hpp>
+#include <compmark/mark/message.hpp>
 #include <compmark/mark/pretrain/decoder_measure.hpp>
 #include <compmark/mark/pretrain/lattice_network.hpp>
 #include <compmark/mark/pretrain/trainer.hpp>
@@ -182,8 +183,9 @@ Result<Done> check(const PretrainOptions& o) {
   const auto wrong = [](const char* option, std::string problem, std::string remedy) {
     return Error{ErrorKind::invalid, {}, option, std::move(problem), std::move(remedy)};
   };
-  if (o.bits < 1 || o.bits > 256)
-    return wrong("--bits", "is " + std::to_string(o.bits), "give a message length from 1 to 256");
+  if (o.bits < 1 || o.bits > static_cast<int>(message_bits_limit))
+    return wrong("--bits", "is " + std::to_string(o.bits),
+                 "give a message length from 1 to " + std::to_string(message_bits_limit));
   if (o.features < o.bits || o.features > 4096)
     return wrong("--features", "is " + std::to_string(o.features),
                  "give from " + std::to_string(o.bits) + " (one a bit) to 4096");

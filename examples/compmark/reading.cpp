@@ -114,8 +114,7 @@ Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder,
     round_to_8bit<float>(render->image, render->image);
     Result<ViewLogits> read = read_logits(decoder, ImageView<const float>(render->image), view.name, context, executor);
     if (!read) return read.error();
-    const ImageBytes bytes = to_bytes(ImageView<const float>(render->image));
-    read->sha256 = Sha256{}.update(std::as_bytes(std::span<const std::uint8_t>(bytes.pixels))).hex();
+    read->sha256 = pixels_sha256(render->image);
     reading.views.push_back(std::move(*read));
   }
   return Done{};
@@ -150,6 +149,20 @@ PayloadText payload_text(const OwnerKey& key, const Message& read) {
   }
   text.line = line.data();
   return text;
+}
+
+std::string pixels_sha256(ImageView<const float> image) {
+  const ImageBytes bytes = to_bytes(image);
+  return Sha256{}.update(std::as_bytes(std::span<const std::uint8_t>(bytes.pixels))).hex();
+}
+
+Result<Done> keep_inputs(const fs::path& output, std::initializer_list<fs::path> inputs) {
+  for (const fs::path& input : inputs) {
+    if (std::error_code none; !output.empty() && fs::equivalent(output, input, none))
+      return Error{ErrorKind::invalid, output.string(), "--json", "is one of the files that are read",
+                   "choose another"};
+  }
+  return Done{};
 }
 
 Result<OwnerKey> load_key(const fs::path& path) {

@@ -13,6 +13,7 @@
 #include <compmark/mark/stored_decoder.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -22,6 +23,12 @@ namespace tool {
 
 /// Any decoder file, with the fast convolution.
 using Decoder = compmark::StoredDecoder<float, compmark::WinogradOrDirect>;
+
+/// SHA-256 of a render's pixels in 8 bits, row by row.
+std::string pixels_sha256(compmark::ImageView<const float> image);
+/// An error if `output` is one of the files that are read: a key that is replaced by a report cannot be made again.
+compmark::Result<compmark::Done> keep_inputs(const std::filesystem::path& output,
+                                             std::initializer_list<std::filesystem::path> inputs);
 
 /// Reads a key file and checks its payload; warns on stderr if others may read it.
 compmark::Result<compmark::OwnerKey> load_key(const std::filesystem::path& path);

@@ -73,6 +73,20 @@ Result<Done> choose_effects(TrainOptions& options) {
   return Done{};
 }
 
+/// Messages are built into three recipes: an effect that none of them has is left out with a note.
+void leave_out_unmarked(TrainOptions& options) {
+  if (options.recipe.rfind("scaffold+", 0) != 0) return;
+  const auto names = [&](const char* part) { return options.recipe.find(part) != std::string::npos; };
+  const std::string recipe = names("mask") ? "scaffold+mask" : names("+alpha") ? "scaffold+alpha" : "scaffold";
+  if (recipe == options.recipe) return;
+  for (const char* effect : {"exposure", "anti_aliasing", "far_field"}) {
+    if (std::erase(options.simulated, effect) != 0)
+      options.notes.push_back(std::string("effect ") + effect + " is left out: no recipe with a message has it");
+  }
+  options.recipe = recipe;
+  options.notes.push_back("recipe " + recipe);
+}
+
 }  // namespace
 
 Command add_train(CLI::App& app) {
@@ -129,7 +143,9 @@ Command add_train(CLI::App& app) {
                    "unknown profile \"" + options->profile + "\"",
                    "choose scaffold, official or paper"});
     }
+    const bool recipe_given = !options->recipe.empty();
     if (Result<Done> chosen = choose_effects(*options); !chosen) return fail(chosen.error());
+    if (options->mark.wanted() && !recipe_given) leave_out_unmarked(*options);
     settings->iterations = options->iterations;
     settings->max_anchors = options->max_anchors;
     if (options->seed) settings->seed = *options->seed;

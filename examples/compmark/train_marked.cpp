@@ -29,7 +29,7 @@ int train_marked(const TrainOptions& options, TrainSettings settings, const Mark
                {},
                "--recipe",
                "\"" + options.recipe + "\" is not built with a message",
-               "this tool marks scaffold, scaffold+mask and scaffold+alpha: choose one with --recipe"});
+               "this tool marks scaffold, scaffold+mask and scaffold+alpha: train with one of them (--recipe)"});
 }
 
 }  // namespace tool

@@ -191,11 +191,16 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
     source = std::move(*loaded);
     for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(source->model.render.background[c]);
   }
+  const std::filesystem::path model_path = options.out / "model.safetensors";
+  if (std::error_code none; mark != nullptr && std::filesystem::equivalent(mark->twin, model_path, none)) {
+    return fail({ErrorKind::invalid, mark->twin.string(), "--twin", "would be replaced by the marked model",
+                 "choose another --out, the unmarked model is worth keeping"});
+  }
   DatasetSettings data_settings;
   data_settings.downscale = options.downscale;
   data_settings.background = settings.background;
   data_settings.seed = settings.seed;
-  data_settings.lens = lens_treatment(options);
+  data_settings.lens = source ? settings_of(source->info).lens : lens_treatment(options);
   Result<Dataset> opened = open_dataset(options.data, data_settings);
   if (!opened) return fail(opened.error());
   const Dataset& dataset = *opened;
@@ -224,6 +229,13 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   for (std::size_t i = 0; i < train.size();
        ++i) {  // every image is decoded once now: a bad one is named before hours of work
     const Camera<double> camera = train.camera(i);
+    if (mark != nullptr && std::min(camera.width, camera.height) < mark->decoder.minimum_size()) {
+      return fail(
+          {ErrorKind::invalid, options.data.string(), "image size",
+           "of view " + dataset.views[train.index[i]].name + " is " + std::to_string(camera.width) + " x " +
+               std::to_string(camera.height),
+           "the decoder reads images of at least " + std::to_string(mark->decoder.minimum_size()) + " pixels a side"});
+    }
     Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     if (Result<Done> loaded = train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
       return fail(loaded.error());
@@ -231,7 +243,7 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
 
   ModelInfo info;
   info.recipe = options.recipe;
-  info.effects = options.simulated;
+  info.effects = source ? source->info.effects : options.simulated;
   info.profile = settings.profile;
   info.iterations = settings.iterations;
   info.seed = settings.seed;
@@ -239,11 +251,19 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   for (const View& view : dataset.views) info.views.push_back(stored_view(view));
 
   const SceneExtent extent = scene_extent(dataset);
-  if (source && (source->model.train_views != train.size() || source->info.origin != dataset.origin)) {
-    return fail({ErrorKind::invalid, options.model.string(), "train_views",
-                 "it was trained with " + std::to_string(source->model.train_views) +
-                     " views of another place or number, " + "the data have " + std::to_string(train.size()),
-                 "give the data that it was trained on"});
+  if (source) {
+    const auto foreign = [&](std::string field, std::string problem) {
+      return fail({ErrorKind::invalid, options.model.string(), std::move(field), std::move(problem),
+                   "give the data that it was trained on, as large as then (--downscale)"});
+    };
+    if (source->info.views.size() != info.views.size() || source->model.train_views != train.size()) {
+      return foreign("views", "are " + std::to_string(source->info.views.size()) + ", of them " +
+                                  std::to_string(source->model.train_views) + " trained with; the data have " +
+                                  std::to_string(info.views.size()) + " and " + std::to_string(train.size()));
+    }
+    if (const std::optional<OtherView> other = other_view(source->info.views, info.views))
+      return foreign(other->field, "of view " + other->name + " is another one in the data");
+    if (source->info.origin != dataset.origin) return foreign("origin", "of the scene is another one in the data");
   }
   Trainer<R, ThreadExecutor> trainer(settings, train.size(), extent.radius, executor);
   if constexpr (is_marked) trainer.set_watermark(mark->decoder, mark->bits);
@@ -296,7 +316,6 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   const double train_seconds = observer.seconds();
   const double peak_mb = peak_memory_mb();
 
-  const std::filesystem::path model_path = options.out / "model.safetensors";
   if constexpr (is_marked) {
     if (Result<Done> written = write_model(model_path, unmarked_host(trainer.model()), info); !written)
       return fail(written.error());
@@ -365,9 +384,10 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
     if (measured_mark->unmarked_psnr) metrics.psnr_cost_vs_unmarked = *measured_mark->unmarked_psnr - mean_psnr;
     metrics.psnr_marked_vs_unmarked = measured_mark->psnr_marked_vs_unmarked;
     results.watermark = metrics;
-    if (Result<Done> written =
-            write_json(options.out / "verification.json", report_json<nlohmann::ordered_json>(measured_mark->report));
-        !written)
+    nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(measured_mark->report);
+    if (mark->key.corrects != 0)
+      json["payload"] = payload_text(mark->key, measured_mark->report.verification.read).json;
+    if (Result<Done> written = write_json(options.out / "verification.json", json); !written)
       return fail(written.error());
   }
   if (Result<Done> written = write_results(options.out / "results.json", results); !written)

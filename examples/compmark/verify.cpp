@@ -29,6 +29,10 @@ struct VerifyOptions {
 };
 
 int run(const VerifyOptions& options) {
+  if (const Result<Done> kept =
+          keep_inputs(options.json, {options.key, options.reading.decoder, options.reading.model});
+      !kept)
+    return fail(kept.error());
   VerifySettings settings;
   settings.false_positive_rate = options.alpha;
   settings.tries = options.tests;

@@ -151,8 +151,8 @@ TEST_CASE("tool/pretrain: bad input is one error line, and nothing is overwritte
   for (const char* share : {"0", "1", "-0.5", "nan"})
     check_refused(pretrain(tiny + "--held-out " + std::string(share) + out), {"--held-out", share});
   check_refused(pretrain(tiny + "--held-out " + at("empty") + out), {"--held-out", "empty"});
-  check_refused(pretrain("--bits 0" + out), {"--bits", "1 to 256"});
-  check_refused(pretrain("--bits 257" + out), {"--bits", "257"});
+  check_refused(pretrain("--bits 0" + out), {"--bits", "1 to 128"});
+  check_refused(pretrain("--bits 129" + out), {"--bits", "129"});
   check_refused(pretrain("--features 3" + out), {"--features"});
   check_refused(pretrain("--steps 0" + out), {"--steps"});
   check_refused(pretrain(tiny + "--out " + at("no/such/folder/a.safetensors")), {"no/such/folder"});

@@ -71,7 +71,8 @@ struct Checkpoint {
                        {"space_origin", s.effects.space_origin},
                        {"space_radius", s.effects.space_radius}};
   }
-  if (const MarkNumbers& m = s.mark; m != MarkNumbers{}) {
+  const std::optional<TrainSettings> profile = profile_settings(s.profile);
+  if (const MarkNumbers& m = s.mark; m != (profile ? profile->mark : MarkNumbers{})) {
     json["mark"] = {{"lambda_message", m.lambda_message},
                     {"message_after", m.message_after},
                     {"message_ramp", m.message_ramp},
@@ -142,6 +143,30 @@ template <class State>
   return writer.write(path);
 }
 
+/// The first view that two runs do not have in common.
+struct OtherView {
+  std::string field;  ///< "view" or "lens"
+  std::string name;
+};
+/// Names, splits, cameras and lenses, compared exactly; nothing if they agree. Their numbers must be equal.
+[[nodiscard]] inline std::optional<OtherView> other_view(std::span<const StoredView> before,
+                                                         std::span<const StoredView> now) {
+  COMPMARK_ASSERT(before.size() == now.size(), "other_view: numbers of views");
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const StoredView &old = before[i], &view = now[i];
+    const Camera<double>&a = old.camera, &b = view.camera;
+    const std::string name = std::to_string(i) + " (" + view.name + ")";
+    if (old.name != view.name || old.test != view.test || a.width != b.width || a.height != b.height ||
+        a.center_world != b.center_world || a.rotation_camera_world != b.rotation_camera_world || a.fx != b.fx ||
+        a.fy != b.fy || a.cx != b.cx || a.cy != b.cy) {
+      return OtherView{"views", name};
+    }
+    // A pinhole by any name is one: the file does not keep which.
+    if (old.lens != view.lens && !(is_pinhole(old.lens) && is_pinhole(view.lens))) return OtherView{"lens", name};
+  }
+  return std::nullopt;
+}
+
 /// Reads a checkpoint of a run with the same recipe, settings and views; anything else is refused with the name of what differs.
 template <Recipe R, Executor E>
 [[nodiscard]] Result<Checkpoint<R, E>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings,
@@ -162,6 +187,7 @@ template <Recipe R, Executor E>
   const nlohmann::json wanted = nlohmann::json::parse(settings_json(settings).dump());
   if (!stored.is_object()) return refuse("__metadata__.settings", "is not a JSON object");
   for (const auto& [key, value] : wanted.items()) {
+    if (key == "effects" || key == "mark") continue;  // below, with fewer words
     const nlohmann::json found = stored.value(key, nlohmann::json());
     if (found != value)
       return refuse("settings", key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
@@ -187,18 +213,8 @@ template <Recipe R, Executor E>
     return refuse("views", "are " + std::to_string(model->info.views.size()) + " in the checkpoint and " +
                                std::to_string(info.views.size()) + " now");
   }
-  for (std::size_t i = 0; i < info.views.size(); ++i) {
-    const StoredView &before = model->info.views[i], &view = info.views[i];
-    const Camera<double>&a = before.camera, &b = view.camera;
-    if (before.name != view.name || before.test != view.test || a.width != b.width || a.height != b.height ||
-        a.center_world != b.center_world || a.rotation_camera_world != b.rotation_camera_world || a.fx != b.fx ||
-        a.fy != b.fy || a.cx != b.cx || a.cy != b.cy) {
-      return refuse("views", "view " + std::to_string(i) + " (" + view.name + ") is another one in the checkpoint");
-    }
-    // A pinhole by any name is one: the file does not keep which.
-    if (before.lens != view.lens && !(is_pinhole(before.lens) && is_pinhole(view.lens)))
-      return refuse("lens", "of view " + std::to_string(i) + " (" + view.name + ") is another one in the checkpoint");
-  }
+  if (const std::optional<OtherView> other = other_view(model->info.views, info.views))
+    return refuse(other->field, "of view " + other->name + " is another one in the checkpoint");
   if (model->info.origin != info.origin) {
     return refuse("origin", "is " + nlohmann::json(model->info.origin).dump() + " in the checkpoint and " +
                                 nlohmann::json(info.origin).dump() + " now: the same files give the same origin");
