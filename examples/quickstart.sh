@@ -2,9 +2,9 @@
 # SPDX-FileCopyrightText: 2026 The CompMark authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# From nothing to a trained scene: installs what is missing, builds the tool, writes the built-in scene, trains it briefly, renders and
-# measures it.   sh examples/quickstart.sh [output folder [iterations]]
-# Marking, compressing, decoding and verifying join this script when those commands exist; today it ends with the measured model.
+# From nothing to a marked scene and its proof: installs what is missing, builds the tool, writes the built-in scene, trains it briefly, hides the
+# message of a new key in it, renders, measures and verifies it.   sh examples/quickstart.sh [output folder [iterations]]
+# Compressing and decoding join this script when those commands exist.
 set -eu
 cd "$(dirname "$0")/.."
 out=${1:-runs/quickstart}
@@ -18,13 +18,21 @@ compmark=build/release/bin/compmark
 
 "$compmark" scene --out "$out/scene" --width 400 --height 400 --train 60 --test 8
 "$compmark" train --data "$out/scene" --out "$out/run" --iterations "$iterations" --voxel-size 0
-"$compmark" render --model "$out/run/model.safetensors" --out "$out/images"
-"$compmark" evaluate --model "$out/run/model.safetensors" --data "$out/scene"
-"$compmark" info "$out/run/model.safetensors"
+decoder=weights/lattice_32.safetensors
+[ -f "$out/owner.key" ] || "$compmark" keygen --bits 32 --out "$out/owner.key"
+"$compmark" embed --model "$out/run/model.safetensors" --data "$out/scene" --out "$out/marked" --iterations "$iterations" \
+  --key "$out/owner.key" --decoder "$decoder"
+"$compmark" render --model "$out/marked/model.safetensors" --out "$out/images"
+"$compmark" evaluate --model "$out/marked/model.safetensors" --data "$out/scene"
+echo
+echo "Is it ours? From the marked model, then from the one without a mark:"
+"$compmark" verify --model "$out/marked/model.safetensors" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || true
+"$compmark" verify --model "$out/run/model.safetensors" --key "$out/owner.key" --decoder "$decoder" || true
 
 echo
 echo "pictures:   $out/images"
-echo "the report: $out/run/report.html"
+echo "the report: $out/marked/report.html"
+echo "the proof:  $out/proof.json"
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ] && command -v xdg-open >/dev/null 2>&1; then
-  xdg-open "$out/run/report.html" >/dev/null 2>&1 || true
+  xdg-open "$out/marked/report.html" >/dev/null 2>&1 || true
 fi

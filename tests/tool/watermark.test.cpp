@@ -101,7 +101,7 @@ TEST_CASE(
   const nlohmann::json plain = unmarked();
   CHECK_FALSE(plain.contains("bit_accuracy"));
   const nlohmann::json marked =
-      train("marked", setting().mark() + " --message-weight 0.03 --twin " + at("unmarked/model.safetensors"));
+      train("marked", setting().mark() + " --message-weight 0.06 --twin " + at("unmarked/model.safetensors"));
   MESSAGE(marked["bit_accuracy"].dump(), " p ", marked["p_value"].dump(), " cost ",
           marked["psnr_cost_vs_unmarked"].dump(), " dB, ", marked["psnr_marked_vs_unmarked"].dump(), " dB");
   CHECK(marked["recipe"] == "scaffold");

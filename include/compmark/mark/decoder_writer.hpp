@@ -58,8 +58,9 @@ void add_decoder(const DecoderWeights& weights, Writer& writer) {
   for (std::size_t n = 0; n < weights.layers.size(); ++n) {
     const DecoderLayer& layer = weights.layers[n];
     const ConvShape& s = layer.shape;
-    layers += (n == 0 ? "" : " ") + std::to_string(s.kernel) + "/" + std::to_string(s.stride) + "/" +
-              std::to_string(s.padding) + (layer.pool ? "m" : "") + (layer.tap ? "t" : "");
+    if (n != 0) layers += ' ';
+    layers += std::to_string(s.kernel) + "/" + std::to_string(s.stride) + "/" + std::to_string(s.padding) +
+              (layer.pool ? "m" : "") + (layer.tap ? "t" : "");
     const std::string block = "blocks." + std::to_string(n) + ".";
     add(block + "conv.weight", {s.out, s.in, s.kernel, s.kernel}, layer.weight);
     add(block + "conv.bias", {s.out}, layer.bias);

@@ -90,7 +90,10 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   m["octaves"] = std::to_string(s.sigma.size() - 1);
   m["stride"] = std::to_string(s.stride);
   std::string sigma;
-  for (const double value : s.sigma) sigma += (sigma.empty() ? "" : " ") + detail::exact_text(value);
+  for (const double value : s.sigma) {
+    if (!sigma.empty()) sigma += ' ';
+    sigma += detail::exact_text(value);
+  }
   m["sigma"] = sigma;
   m["epsilon"] = detail::exact_text(s.epsilon);
   m["gate"] = detail::exact_text(s.gate);
