@@ -18,10 +18,10 @@ compmark=build/release/bin/compmark
 
 "$compmark" scene --out "$out/scene" --width 400 --height 400 --train 60 --test 8
 "$compmark" train --data "$out/scene" --out "$out/run" --iterations "$iterations" --voxel-size 0
-decoder=weights/lattice_32.safetensors
-[ -f "$out/owner.key" ] || "$compmark" keygen --bits 32 --out "$out/owner.key"
+decoder=weights/lattice_48.safetensors
+[ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
 "$compmark" embed --model "$out/run/model.safetensors" --data "$out/scene" --out "$out/marked" --iterations "$iterations" \
-  --key "$out/owner.key" --decoder "$decoder"
+  --key "$out/owner.key" --decoder "$decoder" --message-weight 0.01
 "$compmark" render --model "$out/marked/model.safetensors" --out "$out/images"
 "$compmark" evaluate --model "$out/marked/model.safetensors" --data "$out/scene"
 echo
