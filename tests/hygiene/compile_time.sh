@@ -42,5 +42,5 @@ budget compmark/raster/concept.hpp 60 "$@"
 budget compmark/anchor/concept.hpp 60 "$@"
 budget compmark/raster/tile.hpp 150 "$@"
 budget compmark/pipeline/trainer.hpp 250 "$@"
-budget compmark/compmark.hpp 1050 "$@" # for examples: JSON, stb and every room at once, the decoder training among them
+budget compmark/compmark.hpp 850 "$@" # for examples: JSON, stb and every room at once
 exit $bad

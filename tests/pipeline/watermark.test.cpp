@@ -177,7 +177,11 @@ Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::siz
   settings.mark.logit_scale = 1;
   settings.mark.scaling_noise = 1e-4;
   settings.mark.between_every = between_every;
-  if (between_every != 0) settings.mark.hinge_margin = 1;
+  if (between_every != 0) {
+    settings.mark.hinge_margin = 1;
+    // The waves of this decoder stand still, and the drawn cameras are turned and zoomed: that takes longer to learn.
+    if (!compmark::testing::short_trainings) settings.iterations = 1500;
+  }
   ThreadExecutor executor(threads);
   Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
   if constexpr (present<typename R::MessageDecoder>) trainer.set_watermark(Waves<float>{}, message);
@@ -232,8 +236,7 @@ TEST_CASE("pipeline/watermark: readings between the training views change the mo
   static_cast<void>(train<MarkedHost>(true, &without, 2, 0));
   const Outcome outcome = train<MarkedHost>(true, &with, 2, 1);
   CHECK(without != with);
-  // Measured .958: these waves stand still in the image, and the drawn cameras are turned and zoomed. Without a message .5.
-  if (!compmark::testing::short_trainings) CHECK(outcome.accuracy > 0.9);
+  if (!compmark::testing::short_trainings) CHECK(outcome.accuracy > 0.9999);
 }
 
 TEST_CASE("pipeline/watermark: a marked training has the same bits at any thread count") {

@@ -6,7 +6,6 @@
 // shorter arc; the intrinsics are those of the first camera. Cost: O(views) for a choice, nothing to store.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -25,11 +24,29 @@ template <class AnyCamera>
 [[nodiscard]] AnyCamera camera_between(const AnyCamera& from, const AnyCamera& to, double fraction) {
   AnyCamera camera = from;
   if (fraction <= 0) return camera;
-  using Matrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  const Eigen::Quaterniond first(Matrix(Eigen::Map<const Matrix>(from.rotation_camera_world.data())));
-  const Eigen::Quaterniond last(Matrix(Eigen::Map<const Matrix>(to.rotation_camera_world.data())));
-  Eigen::Map<Matrix>(camera.rotation_camera_world.data()) =
-      first.normalized().slerp(fraction, last.normalized()).toRotationMatrix();
+  // The rotation from one to the other, by its axis and angle (Rodrigues), the fraction of it, and then the first.
+  const std::array<double, 9>&a = from.rotation_camera_world, &b = to.rotation_camera_world;
+  std::array<double, 9> turn{};
+  for (std::size_t r = 0; r < 3; ++r)
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < 3; ++k) turn[3 * r + c] += b[3 * r + k] * a[3 * c + k];
+  std::array<double, 3> axis{(turn[7] - turn[5]) / 2, (turn[2] - turn[6]) / 2, (turn[3] - turn[1]) / 2};
+  const double sine = std::hypot(axis[0], axis[1], axis[2]);
+  const double angle = fraction * std::atan2(sine, (turn[0] + turn[4] + turn[8] - 1) / 2);
+  if (sine > 1e-12) {  // else the same axes, or half a turn, which has no shorter arc: those of `from`
+    for (double& x : axis) x /= sine;
+    const double s = std::sin(angle), v = 1 - std::cos(angle);
+    const std::array<double, 9> cross{0, -axis[2], axis[1], axis[2], 0, -axis[0], -axis[1], axis[0], 0};
+    for (std::size_t r = 0; r < 3; ++r)
+      for (std::size_t c = 0; c < 3; ++c) {
+        double sum = 0;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double same = r == k ? 1 : 0;
+          sum += (same + s * cross[3 * r + k] + v * (axis[r] * axis[k] - same)) * a[3 * k + c];
+        }
+        camera.rotation_camera_world[3 * r + c] = sum;
+      }
+  }
   for (std::size_t c = 0; c < 3; ++c)
     camera.center_world[c] = (1 - fraction) * from.center_world[c] + fraction * to.center_world[c];
   return camera;
