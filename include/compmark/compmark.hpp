@@ -158,6 +158,8 @@
 #include "compmark/mark/concept.hpp"
 #include "compmark/mark/message.hpp"
 
+#include "compmark/entropy/concept.hpp"
+
 #include "compmark/quant/concept.hpp"
 
 #include "compmark/effect/alpha_loss.hpp"
