@@ -199,6 +199,7 @@
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/pipeline/observer.hpp"
 #include "compmark/pipeline/pipeline.hpp"
+#include "compmark/pipeline/rate_phases.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/sh_fit.hpp"

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The road of the anchors before they are decoded: table -> Embedder (x + tanh x') -> DistortionLayer (noise of the quantizer's step) ->
-// what the GaussianDecoder reads; and back. Attributes that a stage changes are written to a table of their own, rows that are not visible
-// stay unwritten; attributes that nobody changes are read where they are. A recipe with neither stage has no such table and no code here.
+// The road of the anchors before they are decoded: table -> Embedder (x + tanh x') -> DistortionLayer (noise of the quantizer's step), or the
+// EntropyModel with the noise of its own step and its rate -> what the GaussianDecoder reads; and back. Attributes that a stage changes are written to a table of their own, rows that are not visible
+// stay unwritten; attributes that nobody changes are read where they are. A recipe with none of these stages has no such table and no code here.
 // Cost: one copy of a visible anchor's changed attributes, forward and backward.
 #pragma once
 
@@ -21,6 +21,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/entropy/concept.hpp"
 #include "compmark/mark/concept.hpp"
 #include "compmark/mark/residual.hpp"
 #include "compmark/quant/concept.hpp"
@@ -45,17 +46,32 @@ struct HandlesOf<Stage> {
 template <class Stage>
 using StageHandles = typename detail::HandlesOf<Stage>::type;
 
-/// T: scalar. Embed: Embedder, Distort: DistortionLayer, either of which may be absent.
-template <class T, class Embed, class Distort>
+namespace detail {
+/// What the entropy model does in an iteration, what it found and what it left for the way back; nothing where there is none.
+template <class Rate>
+struct RateOfIteration {};
+template <class Rate>
+  requires present<Rate>
+struct RateOfIteration<Rate> {
+  typename Rate::Phase phase;  ///< the default, nothing, is that of every render
+  typename Rate::Report report;
+  typename Rate::Context context;
+};
+}  // namespace detail
+
+/// T: scalar. Embed: Embedder, Distort: DistortionLayer, Rate: EntropyModel, any of which may be absent.
+template <class T, class Embed, class Distort, class Rate = NoEntropyModel>
 class AnchorRoad {
  public:
   static constexpr bool marks = present<Embed>;
   static constexpr bool distorts = present<Distort>;
-  static constexpr bool is_absent = !marks && !distorts;
+  static constexpr bool rates = present<Rate>;
+  static constexpr bool is_absent = !marks && !distorts && !rates;
 
   struct Handles {
     [[no_unique_address]] StageHandles<Embed> embedder;
     [[no_unique_address]] StageHandles<Distort> distortion;
+    [[no_unique_address]] StageHandles<Rate> rate;
   };
   /// Changed attributes (in the order of MarkTarget) and their gradients, [N, C] each; only listed rows have a meaning.
   struct Context {
@@ -67,10 +83,12 @@ class AnchorRoad {
     AnchorColumns<const T> read;  ///< what the decoder read in the last pass
     [[no_unique_address]] typename Embed::Context embedder;
     [[no_unique_address]] typename Distort::Context noise;
+    [[no_unique_address]] detail::RateOfIteration<Rate> rate;
   };
 
   AnchorRoad() = default;
   explicit AnchorRoad(Distort distort) : distort_(std::move(distort)) {}
+  explicit AnchorRoad(Rate rate) requires(rates) : rate_(std::move(rate)) {}
 
   /// Blocks of the stages, after those of the table and of the decoder.
   [[nodiscard]] static Handles add_parameters(ParameterArena<T>& arena, const AnchorHandles& anchors) {
@@ -80,10 +98,12 @@ class AnchorRoad {
       handles.embedder = Embed::add_parameters(arena, table.rows, table.columns);
     }
     if constexpr (distorts) handles.distortion = Distort::add_parameters(arena);
+    if constexpr (rates) handles.rate = Rate::add_parameters(arena, anchor_count(arena.layout(), anchors));
     return handles;
   }
   static void initialise(ParameterArena<T>& arena, const Handles& handles, std::uint64_t seed) {
     if constexpr (distorts) Distort::initialise(arena, handles.distortion, seed);
+    if constexpr (rates) Rate::initialise(arena, handles.rate, seed);
   }
   /// The watermark moves into the attribute that carries it: same renders, nothing left to embed.
   static void bake(ParameterArena<T>& arena, const AnchorHandles& anchors, const Handles& handles) {
@@ -124,6 +144,18 @@ class AnchorRoad {
                              own(context, MarkTarget::offset, columns), context.noise, executor);
       }
     }
+    if constexpr (rates) {
+      context.rate.report = {};
+      if (context.rate.phase.active()) {
+        for (const MarkTarget which : {MarkTarget::feature, MarkTarget::scaling, MarkTarget::offset}) {
+          copy(visible, which, columns, context, executor);
+        }
+        context.rate.report =
+            rate_.forward(arena, handles.rate, visible, context.rate.phase, columns.position,
+                          own(context, MarkTarget::feature, columns), own(context, MarkTarget::scaling, columns),
+                          own(context, MarkTarget::offset, columns), context.rate.context, executor);
+      }
+    }
     return columns;
   }
 
@@ -156,6 +188,12 @@ class AnchorRoad {
       table.data = context.gradients[static_cast<std::size_t>(which)].data();
       return table;
     };
+    if constexpr (rates) {
+      if (context.rate.phase.active()) {
+        rate_.backward(arena, handles.rate, visible, changed(MarkTarget::feature), changed(MarkTarget::scaling),
+                       changed(MarkTarget::offset), context.rate.context, executor);
+      }
+    }
     if constexpr (distorts) {
       if (context.phase.active()) {
         distort_.backward(arena, handles.distortion, visible, changed(MarkTarget::feature),
@@ -242,6 +280,7 @@ class AnchorRoad {
   }
 
   [[no_unique_address]] Distort distort_;
+  [[no_unique_address]] Rate rate_;
 };
 
 }  // namespace compmark::inline v0

@@ -98,6 +98,20 @@ struct Checkpoint {
                     {"step_rate_weight", m.step_rate_weight},
                     {"identity", m.identity}};
   }
+  if (const RateNumbers& r = s.rate; r != (profile ? profile->rate : RateNumbers{})) {
+    json["rate"] = {{"lambda", r.lambda},
+                    {"noise_after", r.noise_after},
+                    {"context_after", r.context_after},
+                    {"round_after", r.round_after},
+                    {"mask_weight", r.mask_weight},
+                    {"sample", r.sample},
+                    {"feature_step", r.feature_step},
+                    {"scaling_step", r.scaling_step},
+                    {"offset_step", r.offset_step},
+                    {"mask", rate(r.mask)},
+                    {"grid", rate(r.grid)},
+                    {"context", rate(r.context)}};
+  }
   return json;
 }
 

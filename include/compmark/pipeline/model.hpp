@@ -32,9 +32,9 @@ struct Model {
   AnchorHandles anchors;
   typename Decoder::Handles decoder;
   [[no_unique_address]] typename R::Exposure::Handles exposure;  ///< empty without exposure
-  /// Embedder and distortion layer.
-  using Road = AnchorRoad<Scalar, typename R::Embedder, typename R::DistortionLayer>;
-  [[no_unique_address]] typename Road::Handles road;  ///< empty without either
+  /// Embedder, distortion layer and entropy model.
+  using Road = AnchorRoad<Scalar, typename R::Embedder, typename R::DistortionLayer, typename R::EntropyModel>;
+  [[no_unique_address]] typename Road::Handles road;  ///< empty without any of them
   RenderSettings render;
   double voxel_size = 0.001;    ///< world units; cell size of growing
   std::size_t train_views = 0;  ///< rows of the appearance table, if the recipe has one

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The road of one view, forward and backward, written once (DESIGN: how data flows):
-//   anchors -> visible -> (Embedder -> DistortionLayer ->) GaussianDecoder -> Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
+//   anchors -> visible -> (Embedder -> DistortionLayer | EntropyModel ->) GaussianDecoder -> (offset masks ->) Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
 // Every stage adds into the gradient spans it is given; nothing here knows an iteration number, a file or a clock.
 // Stages a recipe leaves out are empty members and leave no branch.
 // Longer than 300 lines: the way there and the way back, with every optional stage, are to be read side by side.
@@ -118,6 +118,10 @@ class Pipeline {
     }
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
                                         model.decoder, context.gaussians, context.decoder, executor);
+    if constexpr (present<typename R::EntropyModel>) {
+      R::EntropyModel::mask_opacity(model.arena, model.road.rate, decoder_.statistics(context.decoder).gaussian_slot,
+                                    context.gaussians.columns().opacity, executor);
+    }
     if constexpr (present<typename R::Space>) {
       context.volume.position = columns.position;
       context.volume.decoded = decoder_.statistics(context.decoder);
@@ -177,6 +181,7 @@ class Pipeline {
       report.total += context.marks.report.total;
     }
     if constexpr (present<typename R::DistortionLayer>) report.total += context.road.distortion.rate_loss;
+    if constexpr (present<typename R::EntropyModel>) report.total += context.road.rate.report.loss;
     return report;
   }
 
@@ -232,6 +237,11 @@ class Pipeline {
       Volume{}.backward(gaussians.scale, gaussians.count, context.volume_weight, d_gaussians.scale, context.volume,
                         executor);
     }
+    if constexpr (present<typename R::EntropyModel>) {
+      R::EntropyModel::mask_opacity_backward(model.arena, model.road.rate,
+                                             decoder_.statistics(context.decoder).gaussian_slot, gaussians.opacity,
+                                             std::as_const(context.d_gaussians).columns().opacity, executor);
+    }
     if constexpr (Road::is_absent) {
       decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena,
                         model.decoder, std::as_const(context.d_gaussians).columns(),
@@ -249,7 +259,7 @@ class Pipeline {
   /// What is read from the render and how it counts: decoder, message, losses. Only recipes with a watermark have it.
   [[nodiscard]] auto& marks() { return marks_; }
   [[nodiscard]] const auto& marks() const { return marks_; }
-  /// Embedder and distortion layer. Only recipes with one of them have it.
+  /// Embedder, distortion layer and entropy model. Only recipes with one of them have it.
   [[nodiscard]] auto& road() { return road_; }
   [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
     return typename R::Rasterizer{typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane),

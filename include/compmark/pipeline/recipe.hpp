@@ -15,6 +15,7 @@
 //   Embedder              Embedder                NoEmbedder
 //   DistortionLayer       DistortionLayer         NoDistortion
 //   Quantizer             Quantizer               NoQuantizer
+//   EntropyModel          EntropyModel            NoEntropyModel
 //   MessageDecoder        MessageDecoder          NoMessageDecoder
 //   HsvLoss               ImageLoss               NoHsvLoss
 //   FrequencyLoss         ImageLoss               NoFrequencyLoss
@@ -32,6 +33,7 @@
 #include "compmark/anchor/space.hpp"
 #include "compmark/core/absent.hpp"
 #include "compmark/effect/concept.hpp"
+#include "compmark/entropy/concept.hpp"
 #include "compmark/loss/concept.hpp"
 #include "compmark/mark/concept.hpp"
 #include "compmark/optim/concept.hpp"
@@ -53,6 +55,7 @@ concept Recipe = requires {
   typename R::Embedder;
   typename R::DistortionLayer;
   typename R::Quantizer;
+  typename R::EntropyModel;
   typename R::MessageDecoder;
   typename R::HsvLoss;
   typename R::FrequencyLoss;
@@ -129,6 +132,10 @@ consteval void check_recipe() {
   }
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
+  static_assert(EntropyModel<typename R::EntropyModel>,
+                "Recipe: EntropyModel lacks Settings (see entropy/concept.hpp)");
+  static_assert(!present<typename R::EntropyModel> || !present<typename R::DistortionLayer>,
+                "Recipe: an EntropyModel draws the noise of its own step, so a DistortionLayer would distort twice");
 }
 
 }  // namespace compmark::inline v0

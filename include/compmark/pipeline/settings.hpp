@@ -66,6 +66,25 @@ struct MarkNumbers {
   friend bool operator==(const MarkNumbers&, const MarkNumbers&) = default;
 };
 
+/// Numbers of a recipe with an entropy model, of which the coded size is a loss; of no meaning to the others (compression sheet, 1.9 - 1.11;
+/// windows as below).
+struct RateNumbers {
+  double lambda = 0.001;               ///< loss of one bit more a coded scalar
+  std::int64_t noise_after = 3000;     ///< attributes carry the noise of the base steps from here
+  std::int64_t context_after = 10000;  ///< … that of the predicted steps, and the rate counts, from here
+  std::int64_t round_after = 30000;    ///< steps round instead of drawing noise from here
+  double mask_weight = 5e-4;           ///< of the mean sigmoid of the masks' logits, from context_after
+  double sample = 0.05;                ///< share of the visible anchors whose bits are counted in an iteration
+  double feature_step = 1;             ///< Q0
+  double scaling_step = 0.001;         ///< of exp(scaling), world units
+  double offset_step = 0.2;            ///< of offsets, which are in units of exp(scaling)
+  LearningRate mask{0.01, 0.0001};     ///< in units of the scene extent
+  LearningRate grid{0.005, 0.00001};
+  LearningRate context{0.005, 0.00001};
+
+  friend bool operator==(const RateNumbers&, const RateNumbers&) = default;
+};
+
 struct TrainSettings {
   std::string profile = "scaffold";
   std::int64_t iterations = 30000;
@@ -107,19 +126,24 @@ struct TrainSettings {
 
   EffectNumbers effects;
   MarkNumbers mark;
+  RateNumbers rate;
 };
 
-/// "scaffold": Scaffold-GS defaults. "official": what the published CompMarkGS code does. "paper": what its paper says.
+/// "scaffold": Scaffold-GS defaults. "hac": those with the pause in growing that the codecs' authors make. "official": what the published CompMarkGS code does. "paper": what its paper says.
 [[nodiscard]] inline std::optional<TrainSettings> profile_settings(std::string_view profile) {
   TrainSettings settings;
   settings.profile = std::string(profile);
-  if (profile == "scaffold") {
+  if (profile == "scaffold" || profile == "hac") {
     // Ours, measured (docs/watermark.md): from the end of growing on, held by a margin, read between the training views too.
     settings.mark.lambda_message = 0.002;
     settings.mark.message_after = settings.mark.residual_after = 15000;
     settings.mark.hinge_margin = 4;
     settings.mark.between_every = 1;
     settings.mark.residual_rate = 0.002;
+    if (profile == "hac") {
+      settings.pause_from = 3000;
+      settings.pause_until = 4000;
+    }
     return settings;
   }
   if (profile == "official") {

@@ -28,6 +28,7 @@
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/observer.hpp"
 #include "compmark/pipeline/pipeline.hpp"
+#include "compmark/pipeline/rate_phases.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/training_views.hpp"
 #include "compmark/scene/between.hpp"
@@ -67,6 +68,10 @@ class Trainer {
       if constexpr (requires { noise.least_step; }) noise.least_step = settings_.mark.least_step;
       if constexpr (requires { noise.rate_weight; }) noise.rate_weight = settings_.mark.step_rate_weight;
       pipeline_.road() = typename MarkedPipeline::Road(typename R::DistortionLayer(noise));
+    }
+    if constexpr (present<typename R::EntropyModel>) {
+      rate_phases_ = RatePhases(settings_.rate, settings_.iterations);
+      pipeline_.road() = typename MarkedPipeline::Road(entropy_model<R>(settings_.rate));
     }
   }
 
@@ -142,6 +147,14 @@ class Trainer {
       context_.road.phase = mark_phases_.distortion(t, settings_.seed);
     }
     Model<R>& model = state_.model;
+    if constexpr (present<typename R::EntropyModel>) {
+      if (rate_phases_.begins(t)) {
+        const AnchorColumns<const Scalar> columns = model.columns();
+        R::EntropyModel::begin_context(model.arena, model.road.rate, columns.position, columns.feature, columns.scaling,
+                                       columns.offset);
+      }
+      context_.road.rate.phase = rate_phases_.template at<typename R::EntropyModel::Phase>(t, settings_.seed);
+    }
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
     if constexpr (present<typename R::AlphaLoss>) weights.lambda_alpha = settings_.effects.lambda_alpha;
@@ -201,6 +214,10 @@ class Trainer {
   [[nodiscard]] const DistortionReport& distortion_report() const requires(present<typename R::DistortionLayer>) {
     return context_.road.distortion;
   }
+  /// Bits a scalar and steps of the entropy model in the last iteration.
+  [[nodiscard]] const auto& rate_report() const requires(present<typename R::EntropyModel>) {
+    return context_.road.rate.report;
+  }
   /// Tells the decoder and the bits that every render shall carry; call before the first step.
   void set_watermark(typename R::MessageDecoder decoder,
                      std::span<const std::uint8_t> message) requires(present<typename R::MessageDecoder>) {
@@ -234,6 +251,10 @@ class Trainer {
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
     const ViewCamera<R> between = drawn_camera(camera_of, views.size(), view, random);
     if constexpr (present<typename R::DistortionLayer>) between_.road.phase = context_.road.phase;
+    if constexpr (present<typename R::EntropyModel>) {
+      between_.road.rate.phase = context_.road.rate.phase;
+      between_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
+    }
     static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
     pipeline_.message_loss(mark_phases_.between_weight(t), between_, *executor_);
     pipeline_.backward(state_.model, between, view, between_, *executor_);
@@ -350,6 +371,15 @@ class Trainer {
         if (name == "anchor.residual") rates_[b] = t > residual_after ? settings_.mark.residual_rate : 0;
         if (begins("distortion")) rates_[b] = settings_.mark.distortion_rate;
       }
+      if constexpr (present<typename R::EntropyModel>) {
+        const LearningRate& mask = settings_.rate.mask;
+        if (name == "anchor.mask") rates_[b] = rate({mask.initial * scene_extent_, mask.final * scene_extent_});
+        if (rate_phases_.counts(t)) {
+          if (name == "hash_grid") rates_[b] = rate(settings_.rate.grid);
+          if (name.ends_with(".weight") && begins("context.")) rates_[b] = rate(settings_.rate.context);
+          if (name.ends_with(".bias") && begins("context.")) rates_[b] = rate(settings_.rate.context);
+        }
+      }
       if constexpr (present<typename R::Exposure>) {
         if (name == "exposure") rates_[b] = rate(settings_.effects.exposure);
       }
@@ -377,6 +407,8 @@ class Trainer {
   [[no_unique_address]] std::conditional_t<MarkedPipeline::Road::is_absent && MarkedPipeline::Marks::is_absent,
                                            detail::Nothing<MarkPhases>, MarkPhases>
       mark_phases_;
+  [[no_unique_address]] std::conditional_t<present<typename R::EntropyModel>, RatePhases, detail::Nothing<RatePhases>>
+      rate_phases_;
   [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, typename Pipeline<R>::Context,
                                            detail::Nothing<typename Pipeline<R>::Context>>
       between_;  ///< its own, so that image() and mark_report() stay those of the photographed view

@@ -9,6 +9,7 @@
 #include "compmark/anchor/scaffold_anchors.hpp"
 #include "compmark/anchor/space.hpp"
 #include "compmark/effect/concept.hpp"
+#include "compmark/entropy/concept.hpp"
 #include "compmark/loss/concept.hpp"
 #include "compmark/mark/concept.hpp"
 #include "compmark/optim/adam.hpp"
@@ -35,6 +36,7 @@ struct DefaultRecipe {
   using Embedder = NoEmbedder;
   using DistortionLayer = NoDistortion;
   using Quantizer = NoQuantizer;
+  using EntropyModel = NoEntropyModel;
   using MessageDecoder = NoMessageDecoder;
   using HsvLoss = NoHsvLoss;
   using FrequencyLoss = NoFrequencyLoss;

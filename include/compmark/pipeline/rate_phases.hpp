@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the entropy model does in which iteration of a training for compression (compression sheet, 1.9): nothing, then the noise of fixed
+// steps, then that of predicted ones with the rate as a loss. The windows of RateNumbers are written for a run of 30,000 iterations and scale
+// with the run, as everywhere. Cost: none.
+#pragma once
+
+#include <cstdint>
+
+#include "compmark/optim/phases.hpp"
+#include "compmark/pipeline/recipe.hpp"
+#include "compmark/pipeline/settings.hpp"
+
+namespace compmark::inline v0 {
+
+class RatePhases {
+ public:
+  RatePhases() = default;
+  RatePhases(const RateNumbers& numbers, std::int64_t total)
+      : noise_after_(scale_iteration(numbers.noise_after, total)),
+        context_after_(scale_iteration(numbers.context_after, total)),
+        round_after_(scale_iteration(numbers.round_after, total)) {}
+
+  /// Whether the context is made up in this iteration, from the anchors as they are.
+  [[nodiscard]] bool begins(std::int64_t t) const { return t == context_after_ + 1; }
+  /// Whether the rate counts.
+  [[nodiscard]] bool counts(std::int64_t t) const { return t > context_after_; }
+
+  template <class Phase>
+  [[nodiscard]] Phase at(std::int64_t t, std::uint64_t seed) const {
+    Phase phase;
+    phase.seed = seed;
+    phase.iteration = static_cast<std::uint64_t>(t);
+    phase.context = counts(t);
+    phase.noise = !phase.context && t > noise_after_;
+    phase.round = phase.context && t > round_after_;
+    return phase;
+  }
+
+ private:
+  std::int64_t noise_after_ = 0, context_after_ = 0, round_after_ = 0;
+};
+
+/// The entropy model of a recipe with the numbers of a run: it is told those that its Settings name.
+template <Recipe R>
+[[nodiscard]] typename R::EntropyModel entropy_model(const RateNumbers& numbers) {
+  typename R::EntropyModel::Settings settings;
+  settings.lambda = numbers.lambda;
+  if constexpr (requires { settings.mask_weight; }) settings.mask_weight = numbers.mask_weight;
+  if constexpr (requires { settings.sample; }) settings.sample = numbers.sample;
+  settings.feature_step = numbers.feature_step;
+  settings.scaling_step = numbers.scaling_step;
+  settings.offset_step = numbers.offset_step;
+  return typename R::EntropyModel(settings);
+}
+
+}  // namespace compmark::inline v0
