@@ -159,6 +159,7 @@
 #include "compmark/mark/message.hpp"
 
 #include "compmark/entropy/concept.hpp"
+#include "compmark/entropy/hash_grid_layout.hpp"
 
 #include "compmark/quant/concept.hpp"
 
