@@ -63,6 +63,8 @@
 
 #include "compmark/io/anchor_ply.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/bytes.hpp"
+#include "compmark/io/crc32c.hpp"
 #include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/json_file.hpp"
