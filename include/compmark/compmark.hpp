@@ -160,6 +160,7 @@
 #include "compmark/mark/concept.hpp"
 #include "compmark/mark/message.hpp"
 
+#include "compmark/entropy/adaptive_binary.hpp"
 #include "compmark/entropy/concept.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
 
