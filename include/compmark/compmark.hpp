@@ -41,6 +41,7 @@
 #include "compmark/mark/report.hpp"
 #include "compmark/mark/strided_decoder.hpp"
 #include "compmark/mark/verify.hpp"
+#include "compmark/math/adaptive_step.hpp"
 #include "compmark/math/area_resize.hpp"
 #include "compmark/math/binomial.hpp"
 #include "compmark/math/circular_filter.hpp"
