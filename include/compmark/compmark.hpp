@@ -163,6 +163,7 @@
 
 #include "compmark/entropy/adaptive_binary.hpp"
 #include "compmark/entropy/concept.hpp"
+#include "compmark/entropy/gaussian_rate.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
 
 #include "compmark/quant/concept.hpp"
