@@ -1,0 +1,208 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The coding tables of Gaussians on whole numbers: cumulative frequencies of 16 bits for every standard deviation 2^(s / 8) bins, s = -25..56
+// (0.115 to 128), and every position of the mean within a bin, in thirty-seconds for the narrow ones and coarser as they widen (phase step at
+// most 1/16 of the deviation; both grids together cost 0.001 bits a symbol, entropy_coder.bench). Slots are the window of +-(ceil(5 sigma) + 1)
+// bins around the mean's, each with a frequency of (2^16 - slots) p + 1 (EN4), and a last one of frequency 1, the escape (EN5); their sum is
+// exactly 2^16 (EN7). Built from whole numbers (normal_integral.hpp), hence equal everywhere; 1 ms, 0.12 MB, a value that is handed around.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "compmark/core/random.hpp"
+#include "compmark/entropy/normal_integral.hpp"
+
+namespace compmark::inline v0 {
+
+/// Where a symbol is expected: a deviation of 2^((sigma_index + GaussianTables::least_level) / 8) bins and a mean in 1/32 bin.
+struct SymbolModel {
+  std::uint16_t sigma_index = 0;  ///< held at the widest table
+  std::int32_t mean = 0;
+};
+
+namespace detail {
+
+/// 2^(-j / 16) in units of 2^-62.
+inline constexpr std::array<std::int64_t, 16> sixteenth_octaves{
+    4611686018427387904, 4416165660797809419, 4228934724888366668, 4049641766413219908,
+    3877950241171266237, 3713537873331429433, 3556096050500581047, 3405329244438597040,
+    3260954456333195553, 3122700685593301682, 2990308421163830843, 2863529154407056491,
+    2742124912636209756, 2625867812425724110, 2514539631859660218, 2407931400915394245};
+
+/// z = a / (32 sigma) in units of 2^-48 for sigma = 2^(sixteenths / 16).
+[[nodiscard]] inline std::int64_t standardised(std::int64_t a, int sixteenths) {
+  __extension__ using Wide = __int128;
+  const int octave = sixteenths >> 4;
+  const auto inverse = static_cast<Wide>(sixteenth_octaves[static_cast<std::size_t>(sixteenths & 15)]);
+  const Wide z = static_cast<Wide>(a) * inverse >> (62 - NormalIntegral::bits + 5 + octave);
+  constexpr Wide limit = Wide{8} << NormalIntegral::bits;  // beyond the integral's own ends
+  return static_cast<std::int64_t>(std::clamp(z, -limit, limit));
+}
+
+/// ceil(5 sigma) + 1: outside are 6e-7 of the symbols.
+[[nodiscard]] inline int window_of(int sixteenths) {
+  int window =
+      1;  // the smallest window + 1 - 1 >= 5 sigma, by its inverse: 1 >= 5 / (window - 1) sigma has no root to round
+  while (standardised(32 * window, sixteenths) < (std::int64_t{5} << NormalIntegral::bits)) ++window;
+  return window + 1;
+}
+
+/// Upper bounds less one of the slots: value i belongs to the bin i - window from the mean's bin, the last to the escape. The mean lies
+/// `phase` / 32 above the centre of its bin. `bits` is the precision, 16 in files.
+inline void gaussian_bounds(const NormalIntegral& phi, int sixteenths, int phase, int window, int bits,
+                            std::span<std::uint32_t> bounds) {
+  __extension__ using Wide = __int128;
+  const std::int64_t spread = (std::int64_t{1} << bits) - (2 * window + 2);
+  for (int i = 0; i < 2 * window; ++i) {
+    const std::int64_t edge = 32 * static_cast<std::int64_t>(i - window) + 16 - phase;
+    const auto share = static_cast<Wide>(phi(standardised(edge, sixteenths)));
+    const auto rounded = static_cast<std::int64_t>((share * spread + NormalIntegral::one / 2) >> NormalIntegral::bits);
+    bounds[static_cast<std::size_t>(i)] = static_cast<std::uint32_t>(i + rounded);
+  }
+  bounds[static_cast<std::size_t>(2 * window)] = static_cast<std::uint32_t>(2 * window + spread);
+  bounds[static_cast<std::size_t>(2 * window + 1)] = static_cast<std::uint32_t>(2 * window + 1 + spread);
+}
+
+}  // namespace detail
+
+class GaussianTables {
+ public:
+  static constexpr int precision = 16;         ///< bits of a frequency
+  static constexpr int levels_per_octave = 8;  ///< of the standard deviation
+  static constexpr int least_level = -25;      ///< 2^(-25 / 8) = 0.1146 bins, the first above the floor of 0.11
+  static constexpr int levels = 82;
+  static constexpr int phases = 32;  ///< positions of a mean in its bin, in the unit of SymbolModel::mean
+
+  /// One row of slots. Slot numbers run from 0 to 2 window + 1; the last is the escape.
+  struct Table {
+    std::uint32_t first;  ///< of the search: entry [x >> shift] is a slot at or before that of the number x
+    std::uint32_t
+        bounds;  ///< entry [i] is the last number of slot i; entry [-1] is 2^16 - 1, which wraps to 0 when 1 is added
+    std::int32_t window;
+    std::uint32_t shift;
+  };
+  /// What a SymbolModel means: symbol = centre + (k ^ mirror) - mirror for the bin k = slot - window of the table.
+  struct Place {
+    const Table* table;
+    std::int64_t centre;
+    std::int64_t mirror;  ///< 0, or -1 where the mean lies below the centre of its bin
+  };
+  struct Interval {
+    std::uint32_t start;
+    std::uint32_t frequency;
+  };
+
+  GaussianTables() {
+    const NormalIntegral phi;
+    std::vector<std::uint32_t> bounds;
+    for (int index = 0; index < levels; ++index) {
+      const int sixteenths = 2 * (index + least_level), window = detail::window_of(sixteenths);
+      Level& level = levels_[static_cast<std::size_t>(index)];
+      level.table = static_cast<std::uint32_t>(tables_.size());
+      level.shift = phase_shift(sixteenths);
+      bounds.resize(static_cast<std::size_t>(2 * window + 2));
+      for (int phase = 0; phase <= phases / 2; phase += 1 << level.shift) {
+        detail::gaussian_bounds(phi, sixteenths, phase, window, precision, bounds);
+        add(bounds, window);
+      }
+    }
+  }
+
+  [[nodiscard]] Place place(const SymbolModel& model) const {
+    const std::size_t index = model.sigma_index;
+    const Level level = levels_[index < levels ? index : levels - 1];
+    const std::int64_t mean = model.mean, centre = (mean + phases / 2) >> 5, above = mean - centre * phases;
+    const std::int64_t mirror = above >> 63;
+    const auto distance = static_cast<std::uint32_t>((above ^ mirror) - mirror);
+    const std::uint32_t phase = (distance + ((1u << level.shift) >> 1)) >> level.shift;
+    return {tables_.data() + level.table + phase, centre, mirror};
+  }
+
+  [[nodiscard]] Interval interval(const Table& table, std::uint32_t slot) const {
+    const std::uint16_t* bounds = numbers_.data() + table.bounds;
+    const auto start = static_cast<std::uint16_t>(bounds[static_cast<std::ptrdiff_t>(slot) - 1] + 1);
+    return {start, static_cast<std::uint32_t>(bounds[slot] - start + 1)};
+  }
+
+  /// The slot of a number below 2^16: a look-up, two steps without a branch, and seldom more.
+  [[nodiscard]] std::uint32_t slot_of(const Table& table, std::uint32_t number) const {
+    const std::uint16_t* bounds = numbers_.data() + table.bounds;
+    std::uint32_t slot = numbers_[table.first + (number >> table.shift)];
+    slot += bounds[slot] < number;
+    slot += bounds[slot] < number;
+    while (bounds[slot] < number) ++slot;
+    return slot;
+  }
+
+  /// What the slot of a symbol costs, in bits; an escaped symbol's own bytes are not in it.
+  [[nodiscard]] double slot_bits(const SymbolModel& model, std::int32_t symbol) const {
+    const Place at = place(model);
+    return precision - std::log2(static_cast<double>(interval(*at.table, slot_at(at, symbol)).frequency));
+  }
+
+  /// The slot that a symbol falls into; 2 window + 1 outside the window.
+  [[nodiscard]] static std::uint32_t slot_at(const Place& at, std::int32_t symbol) {
+    const std::int64_t bin = ((symbol - at.centre) ^ at.mirror) - at.mirror + at.table->window;
+    const auto escape = static_cast<std::uint64_t>(2 * at.table->window + 1);
+    return static_cast<std::uint32_t>(std::min(static_cast<std::uint64_t>(bin), escape));
+  }
+
+  [[nodiscard]] std::span<const Table> tables() const { return tables_; }
+  /// The deviation of a table in sixteenths of an octave, and its phase: for tests and for documentation.
+  [[nodiscard]] std::uint32_t phase_step(int index) const {
+    return 1u << levels_[static_cast<std::size_t>(index)].shift;
+  }
+
+  /// Names the numbers of all tables: decoders of one specification agree in it (the container stores it).
+  [[nodiscard]] std::uint64_t fingerprint() const {
+    std::uint64_t hash = tables_.size();
+    for (const Table& table : tables_) {
+      for (int i = 0; i < 2 * table.window + 2; ++i) {
+        hash = mix_bits(hash ^ numbers_[table.bounds + static_cast<std::uint32_t>(i)]);
+      }
+    }
+    return hash;
+  }
+
+ private:
+  struct Level {
+    std::uint32_t table = 0;  // of phase 0
+    std::uint32_t shift = 0;  // phases are multiples of 2^shift / 32
+  };
+
+  /// A step of 1/32 below half a bin of deviation, and doubled with it; four positions of the mean at the least.
+  [[nodiscard]] static std::uint32_t phase_shift(int sixteenths) {
+    return static_cast<std::uint32_t>(std::clamp((sixteenths >> 4) + 1, 0, 3));
+  }
+
+  void add(std::span<const std::uint32_t> bounds, int window) {
+    const int search_bits = std::max(4, static_cast<int>(std::bit_width(static_cast<unsigned>(window))) + 1);
+    Table table{};
+    table.window = window;
+    table.shift = static_cast<std::uint32_t>(precision - search_bits);
+    table.first = static_cast<std::uint32_t>(numbers_.size());
+    std::uint16_t slot = 0;
+    for (std::uint32_t bucket = 0; bucket < 1u << search_bits; ++bucket) {
+      while (bounds[slot] < bucket << table.shift) ++slot;
+      numbers_.push_back(slot);
+    }
+    numbers_.push_back(0xffff);
+    table.bounds = static_cast<std::uint32_t>(numbers_.size());
+    for (const std::uint32_t bound : bounds) numbers_.push_back(static_cast<std::uint16_t>(bound));
+    tables_.push_back(table);
+  }
+
+  std::array<Level, levels> levels_{};
+  std::vector<Table> tables_;
+  std::vector<std::uint16_t> numbers_;
+};
+
+}  // namespace compmark::inline v0
