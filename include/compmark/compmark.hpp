@@ -164,7 +164,12 @@
 #include "compmark/entropy/adaptive_binary.hpp"
 #include "compmark/entropy/concept.hpp"
 #include "compmark/entropy/gaussian_rate.hpp"
+#include "compmark/entropy/gaussian_tables.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
+#include "compmark/entropy/normal_integral.hpp"
+#include "compmark/entropy/rans.hpp"
+#include "compmark/entropy/symbol_coder.hpp"
+#include "compmark/entropy/varint.hpp"
 
 #include "compmark/quant/concept.hpp"
 
