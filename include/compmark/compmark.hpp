@@ -166,6 +166,12 @@
 #include "compmark/entropy/gaussian_rate.hpp"
 #include "compmark/entropy/gaussian_tables.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
+#include "compmark/entropy/integer_context.hpp"
+#include "compmark/entropy/integer_dot.hpp"
+#include "compmark/entropy/integer_functions.hpp"
+#include "compmark/entropy/integer_hash_grid.hpp"
+#include "compmark/entropy/integer_network.hpp"
+#include "compmark/entropy/integer_quantize.hpp"
 #include "compmark/entropy/normal_integral.hpp"
 #include "compmark/entropy/rans.hpp"
 #include "compmark/entropy/symbol_coder.hpp"
@@ -202,6 +208,10 @@
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/metric/ssim.hpp"
+
+#include "compmark/codec/container.hpp"
+#include "compmark/codec/geometry.hpp"
+#include "compmark/codec/morton.hpp"
 
 #include "compmark/pipeline/bake.hpp"
 #include "compmark/pipeline/checkpoint.hpp"

@@ -1,0 +1,148 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// From the float context network of training to the integer one of the file. The constants of standardisation go into the second layer's
+// weights, mean = m + d out and sigma = d 2^out, in units of Q0, so that coding knows nothing of them. Each row gets the largest power of
+// two that keeps its weights in `weight_bits` and its worst sum in 32 bits. This may use floats: what it makes is stored, not remade.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/entropy/integer_network.hpp"
+
+namespace compmark::inline v0 {
+
+/// The float network: inputs -> hidden -> 2 (D + 6 + 3 K) + 3, row-major [out][in], and the constants [2][D + 6 + 3 K] (means, deviations).
+struct FloatContext {
+  std::size_t inputs = 0, hidden = 0;
+  std::span<const float> weight1, bias1, weight2, bias2, statistics;
+};
+
+struct IntegerNetworkSettings {
+  int weight_bits = 10;  ///< sign included, 4 … 16; 8 cost 0.01 % of rate, 10 nothing measurable (integer_context test)
+  double base_step[3] = {1, 0.001, 0.2};
+};
+
+namespace detail {
+
+/// Rounds one row to integers. `unit[i]`: what one unit of input i is worth; `most[i]`: its largest value. Returns the row's exponent e: one
+/// unit of the sum is worth 2^-e.
+[[nodiscard]] inline int quantize_row(std::span<const double> weight, double bias, std::span<const double> unit,
+                                      std::span<const std::int64_t> most, int weight_bits, int most_exponent,
+                                      std::int16_t* out, std::int32_t& out_bias) {
+  const std::int64_t greatest = (std::int64_t{1} << (weight_bits - 1)) - 1;
+  constexpr std::int64_t sum_limit = std::numeric_limits<std::int32_t>::max();
+  for (int exponent = most_exponent;; --exponent) {
+    const double scaled_bias = std::ldexp(bias, exponent);
+    if (std::abs(scaled_bias) > 0x1p30) continue;
+    std::int64_t sum = std::abs(std::llround(scaled_bias));
+    bool fits = true;
+    for (std::size_t i = 0; fits && i < weight.size(); ++i) {
+      const double scaled = std::ldexp(weight[i] * unit[i], exponent);
+      fits = std::abs(scaled) <= static_cast<double>(greatest);
+      if (!fits) break;
+      const std::int64_t rounded = std::llround(scaled);
+      out[i] = static_cast<std::int16_t>(rounded);
+      sum += std::abs(rounded) * most[i];
+      fits = sum <= sum_limit;
+    }
+    if (!fits) continue;
+    out_bias = static_cast<std::int32_t>(std::llround(scaled_bias));
+    return exponent;
+  }
+}
+
+}  // namespace detail
+
+[[nodiscard]] inline Result<IntegerNetwork> quantize_network(const FloatContext& context, const ContextHeads& heads,
+                                                             const IntegerNetworkSettings& settings) {
+  const auto fail = [](std::string field, std::string problem) {
+    return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), "train the context again"};
+  };
+  const std::size_t inputs = context.inputs, hidden = context.hidden, channels = heads.channels();
+  if (settings.weight_bits < 4 || settings.weight_bits > 16) return fail("weight_bits", "must be 4 to 16");
+  if (context.weight1.size() != hidden * inputs || context.bias1.size() != hidden ||
+      context.weight2.size() != heads.outputs() * hidden || context.bias2.size() != heads.outputs() ||
+      context.statistics.size() != 2 * channels) {
+    return fail("context", "its tensors do not have the sizes of the attributes");
+  }
+  for (const auto& tensor : {context.weight1, context.bias1, context.weight2, context.bias2, context.statistics}) {
+    for (const float value : tensor) {
+      if (!std::isfinite(value) || std::abs(value) > 0x1p40f)
+        return fail("context", "holds a value that is not finite or above 2^40");
+    }
+  }
+
+  IntegerNetwork network;
+  network.hidden.inputs = inputs;
+  network.hidden.outputs = hidden;
+  network.output.inputs = hidden;
+  network.output.outputs = heads.outputs();
+  for (IntegerLayer* layer : {&network.hidden, &network.output}) {
+    layer->weight.resize(layer->inputs * layer->outputs);
+    layer->bias.resize(layer->outputs);
+    layer->shift.resize(layer->outputs);
+  }
+
+  // First layer: hidden unit j is stored in units of 2^-f_j, as fine as its own worst case allows.
+  constexpr double input_unit = 1.0 / (1 << IntegerHashGrid::activation_bits);
+  const std::vector<double> unit1(inputs, input_unit);
+  const std::vector<std::int64_t> most1(inputs, std::int64_t{1} << IntegerHashGrid::activation_bits);
+  std::vector<double> row(std::max(inputs, hidden)), unit2(hidden);
+  std::vector<std::int64_t> most2(hidden);
+  for (std::size_t j = 0; j < hidden; ++j) {
+    for (std::size_t i = 0; i < inputs; ++i) row[i] = context.weight1[j * inputs + i];
+    const int exponent =
+        detail::quantize_row(std::span(row).first(inputs), context.bias1[j], unit1, most1, settings.weight_bits, 40,
+                             network.hidden.weight.data() + j * inputs, network.hidden.bias[j]);
+    const std::int64_t most = IntegerNetwork::most_sum(network.hidden, j, most1);
+    int shift = 0;
+    while (round_shift(most, shift) > IntegerNetwork::greatest_hidden) ++shift;
+    network.hidden.shift[j] = static_cast<std::int8_t>(shift);
+    unit2[j] = std::ldexp(1.0, shift - exponent);
+    most2[j] = round_shift(most, shift);
+  }
+
+  // Second layer, the outputs in the units of coding.
+  for (std::size_t o = 0; o < heads.outputs(); ++o) {
+    double scale = 1, offset = 0;
+    int bits = IntegerNetwork::r_bits;
+    for (int group = 0; group < 3; ++group) {
+      const std::size_t width = heads.width(group),
+                        first = group == 0 ? 0 : heads.width(0) + (group == 2 ? heads.width(1) : 0);
+      const auto deviation = [&](std::size_t c) {
+        return std::max(static_cast<double>(context.statistics[channels + first + c]) / settings.base_step[group],
+                        0x1p-16);
+      };
+      if (o >= heads.mean_row(group) && o < heads.mean_row(group) + width) {
+        const std::size_t c = o - heads.mean_row(group);
+        scale = deviation(c);
+        offset = static_cast<double>(context.statistics[first + c]) / settings.base_step[group];
+        bits = IntegerNetwork::mean_bits;
+      } else if (o >= heads.sigma_row(group) && o < heads.sigma_row(group) + width) {
+        scale = 8;
+        offset = 8 * std::log2(deviation(o - heads.sigma_row(group)));
+        bits = IntegerNetwork::sigma_bits;
+      }
+    }
+    for (std::size_t j = 0; j < hidden; ++j) row[j] = scale * static_cast<double>(context.weight2[o * hidden + j]);
+    const int exponent = detail::quantize_row(
+        std::span(row).first(hidden), scale * static_cast<double>(context.bias2[o]) + offset, unit2, most2,
+        settings.weight_bits, bits + 31, network.output.weight.data() + o * hidden, network.output.bias[o]);
+    if (exponent - bits < -24) return fail("context", "an output is too large to be coded");
+    network.output.shift[o] = static_cast<std::int8_t>(exponent - bits);
+  }
+  const Result<Done> checked = network.check(inputs, heads);
+  if (!checked) return checked.error();
+  return network;
+}
+
+}  // namespace compmark::inline v0
