@@ -1,0 +1,542 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// HacModel, the entropy model of HAC while training (Chen et al., ECCV 2024; compression sheet, 1): a binary hash grid says where an anchor is, a
+// network what its attributes are likely to be and how finely they are quantized, q = Q0 (1 + tanh r); the attributes carry the noise of
+// these steps, and the bits they would take are a loss,
+//   lambda (bits / scalar + bits of the grid / (N (D + 6 + 3 K))) + 5e-4 mean(sigmoid(mask logits)),
+// estimated on a random twentieth of all anchors (HAC++; HAC itself: of the visible live ones, times their live share). Before the context
+// begins the noise is that of Q0. Anchors whose rate is not counted in an iteration need only their steps, 3 of 175 outputs.
+// Rows outside the visible list whose rate is counted get it straight into the arena's gradients of the blocks "anchor.feature",
+// "anchor.scaling" and "anchor.offset", found by name when the parameters are added; without these blocks only listed rows are sampled.
+// Everything runs in fixed panels of 64 anchors: same bits at any thread count. Cost at n visible anchors: n 86 random numbers,
+// n (576 + 9.7 k) multiply-adds forward and twice that backward; memory 1.9 KB a visible anchor.
+// Longer than 300 lines: both ways of both kinds of panels share one layout.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/entropy/concept.hpp"
+#include "compmark/entropy/context_network.hpp"
+#include "compmark/entropy/hac_attributes.hpp"
+#include "compmark/entropy/hac_parameters.hpp"
+#include "compmark/entropy/hash_grid.hpp"
+#include "compmark/entropy/offset_mask.hpp"
+
+namespace compmark::inline v0 {
+
+/// What the model does in one iteration. All false: nothing.
+struct RatePhase {
+  bool noise = false;    ///< noise of the base steps
+  bool context = false;  ///< noise of the predicted steps …
+  bool round = false;    ///< … or rounding by them
+  bool counts = true;    ///< with context: the rate is a loss
+  std::uint64_t seed = 0, iteration = 0;
+
+  [[nodiscard]] bool active() const { return noise || context; }
+};
+
+struct RateReport {
+  double loss = 0;
+  double bits_per_scalar = 0;                                  ///< of the sample, dead ones at no bits
+  double bits_feature = 0, bits_scaling = 0, bits_offset = 0;  ///< the same by group
+  double hash_bits = 0;                                        ///< of the whole grid
+  double live_share = 0;                                       ///< of the sample's anchors; HAC: of all candidates
+  double step_feature = 0, step_scaling = 0, step_offset = 0;  ///< mean over visible anchors
+  std::size_t sampled = 0;                                     ///< anchors
+};
+
+template <class T, int feature_dim = 50, int offsets = 10, HashGridShape grid_shape = HashGridShape{}>
+class HacModel {
+ public:
+  static constexpr bool is_absent = false;
+  using Scalar = T;
+  using Phase = RatePhase;
+  using Report = RateReport;
+  using Handles = HacHandles;
+  using Attributes = HacAttributes<T, feature_dim, offsets>;
+  using Grid = HashGrid<T, grid_shape>;
+  static constexpr HashGridShape shape = grid_shape;
+  static constexpr int hidden = 100;
+  using Network = ContextNetwork<T, grid_shape.channels(), hidden, Attributes::outputs, 3>;
+
+  struct Settings {
+    double lambda = 0.001;
+    double mask_weight = 5e-4;
+    double sample = 0.05;     ///< share of the anchors whose rate is counted in an iteration
+    bool sample_all = true;   ///< of all anchors, else of the visible ones
+    bool anchor_mask = true;  ///< bits of features and extents weigh by the straight-through mask of the anchor
+    double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
+    double least_extent = 1e-6;  ///< a distorted extent stays above it, world units
+  };
+
+  struct Scratch {
+    alignas(64) T output[static_cast<std::size_t>(Network::panel * Network::output_row)];
+    alignas(64) T tail[static_cast<std::size_t>(Network::panel * Network::tail_row)];
+    alignas(64) T d_hidden[static_cast<std::size_t>(Network::panel * Network::hidden_row)];
+    alignas(64) T d_input[static_cast<std::size_t>(Network::panel * Network::input_row)];
+    alignas(64) T feature[static_cast<std::size_t>(feature_dim)];
+    alignas(64) T scaling[6];
+    alignas(64) T offset[static_cast<std::size_t>(3 * offsets)];
+    typename Attributes::Scratch rate;
+  };
+  /// An entry is an anchor of this iteration: first those that need steps alone ("light"), from the next whole panel on those whose rate is
+  /// counted ("full"). All tables are compact, a row an entry.
+  struct Context {
+    RatePhase phase;
+    std::size_t light = 0, full = 0, first_full = 0, capacity = 0;
+    double unit = 0;                                          ///< loss of one bit of the sample
+    double hash_weight = 0;                                   ///< loss of one bit of the grid
+    Buffer<std::uint8_t> mark;                                ///< [N] 1 visible, 2 sampled
+    Buffer<std::uint32_t> row;                                ///< of the anchor table
+    Buffer<T> position;                                       ///< [3] in the box
+    Buffer<T> input, hidden, raw_step;                        ///< of the network
+    Buffer<T> noise, extents;                                 ///< as Attributes wants them
+    Buffer<T> d_grid;                                         ///< by the network's inputs, level-major
+    Buffer<T> rate_value, rate_output, rate_step, rate_mask;  ///< full entries: gradients of the rate
+    Buffer<double> partial;
+    Buffer<T> packed, chunk_gradients;
+    Buffer<Scratch> scratch;  ///< one a worker
+    typename Grid::Context grid;
+  };
+
+  HacModel() = default;
+  explicit HacModel(const Settings& settings) : settings_(settings) {}
+
+  [[nodiscard]] static Handles add_parameters(ParameterArena<T>& arena, std::size_t anchor_rows) {
+    return add_hac_blocks<T, Network, Attributes, grid_shape>(arena, anchor_rows, static_cast<std::size_t>(offsets));
+  }
+  static void initialise(ParameterArena<T>& arena, const Handles& handles, std::uint64_t seed) {
+    initialise_hac(arena, handles, seed);
+  }
+  /// Box and statistics from all anchors as they are: call before the first iteration with context.
+  static void begin_context(ParameterArena<T>& arena, const Handles& handles, MatrixView<const T> position,
+                            MatrixView<const T> feature, MatrixView<const T> scaling, MatrixView<const T> offset) {
+    begin_hac_context<Attributes>(arena, handles, position, feature, scaling, offset);
+  }
+  /// Opacity 0 where an offset's mask is dead; see offset_mask.hpp.
+  template <Executor E>
+  static void mask_opacity(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> slot,
+                           T* opacity, E& executor) {
+    compmark::mask_opacity<T>(arena.values(handles.mask), slot, opacity, executor);
+  }
+  template <Executor E>
+  static void mask_opacity_backward(ParameterArena<T>& arena, const Handles& handles,
+                                    std::span<const std::uint32_t> slot, const T* opacity, const T* d_opacity,
+                                    E& executor) {
+    compmark::mask_opacity_backward<T>(std::as_const(arena).values(handles.mask), slot, opacity, d_opacity,
+                                       arena.gradients(handles.mask), executor);
+  }
+
+  /// Distorts the listed rows of the three tables in place; `position` is the whole table.
+  template <Executor E>
+  RateReport forward(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
+                     const RatePhase& phase, MatrixView<const T> position, MatrixView<T> feature, MatrixView<T> scaling,
+                     MatrixView<T> offset, Context& context, E& executor) const {
+    context.phase = phase;
+    RateReport report;
+    plan(arena, handles, rows, phase, position.rows, context, report);
+    context.noise.resize(context.capacity * noise_row);
+    context.extents.resize(context.capacity * 12);
+    context.scratch.resize(executor.concurrency());
+    const Random random(phase.seed, phase.iteration, random_stage("hac noise"));
+    if (!phase.context) {
+      executor.for_chunks(context.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+        for (std::size_t e = begin; e < end; ++e) {
+          distort(random, base_steps(), e, feature, scaling, offset, nullptr, context);
+        }
+      });
+      return report;
+    }
+
+    Grid::binarise(arena.values(handles.grid), context.grid, executor);
+    Network::pack(network(arena, handles), context.packed);
+    context.position.resize(context.capacity * 3);
+    context.input.resize(context.capacity * input_row);
+    context.hidden.resize(context.capacity * hidden_row);
+    context.raw_step.resize(context.capacity * 3);
+    context.partial.resize(context.capacity / panel * partials);
+    const std::size_t full_rows = context.capacity - context.first_full;
+    context.rate_value.resize(full_rows * noise_row);
+    context.rate_output.resize(full_rows * output_row);
+    context.rate_step.resize(full_rows * 3);
+    context.rate_mask.resize(full_rows * mask_row);
+    const MatrixView<const T> box = arena.values(handles.box);
+    executor.for_chunks(context.first_full, panel, [&](std::size_t begin, std::size_t, std::size_t worker) {
+      const std::size_t end = std::min(begin + panel, context.light);
+      Scratch& s = context.scratch[worker];
+      see(box, position, begin, end, context);
+      Network::tail_outputs(context.packed.data(), context.hidden.data() + begin * hidden_row, s.tail);
+      std::array<double, 3> sums{};
+      for (std::size_t e = begin; e < end; ++e) {
+        const std::array<T, 3> q = steps(s.tail + (e - begin) * tail_row, e, context);
+        for (std::size_t g = 0; g < 3; ++g) sums[g] += static_cast<double>(q[g]);
+        distort(random, q, e, feature, scaling, offset, nullptr, context);
+      }
+      double* const partial = context.partial.data() + begin / panel * partials;
+      std::fill_n(partial, partials, 0.0);
+      std::copy_n(sums.data(), 3, partial + 4);
+    });
+    const AnchorTables<const T> raw = tables<const T>(arena, handles);
+    executor.for_chunks(context.capacity - context.first_full, panel,
+                        [&](std::size_t begin, std::size_t, std::size_t worker) {
+                          full_panel(arena, handles, context.first_full + begin, box, position, random,
+                                     {feature, scaling, offset}, raw, context.scratch[worker], context);
+                        });
+    total(arena, handles, rows.size(), position.rows, context, report, executor);
+    return report;
+  }
+
+  /// Turns the gradients by the distorted rows into those by the rows before (in place), adds the rate's, and ADDS those of masks, grid and
+  /// network (and of sampled rows that were not listed) into the arena.
+  template <Executor E>
+  void backward(ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
+                MatrixView<T> d_feature, MatrixView<T> d_scaling, MatrixView<T> d_offset, Context& context,
+                E& executor) const {
+    const AnchorTables<T> d_rows{d_feature, d_scaling, d_offset};
+    COMPMARK_ASSERT(context.phase.context || rows.size() == context.light,
+                    "HacModel: not the rows of the last forward");
+    static_cast<void>(rows);
+    if (!context.phase.context) {
+      executor.for_chunks(context.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+        for (std::size_t e = begin; e < end; ++e) pull_back(e, nullptr, d_rows, context);
+      });
+      return;
+    }
+    const std::size_t panels = context.capacity / panel, full_panels = (context.capacity - context.first_full) / panel;
+    const std::size_t light_panels = panels - full_panels;
+    context.d_grid.resize(context.capacity * Grid::channels);
+    context.chunk_gradients.resize(most_chunks * Network::gradient_count);
+    const auto sums_of = [&](std::size_t chunk) {
+      return context.chunk_gradients.data() + chunk * Network::gradient_count;
+    };
+    executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t) {
+      std::fill_n(sums_of(chunk), Network::gradient_count, T(0));
+    });
+    const std::size_t light_grain = std::max<std::size_t>(1, chunk_count(light_panels, most_chunks));
+    executor.for_chunks(light_panels, light_grain, [&](std::size_t first, std::size_t last, std::size_t worker) {
+      for (std::size_t p = first; p < last; ++p) {
+        light_panel_backward(p * panel, d_rows, context.scratch[worker], sums_of(first / light_grain), context);
+      }
+    });
+    const AnchorTables<T> outside = tables<T>(arena, handles);
+    const std::size_t full_grain = std::max<std::size_t>(1, chunk_count(full_panels, most_chunks));
+    const MatrixView<const T> mask = std::as_const(arena).values(handles.mask);
+    const MatrixView<T> d_mask = arena.gradients(handles.mask);
+    executor.for_chunks(full_panels, full_grain, [&](std::size_t first, std::size_t last, std::size_t worker) {
+      for (std::size_t p = first; p < last; ++p) {
+        full_panel_backward(context.first_full + p * panel, d_rows, outside, mask, d_mask, context.scratch[worker],
+                            sums_of(first / full_grain), context);
+      }
+    });
+    const typename Network::template Views<T> gradients{
+        arena.gradients(handles.weight1), arena.gradients(handles.bias1), arena.gradients(handles.weight2),
+        arena.gradients(handles.bias2)};
+    executor.for_chunks(Network::gradient_count, 2048, [&](std::size_t begin, std::size_t end, std::size_t) {
+      T* const to = sums_of(0);
+      for (std::size_t chunk = 1; chunk < most_chunks; ++chunk) {
+        const T* const from = sums_of(chunk);
+        for (std::size_t i = begin; i < end; ++i) to[i] += from[i];
+      }
+    });
+    Network::add_gradients(sums_of(0), gradients);
+    const MatrixView<T> d_table = arena.gradients(handles.grid);
+    Grid::backward(context.grid, context.position.data(), context.capacity, context.d_grid.data(), context.capacity,
+                   d_table, executor);
+    if (!context.phase.counts) return;
+    Grid::bits_backward(context.grid, context.hash_weight, d_table, executor);
+    const T weight = static_cast<T>(settings_.mask_weight / static_cast<double>(std::max<std::size_t>(1, mask.size())));
+    executor.for_chunks(mask.size(), 4096, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for_probabilities(mask.data, begin, end, [&](std::size_t i, auto p, auto lanes) {
+        using P = decltype(p);
+        fma(P(weight) * p, P(T(1)) - p, P::load(d_mask.data + i, lanes)).store(d_mask.data + i, lanes);
+      });
+    });
+  }
+
+  [[nodiscard]] const Settings& settings() const { return settings_; }
+
+ private:
+  template <class U>
+  struct AnchorTables {
+    MatrixView<U> feature, scaling, offset;
+  };
+  static constexpr std::size_t panel = static_cast<std::size_t>(Network::panel);
+  static constexpr std::size_t input_row = static_cast<std::size_t>(Network::input_row);
+  static constexpr std::size_t hidden_row = static_cast<std::size_t>(Network::hidden_row);
+  static constexpr std::size_t output_row = static_cast<std::size_t>(Network::output_row);
+  static constexpr std::size_t tail_row = static_cast<std::size_t>(Network::tail_row);
+  static constexpr std::size_t noise_row = static_cast<std::size_t>(Attributes::row);
+  static constexpr std::size_t mask_row = static_cast<std::size_t>(offsets);
+  static constexpr std::size_t scalars = static_cast<std::size_t>(Attributes::scalars);
+  static constexpr std::size_t step_output = static_cast<std::size_t>(Attributes::outputs - 3);
+  static constexpr std::size_t most_chunks = 16;
+  static constexpr std::size_t partials = 8;  // weighted bits of three groups, live, steps of three groups, masks
+
+  [[nodiscard]] static typename Network::template Views<const T> network(const ParameterArena<T>& arena,
+                                                                         const Handles& handles) {
+    return {arena.values(handles.weight1), arena.values(handles.bias1), arena.values(handles.weight2),
+            arena.values(handles.bias2)};
+  }
+  /// Values (T const) or gradients of the anchors' own blocks; empty where the arena has none.
+  template <class U, class Arena>
+  [[nodiscard]] static AnchorTables<U> tables(Arena& arena, const Handles& handles) {
+    if (!handles.feature.valid()) return {};
+    if constexpr (std::is_const_v<U>) {
+      return {arena.values(handles.feature), arena.values(handles.scaling), arena.values(handles.offset)};
+    } else {
+      return {arena.gradients(handles.feature), arena.gradients(handles.scaling), arena.gradients(handles.offset)};
+    }
+  }
+  [[nodiscard]] std::array<T, 3> base_steps() const {
+    return {static_cast<T>(settings_.feature_step), static_cast<T>(settings_.scaling_step),
+            static_cast<T>(settings_.offset_step)};
+  }
+
+  /// Who is light and who is full.
+  void plan(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
+            const RatePhase& phase, std::size_t anchors, Context& context, RateReport& report) const {
+    const std::size_t n = rows.size();
+    const bool counting = phase.context && phase.counts && settings_.sample > 0;
+    const bool everywhere = counting && settings_.sample_all && handles.feature.valid();
+    std::size_t candidates = 0, live = 0;
+    context.full = 0;
+    context.mark.resize(anchors, std::uint8_t{0});
+    for (const std::uint32_t row : rows) context.mark[row] = 1;
+    if (counting) {
+      const MatrixView<const T> mask = arena.values(handles.mask);
+      const Random random(phase.seed, phase.iteration, random_stage("hac sample"));
+      const auto consider = [&](std::size_t row) {
+        const bool drawn = random.uniform(row) < settings_.sample;
+        ++candidates;
+        if (!drawn && settings_.anchor_mask) return;
+        const bool alive = anchor_live(mask.row(row), mask_row);
+        live += (drawn || !settings_.anchor_mask) && alive ? 1 : 0;
+        if (!drawn || (!alive && !settings_.anchor_mask)) return;
+        context.mark[row] |= 2;
+        ++context.full;
+      };
+      if (everywhere) {
+        for (std::size_t row = 0; row < anchors; ++row) consider(row);
+      } else {
+        for (const std::uint32_t row : rows) consider(row);
+      }
+    }
+    report.sampled = context.full;
+    const std::size_t among = settings_.anchor_mask ? context.full : candidates;
+    report.live_share = among == 0 ? 0 : static_cast<double>(live) / static_cast<double>(among);
+    const double share = settings_.anchor_mask ? 1 : report.live_share;
+    context.unit = context.full == 0 ? 0 : settings_.lambda * share / static_cast<double>(context.full * scalars);
+    context.hash_weight = settings_.lambda / static_cast<double>(std::max<std::size_t>(1, anchors) * scalars);
+
+    std::size_t seen = 0;  // full and visible
+    for (const std::uint32_t row : rows) seen += context.mark[row] == 3 ? 1 : 0;
+    context.light = n - seen;
+    context.first_full = chunk_count(context.light, panel) * panel;
+    context.capacity = context.first_full + chunk_count(context.full, panel) * panel;
+    context.row.resize(context.capacity);
+    std::size_t light = 0, full = context.first_full;
+    for (const std::uint32_t row : rows) context.row[context.mark[row] == 3 ? full++ : light++] = row;
+    if (!everywhere) return;
+    for (std::size_t row = 0; row < anchors; ++row) {
+      if (context.mark[row] == 2) context.row[full++] = static_cast<std::uint32_t>(row);
+    }
+  }
+
+  /// Grid and hidden layer of a panel whose entries begin … end - 1 are anchors.
+  void see(MatrixView<const T> box, MatrixView<const T> position, std::size_t begin, std::size_t end,
+           Context& context) const {
+    T* const unit = context.position.data() + 3 * begin;
+    std::fill_n(unit, 3 * panel, T(-1));  // outside the box
+    for (std::size_t e = begin; e < end; ++e) {
+      Grid::normalise(box, position.row(context.row[e]), unit + 3 * (e - begin));
+    }
+    T* const input = context.input.data() + begin * input_row;
+    if constexpr (input_row != Grid::channels) std::fill_n(input, panel * input_row, T(0));
+    Grid::interpolate(context.grid, unit, panel, input, input_row);
+    Network::hidden_layer(context.packed.data(), input, context.hidden.data() + begin * hidden_row);
+  }
+  [[nodiscard]] std::array<T, 3> steps(const T* raw, std::size_t entry, Context& context) const {
+    const std::array<T, 3> base = base_steps();
+    std::array<T, 3> q{};
+    for (std::size_t g = 0; g < 3; ++g) {
+      context.raw_step[3 * entry + g] = raw[g];
+      q[g] = Attributes::step(raw[g], base[g]);
+    }
+    return q;
+  }
+  void distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, T* feature, T* scaling, T* offset,
+               T* values, Context& context) const {
+    T* const noise = context.noise.data() + entry * noise_row;
+    const bool round = context.phase.context && context.phase.round;
+    if (!round) Attributes::draw(random, context.row[entry], noise);
+    Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise,
+                        context.extents.data() + entry * 12, values);
+  }
+  void distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, MatrixView<T> feature,
+               MatrixView<T> scaling, MatrixView<T> offset, T* values, Context& context) const {
+    const std::size_t row = context.row[entry];
+    distort(random, q, entry, feature.row(row), scaling.row(row), offset.row(row), values, context);
+  }
+  void full_panel(const ParameterArena<T>& arena, const Handles& handles, std::size_t begin, MatrixView<const T> box,
+                  MatrixView<const T> position, const Random& random, const AnchorTables<T>& to,
+                  const AnchorTables<const T>& raw, Scratch& s, Context& context) const {
+    const std::size_t end = std::min(begin + panel, context.first_full + context.full);
+    see(box, position, begin, end, context);
+    Network::all_outputs(context.packed.data(), context.hidden.data() + begin * hidden_row, s.output);
+    const MatrixView<const T> mask = arena.values(handles.mask);
+    Attributes::load_statistics(arena.values(handles.statistics), s.rate);
+    double* const partial = context.partial.data() + begin / panel * partials;
+    std::fill_n(partial, partials, 0.0);
+    for (std::size_t e = begin; e < end; ++e) {
+      const std::size_t f = e - context.first_full, row = context.row[e];
+      const T* const output = s.output + (e - begin) * output_row;
+      const std::array<T, 3> q = steps(output + step_output, e, context);
+      if (visible(e, context)) {
+        distort(random, q, e, to.feature, to.scaling, to.offset, s.rate.values, context);
+        for (std::size_t g = 0; g < 3; ++g) partial[4 + g] += static_cast<double>(q[g]);
+      } else {
+        std::copy_n(raw.feature.row(row), raw.feature.columns, s.feature);
+        std::copy_n(raw.scaling.row(row), raw.scaling.columns, s.scaling);
+        std::copy_n(raw.offset.row(row), raw.offset.columns, s.offset);
+        distort(random, q, e, s.feature, s.scaling, s.offset, s.rate.values, context);
+      }
+      std::array<T, 3> d_step{};
+      const typename Attributes::Bits bits =
+          Attributes::rate(output, q, mask.row(row), settings_.anchor_mask, static_cast<T>(context.unit), s.rate,
+                           context.rate_value.data() + f * noise_row, context.rate_output.data() + f * output_row,
+                           d_step, context.rate_mask.data() + f * mask_row);
+      std::copy_n(d_step.data(), 3, context.rate_step.data() + 3 * f);
+      for (std::size_t g = 0; g < 3; ++g) partial[g] += bits.weighted[g];
+    }
+  }
+  [[nodiscard]] static bool visible(std::size_t entry, const Context& context) {
+    return (context.mark[context.row[entry]] & 1) != 0;
+  }
+
+  /// The report from the panels' sums, and the masks' part of the loss.
+  template <Executor E>
+  void total(const ParameterArena<T>& arena, const Handles& handles, std::size_t listed, std::size_t anchors,
+             Context& context, RateReport& report, E& executor) const {
+    std::array<double, partials> sums{};
+    for (std::size_t p = 0; p < context.capacity / panel; ++p) {
+      for (std::size_t i = 0; i < partials; ++i) sums[i] += context.partial[p * partials + i];
+    }
+    const double n = static_cast<double>(std::max<std::size_t>(1, listed));
+    report.step_feature = sums[4] / n;
+    report.step_scaling = sums[5] / n;
+    report.step_offset = sums[6] / n;
+    if (!context.phase.counts) return;
+    const double sampled = static_cast<double>(std::max<std::size_t>(1, context.full));
+    report.bits_feature = sums[0] / (sampled * feature_dim);
+    report.bits_scaling = sums[1] / (sampled * 6);
+    report.bits_offset = sums[2] / (sampled * 3 * offsets);
+    const double bits = sums[0] + sums[1] + sums[2];
+    report.bits_per_scalar = bits / (sampled * static_cast<double>(scalars));
+    report.hash_bits = context.grid.bits;
+    const MatrixView<const T> mask = arena.values(handles.mask);
+    constexpr std::size_t grain = 4096;
+    context.partial.resize(chunk_count(mask.size(), grain));
+    const double alive = ordered_sum<double>(
+        executor, mask.size(), grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
+          double sum = 0;
+          for_probabilities(mask.data, begin, end,
+                            [&](std::size_t, auto p, auto) { sum += static_cast<double>(reduce_add(p)); });
+          return sum;
+        });
+    const double cells = static_cast<double>(std::max<std::size_t>(1, mask.size()));
+    static_cast<void>(anchors);
+    report.loss = context.unit * bits + context.hash_weight * context.grid.bits + settings_.mask_weight * alive / cells;
+  }
+  /// body(index, sigmoid of the logits from there, lanes that exist); the others are 0.
+  template <class Body>
+  static void for_probabilities(const T* stored, std::size_t begin, std::size_t end, const Body& body) {
+    constexpr int W = native_width<T>;
+    using P = Pack<T, W>;
+    for (std::size_t i = begin; i < end; i += static_cast<std::size_t>(W)) {
+      const auto lanes = P::MaskType::first(static_cast<std::ptrdiff_t>(end - i));
+      body(i, keep(lanes, sigmoid(P::load(stored + i, lanes) + P(T(1)))), lanes);
+    }
+  }
+
+  /// One entry's gradients, in place; returns those by its steps.
+  static std::array<T, 3> pull_back(std::size_t entry, const T* rate, const AnchorTables<T>& d,
+                                    const Context& context) {
+    const std::size_t row = context.row[entry];
+    return Attributes::pull_back(context.noise.data() + entry * noise_row, context.extents.data() + entry * 12, rate,
+                                 d.feature.row(row), d.scaling.row(row), d.offset.row(row));
+  }
+  void pull_steps(std::size_t entry, const std::array<T, 3>& d_step, T* to, const Context& context) const {
+    const std::array<T, 3> base = base_steps();
+    for (std::size_t g = 0; g < 3; ++g) {
+      to[g] = Attributes::pull_step(context.raw_step[3 * entry + g], base[g], d_step[g]);
+    }
+  }
+  void light_panel_backward(std::size_t begin, const AnchorTables<T>& d, Scratch& s, T* sums, Context& context) const {
+    const std::size_t end = std::min(begin + panel, context.light);
+    std::fill(std::begin(s.tail), std::end(s.tail), T(0));
+    for (std::size_t e = begin; e < end; ++e) {
+      pull_steps(e, pull_back(e, nullptr, d, context), s.tail + (e - begin) * tail_row, context);
+    }
+    Network::backward_tail(context.packed.data(), context.input.data() + begin * input_row,
+                           context.hidden.data() + begin * hidden_row, s.tail, s.d_hidden, s.d_input, sums);
+    spread(begin, s, context);
+  }
+  void full_panel_backward(std::size_t begin, const AnchorTables<T>& d, const AnchorTables<T>& outside,
+                           MatrixView<const T> mask, MatrixView<T> d_mask, Scratch& s, T* sums,
+                           Context& context) const {
+    const std::size_t end = std::min(begin + panel, context.first_full + context.full);
+    std::fill(std::begin(s.output), std::end(s.output), T(0));
+    for (std::size_t e = begin; e < end; ++e) {
+      const std::size_t f = e - context.first_full, row = context.row[e];
+      const T* const rate = context.rate_value.data() + f * noise_row;
+      std::array<T, 3> d_step{};
+      if (visible(e, context)) {
+        d_step = pull_back(e, rate, d, context);
+      } else {
+        std::fill(std::begin(s.feature), std::end(s.feature), T(0));
+        std::fill(std::begin(s.scaling), std::end(s.scaling), T(0));
+        std::fill(std::begin(s.offset), std::end(s.offset), T(0));
+        d_step = Attributes::pull_back(context.noise.data() + e * noise_row, context.extents.data() + e * 12, rate,
+                                       s.feature, s.scaling, s.offset);
+        add(s.feature, outside.feature, row);
+        add(s.scaling, outside.scaling, row);
+        add(s.offset, outside.offset, row);
+      }
+      for (std::size_t g = 0; g < 3; ++g) d_step[g] += context.rate_step[3 * f + g];
+      T* const output = s.output + (e - begin) * output_row;
+      std::copy_n(context.rate_output.data() + f * output_row, step_output, output);
+      pull_steps(e, d_step, output + step_output, context);
+      for (std::size_t k = 0; k < mask_row; ++k) {
+        d_mask(row, k) += context.rate_mask[f * mask_row + k] * mask_slope(mask(row, k));
+      }
+    }
+    Network::backward_all(context.packed.data(), context.input.data() + begin * input_row,
+                          context.hidden.data() + begin * hidden_row, s.output, s.d_hidden, s.d_input, sums);
+    spread(begin, s, context);
+  }
+  static void add(const T* from, const MatrixView<T>& to, std::size_t row) {
+    for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += from[c];
+  }
+  /// A panel's gradients by the network's inputs, a level after the other.
+  static void spread(std::size_t begin, const Scratch& s, Context& context) {
+    for (std::size_t level = 0; level < Grid::levels; ++level) {
+      T* const to = context.d_grid.data() + 4 * (level * context.capacity + begin);
+      for (std::size_t i = 0; i < panel; ++i) std::copy_n(s.d_input + i * input_row + 4 * level, 4, to + 4 * i);
+    }
+  }
+
+  Settings settings_{};
+};
+
+}  // namespace compmark::inline v0
