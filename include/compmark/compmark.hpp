@@ -163,8 +163,10 @@
 
 #include "compmark/entropy/adaptive_binary.hpp"
 #include "compmark/entropy/concept.hpp"
+#include "compmark/entropy/context_network.hpp"
 #include "compmark/entropy/gaussian_rate.hpp"
 #include "compmark/entropy/gaussian_tables.hpp"
+#include "compmark/entropy/hash_grid.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/entropy/integer_context.hpp"
 #include "compmark/entropy/integer_dot.hpp"
@@ -173,6 +175,7 @@
 #include "compmark/entropy/integer_network.hpp"
 #include "compmark/entropy/integer_quantize.hpp"
 #include "compmark/entropy/normal_integral.hpp"
+#include "compmark/entropy/offset_mask.hpp"
 #include "compmark/entropy/rans.hpp"
 #include "compmark/entropy/symbol_coder.hpp"
 #include "compmark/entropy/varint.hpp"
