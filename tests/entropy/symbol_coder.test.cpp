@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "compmark/core/random.hpp"
+#include "compmark/io/sha256.hpp"
 
 namespace {
 
@@ -265,6 +266,24 @@ TEST_CASE("entropy/symbol_coder: other models than the encoder's are noticed, a 
   bool ended = false;
   CHECK(plain_decode(wrong, bytes, ended)[4999] == chunk.symbols[4999] + 1);
   CHECK(ended);
+}
+
+TEST_CASE("entropy/symbol_coder: this chunk is these bytes for ever") {
+  const Random random(13, 0, random_stage("symbol test"));
+  Chunk chunk;  // whole numbers all the way: no other library's logarithm can change it
+  for (std::uint64_t i = 0; i < 3001; ++i) {
+    const auto index = static_cast<int>(random.bits(4 * i) % 82);
+    const auto mean = static_cast<std::int32_t>(random.bits(4 * i + 1) % 4001) - 2000;
+    const auto spread = static_cast<std::int64_t>(1) << (index / 8);
+    const auto away = static_cast<std::int64_t>(random.bits(4 * i + 2) % 1000) -
+                      static_cast<std::int64_t>(random.bits(4 * i + 3) % 1000);
+    chunk.models.push_back({static_cast<std::uint16_t>(index), mean});
+    chunk.symbols.push_back(static_cast<std::int32_t>(mean / 32 + away * spread / 2000));
+  }
+  const Bytes bytes = chunk.encoded();
+  CHECK(Sha256{}.update(std::as_bytes(std::span<const std::uint8_t>(bytes))).hex() ==
+        "c98daa340678e18f6bb188b10b0d2f0dadd0537a10789d54d0e3fac843cd9f12");
+  CHECK(round_trip(chunk));
 }
 
 TEST_CASE("entropy/symbol_coder: the digest sees values, order and length") {
