@@ -43,7 +43,7 @@ struct RatePhase {
   bool counts = true;    ///< with context: the rate is a loss
   std::uint64_t seed = 0, iteration = 0;
 
-  [[nodiscard]] bool active() const { return noise || context; }
+  [[nodiscard]] constexpr bool active() const { return noise || context; }
 };
 
 struct RateReport {

@@ -1,0 +1,432 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/entropy/hac_model.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/testing/gradient.hpp"
+
+namespace {
+
+using namespace compmark;
+
+constexpr HashGridShape small{.volume_resolution = {9, 18, 40},
+                              .volume_levels = 3,
+                              .volume_cap_log2 = 9,
+                              .plane_resolution = {20, 66},
+                              .plane_levels = 1,
+                              .plane_cap_log2 = 8};
+constexpr int D = 13, K = 3;
+constexpr std::size_t anchors = 230;
+static_assert(EntropyModel<HacModel<float>> && EntropyModel<NoEntropyModel>);
+static_assert(HacModel<float>::Network::outputs == 175 && HacModel<float>::Network::inputs == 96);
+static_assert(!RatePhase{}.active());
+
+/// A table of anchors in an arena, its model, and a loss: slopes times the distorted rows, plus the rate.
+template <class T>
+struct Scene {
+  using Model = HacModel<T, D, K, small>;
+  typename Model::Settings settings;
+  ParameterArena<T> arena;
+  BlockHandle position, offset, scaling, feature;
+  typename Model::Handles handles;
+  typename Model::Context context;
+  std::vector<std::uint32_t> rows;
+  std::vector<T> out[3], slope[3];
+  RatePhase phase;
+
+  Scene() {
+    position = arena.add("anchor.position", anchors, 3, RowKind::anchor);
+    offset = arena.add("anchor.offset", anchors, 3 * K, RowKind::anchor);
+    scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor);
+    feature = arena.add("anchor.feature", anchors, D, RowKind::anchor);
+    handles = Model::add_parameters(arena, anchors);
+    Model::initialise(arena, handles, 5);
+    const Random random(6, 0, random_stage("hac model test"));
+    std::uint64_t at = 0;
+    const auto fill = [&](BlockHandle block, double scale, double shift) {
+      for (T& value : arena.values(block).flat()) value = static_cast<T>(shift + scale * random.normal(at++));
+    };
+    fill(position, 1, 0.5);
+    fill(feature, 2, 0.3);
+    fill(scaling, 0.7, -4);
+    fill(offset, 0.8, 0);
+    fill(handles.mask, 2, 0);
+    fill(handles.weight2, 0.15, 0);  // something to learn from at once
+    for (std::size_t i = 0; i < anchors; i += 11) {
+      for (std::size_t k = 0; k < K; ++k) arena.values(handles.mask)(i, k) = T(-9) - static_cast<T>(k);  // dead anchors
+    }
+    Model::begin_context(arena, handles, std::as_const(arena).values(position), std::as_const(arena).values(feature),
+                         std::as_const(arena).values(scaling), std::as_const(arena).values(offset));
+    for (std::uint32_t row = 0; row < anchors; row += row % 3 == 0 ? 1 : 2) rows.push_back(row);
+    for (int which = 0; which < 3; ++which) {
+      slope[which].resize(table(which).size());
+      for (T& value : slope[which]) value = static_cast<T>(random.normal(at++));
+    }
+    settings.lambda = 40;  // the rate's gradient and the slopes' are of one size
+    settings.mask_weight = 3;
+    settings.sample = 0.4;
+    phase = {.context = true, .seed = 3, .iteration = 12};
+  }
+  MatrixView<T> table(int which) { return arena.values(which == 0 ? feature : (which == 1 ? scaling : offset)); }
+  MatrixView<T> view(std::vector<T>& values, int which) { return {values.data(), anchors, table(which).columns}; }
+  template <Executor E>
+  RateReport forward(E& executor) {
+    for (int which = 0; which < 3; ++which) out[which].assign(table(which).flat().begin(), table(which).flat().end());
+    return Model(settings).forward(arena, handles, rows, phase, std::as_const(arena).values(position), view(out[0], 0),
+                                   view(out[1], 1), view(out[2], 2), context, executor);
+  }
+  double loss() {
+    SerialExecutor serial;
+    double sum = forward(serial).loss;
+    for (const std::uint32_t row : rows) {
+      for (int which = 0; which < 3; ++which) {
+        for (std::size_t c = 0; c < table(which).columns; ++c) {
+          sum += static_cast<double>(view(slope[which], which)(row, c)) *
+                 static_cast<double>(view(out[which], which)(row, c));
+        }
+      }
+    }
+    return sum;
+  }
+  /// Gradients by the table: those of listed rows as the road carries them on, and what the model wrote itself.
+  template <Executor E>
+  void backward(E& executor) {
+    std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), T(0));
+    std::vector<T> d[3];
+    for (int which = 0; which < 3; ++which) {
+      d[which].assign(table(which).size(), T(0));
+      for (const std::uint32_t row : rows) {
+        for (std::size_t c = 0; c < table(which).columns; ++c)
+          view(d[which], which)(row, c) = view(slope[which], which)(row, c);
+      }
+    }
+    Model(settings).backward(arena, handles, rows, view(d[0], 0), view(d[1], 1), view(d[2], 2), context, executor);
+    for (int which = 0; which < 3; ++which) {
+      const MatrixView<T> to = arena.gradients(which == 0 ? feature : (which == 1 ? scaling : offset));
+      for (const std::uint32_t row : rows) {
+        for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += view(d[which], which)(row, c);
+      }
+    }
+  }
+  std::string law(BlockHandle block, double tolerance = 1e-6) {
+    const std::vector<T> gradient(arena.gradients(block).flat().begin(), arena.gradients(block).flat().end());
+    return testing::gradient_law([&] { return loss(); }, arena.values(block).flat(), std::span<const double>(gradient),
+                                 tolerance);
+  }
+};
+
+}  // namespace
+
+TEST_CASE(
+    "entropy/hac_model: gradients of all that is smooth, rows outside the list too (central differences in double)") {
+  for (const bool all : {true, false}) {
+    for (const bool anchor_mask : {true, false}) {
+      CAPTURE(all);
+      CAPTURE(anchor_mask);
+      Scene<double> scene;
+      scene.settings.sample_all = all;
+      scene.settings.anchor_mask = anchor_mask;
+      static_cast<void>(scene.loss());
+      SerialExecutor serial;
+      scene.backward(serial);
+      CHECK(scene.law(scene.feature) == "");
+      CHECK(scene.law(scene.scaling) == "");
+      CHECK(scene.law(scene.offset) == "");
+      CHECK(scene.law(scene.handles.weight1) == "");
+      CHECK(scene.law(scene.handles.bias1) == "");
+      CHECK(scene.law(scene.handles.weight2) == "");
+      CHECK(scene.law(scene.handles.bias2) == "");
+      // Rows that are neither listed nor sampled have no gradient; sampled ones have, also where they are not listed.
+      std::size_t outside = 0, untouched = 0;
+      for (std::size_t row = 0; row < anchors; ++row) {
+        if ((scene.context.mark[row] & 1) != 0) continue;
+        double size = 0;
+        for (std::size_t c = 0; c < D; ++c) size += std::abs(scene.arena.gradients(scene.feature)(row, c));
+        if (scene.context.mark[row] == 0) CHECK(size == 0);
+        (size > 0 ? outside : untouched) += 1;
+      }
+      CHECK((outside > 10) == all);
+      CHECK(untouched > 10);
+    }
+  }
+}
+
+TEST_CASE("entropy/hac_model: the grid's gradient is that of the loss by its signs, to first order") {
+  Scene<double> scene;
+  static_cast<void>(scene.loss());
+  SerialExecutor serial;
+  scene.backward(serial);
+  // The loss is not linear in a sign, but one sign of 96 channels moves it little: compare sums over many.
+  const MatrixView<double> grid = scene.arena.values(scene.handles.grid), d = scene.arena.gradients(scene.handles.grid);
+  double product = 0, squares = 0, differences = 0;
+  for (std::size_t i = 0; i < grid.size(); i += 3) {
+    const double kept = grid.data[i];
+    grid.data[i] = 0.5;
+    const double above = scene.loss();
+    grid.data[i] = -0.5;
+    const double below = scene.loss();
+    grid.data[i] = kept;
+    const double difference = (above - below) / 2;
+    product += difference * d.data[i];
+    squares += d.data[i] * d.data[i];
+    differences += difference * difference;
+  }
+  CHECK(product / std::sqrt(squares * differences) > 0.95);  // measured 0.99
+  CHECK(product / squares == doctest::Approx(1).epsilon(0.1));
+}
+
+TEST_CASE(
+    "entropy/hac_model: masks: the straight-through gradient is the loss with the bits minus without, times the "
+    "slope") {
+  for (const bool anchor_mask : {true, false}) {
+    CAPTURE(anchor_mask);
+    Scene<double> scene;
+    scene.settings.anchor_mask = anchor_mask;
+    static_cast<void>(scene.loss());
+    SerialExecutor serial;
+    scene.backward(serial);
+    const MatrixView<double> mask = scene.arena.values(scene.handles.mask),
+                             d = scene.arena.gradients(scene.handles.mask);
+    const double cells = static_cast<double>(mask.size());
+    std::size_t tested = 0;
+    for (std::size_t row = 0; row < anchors; ++row) {
+      if (!mask_live(mask(row, 0)) || !mask_live(mask(row, 1)))
+        continue;  // the anchor stays alive, so that only offset 0 changes
+      const double kept = mask(row, 0), p = mask_probability(kept), slope = mask_slope(kept);
+      const double with = scene.loss();
+      mask(row, 0) = -20;
+      const double without = scene.loss();
+      mask(row, 0) = kept;
+      const double weight = scene.settings.mask_weight / cells;
+      double expected =
+          (with - without - weight * (p - mask_probability(-20.0)) + weight) * slope;  // its bits, and the regulariser
+      if (anchor_mask) {
+        // ... and a third of all bits of feature and extents: what the last live offset of an anchor would take along.
+        const double rest[2] = {mask(row, 1), mask(row, 2)};
+        mask(row, 1) = mask(row, 2) = -20;
+        const double alone = scene.loss();
+        mask(row, 0) = -20;
+        const double dead = scene.loss();
+        mask(row, 0) = kept;
+        mask(row, 1) = rest[0];
+        mask(row, 2) = rest[1];
+        const double geometry = (alone - dead - weight * (p - mask_probability(-20.0))) -
+                                (with - without - weight * (p - mask_probability(-20.0)));
+        expected += geometry / K * slope;
+      }
+      CHECK(d(row, 0) == doctest::Approx(expected).epsilon(1e-7));
+      tested += (scene.context.mark[row] & 2) != 0 ? 1 : 0;
+    }
+    CHECK(tested > 30);
+  }
+}
+
+TEST_CASE("entropy/hac_model: loss, sample and report fit together; bits are those of gaussian_bits") {
+  Scene<double> scene;
+  scene.settings.sample = 1;
+  SerialExecutor serial;
+  const RateReport report = scene.forward(serial);
+  CHECK(report.sampled == anchors);
+  CHECK(report.live_share == doctest::Approx(1 - 21.0 / anchors).epsilon(0.02));
+  const double scalars = D + 6 + 3 * K;
+  CHECK(report.bits_per_scalar ==
+        doctest::Approx((D * report.bits_feature + 6 * report.bits_scaling + 3 * K * report.bits_offset) / scalars));
+  double masks = 0;
+  for (const double stored : scene.arena.values(scene.handles.mask).flat()) masks += mask_probability(stored);
+  CHECK(report.loss ==
+        doctest::Approx(scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (anchors * scalars)) +
+                        scene.settings.mask_weight * masks / (anchors * K)));
+  CHECK(report.step_feature > 0.3);
+  CHECK(report.step_feature < 2);
+  CHECK(report.step_scaling == doctest::Approx(0.001).epsilon(0.7));
+  scene.settings.anchor_mask = false;  // HAC: live ones alone, times their share
+  const RateReport live = scene.forward(serial);
+  CHECK(live.sampled < anchors);
+  CHECK(live.sampled == static_cast<std::size_t>(std::lround(live.live_share * anchors)));
+  CHECK(live.live_share * live.bits_per_scalar == doctest::Approx(report.bits_per_scalar));
+  scene.phase.counts = false;
+  CHECK(scene.forward(serial).loss == 0);
+  CHECK(scene.context.full == 0);
+}
+
+TEST_CASE("entropy/hac_model: noise of the base steps; extents stay positive; nothing else is touched") {
+  Scene<float> scene;
+  scene.phase = {.noise = true, .seed = 1, .iteration = 2};
+  for (float& s : scene.table(1).flat()) s = std::log(2e-4f);  // smaller than the noise on them
+  SerialExecutor serial;
+  const RateReport report = scene.forward(serial);
+  CHECK(report.loss == 0);
+  double sums[3] = {}, squares[3] = {}, n[3] = {};
+  std::vector<bool> listed(anchors, false);
+  bool naive_fails = false;
+  for (const std::uint32_t row : scene.rows) listed[row] = true;
+  for (int which = 0; which < 3; ++which) {
+    const double step = which == 0 ? 1 : (which == 1 ? 0.001 : 0.2);
+    for (std::size_t i = 0; i < scene.out[which].size(); ++i) {
+      const std::size_t row = i / scene.table(which).columns;
+      if (!listed[row]) {
+        CHECK(scene.out[which][i] == scene.table(which).data[i]);
+        continue;
+      }
+      if (which == 1) {
+        CHECK(std::exp(scene.out[1][i]) >= 0.999e-6f);
+        naive_fails = naive_fails || scene.out[1][i] < -13.8f;
+        continue;
+      }
+      const double u = static_cast<double>(scene.out[which][i] - scene.table(which).data[i]) / step;
+      CHECK(std::abs(u) < 0.50001);
+      sums[which] += u;
+      squares[which] += u * u;
+      n[which] += 1;
+    }
+    if (which == 1) continue;
+    CHECK(std::abs(sums[which] / n[which]) < 4 / std::sqrt(12 * n[which]));
+    CHECK(squares[which] / n[which] == doctest::Approx(1.0 / 12).epsilon(0.1));
+  }
+  CHECK(naive_fails);  // extents that the noise would have made negative were held
+  scene.backward(serial);
+  bool held_is_zero = true;
+  for (const std::uint32_t row : scene.rows) {
+    for (std::size_t c = 0; c < D; ++c)
+      CHECK(scene.arena.gradients(scene.feature)(row, c) == scene.view(scene.slope[0], 0)(row, c));
+    for (std::size_t c = 0; c < 6; ++c) {
+      if (scene.view(scene.out[1], 1)(row, c) < -13.8f)
+        held_is_zero = held_is_zero && scene.arena.gradients(scene.scaling)(row, c) == 0;
+    }
+  }
+  CHECK(held_is_zero);
+  scene.phase = {};
+  scene.forward(serial);
+  for (const float d : scene.arena.gradients(scene.handles.weight1).flat()) CHECK(d == 0);
+}
+
+TEST_CASE("entropy/hac_model: rounding lands on whole steps, to within half of one (QZ2)") {
+  Scene<double> scene;
+  scene.phase.round = true;
+  scene.phase.counts = false;
+  SerialExecutor serial;
+  scene.forward(serial);
+  double worst = 0, farthest = 0;
+  for (std::size_t e = 0; e < scene.context.light; ++e) {
+    const std::size_t row = scene.context.row[e];
+    for (int which = 0; which < 3; ++which) {
+      const double base = which == 0 ? 1 : (which == 1 ? 0.001 : 0.2);
+      const double q =
+          HacAttributes<double, D, K>::step(scene.context.raw_step[3 * e + static_cast<std::size_t>(which)], base);
+      for (std::size_t c = 0; c < scene.table(which).columns; ++c) {
+        double after = scene.view(scene.out[which], which)(row, c), before = scene.table(which)(row, c);
+        if (which == 1) {
+          after = std::exp(after);
+          before = std::exp(before);
+          if (after < 1.001e-6) continue;  // rounded to nothing, held
+        }
+        worst = std::max(worst, std::abs(after / q - std::nearbyint(after / q)));
+        farthest = std::max(farthest, std::abs(after - before) / q);
+      }
+    }
+  }
+  CHECK(worst < 1e-9);
+  CHECK(farthest <= 0.5 + 1e-9);
+  CHECK(farthest > 0.45);
+}
+
+TEST_CASE("entropy/hac_model: same bits at any thread count") {
+  Scene<float> one, four;
+  SerialExecutor serial;
+  ThreadExecutor threads(4);
+  const RateReport a = one.forward(serial), b = four.forward(threads);
+  CHECK(a.loss == b.loss);
+  for (int which = 0; which < 3; ++which) CHECK(one.out[which] == four.out[which]);
+  one.backward(serial);
+  four.backward(threads);
+  CHECK(std::memcmp(one.arena.all_gradients().data(), four.arena.all_gradients().data(),
+                    one.arena.all_gradients().size_bytes()) == 0);
+}
+
+TEST_CASE("entropy/hac_model: box and statistics of the published rule, of live anchors") {
+  Scene<double> scene;
+  const MatrixView<double> box = scene.arena.values(scene.handles.box),
+                           statistics = scene.arena.values(scene.handles.statistics);
+  const MatrixView<double> position = scene.arena.values(scene.position), mask = scene.arena.values(scene.handles.mask);
+  double least = 1e9, most = -1e9, sum = 0, squares = 0, n = 0;
+  for (std::size_t row = 0; row < anchors; ++row) {
+    least = std::min(least, position(row, 1));
+    most = std::max(most, position(row, 1));
+    if (!anchor_live(mask.row(row), K)) continue;
+    const double l = std::exp(scene.table(1)(row, 2));
+    sum += l;
+    squares += l * l;
+    n += 1;
+  }
+  CHECK(box(0, 1) == doctest::Approx(1.2 * least));  // negative
+  CHECK(box(1, 1) == doctest::Approx(1.2 * most));
+  CHECK(statistics(0, D + 2) == doctest::Approx(sum / n));
+  CHECK(statistics(1, D + 2) == doctest::Approx(std::sqrt(squares / n - sum / n * sum / n)));
+  // Away from the origin the box is wider on both sides too; a channel that does not vary keeps a deviation.
+  for (std::size_t row = 0; row < anchors; ++row) {
+    position(row, 1) += 100;
+    scene.table(0)(row, 4) = 7;
+  }
+  HacModel<double, D, K, small>::begin_context(scene.arena, scene.handles, position, scene.table(0), scene.table(1),
+                                               scene.table(2));
+  CHECK(box(0, 1) == doctest::Approx(0.8 * (least + 100)));
+  CHECK(box(1, 1) == doctest::Approx(1.2 * (most + 100)));
+  CHECK(statistics(0, 4) == 7);
+  CHECK(statistics(1, 4) == doctest::Approx(1.0 / 64));
+}
+
+namespace {
+/// Descent by signs on the rate, and on a loss that the noise of features raises; returns the last report.
+RateReport trained(double lambda, int iterations, bool structured) {
+  Scene<float> scene;
+  scene.settings.lambda = lambda;
+  scene.settings.mask_weight = 0;
+  scene.settings.sample = 1;
+  if (structured) {  // features of two kinds, by where the anchor is
+    for (std::size_t row = 0; row < anchors; ++row) {
+      const float side = scene.arena.values(scene.position)(row, 0) > 0.5f ? 4.0f : -4.0f;
+      for (std::size_t c = 0; c < D; ++c) scene.table(0)(row, c) = 0.15f * scene.table(0)(row, c) + side;
+    }
+    Scene<float>::Model::begin_context(scene.arena, scene.handles, scene.arena.values(scene.position), scene.table(0),
+                                       scene.table(1), scene.table(2));
+  }
+  SerialExecutor serial;
+  RateReport report;
+  for (int t = 0; t < iterations; ++t) {
+    scene.phase.iteration = static_cast<std::uint64_t>(t);
+    report = scene.forward(serial);
+    for (std::size_t i = 0; i < scene.slope[0].size(); ++i)
+      scene.slope[0][i] = 2e-3f * (scene.out[0][i] - scene.table(0).data[i]);
+    std::fill(scene.slope[1].begin(), scene.slope[1].end(), 0.0f);
+    std::fill(scene.slope[2].begin(), scene.slope[2].end(), 0.0f);
+    scene.backward(serial);
+    for (const BlockHandle block :
+         {scene.handles.grid, scene.handles.weight1, scene.handles.bias1, scene.handles.weight2, scene.handles.bias2}) {
+      const MatrixView<float> x = scene.arena.values(block), d = scene.arena.gradients(block);
+      for (std::size_t i = 0; i < x.size(); ++i) x.data[i] -= d.data[i] > 0 ? 2e-3f : (d.data[i] < 0 ? -2e-3f : 0.0f);
+    }
+  }
+  return report;
+}
+}  // namespace
+
+TEST_CASE(
+    "entropy/hac_model: the context learns where which features are, and the rate holds the steps that noise alone "
+    "collapses (QD2)") {
+  const RateReport before = trained(0.05, 1, true), after = trained(0.05, 150, true);
+  CAPTURE(before.bits_feature);
+  CAPTURE(after.bits_feature);
+  CHECK(after.bits_feature < before.bits_feature - 0.5);
+  CHECK(after.hash_bits < 1.001 * before.hash_bits);
+  const RateReport free_steps = trained(0, 150, false), rated = trained(0.5, 150, false);
+  CAPTURE(free_steps.step_feature);
+  CAPTURE(rated.step_feature);
+  CHECK(free_steps.step_feature < 0.25);  // negative control
+  CHECK(rated.step_feature > 0.5);
+}
