@@ -19,7 +19,6 @@
 #include "compmark/core/views.hpp"
 #include "compmark/entropy/gaussian_rate.hpp"
 #include "compmark/entropy/offset_mask.hpp"
-#include "compmark/math/adaptive_step.hpp"
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 
@@ -40,11 +39,23 @@ struct HacAttributes {
   static constexpr std::array<double, 3> published_steps{1, 0.001, 0.2};
   static constexpr double least_step = 0x1p-6;  ///< in units of Q0: index -96 of the coded 16 log2(q / Q0)
 
-  [[nodiscard]] static T step(T r, T base) { return adaptive_step(r, base, static_cast<T>(least_step) * base); }
-  /// d loss / dr. Where the step is held at its least, only a gradient that pulls it up passes (case EN2).
-  [[nodiscard]] static T pull_step(T r, T base, T d_step) {
-    const T held = adaptive_step_slope(r, base, static_cast<T>(least_step) * base) == T(0) ? T(1) : T(0);
-    return held != T(0) && d_step > T(0) ? T(0) : d_step * adaptive_step_slope(r, base, T(0));
+  /// q = 2 Q0 sigmoid(2 r) of the three groups, at least Q0 / 64 (math/adaptive_step.hpp in packs). `raw` and the result have 3 + W scalars.
+  static void steps(const T* raw, const std::array<T, 3>& base, T* q) {
+    using P = Pack<T, W>;
+    T doubled[3 + W] = {}, least[3 + W] = {};
+    for (std::size_t g = 0; g < 3; ++g) {
+      doubled[g] = 2 * base[g];
+      least[g] = static_cast<T>(least_step) * base[g];
+    }
+    for (int g = 0; g < 3; g += W) {
+      const P r = P::load(raw + g, P::MaskType::first(3 - g));
+      max(P::load(doubled + g) * sigmoid(r + r), P::load(least + g)).store(q + g);
+    }
+  }
+  /// d loss / dr, dq / dr = q (2 - q / Q0). Where the step is held at its least, only a gradient that pulls it up passes (case EN2).
+  [[nodiscard]] static T pull_step(T q, T base, T d_step) {
+    const bool held = q <= static_cast<T>(least_step) * base;
+    return held && d_step > T(0) ? T(0) : d_step * q * (2 - q / base);
   }
 
   /// u of all scalars: two of 23 bits from one draw.

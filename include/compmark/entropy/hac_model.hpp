@@ -100,7 +100,8 @@ class HacModel {
     Buffer<std::uint8_t> mark;                                ///< [N] 1 visible, 2 sampled
     Buffer<std::uint32_t> row;                                ///< of the anchor table
     Buffer<T> position;                                       ///< [3] in the box
-    Buffer<T> input, hidden, raw_step;                        ///< of the network
+    Buffer<T> input, hidden;                                  ///< of the network
+    Buffer<T> step;                                           ///< [3] q
     Buffer<T> noise, extents;                                 ///< as Attributes wants them
     Buffer<T> d_grid;                                         ///< by the network's inputs, level-major
     Buffer<T> rate_value, rate_output, rate_step, rate_mask;  ///< full entries: gradients of the rate
@@ -164,7 +165,7 @@ class HacModel {
     context.position.resize(context.capacity * 3);
     context.input.resize(context.capacity * input_row);
     context.hidden.resize(context.capacity * hidden_row);
-    context.raw_step.resize(context.capacity * 3);
+    context.step.resize(context.capacity * 3);
     context.partial.resize(context.capacity / panel * partials);
     const std::size_t full_rows = context.capacity - context.first_full;
     context.rate_value.resize(full_rows * noise_row);
@@ -367,13 +368,10 @@ class HacModel {
     Network::hidden_layer(context.packed.data(), input, context.hidden.data() + begin * hidden_row);
   }
   [[nodiscard]] std::array<T, 3> steps(const T* raw, std::size_t entry, Context& context) const {
-    const std::array<T, 3> base = base_steps();
-    std::array<T, 3> q{};
-    for (std::size_t g = 0; g < 3; ++g) {
-      context.raw_step[3 * entry + g] = raw[g];
-      q[g] = Attributes::step(raw[g], base[g]);
-    }
-    return q;
+    T q[3 + native_width<T>];
+    Attributes::steps(raw, base_steps(), q);
+    std::copy_n(q, 3, context.step.data() + 3 * entry);
+    return {q[0], q[1], q[2]};
   }
   void distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, T* feature, T* scaling, T* offset,
                T* values, Context& context) const {
@@ -479,7 +477,7 @@ class HacModel {
   void pull_steps(std::size_t entry, const std::array<T, 3>& d_step, T* to, const Context& context) const {
     const std::array<T, 3> base = base_steps();
     for (std::size_t g = 0; g < 3; ++g) {
-      to[g] = Attributes::pull_step(context.raw_step[3 * entry + g], base[g], d_step[g]);
+      to[g] = Attributes::pull_step(context.step[3 * entry + g], base[g], d_step[g]);
     }
   }
   void light_panel_backward(std::size_t begin, const AnchorTables<T>& d, Scratch& s, T* sums, Context& context) const {

@@ -49,14 +49,16 @@ class HashGrid {
     const std::uint64_t ones = ordered_sum<std::uint64_t>(
         executor, entries, grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
           std::uint64_t count = 0;
-          for (std::size_t i = begin; i < end; ++i) {
-            unsigned byte = 0;
-            for (unsigned f = 0; f < 4; ++f) {
-              const T value = table.data[4 * i + f];
-              byte |= (value >= T(0) ? 1u : 0u) << f | (std::abs(value) <= T(1) ? 16u : 0u) << f;
+          for (std::size_t i = begin; i < end; i += 4) {  // a level has a multiple of 8 entries
+            unsigned positive = 0, passes = 0;            // 16 values each
+            for (unsigned lane = 0; lane < 16; lane += W) {
+              const auto value = Pack<T, W>::load(table.data + 4 * i + lane);
+              positive |= (value >= Pack<T, W>(T(0))).bits() << lane;
+              passes |= (abs(value) <= Pack<T, W>(T(1))).bits() << lane;
             }
-            context.signs[i] = static_cast<std::uint8_t>(byte);
-            count += static_cast<std::uint64_t>(std::popcount(byte & 15u));
+            count += static_cast<std::uint64_t>(std::popcount(positive));
+            const std::uint32_t bytes = spread_nibbles(positive) | spread_nibbles(passes) << 4;
+            for (unsigned k = 0; k < 4; ++k) context.signs[i + k] = static_cast<std::uint8_t>(bytes >> 8 * k);
           }
           return count;
         });
@@ -130,25 +132,31 @@ class HashGrid {
   }
 
  private:
+  static constexpr int W = native_width<T>;
+  /// Nibble k to the low half of byte k.
+  [[nodiscard]] static constexpr std::uint32_t spread_nibbles(std::uint32_t x) {
+    x = (x | x << 8) & 0x00FF00FFu;
+    return (x | x << 4) & 0x0F0F0F0Fu;
+  }
   /// Four features, in one pack or in two narrow ones.
   struct Four {
-    static constexpr int W = native_width<T> < 4 ? native_width<T> : 4;
-    Pack<T, W> part[4 / W];
+    static constexpr int V = W < 4 ? W : 4;
+    Pack<T, V> part[4 / V];
     COMPMARK_INLINE explicit Four(T value) {
-      for (Pack<T, W>& p : part) p = Pack<T, W>(value);
+      for (Pack<T, V>& p : part) p = Pack<T, V>(value);
     }
     COMPMARK_INLINE explicit Four(const T* source) {
-      for (int i = 0; i < 4 / W; ++i) part[i] = Pack<T, W>::load(source + i * W);
+      for (int i = 0; i < 4 / V; ++i) part[i] = Pack<T, V>::load(source + i * V);
     }
     COMPMARK_INLINE void store(T* target) const {
-      for (int i = 0; i < 4 / W; ++i) part[i].store(target + i * W);
+      for (int i = 0; i < 4 / V; ++i) part[i].store(target + i * V);
     }
     /// this += a b
     COMPMARK_INLINE void add_product(const Four& a, const Four& b) {
-      for (int i = 0; i < 4 / W; ++i) part[i] = fma(a.part[i], b.part[i], part[i]);
+      for (int i = 0; i < 4 / V; ++i) part[i] = fma(a.part[i], b.part[i], part[i]);
     }
     COMPMARK_INLINE void scale(T factor) {
-      for (Pack<T, W>& p : part) p = p * Pack<T, W>(factor);
+      for (Pack<T, V>& p : part) p = p * Pack<T, V>(factor);
     }
   };
   using Signs = std::array<std::array<T, 4>, 16>;
