@@ -215,9 +215,18 @@
 #include "compmark/metric/rounding.hpp"
 #include "compmark/metric/ssim.hpp"
 
+#include "compmark/codec/bits.hpp"
+#include "compmark/codec/codec_model.hpp"
 #include "compmark/codec/container.hpp"
 #include "compmark/codec/geometry.hpp"
+#include "compmark/codec/hac.hpp"
+#include "compmark/codec/hac_chunk.hpp"
+#include "compmark/codec/hac_decoder.hpp"
+#include "compmark/codec/hac_encoder.hpp"
+#include "compmark/codec/hac_format.hpp"
+#include "compmark/codec/mask_coding.hpp"
 #include "compmark/codec/morton.hpp"
+#include "compmark/codec/network_coding.hpp"
 
 #include "compmark/pipeline/bake.hpp"
 #include "compmark/pipeline/checkpoint.hpp"

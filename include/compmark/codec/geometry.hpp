@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/codec/bits.hpp"
 #include "compmark/codec/morton.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/adaptive_binary.hpp"
@@ -27,43 +28,6 @@
 namespace compmark::inline v0 {
 
 namespace detail {
-
-[[nodiscard]] inline std::span<const std::uint8_t> octets(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
-}
-
-/// The two directions of a bit: one traversal serves both, so that they cannot differ.
-struct BitsOut {
-  static constexpr bool writes = true;
-  BinaryEncoder coder;
-  bool operator()(BinaryContext& context, bool bit) {
-    coder.encode(context, bit);
-    return bit;
-  }
-  [[nodiscard]] static bool overrun() { return false; }
-};
-struct BitsIn {
-  static constexpr bool writes = false;
-  BinaryDecoder coder;
-  explicit BitsIn(std::span<const std::byte> bytes) : coder(octets(bytes)) {}
-  bool operator()(BinaryContext& context, bool /*bit*/) { return coder.decode(context); }
-  [[nodiscard]] bool overrun() const { return coder.overrun(); }
-};
-
-/// value >= 0 as Exp-Golomb of adaptive bits: contexts [2][32].
-template <class Bits>
-[[nodiscard]] std::uint32_t adaptive_count(Bits& bits, std::array<BinaryContext, 64>& contexts, std::uint32_t value) {
-  const std::uint64_t shifted = std::uint64_t{value} + 1;
-  const int digits = static_cast<int>(std::bit_width(shifted)) - 1;
-  int length = 0;
-  while (length < 32 && bits(contexts[static_cast<std::size_t>(length)], length < digits)) ++length;
-  if (length >= 32) return std::numeric_limits<std::uint32_t>::max();  // only garbage says so; callers check the sum
-  std::uint64_t result = 1;
-  for (int i = length - 1; i >= 0; --i) {
-    result = result << 1 | (bits(contexts[static_cast<std::size_t>(32 + i)], (shifted >> i & 1u) != 0) ? 1u : 0u);
-  }
-  return static_cast<std::uint32_t>(result - 1);
-}
 
 struct OctreeNode {
   std::array<std::uint32_t, 3> cell{};  ///< the digits so far
@@ -228,8 +192,7 @@ class Octree {
   detail::BitsOut bits;
   detail::Octree<detail::BitsOut> tree(bits);
   (void)tree.run(cells, cells.size(), range.bits);
-  const std::vector<std::uint8_t> stream = bits.coder.finish();
-  writer.put(std::as_bytes(std::span<const std::uint8_t>(stream)));
+  writer.put(bits.finish());
   return writer.take();
 }
 
@@ -250,7 +213,7 @@ class Octree {
   std::vector<std::array<std::uint32_t, 3>> cells;
   if (!tree.run(cells, count, range.bits))
     return fail("does not hold the " + std::to_string(count) + " anchors announced");
-  if (count == 0 ? payload.size() != 13 : !bits.coder.valid()) return fail("the tree does not end where its bytes do");
+  if (!bits.complete()) return fail("the tree does not end where its bytes do");
   std::vector<std::pair<MortonCode, std::size_t>> codes(cells.size());
   for (std::size_t i = 0; i < cells.size(); ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) {

@@ -59,6 +59,10 @@ class ContextEvaluator {
   }
   /// Step index of a group: q = Q0 2^(index / 16).
   [[nodiscard]] int step(int group, std::size_t lane) const { return step_[static_cast<std::size_t>(group)][lane]; }
+  using Steps = std::array<std::array<std::int8_t, integer_panel>, 3>;
+  /// All of the panel's, to be put back later.
+  [[nodiscard]] const Steps& steps() const { return step_; }
+  void set_steps(const Steps& steps) { step_ = steps; }
 
   /// Models of `count` channels of a group from `first` on.
   void models(int group, std::size_t lane, std::size_t first, std::size_t count, SymbolModel* out) const {
@@ -89,7 +93,7 @@ class ContextEvaluator {
   const IntegerContext* context_;
   const IntegerNetwork::Packed* packed_;
   IntegerNetwork::Panel panel_;
-  std::array<std::array<std::int8_t, integer_panel>, 3> step_{};
+  Steps step_{};
 };
 
 }  // namespace compmark::inline v0

@@ -105,16 +105,15 @@ class IntegerHashGrid {
     }
   }
 
-  /// Sets the bytes of all entries that these voxels look at; `seen` has entries().size() of them.
-  void mark_seen(std::span<const std::array<std::int32_t, 3>> voxels, std::span<std::uint8_t> seen) const {
+  /// Sets the bytes of all entries of one level that these voxels look at; `seen` has entries().size() of them, levels are disjoint.
+  void mark_seen(std::size_t level, std::span<const std::array<std::int32_t, 3>> voxels,
+                 std::span<std::uint8_t> seen) const {
     for (std::size_t first = 0; first < voxels.size(); first += integer_panel) {
       const auto panel = voxels.subspan(first, std::min<std::size_t>(integer_panel, voxels.size() - first));
       std::uint64_t place[3][integer_panel];
       places(panel, place);
-      for (const HashGridLevel& l : levels_) {
-        for (std::size_t lane = 0; lane < panel.size(); ++lane) {
-          vertices(l, place, lane, [&](std::uint32_t entry, std::int32_t) { seen[entry] = 1; });
-        }
+      for (std::size_t lane = 0; lane < panel.size(); ++lane) {
+        vertices(levels_[level], place, lane, [&](std::uint32_t entry, std::int32_t) { seen[entry] = 1; });
       }
     }
   }

@@ -1,0 +1,217 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/codec/hac.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "compmark/core/thread_executor.hpp"
+#include "support/codec_model.hpp"
+
+namespace {
+
+using namespace compmark;
+using testing::CodecModelShape;
+using testing::make_codec_model;
+
+HacEncoded encoded(const CodecModel& model) {
+  SerialExecutor executor;
+  auto result = encode_hac(model, {}, executor);
+  REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
+  return std::move(*result);
+}
+HacDecoded decoded(std::span<const std::byte> bytes) {
+  SerialExecutor executor;
+  auto result = decode_hac(bytes, "a.cmk", {}, executor);
+  REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
+  return std::move(*result);
+}
+
+/// Bits, so that -0 is not 0.
+bool same(const std::vector<float>& a, const std::vector<float>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), 4 * a.size()) == 0);
+}
+bool same(const CodecModel& a, const CodecModel& b) {
+  return a.voxel_size == b.voxel_size && a.feature_dim == b.feature_dim && a.offset_count == b.offset_count &&
+         a.base_step == b.base_step && a.chunk_anchors == b.chunk_anchors && a.voxels == b.voxels && a.mask == b.mask &&
+         same(a.feature, b.feature) && same(a.extent, b.extent) && same(a.offset, b.offset) &&
+         a.networks == b.networks && a.metadata == b.metadata && a.context.has_value() == b.context.has_value() &&
+         (!a.context || a.context->network == b.context->network);
+}
+
+TEST_CASE("codec/hac: a file decodes to the encoder's own quantised model, to the last bit") {
+  const CodecModel model = make_codec_model(1);
+  const HacEncoded file = encoded(model);
+  const HacDecoded back = decoded(file.bytes);
+  CHECK(back.verified);
+  CHECK(back.damaged.empty());
+  CHECK(same(back.model, file.model));
+  CHECK(file.report.anchors + file.report.dropped == model.anchors());
+  CHECK(file.report.dropped > 0);
+  CHECK(file.report.clamped == std::array<std::uint64_t, 3>{});
+  // Every coded value is within half a step of what it was; the step is at most 2 Q0.
+  const VoxelRange range = voxel_range(back.model.voxels);
+  std::vector<std::uint32_t> live;
+  std::vector<Voxel> live_voxels;
+  for (std::uint32_t i = 0; i < model.anchors(); ++i) {
+    if (model.mask[i] == 0) continue;
+    live.push_back(i);
+    live_voxels.push_back(model.voxels[i]);
+  }
+  const std::vector<std::uint32_t> order = morton_order(live_voxels, range);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const std::size_t row = live[order[i]];
+    REQUIRE(back.model.voxels[i] == model.voxels[row]);
+    REQUIRE(back.model.mask[i] == model.mask[row]);
+    for (std::size_t c = 0; c < 6; ++c) {
+      REQUIRE(std::abs(back.model.feature[6 * i + c] - model.feature[6 * row + c]) <= 1.0f);
+      REQUIRE(std::abs(back.model.extent[6 * i + c] - model.extent[6 * row + c]) <= 0.001f);
+    }
+    for (std::size_t c = 0; c < 9; ++c) {
+      if ((model.mask[row] >> (c / 3) & 1u) == 0) {
+        REQUIRE(back.model.offset[9 * i + c] == 0);
+      } else {
+        REQUIRE(std::abs(back.model.offset[9 * i + c] - model.offset[9 * row + c]) <= 0.2f);
+      }
+    }
+  }
+}
+
+TEST_CASE("codec/hac: encoding what was decoded gives the same bytes") {
+  for (const std::uint64_t seed : {2, 3, 4}) {
+    CodecModelShape shape;
+    shape.anchors = 150 * seed;
+    const HacEncoded file = encoded(make_codec_model(seed, shape));
+    const HacDecoded back = decoded(file.bytes);
+    const HacEncoded again = encoded(back.model);
+    CHECK(again.bytes == file.bytes);
+    CHECK(same(again.model, back.model));
+  }
+}
+
+TEST_CASE("codec/hac: bytes and model are the same at any number of threads") {
+  const CodecModel model = make_codec_model(5, {.anchors = 700});
+  const HacEncoded file = encoded(model);
+  for (const std::size_t threads : {2, 3, 8}) {
+    ThreadExecutor executor(threads);
+    const auto other = encode_hac(model, {}, executor);
+    REQUIRE(other.ok());
+    CHECK(other->bytes == file.bytes);
+    const auto back = decode_hac(file.bytes, "a.cmk", {}, executor);
+    REQUIRE(back.ok());
+    CHECK(same(back->model, file.model));
+  }
+}
+
+TEST_CASE("codec/hac: the file is as large as its tables say, and the report counts every byte") {
+  const HacEncoded file = encoded(make_codec_model(6, testing::full_codec_model(3000)));
+  const HacReport& report = file.report;
+  std::uint64_t sum = report.container_bytes + report.extra_bytes;
+  for (const std::uint64_t bytes : report.section_bytes) sum += bytes;
+  CHECK(sum == report.total_bytes);
+  CHECK(report.total_bytes == file.bytes.size());
+  CHECK(std::abs(report.estimated_bytes() / static_cast<double>(report.total_bytes) - 1) < 0.0005);
+  MESSAGE("3000 anchors: ", report.total_bytes, " bytes; GEOM ", report.bytes_of(HacFormat::geometry), ", MASK ",
+          report.bytes_of(HacFormat::mask), ", HASH ", report.bytes_of(HacFormat::hash), ", NETC ",
+          report.bytes_of(HacFormat::context), ", STRM ", report.bytes_of(HacFormat::stream), "; the tables say ",
+          report.estimated_bytes());
+}
+
+TEST_CASE("codec/hac: no anchors, one anchor, anchors without live offsets") {
+  CodecModel none = make_codec_model(7, {.anchors = 0});
+  CHECK(decoded(encoded(none).bytes).model.anchors() == 0);
+  CHECK(encoded(decoded(encoded(none).bytes).model).bytes == encoded(none).bytes);
+  const CodecModel one = make_codec_model(10, {.anchors = 1});
+  REQUIRE(one.mask[0] != 0);
+  CHECK(same(decoded(encoded(one).bytes).model, encoded(one).model));
+  CodecModel dead = make_codec_model(7, {.anchors = 20});
+  std::fill(dead.mask.begin(), dead.mask.end(), 0u);
+  const HacEncoded file = encoded(dead);
+  CHECK(file.report.dropped == 20);
+  CHECK(decoded(file.bytes).model.anchors() == 0);
+}
+
+TEST_CASE("codec/hac: a value far out costs a few bytes, and beyond the greatest symbol it is held there and counted") {
+  CodecModel model = make_codec_model(11);
+  std::size_t row = 0;
+  while (model.mask[row] == 0) ++row;
+  const std::size_t before = encoded(model).bytes.size();
+  model.feature[row * 6] = 10'000;
+  const HacEncoded outlier = encoded(model);
+  CHECK(outlier.bytes.size() < before + 8);
+  CHECK(outlier.report.clamped[0] == 0);
+  model.feature[row * 6] = 3e9f;
+  const HacEncoded held = encoded(model);
+  CHECK(held.report.clamped[0] == 1);
+  CHECK(same(decoded(held.bytes).model, held.model));
+  CHECK(encoded(held.model).bytes == held.bytes);
+}
+
+TEST_CASE("codec/hac: what cannot be coded is refused in a sentence") {
+  SerialExecutor executor;
+  const CodecModel good = make_codec_model(12, {.anchors = 40});
+  const auto refused = [&](const CodecModel& model) {
+    const auto result = encode_hac(model, {}, executor);
+    return !result.ok() && !result.error().problem.empty() && !result.error().remedy.empty();
+  };
+  REQUIRE(!refused(good));
+  std::size_t live = 0;
+  while (good.mask[live] == 0) ++live;
+  const auto changed = [&](const auto& change) {
+    CodecModel model = good;
+    change(model);
+    return refused(model);
+  };
+  const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
+  CHECK(changed([&](CodecModel& m) { m.feature[6 * live] = nan; }));
+  CHECK(changed([&](CodecModel& m) { m.extent[6 * live] = infinity; }));
+  CHECK(changed([&](CodecModel& m) { m.extent[6 * live] = -0.001f; }));
+  CHECK(changed([&](CodecModel& m) { m.mask[live] = 8; }));
+  CHECK(changed([&](CodecModel& m) { m.offset.pop_back(); }));
+  CHECK(changed([&](CodecModel& m) { m.voxel_size = 0; }));
+  CHECK(changed([&](CodecModel& m) { m.voxel_size = nan; }));
+  CHECK(changed([&](CodecModel& m) { m.feature_dim = 0; }));
+  CHECK(changed([&](CodecModel& m) { m.offset_count = 33; }));
+  CHECK(changed([&](CodecModel& m) { m.base_step[1] = -1; }));
+  CHECK(changed([&](CodecModel& m) { m.chunk_anchors = 0; }));
+  CHECK(changed([&](CodecModel& m) { m.trained.reset(); }));
+  CHECK(changed([&](CodecModel& m) { m.trained->signs.pop_back(); }));
+  CHECK(changed([&](CodecModel& m) { m.trained->weight1[0] = nan; }));
+  CHECK(changed([&](CodecModel& m) { m.trained->box[0] = nan; }));
+  CHECK(changed([&](CodecModel& m) { m.networks[0].values[0] = nan; }));
+  CHECK(changed([&](CodecModel& m) { m.networks[0].shape[0] = 8; }));
+  CHECK(changed([&](CodecModel& m) {
+    m.networks[0].shape = {0};
+    m.networks[0].values.clear();
+  }));
+  // An offset that is not live may be anything.
+  CodecModel model = good;
+  model.mask[live] = 1;
+  model.offset[9 * live + 8] = nan;
+  CHECK(!refused(model));
+}
+
+TEST_CASE("codec/hac: on disk, replaced whole") {
+  const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark_hac.cmk";
+  SerialExecutor executor;
+  const CodecModel model = make_codec_model(13);
+  const auto written = write_hac(path, model, {}, executor);
+  REQUIRE(written.ok());
+  CHECK(std::filesystem::file_size(path) == written->bytes.size());
+  const auto back = read_hac(path, {}, executor);
+  REQUIRE(back.ok());
+  CHECK(same(back->model, written->model));
+  const auto bad = write_hac(path, CodecModel{}, {}, executor);
+  CHECK(!bad.ok());
+  CHECK(std::filesystem::file_size(path) == written->bytes.size());
+  std::filesystem::remove(path);
+  CHECK(read_hac(path, {}, executor).error().kind == ErrorKind::not_found);
+}
+
+}  // namespace
