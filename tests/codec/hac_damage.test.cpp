@@ -1,0 +1,303 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the codec does with files that are not as they were written (compression sheet, 6.6, case by case). Forged files have right checksums:
+// they stand for a program that writes nonsense, which no checksum finds.
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "compmark/codec/hac.hpp"
+#include "support/codec_model.hpp"
+
+namespace {
+
+using namespace compmark;
+using testing::make_codec_model;
+
+const testing::CodecModelShape tiny{
+    60,  4, 2, 16, 5, HashGridShape{.volume_levels = 1, .volume_cap_log2 = 5, .plane_levels = 1, .plane_cap_log2 = 6},
+    true};
+
+struct File {
+  ContainerHeader header;
+  std::vector<Section> sections;
+
+  [[nodiscard]] std::vector<std::byte> bytes() const { return write_container(header, sections); }
+  [[nodiscard]] Section& of(std::uint32_t kind, std::uint32_t chunk = 0) {
+    for (Section& section : sections) {
+      if (section.entry.kind == kind && section.entry.chunk == chunk) return section;
+    }
+    FAIL("no such section");
+    return sections[0];
+  }
+};
+
+std::vector<std::byte> good_bytes(const testing::CodecModelShape& shape = tiny) {
+  SerialExecutor executor;
+  auto file = encode_hac(make_codec_model(21, shape), {}, executor);
+  REQUIRE(file.ok());
+  return file->bytes;
+}
+File opened(const std::vector<std::byte>& bytes) {
+  const auto container = parse_container(bytes, "");
+  REQUIRE(container.ok());
+  File file{container->header, {}};
+  for (const SectionEntry& entry : container->sections) {
+    const auto raw = container->raw(entry);
+    file.sections.push_back({entry, {raw.begin(), raw.end()}});
+  }
+  return file;
+}
+Result<HacDecoded> decode(const std::vector<std::byte>& bytes, const HacDecodeSettings& settings = {}) {
+  SerialExecutor executor;
+  return decode_hac(bytes, "a.cmk", settings, executor);
+}
+/// The error of a forged file; it names file and remedy.
+Error error_of(const std::function<void(File&)>& change, const HacDecodeSettings& settings = {}) {
+  File file = opened(good_bytes());
+  change(file);
+  const auto result = decode(file.bytes(), settings);
+  REQUIRE(!result.ok());
+  CHECK(result.error().file == "a.cmk");
+  CHECK(!result.error().problem.empty());
+  CHECK(!result.error().remedy.empty());
+  return result.error();
+}
+template <class T>
+void put(std::vector<std::byte>& bytes, std::size_t offset, T value) {
+  REQUIRE(offset + sizeof(T) <= bytes.size());
+  std::memcpy(bytes.data() + offset, &value, sizeof(T));
+}
+
+TEST_CASE("codec/hac_damage: every flipped bit of a file is found, with and without salvage") {
+  const std::vector<std::byte> good = good_bytes();
+  REQUIRE(decode(good).ok());
+  MESSAGE("the file has ", good.size(), " bytes");
+  std::size_t salvaged = 0;
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    for (int bit = 0; bit < 8; ++bit) {
+      std::vector<std::byte> damaged = good;
+      damaged[i] ^= static_cast<std::byte>(1 << bit);
+      REQUIRE(!decode(damaged).ok());
+      if (bit != 3 || i % 9 != 0) continue;  // salvaging reads the rest, a millisecond each
+      const auto rescued = decode(damaged, {.salvage = true});
+      if (!rescued) continue;
+      ++salvaged;
+      REQUIRE(!rescued->verified);
+      REQUIRE(rescued->damaged.size() == 1);
+      REQUIRE(rescued->lost_anchors > 0);
+    }
+  }
+  CHECK(salvaged > 20);
+}
+
+TEST_CASE("codec/hac_damage: every truncation and every appended byte is found") {
+  std::vector<std::byte> bytes = good_bytes();
+  for (std::size_t n = 0; n < bytes.size(); ++n) {
+    const std::vector<std::byte> cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
+    REQUIRE(!decode(cut).ok());
+    REQUIRE(!decode(cut, {.salvage = true}).ok());
+  }
+  bytes.push_back(std::byte{0});
+  CHECK(!decode(bytes).ok());
+}
+
+TEST_CASE("codec/hac_damage: random bytes in place of a payload, checksums right: an error, never a model") {
+  const std::vector<std::byte> good = good_bytes();
+  const std::size_t sections = opened(good).sections.size();
+  for (std::uint64_t i = 0; i < 150; ++i) {
+    const Random random(3, i, random_stage("hac damage"));
+    File file = opened(good);
+    Section& section = file.sections[i % sections];
+    std::vector<std::byte>& bytes = section.bytes;
+    if (i % 3 == 0) bytes.resize(random.bits(0) % 200);
+    for (std::size_t b = 0; b < bytes.size(); ++b) {
+      if (i % 3 == 0 || random.bits(b + 1) % bytes.size() < 4)
+        bytes[b] = static_cast<std::byte>(random.bits(b + 1000) & 255u);
+    }
+    if (bytes == opened(good).sections[i % sections].bytes) continue;
+    REQUIRE(!decode(file.bytes()).ok());
+    (void)decode(file.bytes(), {.salvage = true});
+  }
+}
+
+TEST_CASE("codec/hac_damage: another profile, numeric specification or table is refused, and both sides are named") {
+  Error error = error_of([](File& file) { file.header.profile = ContainerProfile::context_gs; });
+  CHECK(error.kind == ErrorKind::unsupported);
+  error = error_of([](File& file) { file.header.numeric_spec = 77; });
+  CHECK(error.kind == ErrorKind::unsupported);
+  CHECK(error.problem.find("77") != std::string::npos);
+  CHECK(error.problem.find("has 1") != std::string::npos);
+  error = error_of([](File& file) { file.of(HacFormat::tables).bytes[3] ^= std::byte{1}; });
+  CHECK(error.kind == ErrorKind::unsupported);
+  error = error_of([](File& file) { file.of(HacFormat::geometry).entry.version = 2; });
+  CHECK(error.kind == ErrorKind::unsupported);
+  error = error_of([](File& file) { file.of(HacFormat::geometry).entry.method = 1; });
+  CHECK(error.kind == ErrorKind::unsupported);
+}
+
+TEST_CASE("codec/hac_damage: counts that the file cannot hold are refused before memory is taken") {
+  for (const std::uint64_t anchors :
+       {std::uint64_t{1}, std::uint64_t{61}, std::uint64_t{1} << 20, std::uint64_t{1} << 28, std::uint64_t{1} << 29,
+        std::numeric_limits<std::uint64_t>::max()}) {
+    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 0, anchors); });
+  }
+  for (const std::uint32_t value : {0u, 33u, 0x80000000u, 0xFFFFFFFFu}) {
+    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 8, value); });   // K
+    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 16, value); });  // anchors a chunk
+  }
+  for (const std::uint32_t value : {0u, 4097u, 0xFFFFFFFFu}) {
+    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 12, value); });  // D
+  }
+  for (const double value :
+       {0.0, -1.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 20, value); });  // voxel size
+    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 28, value); });  // base steps
+  }
+  (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 52, 0xFFFFFFFFu); });  // number of values
+  CHECK(decode(good_bytes(), {.memory_limit = 100}).error().kind == ErrorKind::exhausted);
+}
+
+TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
+  for (const std::uint32_t kind : HacFormat::known) {
+    (void)error_of([&](File& file) {
+      for (std::size_t i = 0; i < file.sections.size(); ++i) {
+        if (file.sections[i].entry.kind == kind) {
+          file.sections.erase(file.sections.begin() + static_cast<std::ptrdiff_t>(i));
+          return;
+        }
+      }
+    });
+  }
+  (void)error_of([](File& file) {
+    Section more = file.of(HacFormat::stream, 2);
+    more.entry.chunk = 3;
+    file.sections.push_back(more);
+  });
+  (void)error_of([](File& file) { file.of(HacFormat::mask, 2).entry.chunk = 7; });
+  (void)error_of([](File& file) { file.of(HacFormat::meta).entry.part = 1; });
+  Section unknown;
+  unknown.entry.kind = four_characters("XTRA");
+  unknown.bytes = std::vector<std::byte>(9, std::byte{42});
+  CHECK(error_of([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
+  // Not critical: skipped, and kept when the model is written again.
+  unknown.entry.flags = 0;
+  File file = opened(good_bytes());
+  file.sections.push_back(unknown);
+  const std::vector<std::byte> bytes = file.bytes();
+  const auto read = decode(bytes);
+  REQUIRE(read.ok());
+  CHECK(read->verified);
+  REQUIRE(read->model.extra.size() == 1);
+  SerialExecutor executor;
+  const auto again = encode_hac(read->model, {}, executor);
+  REQUIRE(again.ok());
+  CHECK(again->bytes == bytes);
+}
+
+TEST_CASE("codec/hac_damage: a damaged chunk costs its anchors with salvage, and the whole file without") {
+  const std::vector<std::byte> good = good_bytes();
+  const auto whole = decode(good);
+  REQUIRE(whole.ok());
+  const std::size_t n = whole->model.anchors();
+  const auto container = parse_container(good, "");
+  REQUIRE(container.ok());
+  for (const std::uint32_t kind : {HacFormat::mask, HacFormat::stream}) {
+    const SectionEntry* entry = container->find(kind, 0, 1);
+    REQUIRE(entry != nullptr);
+    std::vector<std::byte> bytes = good;
+    bytes[static_cast<std::size_t>(entry->offset)] ^= std::byte{16};
+    const auto refused = decode(bytes);
+    REQUIRE(!refused.ok());
+    CHECK(refused.error().problem.find("checksum") != std::string::npos);
+    const auto rescued = decode(bytes, {.salvage = true});
+    REQUIRE(rescued.ok());
+    CHECK(!rescued->verified);
+    REQUIRE(rescued->damaged.size() == 1);
+    CHECK(rescued->damaged[0].first == 1);
+    CHECK(rescued->lost_anchors == 16);
+    REQUIRE(rescued->model.anchors() == n - 16);
+    // What is left is what it was.
+    const auto& a = rescued->model;
+    const auto& b = whole->model;
+    CHECK(std::equal(a.feature.begin(), a.feature.begin() + 64, b.feature.begin()));
+    CHECK(std::equal(a.feature.begin() + 64, a.feature.end(), b.feature.begin() + 128));
+    CHECK(std::equal(a.offset.begin() + 96, a.offset.end(), b.offset.begin() + 192));
+    CHECK(std::equal(a.voxels.begin() + 16, a.voxels.end(), b.voxels.begin() + 32));
+    SerialExecutor executor;
+    CHECK(encode_hac(a, {}, executor).ok());
+  }
+}
+
+TEST_CASE(
+    "codec/hac_damage: a stream that does not end as it must, left-over bytes, exchanged chunks: desynchronised, "
+    "whatever the checksum") {
+  (void)error_of([](File& file) { file.of(HacFormat::stream).bytes.push_back(std::byte{0}); });
+  (void)error_of([](File& file) { file.of(HacFormat::stream).bytes.pop_back(); });
+  (void)error_of([](File& file) { file.of(HacFormat::mask).bytes.push_back(std::byte{0}); });
+  (void)error_of([](File& file) { file.of(HacFormat::hash).bytes.push_back(std::byte{0}); });
+  (void)error_of([](File& file) { file.of(HacFormat::context).bytes.push_back(std::byte{0}); });
+  (void)error_of([](File& file) { file.of(HacFormat::networks).bytes.push_back(std::byte{0}); });
+  (void)error_of(
+      [](File& file) { std::swap(file.of(HacFormat::stream, 0).bytes, file.of(HacFormat::stream, 1).bytes); });
+  (void)error_of([](File& file) { file.of(HacFormat::stream).bytes.clear(); });
+}
+
+TEST_CASE("codec/hac_damage: whole bytes that decode to another model are a fault of the codec, and said to be one") {
+  Error error = error_of([](File& file) { file.of(HacFormat::digests).bytes[2] ^= std::byte{1}; });
+  CHECK(error.problem.find("whole") != std::string::npos);
+  error = error_of([](File& file) { file.of(HacFormat::digests).bytes.back() ^= std::byte{1}; });
+  CHECK(error.problem.find("whole") != std::string::npos);
+  error = error_of([](File& file) { file.header.digest ^= 1; });
+  CHECK(error.field == "DIGS");
+}
+
+TEST_CASE("codec/hac_damage: networks that could overflow, have no units or are no numbers are refused at load") {
+  (void)error_of([](File& file) { put(file.of(HacFormat::context).bytes, 0, 0u); });
+  (void)error_of([](File& file) { put(file.of(HacFormat::context).bytes, 0, 0xFFFFFFFFu); });
+  (void)error_of([](File& file) { put(file.of(HacFormat::context).bytes, 4, std::int8_t{-3}); });  // a shift
+  const Error error =
+      error_of([](File& file) { put(file.of(HacFormat::context).bytes, 4 + 5, 0x7FFFFFFF); });  // a bias
+  CHECK(error.problem.find("overflow") != std::string::npos);
+  (void)error_of([](File& file) {
+    CodecTensor tensor{"a", {1}, {std::numeric_limits<float>::quiet_NaN()}, TensorStorage::single};
+    file.of(HacFormat::networks).bytes = encode_networks(std::span(&tensor, 1));
+  });
+}
+
+TEST_CASE(
+    "codec/hac_damage: a symbol that would make an extent negative is refused, and so is one beyond the greatest") {
+  // Encode such symbols by hand, with the model's own context.
+  File file = opened(good_bytes());
+  const auto whole = decode(good_bytes());
+  REQUIRE(whole.ok());
+  const IntegerContext& context = *whole->model.context;
+  const IntegerNetwork::Packed packed = context.network.pack();
+  ContextEvaluator evaluator(context, packed);
+  evaluator.evaluate(std::span<const Voxel>(whole->model.voxels).first(16));
+  std::vector<SymbolModel> models;
+  std::vector<std::uint32_t> masks(whole->model.mask.begin(), whole->model.mask.begin() + 16);
+  for (std::size_t lane = 0; lane < 16; ++lane)
+    detail::append_models(evaluator, context.heads, masks[lane], lane, models);
+  const GaussianTables tables;
+  for (const std::int32_t wrong : {-1, greatest_symbol + 1}) {
+    std::vector<std::int32_t> symbols(models.size(), 0);
+    symbols[4] = wrong;
+    std::vector<std::uint8_t> stream;
+    encode_symbols(tables, models, symbols, stream);
+    const auto bytes = std::as_bytes(std::span<const std::uint8_t>(stream));
+    file.of(HacFormat::stream).bytes.assign(bytes.begin(), bytes.end());
+    const auto result = decode(file.bytes());
+    REQUIRE(!result.ok());
+    CHECK(result.error().problem.find("negative") != std::string::npos);
+  }
+}
+
+}  // namespace
