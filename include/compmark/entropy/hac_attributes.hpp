@@ -33,7 +33,6 @@ struct HacAttributes {
   static constexpr std::array<int, 4> begin{0, D, D + 6, scalars};
   static constexpr int outputs = 2 * scalars + 3;  ///< mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o
   static constexpr double most_log2 = 24;          ///< of a deviation over d, either way
-  static_assert(scalars <= 256, "HacAttributes: random numbers are keyed by row * 256 + scalar");
 
   /// Numbers of one attribute group; HAC's.
   static constexpr std::array<double, 3> published_steps{1, 0.001, 0.2};
@@ -58,13 +57,14 @@ struct HacAttributes {
     return held && d_step > T(0) ? T(0) : d_step * q * (2 - q / base);
   }
 
-  /// u of all scalars: two of 23 bits from one draw.
+  /// u of all scalars: SplitMix64 from a start that is keyed by the anchor, two numbers of 23 bits from one draw.
   static void draw(const Random& random, std::uint32_t anchor, T* u) {
-    const std::uint64_t key = static_cast<std::uint64_t>(anchor) << 8;
+    const std::uint64_t start = random.bits(anchor);
     for (int c = 0; c < scalars; c += 2) {  // an odd count writes one more, into the padding
-      const std::uint64_t bits = random.bits(key | static_cast<std::uint64_t>(c));
-      u[c] = static_cast<T>((static_cast<float>(bits >> 41) + 0.5f) * 0x1p-23f - 0.5f);
-      u[c + 1] = static_cast<T>((static_cast<float>(bits >> 18 & 0x7FFFFF) + 0.5f) * 0x1p-23f - 0.5f);
+      const std::uint64_t bits = mix_bits(start + static_cast<std::uint64_t>(c / 2) * 0x9E3779B97F4A7C15ull);
+      u[c] = static_cast<T>((static_cast<float>(static_cast<std::int32_t>(bits >> 41)) + 0.5f) * 0x1p-23f - 0.5f);
+      u[c + 1] = static_cast<T>(
+          (static_cast<float>(static_cast<std::int32_t>(bits >> 18 & 0x7FFFFF)) + 0.5f) * 0x1p-23f - 0.5f);
     }
   }
 

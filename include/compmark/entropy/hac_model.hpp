@@ -83,6 +83,8 @@ class HacModel {
   struct Scratch {
     alignas(64) T output[static_cast<std::size_t>(Network::panel * Network::output_row)];
     alignas(64) T tail[static_cast<std::size_t>(Network::panel * Network::tail_row)];
+    alignas(64) T input[static_cast<std::size_t>(Network::panel * Network::input_row)];
+    alignas(64) T hidden[static_cast<std::size_t>(Network::panel * Network::hidden_row)];
     alignas(64) T d_hidden[static_cast<std::size_t>(Network::panel * Network::hidden_row)];
     alignas(64) T d_input[static_cast<std::size_t>(Network::panel * Network::input_row)];
     alignas(64) T feature[static_cast<std::size_t>(feature_dim)];
@@ -95,15 +97,19 @@ class HacModel {
   struct Context {
     RatePhase phase;
     std::size_t light = 0, full = 0, first_full = 0, capacity = 0;
-    double unit = 0;                                          ///< loss of one bit of the sample
-    double hash_weight = 0;                                   ///< loss of one bit of the grid
-    Buffer<std::uint8_t> mark;                                ///< [N] 1 visible, 2 sampled
-    Buffer<std::uint32_t> row;                                ///< of the anchor table
-    Buffer<T> position;                                       ///< [3] in the box
-    Buffer<T> input, hidden;                                  ///< of the network
-    Buffer<T> step;                                           ///< [3] q
-    Buffer<T> noise, extents;                                 ///< as Attributes wants them
-    Buffer<T> d_grid;                                         ///< by the network's inputs, level-major
+    double unit = 0;            ///< loss of one bit of the sample
+    double hash_weight = 0;     ///< loss of one bit of the grid
+    Buffer<std::uint8_t> mark;  ///< [N] 1 visible, 2 sampled
+    Buffer<std::uint32_t> row;  ///< of the anchor table
+    Buffer<T> position;         ///< [3] in the box
+    Buffer<T> input, hidden;    ///< of the network
+    Buffer<T> step;             ///< [3] q
+    Buffer<T> noise, extents;   ///< as Attributes wants them
+    // The way back takes only those light entries that have a gradient, half of them where half of the anchors are hidden.
+    Buffer<T> d_step;            ///< [3] by the raw steps
+    Buffer<std::uint32_t> back;  ///< light entries with one
+    Buffer<T> back_position;     ///< [3] of these, to whole panels, then of the full ones
+    Buffer<T> d_grid;            ///< by the network's inputs, level-major, rows as back_position
     Buffer<T> rate_value, rate_output, rate_step, rate_mask;  ///< full entries: gradients of the rate
     Buffer<double> partial;
     Buffer<T> packed, chunk_gradients;
@@ -214,9 +220,14 @@ class HacModel {
       });
       return;
     }
-    const std::size_t panels = context.capacity / panel, full_panels = (context.capacity - context.first_full) / panel;
-    const std::size_t light_panels = panels - full_panels;
-    context.d_grid.resize(context.capacity * Grid::channels);
+    const std::size_t active = light_gradients(d_rows, context, executor);
+    const std::size_t light_panels = chunk_count(active, panel);
+    const std::size_t full_rows = context.capacity - context.first_full, full_panels = full_rows / panel;
+    const std::size_t back_rows = light_panels * panel + full_rows;
+    context.back_position.resize(back_rows * 3);
+    context.d_grid.resize(back_rows * Grid::channels);
+    std::copy_n(context.position.data() + 3 * context.first_full, 3 * full_rows,
+                context.back_position.data() + 3 * light_panels * panel);
     context.chunk_gradients.resize(most_chunks * Network::gradient_count);
     const auto sums_of = [&](std::size_t chunk) {
       return context.chunk_gradients.data() + chunk * Network::gradient_count;
@@ -227,7 +238,8 @@ class HacModel {
     const std::size_t light_grain = std::max<std::size_t>(1, chunk_count(light_panels, most_chunks));
     executor.for_chunks(light_panels, light_grain, [&](std::size_t first, std::size_t last, std::size_t worker) {
       for (std::size_t p = first; p < last; ++p) {
-        light_panel_backward(p * panel, d_rows, context.scratch[worker], sums_of(first / light_grain), context);
+        light_panel_backward(p * panel, std::min(active, (p + 1) * panel), back_rows, context.scratch[worker],
+                             sums_of(first / light_grain), context);
       }
     });
     const AnchorTables<T> outside = tables<T>(arena, handles);
@@ -236,8 +248,10 @@ class HacModel {
     const MatrixView<T> d_mask = arena.gradients(handles.mask);
     executor.for_chunks(full_panels, full_grain, [&](std::size_t first, std::size_t last, std::size_t worker) {
       for (std::size_t p = first; p < last; ++p) {
-        full_panel_backward(context.first_full + p * panel, d_rows, outside, mask, d_mask, context.scratch[worker],
+        Scratch& s = context.scratch[worker];
+        full_panel_backward(context.first_full + p * panel, d_rows, outside, mask, d_mask, s,
                             sums_of(first / full_grain), context);
+        spread((light_panels + p) * panel, back_rows, s, context);
       }
     });
     const typename Network::template Views<T> gradients{
@@ -252,8 +266,8 @@ class HacModel {
     });
     Network::add_gradients(sums_of(0), gradients);
     const MatrixView<T> d_table = arena.gradients(handles.grid);
-    Grid::backward(context.grid, context.position.data(), context.capacity, context.d_grid.data(), context.capacity,
-                   d_table, executor);
+    Grid::backward(context.grid, context.back_position.data(), back_rows, context.d_grid.data(), back_rows, d_table,
+                   executor);
     if (!context.phase.counts) return;
     Grid::bits_backward(context.grid, context.hash_weight, d_table, executor);
     const T weight = static_cast<T>(settings_.mask_weight / static_cast<double>(std::max<std::size_t>(1, mask.size())));
@@ -480,15 +494,40 @@ class HacModel {
       to[g] = Attributes::pull_step(context.step[3 * entry + g], base[g], d_step[g]);
     }
   }
-  void light_panel_backward(std::size_t begin, const AnchorTables<T>& d, Scratch& s, T* sums, Context& context) const {
-    const std::size_t end = std::min(begin + panel, context.light);
-    std::fill(std::begin(s.tail), std::end(s.tail), T(0));
-    for (std::size_t e = begin; e < end; ++e) {
-      pull_steps(e, pull_back(e, nullptr, d, context), s.tail + (e - begin) * tail_row, context);
+  /// Carries the light entries' gradients back to their rows; lists those whose steps have one. Returns how many.
+  template <Executor E>
+  std::size_t light_gradients(const AnchorTables<T>& d, Context& context, E& executor) const {
+    context.d_step.resize(context.light * 3);
+    executor.for_chunks(context.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t e = begin; e < end; ++e) {
+        pull_steps(e, pull_back(e, nullptr, d, context), context.d_step.data() + 3 * e, context);
+      }
+    });
+    context.back.resize(context.light);
+    std::size_t active = 0;
+    for (std::size_t e = 0; e < context.light; ++e) {
+      const T* const step = context.d_step.data() + 3 * e;
+      context.back[active] = static_cast<std::uint32_t>(e);
+      active += step[0] == T(0) && step[1] == T(0) && step[2] == T(0) ? 0 : 1;  // a NaN stays in
     }
-    Network::backward_tail(context.packed.data(), context.input.data() + begin * input_row,
-                           context.hidden.data() + begin * hidden_row, s.tail, s.d_hidden, s.d_input, sums);
-    spread(begin, s, context);
+    return active;
+  }
+  void light_panel_backward(std::size_t begin, std::size_t end, std::size_t back_rows, Scratch& s, T* sums,
+                            Context& context) const {
+    std::fill(std::begin(s.tail), std::end(s.tail), T(0));
+    T* const position = context.back_position.data() + 3 * begin;
+    std::fill_n(position, 3 * panel, T(-1));  // outside the box
+    std::fill_n(s.input + (end - begin) * input_row, (begin + panel - end) * input_row, T(0));
+    std::fill_n(s.hidden + (end - begin) * hidden_row, (begin + panel - end) * hidden_row, T(0));
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t e = context.back[i], lane = i - begin;
+      std::copy_n(context.position.data() + 3 * e, 3, position + 3 * lane);
+      std::copy_n(context.input.data() + e * input_row, input_row, s.input + lane * input_row);
+      std::copy_n(context.hidden.data() + e * hidden_row, hidden_row, s.hidden + lane * hidden_row);
+      std::copy_n(context.d_step.data() + 3 * e, 3, s.tail + lane * tail_row);
+    }
+    Network::backward_tail(context.packed.data(), s.input, s.hidden, s.tail, s.d_hidden, s.d_input, sums);
+    spread(begin, back_rows, s, context);
   }
   void full_panel_backward(std::size_t begin, const AnchorTables<T>& d, const AnchorTables<T>& outside,
                            MatrixView<const T> mask, MatrixView<T> d_mask, Scratch& s, T* sums,
@@ -521,15 +560,14 @@ class HacModel {
     }
     Network::backward_all(context.packed.data(), context.input.data() + begin * input_row,
                           context.hidden.data() + begin * hidden_row, s.output, s.d_hidden, s.d_input, sums);
-    spread(begin, s, context);
   }
   static void add(const T* from, const MatrixView<T>& to, std::size_t row) {
     for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += from[c];
   }
   /// A panel's gradients by the network's inputs, a level after the other.
-  static void spread(std::size_t begin, const Scratch& s, Context& context) {
+  static void spread(std::size_t begin, std::size_t back_rows, const Scratch& s, Context& context) {
     for (std::size_t level = 0; level < Grid::levels; ++level) {
-      T* const to = context.d_grid.data() + 4 * (level * context.capacity + begin);
+      T* const to = context.d_grid.data() + 4 * (level * back_rows + begin);
       for (std::size_t i = 0; i < panel; ++i) std::copy_n(s.d_input + i * input_row + 4 * level, 4, to + 4 * i);
     }
   }
