@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "model_source.hpp"
 #include "recipe_list.hpp"
 
 namespace tool {
@@ -53,15 +54,15 @@ class RecipeModel final : public AnyModel {
 };
 
 struct Load {
-  const std::filesystem::path& path;
+  const ModelSource& source;
   template <class R>
   Loaded operator()(Tag<R>) const {
-    Result<LoadedModel<R>> loaded = read_model<R>(path);
+    Result<LoadedModel<R>> loaded = source.load<R>();
     if (!loaded) return loaded.error();
     return Loaded(std::make_unique<RecipeModel<R>>(std::move(*loaded)));
   }
   [[nodiscard]] Loaded unknown(Error error) const {
-    error.file = path.string();
+    error.file = source.path.string();
     return error;
   }
 };
@@ -69,13 +70,9 @@ struct Load {
 }  // namespace
 
 Loaded load_model(const std::filesystem::path& path) {
-  Result<std::string> recipe = [&]() -> Result<std::string> {
-    const Result<SafetensorsFile> file = read_safetensors(path);
-    if (!file) return file.error();
-    return model_recipe(*file);
-  }();
-  if (!recipe) return recipe.error();
-  return with_recipe(*recipe, Load{path});
+  const Result<ModelSource> source = ModelSource::open(path);
+  if (!source) return source.error();
+  return with_any_recipe(source->recipe, Load{*source});
 }
 
 }  // namespace tool

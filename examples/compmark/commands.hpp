@@ -16,6 +16,8 @@ Command add_probe(CLI::App& app);
 Command add_train(CLI::App& app);
 Command add_embed(CLI::App& app);
 Command add_pretrain(CLI::App& app);
+Command add_compress(CLI::App& app);
+Command add_decompress(CLI::App& app);
 Command add_render(CLI::App& app);
 Command add_evaluate(CLI::App& app);
 Command add_export(CLI::App& app);

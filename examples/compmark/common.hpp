@@ -19,7 +19,7 @@
 namespace tool {
 
 /// Exit codes of the tool.
-enum : int { success = 0, not_detected = 1, failure = 2, inconclusive = 3, interrupted_exit = 130 };
+enum : int { success = 0, not_detected = 1, failure = 2, inconclusive = 3, salvaged = 4, interrupted_exit = 130 };
 
 /// Prints "compmark: error: <line>" and returns the exit code.
 int fail(const compmark::Error& error);

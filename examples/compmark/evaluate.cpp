@@ -86,7 +86,7 @@ int run(const EvaluateOptions& options) {
 
 Command add_evaluate(CLI::App& app) {
   auto options = std::make_shared<EvaluateOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run")->required();
+  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
   app.add_option("--data", options->data, "dataset folder")->required();
   app.add_option("--split", options->split, "test or train")
       ->capture_default_str()

@@ -23,6 +23,7 @@
 #include "commands.hpp"
 #include "common.hpp"
 #include "effects.hpp"
+#include "model_source.hpp"
 #include "recipe_list.hpp"
 
 namespace tool {
@@ -79,8 +80,8 @@ std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo&
 }
 
 template <class R>
-int run(const ExportOptions& options) {
-  Result<LoadedModel<R>> loaded = read_model<R>(options.model);
+int run(const ExportOptions& options, const ModelSource& source) {
+  Result<LoadedModel<R>> loaded = source.load<R>();
   if (!loaded) return fail(loaded.error());
   const Model<R>& model = loaded->model;
   const std::filesystem::path folder = options.out.has_parent_path() ? options.out.parent_path() : ".";
@@ -208,7 +209,7 @@ int run(const ExportOptions& options) {
 
 Command add_export(CLI::App& app) {
   auto options = std::make_shared<ExportOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run")->required();
+  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
   app.add_option("--out", options->out, "PLY file to write")->required();
   app.add_option("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")
       ->capture_default_str()
@@ -228,11 +229,10 @@ Command add_export(CLI::App& app) {
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   app.add_option("--json", options->json, "write counts, figures and warnings to this file");
   return [options]() -> int {
-    Result<SafetensorsFile> file = read_safetensors(options->model);
-    if (!file) return fail(file.error());
-    Result<std::string> recipe = model_recipe(*file);
-    if (!recipe) return fail(recipe.error());
-    return with_recipe(*recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options); }));
+    const Result<ModelSource> source = ModelSource::open(options->model);
+    if (!source) return fail(source.error());
+    return with_any_recipe(source->recipe,
+                           ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *source); }));
   };
 }
 

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The command-line tool: train, render and evaluate anchor-based splats on the CPU. Exit codes: 0 done (verify: detected), 1 verify: not detected,
-// 2 error (one line says what, where and what to do), 3 verify: inconclusive, 130 interrupted (a checkpoint was written).
+// 2 error (one line says what, where and what to do), 3 verify: inconclusive,
+// 4 decompress --salvage: something was lost, 130 interrupted (a checkpoint was written).
 #include <CLI/CLI.hpp>
 #include <exception>
 #include <utility>
@@ -30,6 +31,8 @@ int main(int argc, char** argv) {
   add("train", "train a splat from a dataset", tool::add_train);
   add("embed", "hide a message in a finished model", tool::add_embed);
   add("pretrain", "train a message decoder", tool::add_pretrain);
+  add("compress", "write a model as one small file", tool::add_compress);
+  add("decompress", "write the model of a small file, or what is left of it", tool::add_decompress);
   add("render", "render views of a model to PNG", tool::add_render);
   add("evaluate", "measure a model against a dataset's test views", tool::add_evaluate);
   add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);

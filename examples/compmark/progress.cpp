@@ -49,6 +49,7 @@ nlohmann::ordered_json to_json(const ProgressLine& line) {
   nlohmann::ordered_json json{{"iteration", line.iteration}, {"total", line.total},     {"seconds", line.seconds},
                               {"loss", line.loss},           {"l1", line.l1},           {"ssim", line.ssim},
                               {"psnr", line.psnr},           {"anchors", line.anchors}, {"gaussians", line.gaussians}};
+  if (line.bits_per_scalar) json["bits_per_scalar"] = *line.bits_per_scalar;
   if (line.bit_accuracy) json["bit_accuracy"] = *line.bit_accuracy;
   if (line.test_psnr) json["test_psnr"] = *line.test_psnr;
   return json;
@@ -57,6 +58,7 @@ nlohmann::ordered_json to_json(const ProgressLine& line) {
 std::string values_text(const ProgressLine& line) {
   std::string text = format_text("loss %.4f  PSNR %.2f dB  anchors %llu", line.loss, line.psnr,
                                  static_cast<unsigned long long>(line.anchors));
+  if (line.bits_per_scalar) text += format_text("  %.2f bits/scalar", *line.bits_per_scalar);
   if (line.bit_accuracy) text += format_text("  bits %.0f %%", 100 * *line.bit_accuracy);
   return text;
 }
@@ -239,6 +241,7 @@ Result<std::vector<ProgressLine>> read_progress_log(const std::filesystem::path&
     line.psnr = number_of("psnr");
     line.anchors = count_of("anchors");
     line.gaussians = count_of("gaussians");
+    if (json.contains("bits_per_scalar")) line.bits_per_scalar = number_of("bits_per_scalar");
     if (json.contains("bit_accuracy")) line.bit_accuracy = number_of("bit_accuracy");
     if (json.contains("test_psnr")) line.test_psnr = number_of("test_psnr");
     while (!lines.empty() && lines.back().iteration >= line.iteration) lines.pop_back();

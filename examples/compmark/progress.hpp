@@ -27,10 +27,11 @@ struct ProgressLine {
   double ssim = 0;
   double psnr = 0;  ///< of the training view just rendered, dB
   std::uint64_t anchors = 0;
-  std::uint64_t gaussians = 0;         ///< of this view
-  double seconds = 0;                  ///< since the start of this run; Progress fills it in
-  std::optional<double> bit_accuracy;  ///< of the training view, where a message was read from it
-  std::optional<double> test_psnr;     ///< when the test views were measured after this iteration
+  std::uint64_t gaussians = 0;            ///< of this view
+  double seconds = 0;                     ///< since the start of this run; Progress fills it in
+  std::optional<double> bits_per_scalar;  ///< of what would be stored, where the rate is a loss
+  std::optional<double> bit_accuracy;     ///< of the training view, where a message was read from it
+  std::optional<double> test_psnr;        ///< when the test views were measured after this iteration
 };
 
 /// How it is shown.

@@ -210,7 +210,8 @@ Result<Decoder> load_decoder(const fs::path& path, const OwnerKey* key) {
 
 void add_reading_options(CLI::App& app, ReadingOptions& options) {
   app.add_option("--decoder", options.decoder, "decoder file (safetensors)")->required();
-  CLI::Option* model = app.add_option("--model", options.model, "model.safetensors of a run: its renders are read");
+  CLI::Option* model =
+      app.add_option("--model", options.model, "model.safetensors of a run or a .cmk: its renders are read");
   CLI::Option* images = app.add_option("--images", options.images, "image files, or folders of them (PNG, JPEG)");
   images->excludes(model);
   model->excludes(images);

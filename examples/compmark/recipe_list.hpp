@@ -7,6 +7,7 @@
 
 #include <compmark/recipes/captures.hpp>
 #include <compmark/recipes/far_field.hpp>
+#include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <string>
 #include <string_view>
@@ -43,6 +44,26 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
       "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +antialiasing+mask, +alpha+antialiasing, "
       "+lens, +fisheye, +exposure, +exposure+mask, +farfield or +exposure+farfield, compmark-host and "
       "compmark-paper-host"});
+}
+
+/// Recipes that train for compression, which are the ones a .cmk holds; `f` as above.
+template <class F>
+auto with_coded_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {
+  if (name == "hac") return f(Tag<compmark::recipes::HacScaffold>{});
+  if (name == "hac+mask") return f(Tag<compmark::recipes::HacMasked>{});
+  if (name == "hac+alpha") return f(Tag<compmark::recipes::HacAlpha>{});
+  if (name == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
+  return f.unknown(compmark::Error{compmark::ErrorKind::invalid,
+                                   {},
+                                   "recipe",
+                                   "\"" + std::string(name) + "\" is not trained for compression",
+                                   "this tool compresses hac, hac+mask, hac+alpha and hac+exposure"});
+}
+inline bool is_coded_recipe(std::string_view name) { return name.substr(0, 3) == "hac"; }
+/// Either list.
+template <class F>
+auto with_any_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::Scaffold>{})) {
+  return is_coded_recipe(name) ? with_coded_recipe(name, f) : with_recipe(name, f);
 }
 
 /// A generic lambda and what to return for a name that is in no list.

@@ -93,7 +93,7 @@ int run(const RenderOptions& options) {
 
 Command add_render(CLI::App& app) {
   auto options = std::make_shared<RenderOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run")->required();
+  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
   app.add_option("--out", options->out, "folder for the PNG images")->required();
   app.add_option("--data", options->data, "take the cameras from this dataset instead of from the model");
   app.add_option("--split", options->split, "test, train or all")

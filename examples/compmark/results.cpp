@@ -50,6 +50,28 @@ Result<Done> write_results(const std::filesystem::path& path, const Results& res
     json["psnr_cost_vs_unmarked"] = or_null(m.psnr_cost_vs_unmarked);
     json["psnr_marked_vs_unmarked"] = or_null(m.psnr_marked_vs_unmarked);
   }
+  if (results.compressed) {
+    const CompressedMetrics& c = *results.compressed;
+    nlohmann::ordered_json sections;
+    for (const auto& [name, bytes] : c.sections) sections[name] = bytes;
+    nlohmann::ordered_json metrics{{"psnr", c.test.psnr}, {"ssim", c.test.ssim}};
+    metrics["lpips_alex"] =
+        c.test.lpips_alex ? nlohmann::ordered_json(*c.test.lpips_alex) : nlohmann::ordered_json(nullptr);
+    metrics["views"] = c.test.views;
+    json["compressed"] = {{"codec", c.codec},
+                          {"bytes", c.bytes},
+                          {"anchors", c.anchors},
+                          {"encode_seconds", c.encode_seconds},
+                          {"decode_seconds", c.decode_seconds},
+                          {"test", std::move(metrics)},
+                          {"sections", std::move(sections)}};
+    if (c.watermark) {
+      json["compressed"]["bit_accuracy"] = {
+          {"mean", c.watermark->mean}, {"min", c.watermark->min}, {"views", c.watermark->views}};
+      json["compressed"]["p_value"] = c.watermark->p_value;
+      json["compressed"]["largest_view_p_value"] = c.watermark->largest_view_p_value;
+    }
+  }
   return compmark::write_json(path, json);
 }
 

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "compmark/core/result.hpp"
@@ -36,6 +37,18 @@ struct WatermarkMetrics {
   std::optional<double> psnr_marked_vs_unmarked;  ///< dB, of the renders of both
 };
 
+/// The same model from its compressed file.
+struct CompressedMetrics {
+  std::string codec;
+  std::uint64_t bytes = 0;  ///< of the whole file
+  std::uint64_t anchors = 0;
+  double encode_seconds = 0;
+  double decode_seconds = 0;  ///< from opening the file to a model that renders
+  TestMetrics test;
+  std::optional<WatermarkMetrics> watermark;
+  std::vector<std::pair<std::string, std::uint64_t>> sections;  ///< bytes by what they are for
+};
+
 struct Results {
   std::string dataset;  ///< path as given
   std::string recipe;
@@ -44,13 +57,14 @@ struct Results {
   std::uint64_t seed = 0;
   int threads = 0;
   std::uint64_t anchors = 0;
-  double gaussians_per_view = 0;              ///< mean over the test views (training views where there are none)
-  double train_seconds = 0;                   ///< wall clock, over all sessions of a resumed run
-  double peak_memory_mb = 0;                  ///< resident, 10^6 bytes
-  std::optional<TestMetrics> test;            ///< null when the data set has no test views
-  std::string model_sha256;                   ///< of RUN/model.safetensors
-  std::vector<std::string> effects;           ///< names of the scene effects that the recipe models
-  std::optional<WatermarkMetrics> watermark;  ///< not in the file of an unmarked run
+  double gaussians_per_view = 0;                ///< mean over the test views (training views where there are none)
+  double train_seconds = 0;                     ///< wall clock, over all sessions of a resumed run
+  double peak_memory_mb = 0;                    ///< resident, 10^6 bytes
+  std::optional<TestMetrics> test;              ///< null when the data set has no test views
+  std::string model_sha256;                     ///< of RUN/model.safetensors
+  std::vector<std::string> effects;             ///< names of the scene effects that the recipe models
+  std::optional<WatermarkMetrics> watermark;    ///< not in the file of an unmarked run
+  std::optional<CompressedMetrics> compressed;  ///< not in the file of a run without a codec
 };
 
 compmark::Result<compmark::Done> write_results(const std::filesystem::path& path, const Results& results);

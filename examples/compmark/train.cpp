@@ -7,9 +7,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "commands.hpp"
 #include "recipe_list.hpp"
+#include "train_coded.hpp"
 #include "train_marked.hpp"
 #include "train_run.hpp"
 
@@ -87,6 +89,34 @@ void leave_out_unmarked(TrainOptions& options) {
   options.notes.push_back("recipe " + recipe);
 }
 
+/// From the recipe that the effects call for to the one that trains for the codec; effects that it lacks are left out with a note.
+Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
+  const bool coded = is_coded_recipe(options.recipe);
+  if (options.codec == "none" && !coded) return Done{};
+  if (coded) {
+    options.codec = "hac";
+    return Done{};
+  }
+  if (recipe_given || options.recipe.rfind("scaffold", 0) != 0) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--codec",
+                 "\"" + options.codec + "\" has recipes of its own, but the recipe is " + options.recipe,
+                 "leave out --recipe and --profile"};
+  }
+  const auto names = [&](const char* part) { return options.recipe.find(part) != std::string::npos; };
+  const bool alpha = names("+alpha"), exposure = !alpha && names("+exposure"),
+             mask = !alpha && !exposure && names("mask");
+  options.recipe = options.codec + (alpha ? "+alpha" : exposure ? "+exposure" : mask ? "+mask" : "");
+  for (const auto& [effect, kept] :
+       {std::pair{"exposure", exposure}, std::pair{"anti_aliasing", false}, std::pair{"far_field", false}}) {
+    if (!kept && std::erase(options.simulated, effect) != 0)
+      options.notes.push_back(std::string("effect ") + effect + " is left out: no recipe for this codec has it");
+  }
+  options.notes.push_back("recipe " + options.recipe);
+  return Done{};
+}
+
 }  // namespace
 
 Command add_train(CLI::App& app) {
@@ -98,7 +128,15 @@ Command add_train(CLI::App& app) {
                  "+fisheye, +exposure, "
                  "+exposure+mask, +farfield or +exposure+farfield), compmark-host or compmark-paper-host (default: "
                  "what the data call for, or the profile's)");
-  app.add_option("--profile", options->profile, "hyper-parameters: scaffold, official or paper")->capture_default_str();
+  app.add_option("--codec", options->codec, "train for a small file: none or hac; writes model.cmk too")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "hac"}));
+  app.add_option("--lambda", options->rate_lambda,
+                 "with a codec: loss of one bit more a scalar; 0.0005 for quality to 0.004 for size")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--profile", options->profile, "hyper-parameters: scaffold, hac, official or paper")
+      ->capture_default_str();
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -135,17 +173,21 @@ Command add_train(CLI::App& app) {
   app.add_flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
   add_mark_options(app, options->mark, false);
   return [options]() -> int {
+    const bool coded = options->codec != "none" || is_coded_recipe(options->recipe);
+    if (coded && options->profile == "scaffold") options->profile = "hac";
     std::optional<TrainSettings> settings = profile_settings(options->profile);
     if (!settings) {
       return fail({ErrorKind::invalid,
                    {},
                    "--profile",
                    "unknown profile \"" + options->profile + "\"",
-                   "choose scaffold, official or paper"});
+                   "choose scaffold, hac, official or paper"});
     }
     const bool recipe_given = !options->recipe.empty();
     if (Result<Done> chosen = choose_effects(*options); !chosen) return fail(chosen.error());
-    if (options->mark.wanted() && !recipe_given) leave_out_unmarked(*options);
+    if (Result<Done> chosen = choose_codec(*options, recipe_given); !chosen) return fail(chosen.error());
+    if (options->mark.wanted() && !recipe_given && !coded) leave_out_unmarked(*options);
+    settings->rate.lambda = options->rate_lambda;
     settings->iterations = options->iterations;
     settings->max_anchors = options->max_anchors;
     if (options->seed) settings->seed = *options->seed;
@@ -163,8 +205,10 @@ Command add_train(CLI::App& app) {
       settings->blur_variance = recipes::antialiasing_blur_variance;
     if (options->mark.wanted()) {
       Result<MarkInput> mark = load_mark(options->mark, *settings);
+      if (mark && coded) return train_coded(*options, *settings, &*mark);
       return mark ? train_marked(*options, *settings, *mark) : fail(mark.error());
     }
+    if (coded) return train_coded(*options, *settings, nullptr);
     return with_recipe(options->recipe,
                        ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *settings); }));
   };

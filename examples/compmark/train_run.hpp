@@ -11,6 +11,7 @@
 #include <compmark/io/json_file.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/pipeline/coded_model.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/marked.hpp>
@@ -27,6 +28,7 @@
 #include <vector>
 
 #include "any_model.hpp"
+#include "coded_run.hpp"
 #include "common.hpp"
 #include "effects.hpp"
 #include "evaluation.hpp"
@@ -63,6 +65,8 @@ struct TrainOptions {
   LpipsFiles lpips;
   MarkOptions mark;
   std::filesystem::path model;  ///< embed: the finished model that is marked
+  std::string codec = "none";   ///< that the model is trained for
+  double rate_lambda = 0.001;   ///< loss of one bit more a scalar
 };
 
 inline std::string base_name(const std::filesystem::path& path) {
@@ -100,6 +104,9 @@ struct TrainObserver {
     line.psnr = last_psnr;
     line.anchors = report.anchors;
     line.gaussians = report.forward.gaussians;
+    if constexpr (requires { trainer.rate_report(); }) {
+      if (const auto& rate = trainer.rate_report(); rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
+    }
     if constexpr (requires { trainer.between_report(); }) {
       if (const MarkReport& mark = trainer.mark_report(); mark.bits != 0)
         line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
@@ -248,6 +255,7 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   info.iterations = settings.iterations;
   info.seed = settings.seed;
   info.origin = dataset.origin;
+  info.base_step = {settings.rate.feature_step, settings.rate.scaling_step, settings.rate.offset_step};
   for (const View& view : dataset.views) info.views.push_back(stored_view(view));
 
   const SceneExtent extent = scene_extent(dataset);
@@ -345,6 +353,19 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
   const double milliseconds = evaluation->mean([](const ViewResult& v) { return v.milliseconds; });
 
+  std::optional<CodedRun> coded;
+  if constexpr (present<typename R::EntropyModel>) {
+    const Result<CodecModel> small = [&] {
+      if constexpr (is_marked) return coded_model(unmarked_host(trainer.model()), info);
+      if constexpr (!is_marked) return coded_model(trainer.model(), info);
+    }();
+    if (!small) return fail(small.error());
+    Result<CodedRun> written =
+        write_and_measure(*small, options.out / "model.cmk", measured, options.lpips, mark, executor);
+    if (!written) return fail(written.error());
+    coded = std::move(*written);
+  }
+
   std::optional<MarkMeasurement> measured_mark;
   if (mark != nullptr) {
     Result<MarkMeasurement> found = measure_mark(**model, *mark, measured, executor);
@@ -373,6 +394,7 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   }
   results.model_sha256 = *digest;
   results.effects = info.effects;
+  if (coded) results.compressed = coded->metrics;
   if (measured_mark) {
     const BitAccuracy accuracy = bit_accuracy(measured_mark->report.verification);
     WatermarkMetrics metrics;
@@ -413,6 +435,11 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
                      {"scene extent", rounded(extent.radius, 4)},
                      {"background", options.background.empty() ? "black" : options.background},
                      {"model sha256", *digest}}}};
+  if (coded) {
+    report.headline.push_back({rounded(static_cast<double>(coded->metrics.bytes) / 1024, 0) + " KiB", "compressed"});
+    report.headline.push_back({rounded(coded->metrics.test.psnr, 2) + " dB", "PSNR of the compressed file"});
+    report.tables.push_back(coded->table);
+  }
   if (results.watermark) {
     const WatermarkMetrics& m = *results.watermark;
     report.headline.push_back(
@@ -446,6 +473,11 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
       results.dataset.c_str(), static_cast<long long>(settings.iterations), train_seconds,
       trainer.model().anchor_count(), split, mean_psnr, mean_ssim, measured.size(), model_path.string().c_str(),
       digest->c_str(), (options.out / "report.html").string().c_str());
+  if (coded) {
+    std::printf("compressed %s: %llu bytes, PSNR %.2f dB, SSIM %.4f\n", (options.out / "model.cmk").string().c_str(),
+                static_cast<unsigned long long>(coded->metrics.bytes), coded->metrics.test.psnr,
+                coded->metrics.test.ssim);
+  }
   if (measured_mark) {
     std::printf("bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s", 100 * results.watermark->mean,
                 100 * results.watermark->min, report_text(measured_mark->report.verification).c_str());

@@ -230,6 +230,7 @@
 
 #include "compmark/pipeline/bake.hpp"
 #include "compmark/pipeline/checkpoint.hpp"
+#include "compmark/pipeline/coded_model.hpp"
 #include "compmark/pipeline/contributions.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/model_file.hpp"
@@ -277,6 +278,7 @@
 #include "compmark/quant/adaptive_quantizer.hpp"
 #include "compmark/quant/distortion.hpp"
 #include "compmark/quant/step.hpp"
+#include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/marked.hpp"
 #include "compmark/scene/colmap_camera.hpp"
 #include "compmark/scene/decode.hpp"

@@ -50,6 +50,7 @@ struct ModelInfo {
   std::vector<StoredView> views;
   std::array<double, 3> origin{0, 0,
                                0};  ///< plus a position of the model is one in the dataset's files (Dataset::origin)
+  std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, extents and offsets, with an entropy model
 };
 
 template <Recipe R>
@@ -87,6 +88,7 @@ template <Recipe R>
                       {"background", model.render.background},
                       {"views", views}};
   if (info.origin != std::array<double, 3>{0, 0, 0}) json["origin"] = info.origin;
+  if constexpr (present<typename R::EntropyModel>) json["base_step"] = info.base_step;
   return json;
 }
 
@@ -153,6 +155,7 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
     info.seed = json.at("seed").get<std::uint64_t>();
     info.effects = json.at("effects").get<std::vector<std::string>>();
     if (json.contains("origin")) info.origin = json["origin"].get<std::array<double, 3>>();
+    if (json.contains("base_step")) info.base_step = json["base_step"].get<std::array<double, 3>>();
     for (const nlohmann::json& view : json.at("views")) {
       StoredView stored;
       stored.name = view.at("name").get<std::string>();
@@ -164,6 +167,9 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
   }
   for (const double x : info.origin) {
     if (!std::isfinite(x)) return model_error(file, "__metadata__.info.origin", "is not finite");
+  }
+  for (const double step : info.base_step) {
+    if (!(step > 0)) return model_error(file, "__metadata__.info.base_step", "is not positive");
   }
   if (info.views.empty()) return info;
   const Result<std::vector<double>> table = file.values<double>("camera.table");

@@ -1,0 +1,139 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "coded_run.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <compmark/codec/hac.hpp>
+#include <cstdio>
+#include <memory>
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+using Clock = std::chrono::steady_clock;
+
+double since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
+
+template <class... Values>
+std::string formatted(const char* format, Values... values) {
+  char text[160];
+  std::snprintf(text, sizeof text, format, values...);
+  return text;
+}
+
+const char* purpose(std::uint32_t section) {
+  using F = HacFormat;
+  if (section == F::meta) return "settings and cameras";
+  if (section == F::geometry) return "positions";
+  if (section == F::mask) return "offset masks";
+  if (section == F::hash) return "hash grid";
+  if (section == F::context) return "context network";
+  if (section == F::networks) return "rendering networks";
+  if (section == F::stream) return "features, extents, offsets";
+  return section == F::digests ? "digests" : "digest of the tables";
+}
+
+}  // namespace
+
+std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const HacReport& report) {
+  std::vector<std::pair<std::string, std::uint64_t>> sections;
+  for (std::size_t i = 0; i < report.section_bytes.size(); ++i) {
+    if (report.section_bytes[i] != 0) sections.emplace_back(purpose(HacFormat::known[i]), report.section_bytes[i]);
+  }
+  sections.emplace_back("header and table of contents", report.container_bytes);
+  if (report.extra_bytes != 0) sections.emplace_back("sections of others", report.extra_bytes);
+  std::stable_sort(sections.begin(), sections.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  return sections;
+}
+
+std::string coded_text(const HacReport& report) {
+  std::string text = formatted("%llu bytes, %llu anchors with %llu live offsets", report.total_bytes + 0ull,
+                               report.anchors + 0ull, report.live_offsets + 0ull);
+  if (report.dropped != 0) text += formatted(", %llu without a live one left out", report.dropped + 0ull);
+  text += "\n";
+  for (const auto& [name, bytes] : coded_sections(report)) {
+    text += formatted("  %-30s %10llu  %5.1f %%\n", name.c_str(), bytes + 0ull,
+                      100.0 * static_cast<double>(bytes) / static_cast<double>(report.total_bytes));
+  }
+  static constexpr const char* groups[3] = {"feature", "extent", "offset"};
+  for (std::size_t group = 0; group < 3; ++group) {
+    if (report.symbols[group] == 0) continue;
+    text += formatted("  %s: %.3f bits a scalar\n", groups[group],
+                      report.ideal_bits[group] / static_cast<double>(report.symbols[group]));
+  }
+  return text;
+}
+
+nlohmann::ordered_json coded_json(const HacReport& report) {
+  nlohmann::ordered_json sections;
+  for (const auto& [name, bytes] : coded_sections(report)) sections[name] = bytes;
+  nlohmann::ordered_json bits;
+  static constexpr const char* groups[3] = {"feature", "extent", "offset"};
+  for (std::size_t group = 0; group < 3; ++group) {
+    if (report.symbols[group] != 0)
+      bits[groups[group]] = report.ideal_bits[group] / static_cast<double>(report.symbols[group]);
+  }
+  return {{"bytes", report.total_bytes},         {"estimated_bytes", report.estimated_bytes()},
+          {"anchors", report.anchors},           {"dropped_anchors", report.dropped},
+          {"live_offsets", report.live_offsets}, {"bits_per_scalar", std::move(bits)},
+          {"sections", std::move(sections)}};
+}
+
+Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesystem::path& file,
+                                   const DatasetViews& measured, const LpipsFiles& lpips, const MarkInput* mark,
+                                   ThreadExecutor& executor) {
+  CodedRun run;
+  const auto encoding = Clock::now();
+  const Result<HacEncoded> encoded = write_hac(file, model, HacSettings{}, executor);
+  if (!encoded) return encoded.error();
+  run.metrics.encode_seconds = since(encoding);
+  const auto decoding = Clock::now();
+  Result<std::unique_ptr<AnyModel>> decoded = load_model(file);  // what was written is what is measured
+  if (!decoded) return decoded.error();
+  run.metrics.decode_seconds = since(decoding);
+  const Result<Evaluation> evaluation =
+      evaluate_views(**decoded, measured, lpips, executor,
+                     [](std::size_t, const ViewResult&, ImageView<const float>, ImageView<const float>) {});
+  if (!evaluation) return evaluation.error();
+  const HacReport& report = encoded->report;
+  run.metrics.codec = "hac";
+  run.metrics.bytes = report.total_bytes;
+  run.metrics.anchors = report.anchors;
+  run.metrics.sections = coded_sections(report);
+  run.metrics.test.psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
+  run.metrics.test.ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
+  run.metrics.test.views = static_cast<int>(measured.size());
+  if (!lpips.alex.empty())
+    run.metrics.test.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
+  if (mark != nullptr) {
+    const Result<MarkMeasurement> found = measure_mark(**decoded, *mark, measured, executor);
+    if (!found) return found.error();
+    const BitAccuracy accuracy = bit_accuracy(found->report.verification);
+    WatermarkMetrics metrics;
+    metrics.mean = accuracy.mean;
+    metrics.min = accuracy.min;
+    metrics.views = static_cast<int>(accuracy.views);
+    metrics.p_value = found->report.verification.evidence.p_value;
+    metrics.largest_view_p_value = accuracy.largest_p;
+    run.metrics.watermark = metrics;
+  }
+  run.table.heading = "Compressed";
+  run.table.rows = {{"codec", run.metrics.codec},
+                    {"file", file.filename().string()},
+                    {"size", formatted("%.1f KiB", static_cast<double>(run.metrics.bytes) / 1024)},
+                    {"PSNR", formatted("%.2f dB", run.metrics.test.psnr)},
+                    {"SSIM", formatted("%.4f", run.metrics.test.ssim)},
+                    {"encoded in", formatted("%.2f s", run.metrics.encode_seconds)},
+                    {"decoded in", formatted("%.2f s", run.metrics.decode_seconds)}};
+  if (run.metrics.watermark) {
+    run.table.rows.emplace_back("bit accuracy, mean and worst view",
+                                formatted("%.4f, %.4f", run.metrics.watermark->mean, run.metrics.watermark->min));
+  }
+  for (const auto& [name, bytes] : run.metrics.sections)
+    run.table.rows.emplace_back("of it " + name, formatted("%.1f KiB", static_cast<double>(bytes) / 1024));
+  return run;
+}
+
+}  // namespace tool

@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What becomes of a trained model when it is compressed: the file is written, read again as any other program would, rendered and measured.
+#pragma once
+
+#include <compmark/codec/codec_model.hpp>
+#include <compmark/codec/hac_encoder.hpp>
+#include <compmark/core/result.hpp>
+#include <compmark/core/thread_executor.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "evaluation.hpp"
+#include "mark_input.hpp"
+#include "report.hpp"
+#include "results.hpp"
+
+namespace tool {
+
+struct CodedRun {
+  CompressedMetrics metrics;
+  ReportTable table;  ///< for the page
+};
+
+/// Writes `file`, loads it and measures it over `measured`; `mark` may be null.
+compmark::Result<CodedRun> write_and_measure(const compmark::CodecModel& model, const std::filesystem::path& file,
+                                             const DatasetViews& measured, const LpipsFiles& lpips,
+                                             const MarkInput* mark, compmark::ThreadExecutor& executor);
+
+/// Bytes by what they are for, largest first; they add up to the file.
+std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const compmark::HacReport& report);
+/// What an encoder found, for people and for programs.
+std::string coded_text(const compmark::HacReport& report);
+nlohmann::ordered_json coded_json(const compmark::HacReport& report);
+
+}  // namespace tool

@@ -1,0 +1,132 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark compress: a model that was trained for it, as one small file. compmark decompress: the way back, damaged files included.
+#include <compmark/codec/hac.hpp>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/io/json_file.hpp>
+#include <compmark/pipeline/coded_model.hpp>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "coded_run.hpp"
+#include "commands.hpp"
+#include "common.hpp"
+#include "model_source.hpp"
+#include "recipe_list.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct CompressOptions {
+  std::filesystem::path model, out, json;
+  std::string cameras = "test", networks = "half";
+  std::size_t threads = 0;
+};
+
+template <class R>
+int compress(const CompressOptions& options) {
+  const Result<LoadedModel<R>> loaded = read_model<R>(options.model);
+  if (!loaded) return fail(loaded.error());
+  CodedModelSettings settings;
+  settings.networks = options.networks == "single" ? TensorStorage::single : TensorStorage::half;
+  settings.cameras = options.cameras == "none"  ? StoredCameras::none
+                     : options.cameras == "all" ? StoredCameras::all
+                                                : StoredCameras::test;
+  Result<CodecModel> model = coded_model(loaded->model, loaded->info, settings);
+  if (!model) {
+    Error error = model.error();
+    error.file = options.model.string();
+    return fail(error);
+  }
+  ThreadExecutor executor(options.threads);
+  const Result<HacEncoded> encoded = write_hac(options.out, *model, HacSettings{}, executor);
+  if (!encoded) return fail(encoded.error());
+  std::printf("%s: %s", options.out.string().c_str(), coded_text(encoded->report).c_str());
+  if (options.json.empty()) return success;
+  const Result<Done> written = write_json(options.json, coded_json(encoded->report));
+  return written ? success : fail(written.error());
+}
+
+struct DecompressOptions {
+  std::filesystem::path model, out;
+  bool salvage = false;
+  std::size_t threads = 0;
+};
+
+template <class R>
+int decompress(const DecompressOptions& options, const HacDecoded& decoded) {
+  Result<LoadedModel<R>> loaded = model_from<R>(decoded.model);
+  if (!loaded) {
+    Error error = loaded.error();
+    error.file = options.model.string();
+    return fail(error);
+  }
+  if (Result<Done> written = write_model(options.out, loaded->model, loaded->info); !written)
+    return fail(written.error());
+  std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), loaded->model.anchor_count(),
+              decoded.verified ? ", verified" : "");
+  if (decoded.damaged.empty()) return success;
+  for (const auto& [chunk, error] : decoded.damaged) {
+    std::fprintf(stderr, "compmark: warning: chunk %u is lost: %s\n", static_cast<unsigned>(chunk),
+                 error.line().c_str());
+  }
+  std::fprintf(stderr, "compmark: warning: %llu anchors are missing\n",
+               static_cast<unsigned long long>(decoded.lost_anchors));
+  return salvaged;
+}
+
+}  // namespace
+
+Command add_compress(CLI::App& app) {
+  auto options = std::make_shared<CompressOptions>();
+  app.add_option("--model", options->model, "model.safetensors of a run with --codec")->required();
+  app.add_option("--out", options->out, "compressed file (.cmk)")->required();
+  app.add_option("--cameras", options->cameras, "which of the model's cameras the file keeps, 144 bytes each")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "test", "all"}));
+  app.add_option("--networks", options->networks, "half or single: numbers of the rendering networks")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"half", "single"}));
+  app.add_option("--threads", options->threads, "0: all; the file is the same for any number")->capture_default_str();
+  app.add_option("--json", options->json, "write the sizes to this file");
+  return [options]() -> int {
+    if (is_coded_file(options->model)) {
+      return fail({ErrorKind::invalid, options->model.string(), {}, "is compressed already", "copy the file"});
+    }
+    const Result<ModelSource> source = ModelSource::open(options->model);
+    if (!source) return fail(source.error());
+    if (!is_coded_recipe(source->recipe)) {
+      return fail({ErrorKind::unsupported, options->model.string(), "recipe",
+                   "\"" + source->recipe + "\" has no entropy model, so nothing is known of how its numbers are coded",
+                   "train with --codec hac"});
+    }
+    return with_coded_recipe(source->recipe,
+                             ExitCode([&](auto tag) { return compress<typename decltype(tag)::Recipe>(*options); }));
+  };
+}
+
+Command add_decompress(CLI::App& app) {
+  auto options = std::make_shared<DecompressOptions>();
+  app.add_option("--model", options->model, "compressed file (.cmk)")->required();
+  app.add_option("--out", options->out, "model.safetensors to write")->required();
+  app.add_flag("--salvage", options->salvage,
+               "decode what is not damaged and leave out the rest (exit code 4 if anything was)");
+  app.add_option("--threads", options->threads, "0: all")->capture_default_str();
+  return [options]() -> int {
+    ThreadExecutor executor(options->threads);
+    HacDecodeSettings settings;
+    settings.salvage = options->salvage;
+    const Result<HacDecoded> decoded = read_hac(options->model, settings, executor);
+    if (!decoded) return fail(decoded.error());
+    const Result<std::string> recipe = model_recipe(decoded->model);
+    if (!recipe) return fail(recipe.error());
+    return with_coded_recipe(
+        *recipe, ExitCode([&](auto tag) { return decompress<typename decltype(tag)::Recipe>(*options, *decoded); }));
+  };
+}
+
+}  // namespace tool

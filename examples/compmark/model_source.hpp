@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A model's file, whichever of the two it is: model.safetensors of a run, or a compressed .cmk. Opened first, because the recipe that stands
+// in it chooses the type it is loaded as.
+#pragma once
+
+#include <compmark/codec/codec_model.hpp>
+#include <compmark/core/absent.hpp>
+#include <compmark/core/result.hpp>
+#include <compmark/pipeline/coded_model.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+namespace tool {
+
+/// Whether a file begins as a .cmk does.
+bool is_coded_file(const std::filesystem::path& path);
+
+struct ModelSource {
+  std::filesystem::path path;
+  std::string recipe;
+  std::optional<compmark::CodecModel> coded;  ///< decoded, of a .cmk
+
+  static compmark::Result<ModelSource> open(const std::filesystem::path& path);
+
+  template <class R>
+  [[nodiscard]] compmark::Result<compmark::LoadedModel<R>> load() const {
+    if (!coded) return compmark::read_model<R>(path);
+    if constexpr (compmark::present<typename R::EntropyModel>) {
+      compmark::Result<compmark::LoadedModel<R>> loaded = compmark::model_from<R>(*coded);
+      if (loaded) return loaded;
+      compmark::Error error = loaded.error();
+      error.file = path.string();
+      return error;
+    } else {
+      return compmark::Error{compmark::ErrorKind::malformed, path.string(), "META.recipe",
+                             "is " + recipe + ", which no compressed model is trained with", "encode the model again"};
+    }
+  }
+};
+
+}  // namespace tool

@@ -1,0 +1,370 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Between a model that renders and what a codec compresses: coded_model() turns a trained Model of a recipe with an entropy model into a
+// CodecModel, model_from() turns a decoded one back. Anchors must lie on the voxel grid, as those of every recipe without a contracted space
+// do. Extents are stored, the table holds their logarithms: both ways go through double, once, so that the same file gives the same bits.
+// A decoded model renders; the context that predicted it stays with the file. Cost: one copy of the model.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/codec/codec_model.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/entropy/offset_mask.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/model_file.hpp"
+
+namespace compmark::inline v0 {
+
+/// Which of the model's cameras a file keeps: 144 bytes a view.
+enum class StoredCameras : std::uint8_t { none, test, all };
+
+struct CodedModelSettings {
+  TensorStorage networks = TensorStorage::half;
+  StoredCameras cameras = StoredCameras::test;
+};
+
+namespace detail {
+
+[[nodiscard]] inline Error coded_error(std::string field, std::string problem, std::string remedy) {
+  return {ErrorKind::invalid, {}, std::move(field), std::move(problem), std::move(remedy)};
+}
+
+/// Blocks that belong to the entropy model; every other block of fixed rows is needed to render.
+[[nodiscard]] inline bool is_context_block(std::string_view name) {
+  return name == "hash_grid" || name.starts_with("context.");
+}
+
+/// Smallest extent a model is given, world units: a scale of zero has no logarithm.
+inline constexpr double least_coded_extent = 1e-6;
+
+/// Little-endian bits of doubles as text that metadata may hold.
+[[nodiscard]] inline std::string packed_doubles(std::span<const double> values) {
+  std::string text;
+  for (const double value : values) {
+    std::uint64_t bits = std::bit_cast<std::uint64_t>(value);
+    for (int byte = 0; byte < 8; ++byte, bits >>= 8) text.push_back(static_cast<char>(bits & 0xFF));
+  }
+  return text;
+}
+[[nodiscard]] inline std::vector<double> unpacked_doubles(std::string_view text) {
+  std::vector<double> values;
+  for (std::size_t i = 0; i + 8 <= text.size(); i += 8) {
+    std::uint64_t bits = 0;
+    for (std::size_t byte = 8; byte-- > 0;) bits = bits << 8 | static_cast<unsigned char>(text[i + byte]);
+    values.push_back(std::bit_cast<double>(bits));
+  }
+  return values;
+}
+
+/// A view's camera and lens in numbers: width, height, fx, fy, cx, cy, rotation[9], center[3], then lens model and parameters[16].
+inline constexpr std::size_t camera_numbers = 18, lens_numbers = 17;
+
+inline void store_views(const ModelInfo& info, StoredCameras which, CodecModel& coded) {
+  if (which == StoredCameras::none) return;
+  nlohmann::json names = nlohmann::json::array();
+  std::vector<double> numbers;
+  bool lenses = false;
+  for (const StoredView& view : info.views) lenses = lenses || !is_pinhole(view.lens);
+  for (const StoredView& view : info.views) {
+    if (which == StoredCameras::test && !view.test) continue;
+    names.push_back({view.name, view.test ? 1 : 0});
+    const Camera<double>& c = view.camera;
+    numbers.insert(numbers.end(),
+                   {static_cast<double>(c.width), static_cast<double>(c.height), c.fx, c.fy, c.cx, c.cy});
+    numbers.insert(numbers.end(), c.rotation_camera_world.begin(), c.rotation_camera_world.end());
+    numbers.insert(numbers.end(), c.center_world.begin(), c.center_world.end());
+    if (!lenses) continue;
+    numbers.push_back(static_cast<double>(view.lens.model));
+    numbers.insert(numbers.end(), view.lens.parameters.begin(), view.lens.parameters.end());
+  }
+  if (names.empty()) return;
+  coded.metadata["views"] = names.dump();
+  coded.metadata[lenses ? "cameras.lens" : "cameras"] = packed_doubles(numbers);
+}
+
+[[nodiscard]] inline Result<std::vector<StoredView>> read_views(const CodecModel& coded) {
+  const auto text = [&](const char* key) -> const std::string* {
+    const auto found = coded.metadata.find(key);
+    return found == coded.metadata.end() ? nullptr : std::get_if<std::string>(&found->second);
+  };
+  std::vector<StoredView> views;
+  const std::string* const names = text("views");
+  if (names == nullptr) return views;
+  const std::string* const with_lens = text("cameras.lens");
+  const std::string* const plain = with_lens != nullptr ? with_lens : text("cameras");
+  const auto fail = [](std::string problem) {
+    return coded_error("META.views", std::move(problem),
+                       "the file was not written by this tool; encode the model again");
+  };
+  const nlohmann::json json = nlohmann::json::parse(*names, nullptr, false);
+  if (!json.is_array() || plain == nullptr) return fail("names and cameras do not belong together");
+  const std::vector<double> numbers = unpacked_doubles(*plain);
+  const std::size_t width = camera_numbers + (with_lens != nullptr ? lens_numbers : 0);
+  if (numbers.size() != json.size() * width) return fail("has another number of cameras than of names");
+  for (std::size_t i = 0; i < json.size(); ++i) {
+    if (!json[i].is_array() || json[i].size() != 2 || !json[i][0].is_string() || !json[i][1].is_number_integer()) {
+      return fail("holds an entry that is not a name and a split");
+    }
+    StoredView view;
+    view.name = json[i][0].get<std::string>();
+    view.test = json[i][1].get<int>() != 0;
+    const double* const row = numbers.data() + i * width;
+    if (!std::all_of(row, row + width, [](double x) { return std::isfinite(x); }) ||
+        !(row[0] >= 1 && row[0] <= 65536 && row[1] >= 1 && row[1] <= 65536 && row[2] > 0 && row[3] > 0)) {
+      return fail("view " + view.name + " has an impossible camera");
+    }
+    Camera<double>& camera = view.camera;
+    camera.width = static_cast<int>(row[0]);
+    camera.height = static_cast<int>(row[1]);
+    camera.fx = row[2];
+    camera.fy = row[3];
+    camera.cx = row[4];
+    camera.cy = row[5];
+    std::copy_n(row + 6, 9, camera.rotation_camera_world.begin());
+    std::copy_n(row + 15, 3, camera.center_world.begin());
+    if (with_lens != nullptr) {
+      if (!(row[18] >= 0 && row[18] < static_cast<double>(lens_model_count)) || row[18] != std::floor(row[18])) {
+        return fail("view " + view.name + " has an impossible lens");
+      }
+      view.lens.model = static_cast<LensModel>(static_cast<int>(row[18]));
+      std::copy_n(row + 19, 16, view.lens.parameters.begin());
+    }
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+}  // namespace detail
+
+/// What a codec compresses of a trained model; its context is that of HacModel. `base_step` is that of the training (RateNumbers).
+template <Recipe R>
+  requires present<typename R::EntropyModel>
+[[nodiscard]] Result<CodecModel> coded_model(const Model<R>& model, const ModelInfo& info,
+                                             const CodedModelSettings& settings = {}) {
+  using Scalar = typename R::Scalar;
+  constexpr DecoderShape shape = R::AnchorModel::shape;
+  if constexpr (present<typename R::Space>) {
+    return detail::coded_error("space", "is contracted: its anchors do not lie on a grid, which is how they are coded",
+                               "train with a recipe without farfield");
+  }
+  CodecModel coded;
+  coded.voxel_size = model.voxel_size;
+  coded.feature_dim = shape.feature_dim;
+  coded.offset_count = shape.offsets;
+  coded.base_step = info.base_step;
+
+  const AnchorColumns<const Scalar> columns = model.columns();
+  const MatrixView<const Scalar> mask = model.arena.values(model.road.rate.mask);
+  const std::size_t rows = model.anchor_count();
+  coded.voxels.reserve(rows);
+  coded.mask.reserve(rows);
+  for (std::size_t i = 0; i < rows; ++i) {
+    Voxel voxel{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double place = static_cast<double>(columns.position(i, axis)), cell = std::round(place / model.voxel_size);
+      // A float holds a place to 2^-24 of itself; beside that it may lie nowhere but on the grid.
+      if (!(std::abs(cell) < 0x1p31) ||
+          std::abs(place - cell * model.voxel_size) > 1e-3 * model.voxel_size + 0x1p-22 * std::abs(place)) {
+        return detail::coded_error("anchor.position[" + std::to_string(i) + "]",
+                                   "does not lie on the grid of cells of " + std::to_string(model.voxel_size),
+                                   "compress models that were trained here");
+      }
+      voxel[axis] = static_cast<std::int32_t>(cell);
+    }
+    coded.voxels.push_back(voxel);
+    std::uint32_t live = 0;
+    for (std::size_t k = 0; k < mask.columns; ++k) live |= mask_live(mask(i, k)) ? 1u << k : 0u;
+    coded.mask.push_back(live);
+  }
+  const auto floats = [](MatrixView<const Scalar> values) {
+    std::vector<float> copy(values.size());
+    for (std::size_t i = 0; i < copy.size(); ++i) copy[i] = static_cast<float>(values.data[i]);
+    return copy;
+  };
+  coded.feature = floats(columns.feature);
+  coded.offset = floats(columns.offset);
+  coded.extent.resize(rows * 6);
+  for (std::size_t i = 0; i < coded.extent.size(); ++i) {
+    coded.extent[i] = static_cast<float>(std::exp(static_cast<double>(columns.scaling.data[i])));
+  }
+
+  const auto block = [&](const char* name) { return floats(model.arena.values(model.arena.layout().find(name))); };
+  TrainedContext context;
+  context.shape = R::EntropyModel::shape;
+  const std::vector<float> box = block("context.box"), grid = block("hash_grid");
+  std::copy_n(box.begin(), 6, context.box.begin());
+  context.signs.resize(grid.size() / 4);
+  for (std::size_t e = 0; e < context.signs.size(); ++e) {
+    for (std::size_t f = 0; f < 4; ++f) {
+      if (grid[4 * e + f] >= 0) context.signs[e] = static_cast<std::uint8_t>(context.signs[e] | 1u << f);
+    }
+  }
+  context.hidden = static_cast<std::size_t>(R::EntropyModel::hidden);
+  context.weight1 = block("context.0.weight");
+  context.bias1 = block("context.0.bias");
+  context.weight2 = block("context.2.weight");
+  context.bias2 = block("context.2.bias");
+  context.statistics = block("context.statistics");
+  coded.trained = std::move(context);
+
+  for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
+    if (part.kind != RowKind::fixed || detail::is_context_block(part.name)) continue;
+    const std::span<const Scalar> values = model.arena.all_values().subspan(part.offset, part.size());
+    CodecTensor tensor;
+    tensor.name = part.name;
+    tensor.shape = {static_cast<std::uint32_t>(part.rows), static_cast<std::uint32_t>(part.columns)};
+    for (const Scalar value : values) tensor.values.push_back(static_cast<float>(value));
+    tensor.storage = settings.networks;
+    coded.networks.push_back(std::move(tensor));
+  }
+  coded.metadata = {{"recipe", info.recipe},
+                    {"profile", info.profile},
+                    {"iterations", info.iterations},
+                    {"seed", static_cast<std::int64_t>(info.seed)},
+                    {"effects", nlohmann::json(info.effects).dump()},
+                    {"train_views", static_cast<std::int64_t>(model.train_views)},
+                    {"near_plane", model.render.near_plane},
+                    {"blur_variance", model.render.blur_variance},
+                    {"background", detail::packed_doubles(model.render.background)}};
+  if (info.origin != std::array<double, 3>{0, 0, 0}) coded.metadata["origin"] = detail::packed_doubles(info.origin);
+  detail::store_views(info, settings.cameras, coded);
+  return coded;
+}
+
+/// Name of the recipe that a compressed model was trained with, to choose the type to render it with.
+[[nodiscard]] inline Result<std::string> model_recipe(const CodecModel& coded) {
+  const auto found = coded.metadata.find("recipe");
+  if (found == coded.metadata.end() || !std::holds_alternative<std::string>(found->second)) {
+    return detail::coded_error("META.recipe", "is missing", "encode the model again");
+  }
+  return std::get<std::string>(found->second);
+}
+
+/// What the file says of where a compressed model comes from.
+[[nodiscard]] inline Result<ModelInfo> model_info(const CodecModel& coded) {
+  ModelInfo info;
+  const auto fail = [](const char* key) {
+    return detail::coded_error(std::string("META.") + key, "is missing or of another type", "encode the model again");
+  };
+  const auto get = [&](const char* key, auto& value) {
+    const auto found = coded.metadata.find(key);
+    if (found == coded.metadata.end()) return false;
+    const auto* stored = std::get_if<std::remove_cvref_t<decltype(value)>>(&found->second);
+    if (stored != nullptr) value = *stored;
+    return stored != nullptr;
+  };
+  std::int64_t seed = 0;
+  std::string effects, origin;
+  if (!get("recipe", info.recipe)) return fail("recipe");
+  if (!get("profile", info.profile)) return fail("profile");
+  if (!get("iterations", info.iterations)) return fail("iterations");
+  if (!get("seed", seed)) return fail("seed");
+  if (!get("effects", effects)) return fail("effects");
+  info.seed = static_cast<std::uint64_t>(seed);
+  const nlohmann::json list = nlohmann::json::parse(effects, nullptr, false);
+  if (!list.is_array()) return fail("effects");
+  for (const nlohmann::json& effect : list) {
+    if (!effect.is_string()) return fail("effects");
+    info.effects.push_back(effect.get<std::string>());
+  }
+  if (get("origin", origin)) {
+    const std::vector<double> numbers = detail::unpacked_doubles(origin);
+    if (numbers.size() != 3 || !std::isfinite(numbers[0] + numbers[1] + numbers[2])) return fail("origin");
+    std::copy_n(numbers.begin(), 3, info.origin.begin());
+  }
+  info.base_step = coded.base_step;
+  Result<std::vector<StoredView>> views = detail::read_views(coded);
+  if (!views) return views.error();
+  info.views = std::move(*views);
+  return info;
+}
+
+/// The model that a decoded file renders. Every shape and number is checked before it is believed.
+template <Recipe R>
+  requires present<typename R::EntropyModel>
+[[nodiscard]] Result<LoadedModel<R>> model_from(const CodecModel& coded) {
+  using Scalar = typename R::Scalar;
+  constexpr DecoderShape shape = R::AnchorModel::shape;
+  Result<ModelInfo> info = model_info(coded);
+  if (!info) return info.error();
+  if (coded.feature_dim != shape.feature_dim || coded.offset_count != shape.offsets) {
+    return detail::coded_error("META.shape", "is not that of recipe " + info->recipe, "encode the model again");
+  }
+  const auto number = [&](const char* key) -> const double* {
+    const auto found = coded.metadata.find(key);
+    return found == coded.metadata.end() ? nullptr : std::get_if<double>(&found->second);
+  };
+  const auto views = coded.metadata.find("train_views");
+  const auto* const train_views = views == coded.metadata.end() ? nullptr : std::get_if<std::int64_t>(&views->second);
+  const double* const near_plane = number("near_plane");
+  const double* const blur_variance = number("blur_variance");
+  const auto color = coded.metadata.find("background");
+  const auto* const background = color == coded.metadata.end() ? nullptr : std::get_if<std::string>(&color->second);
+  if (train_views == nullptr || *train_views < 0 || *train_views > (std::int64_t{1} << 24) || near_plane == nullptr ||
+      !(*near_plane > 0) || blur_variance == nullptr || !(*blur_variance >= 0) || background == nullptr ||
+      background->size() != 24) {
+    return detail::coded_error("META", "a render setting is missing or out of range", "encode the model again");
+  }
+  LoadedModel<R> loaded;
+  loaded.info = std::move(*info);
+  Model<R>& model = loaded.model;
+  const std::size_t rows = coded.anchors();
+  model.create(rows, static_cast<std::size_t>(*train_views));
+  model.voxel_size = coded.voxel_size;
+  model.render.near_plane = *near_plane;
+  model.render.blur_variance = *blur_variance;
+  const std::vector<double> rgb = detail::unpacked_doubles(*background);
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (!std::isfinite(rgb[c]))
+      return detail::coded_error("META.background", "is not finite", "encode the model again");
+    model.render.background[c] = rgb[c];
+  }
+
+  const AnchorColumns<Scalar> columns = anchor_values(model.arena, model.anchors);
+  const MatrixView<Scalar> mask = model.arena.values(model.road.rate.mask);
+  for (std::size_t i = 0; i < rows; ++i) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      columns.position(i, axis) = static_cast<Scalar>(voxel_position(coded.voxels[i][axis], coded.voxel_size));
+    }
+    for (std::size_t k = 0; k < mask.columns; ++k) {
+      mask(i, k) = static_cast<Scalar>((coded.mask[i] >> k & 1u) != 0 ? 0.0 : 2 * dead_mask_logit);
+    }
+  }
+  std::copy(coded.feature.begin(), coded.feature.end(), columns.feature.data);
+  std::copy(coded.offset.begin(), coded.offset.end(), columns.offset.data);
+  for (std::size_t i = 0; i < coded.extent.size(); ++i) {
+    const double extent = std::max(static_cast<double>(coded.extent[i]), detail::least_coded_extent);
+    columns.scaling.data[i] = static_cast<Scalar>(std::log(extent));
+  }
+
+  for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
+    if (part.kind != RowKind::fixed || detail::is_context_block(part.name)) continue;
+    const auto tensor = std::find_if(coded.networks.begin(), coded.networks.end(),
+                                     [&](const CodecTensor& t) { return t.name == part.name; });
+    if (tensor == coded.networks.end() ||
+        tensor->shape != std::vector<std::uint32_t>{static_cast<std::uint32_t>(part.rows),
+                                                    static_cast<std::uint32_t>(part.columns)} ||
+        tensor->values.size() != part.size()) {
+      return detail::coded_error("NETR." + part.name,
+                                 "is missing or has another shape than recipe " + loaded.info.recipe + " needs",
+                                 "encode the model again");
+    }
+    std::copy(tensor->values.begin(), tensor->values.end(),
+              model.arena.all_values().begin() + static_cast<std::ptrdiff_t>(part.offset));
+  }
+  return loaded;
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,38 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Recipes that train for compression with HAC (Chen et al., ECCV 2024): any host, and the entropy model whose rate is a loss. The model that
+// comes out renders by itself; codec/hac_encoder.hpp makes the small file of it.
+//
+//   Hac<Host>                 Host with hash-grid context, adaptive steps and offset masks
+//   HacScaffold, HacAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input
+#pragma once
+
+#include "compmark/entropy/hac_model.hpp"
+#include "compmark/recipes/captures.hpp"
+#include "compmark/recipes/scaffold.hpp"
+
+namespace compmark::inline v0::recipes {
+
+/// `grid`: levels of the context's hash grid; the published one has 1.77 million entries of one bit, 216 KB before coding.
+template <class HostRecipe, HashGridShape grid = HashGridShape{}>
+struct Hac : HostRecipe {
+  using Host = HostRecipe;
+  using EntropyModel = HacModel<typename HostRecipe::Scalar, HostRecipe::AnchorModel::shape.feature_dim,
+                                HostRecipe::AnchorModel::shape.offsets, grid>;
+};
+
+/// A capture's recipe with anchors and heads of another shape.
+template <class Capture, DecoderShape decoder_shape>
+struct WithShape : Capture {
+  using AnchorModel = ScaffoldAnchors<typename Capture::Scalar, decoder_shape>;
+  using GaussianDecoder = MlpDecoder<typename Capture::Scalar, decoder_shape>;
+};
+inline constexpr DecoderShape coded_shape{.feature_dim = 50, .distance = true};
+
+struct HacScaffold : Hac<WithShape<Scaffold, coded_shape>> {};
+struct HacMasked : Hac<WithShape<ScaffoldMasked, coded_shape>> {};
+struct HacAlpha : Hac<WithShape<ScaffoldAlpha, coded_shape>> {};
+struct HacExposure : Hac<WithShape<ScaffoldExposure, coded_shape>> {};
+
+}  // namespace compmark::inline v0::recipes
