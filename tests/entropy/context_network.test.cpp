@@ -32,7 +32,7 @@ struct Case {
     fill(bias2, N::outputs, 0.3);
     input.assign(N::panel * N::input_row, T(0));
     for (int i = 0; i < N::panel; ++i) {
-      for (int c = 0; c < N::inputs; ++c) input[i * N::input_row + c] = static_cast<T>(random.normal(at++));
+      for (int c = 0; c < N::inputs; ++c) input.data()[i * N::input_row + c] = static_cast<T>(random.normal(at++));
     }
     hidden.resize(N::panel * N::hidden_row);
     output.resize(N::panel * N::output_row);
@@ -61,18 +61,19 @@ TEST_CASE("entropy/context_network: outputs are those of plain loops, and the ta
   for (int i = 0; i < FloatNet::panel; i += 9) {
     double hidden[100];
     for (int h = 0; h < 100; ++h) {
-      double sum = static_cast<double>(c.bias1[h]);
+      double sum = static_cast<double>(c.bias1.data()[h]);
       for (int k = 0; k < 96; ++k)
-        sum += static_cast<double>(c.weight1[h * 96 + k]) * static_cast<double>(c.input[i * FloatNet::input_row + k]);
+        sum += static_cast<double>(c.weight1.data()[h * 96 + k]) *
+               static_cast<double>(c.input.data()[i * FloatNet::input_row + k]);
       hidden[h] = std::max(0.0, sum);
     }
     for (int o = 0; o < 175; ++o) {
-      double sum = static_cast<double>(c.bias2[o]);
-      for (int h = 0; h < 100; ++h) sum += static_cast<double>(c.weight2[o * 100 + h]) * hidden[h];
-      worst = std::max(worst, std::abs(sum - static_cast<double>(c.output[i * FloatNet::output_row + o])));
+      double sum = static_cast<double>(c.bias2.data()[o]);
+      for (int h = 0; h < 100; ++h) sum += static_cast<double>(c.weight2.data()[o * 100 + h]) * hidden[h];
+      worst = std::max(worst, std::abs(sum - static_cast<double>(c.output.data()[i * FloatNet::output_row + o])));
       if (o >= 172)
-        worst_tail = std::max(worst_tail, std::abs(static_cast<double>(c.tail[i * FloatNet::tail_row + o - 172] -
-                                                                       c.output[i * FloatNet::output_row + o])));
+        worst_tail = std::max(worst_tail, std::abs(static_cast<double>(c.tail.data()[i * FloatNet::tail_row + o - 172] -
+                                                                       c.output.data()[i * FloatNet::output_row + o])));
     }
   }
   CHECK(worst < 1e-4);     // 100 products of size 1
@@ -89,9 +90,9 @@ TEST_CASE(
     std::vector<double> d_out(Net::panel * Net::output_row, 0.0), d_tail(Net::panel * Net::tail_row, 0.0);
     for (int i = 0; i < Net::panel; ++i) {
       for (int o = 0; o < Net::outputs; ++o)
-        d_out[i * Net::output_row + o] = random.normal(static_cast<std::uint64_t>(i * 100 + o));
+        d_out.data()[i * Net::output_row + o] = random.normal(static_cast<std::uint64_t>(i * 100 + o));
       for (int o = 0; o < Net::tail; ++o)
-        d_tail[i * Net::tail_row + o] = random.normal(static_cast<std::uint64_t>(90000 + i * 100 + o));
+        d_tail.data()[i * Net::tail_row + o] = random.normal(static_cast<std::uint64_t>(90000 + i * 100 + o));
     }
     const auto loss = [&] {
       c.run();
@@ -124,8 +125,9 @@ TEST_CASE(
     std::vector<double> x, dx;
     for (int i = 0; i < 5; ++i) {
       for (int k = 0; k < Net::inputs; ++k) {
-        double& at = c.input[i * Net::input_row + k];
-        CHECK(d_input[i * Net::input_row + k] == doctest::Approx(testing::central_difference(loss, at)).epsilon(1e-5));
+        double& at = c.input.data()[i * Net::input_row + k];
+        CHECK(d_input.data()[i * Net::input_row + k] ==
+              doctest::Approx(testing::central_difference(loss, at)).epsilon(1e-5));
       }
     }
   }
