@@ -222,6 +222,7 @@
 #include "compmark/codec/hac.hpp"
 #include "compmark/codec/hac_chunk.hpp"
 #include "compmark/codec/hac_decoder.hpp"
+#include "compmark/codec/hac_digest.hpp"
 #include "compmark/codec/hac_encoder.hpp"
 #include "compmark/codec/hac_format.hpp"
 #include "compmark/codec/mask_coding.hpp"

@@ -83,7 +83,7 @@ struct CodecModelShape {
   model.feature.resize(n * d);
   model.extent.resize(n * 6);
   model.offset.resize(n * 3 * k);
-  const auto context = detail::context_of(model, {});
+  const auto context = detail::context_of(model, 12);
   if (!context) return {};
   const IntegerNetwork::Packed packed = context->network.pack();
   ContextEvaluator evaluator(*context, packed);
@@ -116,6 +116,11 @@ struct CodecModelShape {
     model.networks.push_back(weight);
     model.networks.push_back({"render.0.bias", {3}, {0.1f, -1e-20f, 70000.0f}, TensorStorage::half});
     model.networks.push_back({"exact", {2}, {0.1f, 3.14159265f}, TensorStorage::single});
+    CodecTensor integers = weight;
+    integers.name = "render.2.weight";
+    integers.storage = TensorStorage::integer;
+    integers.bits = 7;
+    model.networks.push_back(integers);
   }
   model.metadata = {{"background", CodecValue{0.5}},
                     {"iteration", CodecValue{std::int64_t{30000}}},

@@ -26,14 +26,16 @@
 
 namespace compmark::inline v0 {
 
-/// How a tensor of the rendering networks is stored. Values that half cannot hold are stored as single whatever is asked.
-enum class TensorStorage : std::uint8_t { single = 1, half = 2 };
+/// How a tensor of the rendering networks is stored: as float, as half, or as integers of some bits with a power of two a row. Values that the
+/// chosen form cannot hold are stored in the next wider one.
+enum class TensorStorage : std::uint8_t { single = 1, half = 2, integer = 3 };
 
 struct CodecTensor {
   std::string name;
   std::vector<std::uint32_t> shape;
   std::vector<float> values;
   TensorStorage storage = TensorStorage::half;
+  int bits = 10;  ///< of integers, sign included, 2 … 16
 
   friend bool operator==(const CodecTensor&, const CodecTensor&) = default;
 };
@@ -148,6 +150,7 @@ namespace detail {
     }
     if (count != tensor.values.size()) return fail(tensor.name, "its values do not fill its shape");
     if (count == 0) return fail(tensor.name, "is empty");
+    if (tensor.bits < 2 || tensor.bits > 16) return fail(tensor.name, "bits must be 2 to 16");
     if (tensor.name.size() > 255 || tensor.shape.size() > 8)
       return fail(tensor.name, "has a name or a shape that is too long");
     for (const float value : tensor.values) {

@@ -19,12 +19,12 @@
 
 #include "compmark/codec/bits.hpp"
 #include "compmark/codec/codec_model.hpp"
+#include "compmark/codec/hac_digest.hpp"
 #include "compmark/codec/hac_format.hpp"
 #include "compmark/codec/mask_coding.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/integer_context.hpp"
 #include "compmark/entropy/symbol_coder.hpp"
-#include "compmark/io/sha256.hpp"
 
 namespace compmark::inline v0 {
 
@@ -89,18 +89,25 @@ inline void append_models(const ContextEvaluator& evaluator, const ContextHeads&
   for (const std::uint32_t mask : masks) hash = mix_bits(hash ^ mask);
   return hash;
 }
-[[nodiscard]] inline Sha256Bytes chunk_value_hash(const ChunkRows& rows) {
+/// … and its arrays, bit by bit.
+[[nodiscard]] inline ChunkDigest chunk_value_hash(const ChunkRows& rows) {
   static_assert(std::endian::native == std::endian::little, "values are hashed as they lie in memory");
-  Sha256 hash;
-  hash.update(std::as_bytes(rows.voxels)).update(std::as_bytes(rows.mask)).update(std::as_bytes(rows.feature));
-  hash.update(std::as_bytes(rows.extent)).update(std::as_bytes(rows.offset));
-  return sha256_bytes(hash);
+  const std::array<std::span<const std::byte>, 5> arrays{std::as_bytes(rows.voxels), std::as_bytes(rows.mask),
+                                                         std::as_bytes(rows.feature), std::as_bytes(rows.extent),
+                                                         std::as_bytes(rows.offset)};
+  ChunkDigest digest{};
+  for (std::size_t i = 0; i < arrays.size(); ++i) {
+    const std::array<std::uint64_t, 2> hash = digest_words(arrays[i]);
+    digest[2 * i] = hash[0];
+    digest[2 * i + 1] = hash[1];
+  }
+  return digest;
 }
 
 struct EncodedChunk {
   std::vector<std::byte> mask, stream;
   std::uint64_t symbol_count = 0, symbol_hash = 0;
-  Sha256Bytes value_hash{};
+  ChunkDigest value_hash{};
   std::array<std::uint64_t, 3> symbols{}, clamped{};  ///< by attribute group
   std::array<double, 3> bits{};                       ///< ideal, of the tables
 };
@@ -150,7 +157,7 @@ struct EncodedChunk {
 /// Hashes of what was decoded.
 struct DecodedChunk {
   std::uint64_t symbol_count = 0, symbol_hash = 0;
-  Sha256Bytes value_hash{};
+  ChunkDigest value_hash{};
 };
 
 /// Fills the rows from the two payloads, whose checksums are right. Any bytes may be given. Offsets that are not live are zero already.

@@ -19,6 +19,7 @@
 #include "compmark/codec/container.hpp"
 #include "compmark/codec/geometry.hpp"
 #include "compmark/codec/hac_chunk.hpp"
+#include "compmark/codec/hac_digest.hpp"
 #include "compmark/codec/hac_format.hpp"
 #include "compmark/codec/network_coding.hpp"
 #include "compmark/core/executor.hpp"
@@ -202,7 +203,7 @@ template <Executor E>
   const IntegerNetwork::Packed packed = context.network.pack();
   const detail::ChunkCoder coder{context, packed, tables, model.base_step, model.offset_count};
   std::vector<std::optional<Error>> errors(chunks);
-  std::vector<detail::Sha256Bytes> values(chunks);
+  std::vector<detail::ChunkDigest> values(chunks);
   executor.for_chunks(n, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
     const std::size_t c = begin / grain;
     const auto mask = file.payload(masks[c]), stream = file.payload(streams[c]);

@@ -3,13 +3,15 @@
 //
 // A model with a trained context to the bytes of a HAC file (ECCV 2024; compression sheet, 1.13 and 3.8), which decode without anything else.
 // Besides the bytes it returns the model as every decoder will have it, to the last bit, and a report of what took how many bytes. Chunks
-// are encoded in parallel and joined in order: same bytes at any thread count. Cost: ~3 us an anchor and core.
+// are encoded in parallel and joined in order: same bytes at any thread count. Cost: ~4 us an anchor and core.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -19,6 +21,7 @@
 #include "compmark/codec/container.hpp"
 #include "compmark/codec/geometry.hpp"
 #include "compmark/codec/hac_chunk.hpp"
+#include "compmark/codec/hac_digest.hpp"
 #include "compmark/codec/hac_format.hpp"
 #include "compmark/codec/network_coding.hpp"
 #include "compmark/core/executor.hpp"
@@ -27,7 +30,9 @@
 namespace compmark::inline v0 {
 
 struct HacSettings {
-  int weight_bits = 10;  ///< of the context network, when it comes from training; see IntegerNetworkSettings
+  /// Of the context network, when it comes from training (IntegerNetworkSettings); 0 tries 6 to 12 on a sample of the anchors and takes what
+  /// makes the smallest file.
+  int weight_bits = 0;
 };
 
 /// Where the bytes of a file are. Attribute groups are features, extents, offsets.
@@ -64,8 +69,8 @@ struct HacEncoded {
 
 namespace detail {
 
-/// The integer context of a model: the one it has, or its trained one in integers.
-[[nodiscard]] inline Result<IntegerContext> context_of(const CodecModel& model, const HacSettings& settings) {
+/// The integer context of a model: the one it has, or its trained one in integers of `weight_bits` bits.
+[[nodiscard]] inline Result<IntegerContext> context_of(const CodecModel& model, int weight_bits) {
   const auto fail = [](std::string problem) {
     return Error{ErrorKind::invalid, "", "context", std::move(problem), "train it with a codec's recipe"};
   };
@@ -83,7 +88,7 @@ namespace detail {
     context.grid = IntegerHashGrid(trained.shape, box);
     for (std::size_t i = 0; i < trained.signs.size(); ++i) context.grid.entries()[i] = trained.signs[i] & 15u;
     IntegerNetworkSettings network;
-    network.weight_bits = settings.weight_bits;
+    network.weight_bits = weight_bits;
     std::copy(model.base_step.begin(), model.base_step.end(), network.base_step);
     const FloatContext floats{static_cast<std::size_t>(trained.shape.channels()),
                               trained.hidden,
@@ -136,15 +141,63 @@ namespace detail {
   return result;
 }
 
+/// A model of every so-many-th panel of anchors, about 2000 in all, for trying things out.
+[[nodiscard]] inline CodecModel sampled_anchors(const CodecModel& model) {
+  CodecModel sample;
+  sample.feature_dim = model.feature_dim;
+  sample.offset_count = model.offset_count;
+  const std::size_t n = model.anchors(), stride = std::max<std::size_t>(1, n / 2048) * integer_panel;
+  const auto d = static_cast<std::size_t>(model.feature_dim), k3 = 3 * static_cast<std::size_t>(model.offset_count);
+  for (std::size_t first = 0; first < n; first += stride) {
+    for (std::size_t i = first; i < std::min<std::size_t>(first + integer_panel, n); ++i) {
+      const auto copy = [&](const std::vector<float>& from, std::vector<float>& to, std::size_t width) {
+        to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(i * width),
+                  from.begin() + static_cast<std::ptrdiff_t>((i + 1) * width));
+      };
+      sample.voxels.push_back(model.voxels[i]);
+      sample.mask.push_back(model.mask[i]);
+      copy(model.feature, sample.feature, d);
+      copy(model.extent, sample.extent, 6);
+      copy(model.offset, sample.offset, k3);
+    }
+  }
+  return sample;
+}
+
+/// The context for the coded anchors: with the bits asked for, or with those that make the smallest file.
+template <Executor E>
+[[nodiscard]] Result<IntegerContext> choose_context(const CodecModel& model, const CodecModel& coded,
+                                                    const GaussianTables& tables, int weight_bits, E& executor) {
+  if (model.context || weight_bits != 0 || coded.anchors() == 0)
+    return context_of(model, weight_bits == 0 ? 10 : weight_bits);
+  constexpr int least = 6, greatest = 12;
+  const CodecModel sample = sampled_anchors(coded);
+  const double scale = static_cast<double>(coded.anchors()) / static_cast<double>(sample.anchors());
+  std::vector<std::optional<Result<IntegerContext>>> contexts(greatest - least + 1);
+  std::vector<double> bytes(contexts.size(), 0);
+  executor.for_chunks(contexts.size(), 1, [&](std::size_t i, std::size_t, std::size_t) {
+    contexts[i] = context_of(model, least + static_cast<int>(i));
+    if (!*contexts[i]) return;
+    const IntegerContext& context = **contexts[i];
+    const IntegerNetwork::Packed packed = context.network.pack();
+    CodecModel trial = sample;
+    const EncodedChunk chunk = encode_chunk({context, packed, tables, model.base_step, model.offset_count},
+                                            chunk_rows(trial, 0, trial.anchors()));
+    bytes[i] = static_cast<double>(encode_context_network(context.network).size()) +
+               scale * (chunk.bits[0] + chunk.bits[1] + chunk.bits[2]) / 8;
+  });
+  for (auto& context : contexts) {
+    if (!*context) return context->error();
+  }
+  return *contexts[static_cast<std::size_t>(std::min_element(bytes.begin(), bytes.end()) - bytes.begin())];
+}
+
 }  // namespace detail
 
 template <Executor E>
 [[nodiscard]] Result<HacEncoded> encode_hac(const CodecModel& model, const HacSettings& settings, E& executor) {
   const Result<Done> checked = detail::check_codec_model(model);
   if (!checked) return checked.error();
-  Result<IntegerContext> context = detail::context_of(model, settings);
-  if (!context) return context.error();
-
   HacEncoded result;
   HacReport& report = result.report;
   std::vector<Voxel> survivors;
@@ -158,6 +211,9 @@ template <Executor E>
   const VoxelRange range = voxel_range(survivors);
   result.model = detail::coded_anchors(model, range, survivors, rows);
   CodecModel& coded = result.model;
+  const GaussianTables tables;
+  Result<IntegerContext> context = detail::choose_context(model, coded, tables, settings.weight_bits, executor);
+  if (!context) return context.error();
   const std::size_t n = coded.anchors(), grain = static_cast<std::size_t>(coded.chunk_anchors),
                     chunks = chunk_count(n, grain);
   report.anchors = n;
@@ -176,7 +232,6 @@ template <Executor E>
     section.bytes = std::move(bytes);
     sections.push_back(std::move(section));
   };
-  const GaussianTables tables;
   add(HacFormat::meta, detail::encode_meta(coded, n), model.metadata.size());
   add(HacFormat::tables, detail::encode_tables(tables), 2);
   add(HacFormat::geometry, encode_geometry(coded.voxels, range), n);
@@ -198,7 +253,7 @@ template <Executor E>
     encoded[begin / grain] = detail::encode_chunk(coder, detail::chunk_rows(coded, begin, end));
   });
   detail::HacDigests digests;
-  std::vector<detail::Sha256Bytes> values;
+  std::vector<detail::ChunkDigest> values;
   for (std::size_t c = 0; c < chunks; ++c) {
     detail::EncodedChunk& chunk = encoded[c];
     for (std::size_t g = 0; g < 3; ++g) {

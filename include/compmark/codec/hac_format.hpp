@@ -3,7 +3,7 @@
 //
 // The small sections of a HAC file (docs/container.md): META, what a decoder must know first and what the owner wants to find again; HASH, the
 // binary hash grid, of which only the entries are written that some anchor looks at (the decoder has the voxels by then and knows which);
-// TABL, which names the numbers of the tables; DIGS, what decoding must have arrived at. Each reader checks every count before it believes it.
+// TABL, which names the numbers of the tables. Each reader checks every count before it believes it.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,6 @@
 #include "compmark/entropy/integer_functions.hpp"
 #include "compmark/entropy/integer_hash_grid.hpp"
 #include "compmark/io/bytes.hpp"
-#include "compmark/io/sha256.hpp"
 
 namespace compmark::inline v0 {
 
@@ -212,59 +211,6 @@ template <Executor E>
                  "decode it with the version that wrote it"};
   }
   return Done{};
-}
-
-using Sha256Bytes = std::array<std::byte, 32>;
-
-[[nodiscard]] inline Sha256Bytes sha256_bytes(Sha256& hash) {
-  const std::string text = hash.hex();
-  const auto digit = [](char c) { return static_cast<unsigned>(c <= '9' ? c - '0' : c - 'a' + 10); };
-  Sha256Bytes bytes{};
-  for (std::size_t i = 0; i < bytes.size(); ++i)
-    bytes[i] = static_cast<std::byte>(digit(text[2 * i]) << 4 | digit(text[2 * i + 1]));
-  return bytes;
-}
-
-/// What decoding must arrive at: a hash of the symbols and masks of each chunk, and one over all arrays.
-struct HacDigests {
-  std::vector<std::uint64_t> symbols;
-  Sha256Bytes model{};
-};
-/// DIGS: u64 a chunk, then 32 bytes.
-[[nodiscard]] inline std::vector<std::byte> encode_digests(const HacDigests& digests) {
-  ByteWriter writer;
-  for (const std::uint64_t value : digests.symbols) writer.put(value);
-  writer.put(std::span<const std::byte>(digests.model));
-  return writer.take();
-}
-[[nodiscard]] inline Result<HacDigests> decode_digests(std::span<const std::byte> payload, std::size_t chunks) {
-  if (payload.size() != 8 * std::uint64_t{chunks} + 32)
-    return bad_section("DIGS", "does not hold a digest for each chunk");
-  ByteReader reader(payload);
-  HacDigests digests;
-  for (std::size_t i = 0; i < chunks; ++i) digests.symbols.push_back(reader.get<std::uint64_t>());
-  const std::span<const std::byte> model = reader.take(32);
-  std::copy(model.begin(), model.end(), digests.model.begin());
-  return digests;
-}
-
-/// SHA-256 over the digests of the chunks (in order), the metadata and the tensors that render: what the file names its model by.
-[[nodiscard]] inline Sha256Bytes model_digest(std::span<const Sha256Bytes> chunks, const CodecModel& model,
-                                              std::uint64_t anchors) {
-  Sha256 hash;
-  hash.update(encode_meta(model, anchors));
-  for (const Sha256Bytes& chunk : chunks) hash.update(chunk);
-  for (const CodecTensor& tensor : model.networks) {
-    ByteWriter writer;
-    writer.put(std::string_view(tensor.name));
-    for (const std::uint32_t extent : tensor.shape) writer.put(extent);
-    for (const float value : tensor.values) writer.put(value);
-    hash.update(writer.bytes());
-  }
-  return sha256_bytes(hash);
-}
-[[nodiscard]] inline std::uint64_t short_digest(const Sha256Bytes& digest) {
-  return ByteReader(digest).get<std::uint64_t>();
 }
 
 }  // namespace detail

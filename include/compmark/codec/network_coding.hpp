@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -32,16 +33,16 @@ namespace detail {
   return {ErrorKind::malformed, "", section, std::move(problem), "copy the file again"};
 }
 
-/// Weights of one layer: length of |w| by the length above it in the column, sign, second digit by the length, the rest raw.
+/// Integers in rows: length of |w| by the length above it in the column, sign, second digit by the length, the rest raw.
 template <class Bits>
-void code_weights(Bits& bits, IntegerLayer& layer) {
+void code_integers(Bits& bits, std::span<std::int16_t> weights, std::size_t columns) {
   std::array<std::array<BinaryContext, 15>, 16> length{};
   std::array<BinaryContext, 16> second{};
-  std::vector<std::size_t> above(layer.inputs, 0);
-  for (std::size_t i = 0; i < layer.weight.size() && !bits.overrun(); ++i) {
-    const std::size_t column = i % layer.inputs;
-    const std::int32_t weight = layer.weight[i];
-    auto magnitude = static_cast<std::uint32_t>(weight < 0 ? -weight : weight);
+  std::vector<std::size_t> above(columns, 0);
+  for (std::size_t i = 0; i < weights.size() && !bits.overrun(); ++i) {
+    const std::size_t column = i % columns;
+    const std::int32_t weight = weights[i];
+    const auto magnitude = static_cast<std::uint32_t>(weight < 0 ? -weight : weight);
     const std::uint32_t digits =
         bits.tree(length[above[column]], static_cast<std::uint32_t>(std::bit_width(magnitude)), 4);
     above[column] = digits;
@@ -53,10 +54,43 @@ void code_weights(Bits& bits, IntegerLayer& layer) {
       const int rest = static_cast<int>(digits) - 2;
       value = value << rest | bits.raw(magnitude & ((1u << rest) - 1), rest);
     }
-    if constexpr (!Bits::writes)
-      layer.weight[i] =
-          static_cast<std::int16_t>(negative ? -static_cast<std::int32_t>(value) : static_cast<std::int32_t>(value));
+    if constexpr (!Bits::writes) {
+      const auto signless = static_cast<std::int32_t>(value);
+      weights[i] = static_cast<std::int16_t>(negative ? -signless : signless);
+    }
   }
+}
+
+/// Rows of a tensor as integers of `bits` bits times 2^-exponent, the largest exponent of each row that fits.
+struct IntegerTensor {
+  std::vector<std::int8_t> exponent;
+  std::vector<std::int16_t> weight;
+  std::size_t columns = 1;
+};
+/// Nothing when a row's exponent leaves [-64, 64]. What comes out, put in again, comes out again.
+[[nodiscard]] inline std::optional<IntegerTensor> integer_tensor(const CodecTensor& tensor) {
+  IntegerTensor result;
+  result.columns = tensor.shape.size() < 2 ? tensor.values.size() : tensor.shape.back();
+  result.weight.resize(tensor.values.size());
+  const double greatest = (1 << (tensor.bits - 1)) - 1;
+  for (std::size_t begin = 0; begin < tensor.values.size(); begin += result.columns) {
+    double most = 0;
+    for (std::size_t c = 0; c < result.columns; ++c)
+      most = std::max(most, std::abs(static_cast<double>(tensor.values[begin + c])));
+    int exponent = 0;
+    if (most > 0) {
+      (void)std::frexp(most / greatest, &exponent);
+      exponent = 1 - exponent;  // most 2^exponent is in [greatest, 2 greatest) or just below
+      while (std::nearbyint(std::ldexp(most, exponent)) > greatest) --exponent;
+      if (exponent < -64 || exponent > 64) return std::nullopt;
+    }
+    result.exponent.push_back(static_cast<std::int8_t>(exponent));
+    for (std::size_t c = 0; c < result.columns; ++c) {
+      result.weight[begin + c] = static_cast<std::int16_t>(
+          std::nearbyint(std::ldexp(static_cast<double>(tensor.values[begin + c]), exponent)));
+    }
+  }
+  return result;
 }
 
 /// Half-precision numbers: exponent by that of the number before, first two digits of the mantissa by the exponent, the rest and the sign raw.
@@ -102,8 +136,8 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
   }
   detail::BitsOut bits;
   IntegerNetwork copy = network;
-  detail::code_weights(bits, copy.hidden);
-  detail::code_weights(bits, copy.output);
+  detail::code_integers(bits, std::span<std::int16_t>(copy.hidden.weight), copy.hidden.inputs);
+  detail::code_integers(bits, std::span<std::int16_t>(copy.output.weight), copy.output.inputs);
   writer.put(bits.finish());
   return writer.take();
 }
@@ -128,32 +162,46 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
     for (std::int32_t& bias : layer->bias) bias = reader.get<std::int32_t>();
   }
   detail::BitsIn bits(reader.take(reader.left()));
-  detail::code_weights(bits, network.hidden);
-  detail::code_weights(bits, network.output);
+  detail::code_integers(bits, std::span<std::int16_t>(network.hidden.weight), network.hidden.inputs);
+  detail::code_integers(bits, std::span<std::int16_t>(network.output.weight), network.output.inputs);
   if (!bits.complete()) return detail::bad_network("NETC", "the weights do not end where their bytes do");
   return network;
 }
 
-/// NETR: number of tensors (u32); of each the length of its name (u8), the name, storage (u8), rank (u8), extents (u32), bytes of its values
+/// NETR: number of tensors (u32); of each the length of its name (u8), the name, storage (u8), bits (u8), rank (u8), extents (u32), bytes of its values
 /// (u32), the values.
 [[nodiscard]] inline std::vector<std::byte> encode_networks(std::span<const CodecTensor> tensors) {
   ByteWriter writer;
   writer.put(static_cast<std::uint32_t>(tensors.size()));
   for (const CodecTensor& tensor : tensors) {
-    std::vector<std::uint16_t> halves(tensor.values.size());
-    for (std::size_t i = 0; i < halves.size(); ++i) halves[i] = detail::float_to_half(tensor.values[i]);
-    bool half = tensor.storage == TensorStorage::half;
-    for (const std::uint16_t value : halves) half = half && (value & 0x7C00u) != 0x7C00u;
+    TensorStorage storage = tensor.storage;
     ByteWriter values;
-    if (half) {
+    if (storage == TensorStorage::integer) {
+      std::optional<detail::IntegerTensor> integers = detail::integer_tensor(tensor);
+      if (integers) {
+        for (const std::int8_t exponent : integers->exponent) values.put(exponent);
+        detail::BitsOut bits;
+        detail::code_integers(bits, std::span<std::int16_t>(integers->weight), integers->columns);
+        values.put(bits.finish());
+      } else {
+        storage = TensorStorage::half;
+      }
+    }
+    if (storage == TensorStorage::half) {
+      std::vector<std::uint16_t> halves(tensor.values.size());
+      for (std::size_t i = 0; i < halves.size(); ++i) {
+        halves[i] = detail::float_to_half(tensor.values[i]);
+        if ((halves[i] & 0x7C00u) == 0x7C00u) storage = TensorStorage::single;
+      }
       detail::BitsOut bits;
-      detail::code_halves(bits, halves);
-      values.put(bits.finish());
-    } else {
+      detail::code_halves(bits, std::span<std::uint16_t>(halves));
+      if (storage == TensorStorage::half) values.put(bits.finish());
+    }
+    if (storage == TensorStorage::single) {
       for (const float value : tensor.values) values.put(value);
     }
     writer.put(static_cast<std::uint8_t>(tensor.name.size())).put(std::string_view(tensor.name));
-    writer.put(static_cast<std::uint8_t>(half ? TensorStorage::half : TensorStorage::single));
+    writer.put(static_cast<std::uint8_t>(storage)).put(static_cast<std::uint8_t>(tensor.bits));
     writer.put(static_cast<std::uint8_t>(tensor.shape.size()));
     for (const std::uint32_t extent : tensor.shape) writer.put(extent);
     writer.put(static_cast<std::uint32_t>(values.size())).put(values.bytes());
@@ -165,13 +213,14 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
 [[nodiscard]] inline Result<std::vector<CodecTensor>> decode_networks(std::span<const std::byte> payload) {
   constexpr std::uint64_t count_limit = std::uint64_t{1} << 26;
   ByteReader reader(payload);
-  const std::size_t count = reader.count(12);
+  const std::size_t count = reader.count(8);
   std::vector<CodecTensor> tensors;
   std::uint64_t total = 0;
   for (std::size_t t = 0; t < count && !reader.failed(); ++t) {
     CodecTensor tensor;
     tensor.name = reader.text(reader.get<std::uint8_t>());
     const auto storage = reader.get<std::uint8_t>();
+    tensor.bits = reader.get<std::uint8_t>();
     const auto rank = reader.get<std::uint8_t>();
     if (rank > 8) return detail::bad_network("NETR", "a tensor has " + std::to_string(rank) + " dimensions");
     std::uint64_t values = 1;
@@ -197,6 +246,24 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
       detail::code_halves(bits, halves);
       if (!bits.complete()) return detail::bad_network("NETR", tensor.name + " does not end where its bytes do");
       for (const std::uint16_t value : halves) tensor.values.push_back(detail::half_to_float(value));
+    } else if (storage == static_cast<std::uint8_t>(TensorStorage::integer)) {
+      tensor.storage = TensorStorage::integer;
+      const std::uint64_t columns = rank < 2 ? values : tensor.shape.back();
+      const std::uint64_t rows = values / columns;
+      if (rows > bytes.size() || values > (std::uint64_t{1} << 20) + 64 * std::uint64_t{bytes.size()}) {
+        return detail::bad_network("NETR", tensor.name + " has too few bytes");
+      }
+      ByteReader source(bytes);
+      std::vector<std::int8_t> exponents(static_cast<std::size_t>(rows));
+      for (std::int8_t& exponent : exponents) exponent = source.get<std::int8_t>();
+      std::vector<std::int16_t> integers(static_cast<std::size_t>(values));
+      detail::BitsIn bits(source.take(source.left()));
+      detail::code_integers(bits, std::span<std::int16_t>(integers), static_cast<std::size_t>(columns));
+      if (!bits.complete()) return detail::bad_network("NETR", tensor.name + " does not end where its bytes do");
+      for (std::size_t i = 0; i < integers.size(); ++i) {
+        tensor.values.push_back(
+            static_cast<float>(std::ldexp(static_cast<double>(integers[i]), -exponents[i / columns])));
+      }
     } else {
       return detail::bad_network("NETR", tensor.name + ": storage " + std::to_string(storage) + " is not known");
     }

@@ -114,7 +114,8 @@ namespace detail {
   // Second layer, the outputs in the units of coding.
   for (std::size_t o = 0; o < heads.outputs(); ++o) {
     double scale = 1, offset = 0;
-    int bits = IntegerNetwork::r_bits;
+    int bits = IntegerNetwork::r_bits,
+        weight_bits = std::max(settings.weight_bits, 12);  // 3 rows: q costs distortion too
     for (int group = 0; group < 3; ++group) {
       const std::size_t width = heads.width(group),
                         first = group == 0 ? 0 : heads.width(0) + (group == 2 ? heads.width(1) : 0);
@@ -127,16 +128,18 @@ namespace detail {
         scale = deviation(c);
         offset = static_cast<double>(context.statistics[first + c]) / settings.base_step[group];
         bits = IntegerNetwork::mean_bits;
+        weight_bits = settings.weight_bits;
       } else if (o >= heads.sigma_row(group) && o < heads.sigma_row(group) + width) {
         scale = 8;
         offset = 8 * std::log2(deviation(o - heads.sigma_row(group)));
         bits = IntegerNetwork::sigma_bits;
+        weight_bits = settings.weight_bits;
       }
     }
     for (std::size_t j = 0; j < hidden; ++j) row[j] = scale * static_cast<double>(context.weight2[o * hidden + j]);
     const int exponent = detail::quantize_row(
-        std::span(row).first(hidden), scale * static_cast<double>(context.bias2[o]) + offset, unit2, most2,
-        settings.weight_bits, bits + 31, network.output.weight.data() + o * hidden, network.output.bias[o]);
+        std::span(row).first(hidden), scale * static_cast<double>(context.bias2[o]) + offset, unit2, most2, weight_bits,
+        bits + 31, network.output.weight.data() + o * hidden, network.output.bias[o]);
     if (exponent - bits < -24) return fail("context", "an output is too large to be coded");
     network.output.shift[o] = static_cast<std::int8_t>(exponent - bits);
   }
