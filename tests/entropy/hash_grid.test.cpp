@@ -216,3 +216,30 @@ TEST_CASE("entropy/hash_grid: same bits at any thread count") {
   ThreadExecutor threads(4);
   CHECK(run(serial) == run(threads));
 }
+
+TEST_CASE("entropy/hash_grid: sixteen positions at once and one by one are the same bits, both ways") {
+  constexpr HashGridShape shape{};
+  using Grid = HashGrid<float, shape>;
+  constexpr std::size_t rows = 61;  // three times sixteen and some
+  static Table<float, shape> table;
+  std::vector<float> unit = positions<float>(rows);
+  unit[31] = -0.5f;
+  unit[44] = std::numeric_limits<float>::quiet_NaN();
+  unit[49] = 3e9f;
+  std::vector<float> together(rows * Grid::channels), alone(together.size());
+  Grid::interpolate(table.context, unit.data(), rows, together.data(), Grid::channels);
+  for (std::size_t row = 0; row < rows; ++row) {
+    Grid::interpolate(table.context, unit.data() + 3 * row, 1, alone.data() + row * Grid::channels, Grid::channels);
+  }
+  CHECK(together == alone);
+  SerialExecutor serial;
+  std::vector<float> d_together(table.values.size(), 0.0f), d_alone = d_together, slope(together.size()),
+                                                            one(Grid::channels);
+  for (std::size_t i = 0; i < slope.size(); ++i) slope[i] = std::sin(static_cast<float>(i));
+  Grid::backward(table.context, unit.data(), rows, slope.data(), rows, {d_together.data(), Grid::entries, 4}, serial);
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t c = 0; c < Grid::channels; ++c) one[c] = slope[(c / 4 * rows + row) * 4 + c % 4];
+    Grid::backward(table.context, unit.data() + 3 * row, 1, one.data(), 1, {d_alone.data(), Grid::entries, 4}, serial);
+  }
+  CHECK(d_together == d_alone);
+}

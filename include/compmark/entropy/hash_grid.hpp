@@ -20,6 +20,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/entropy/hash_grid_lanes.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/math/pack.hpp"
 
@@ -78,10 +79,17 @@ class HashGrid {
 
   /// out[row * stride + channel] for `count` normalised positions [count, 3].
   static void interpolate(const Context& context, const T* unit, std::size_t count, T* out, std::size_t stride) {
+    std::size_t done = 0;
+    if constexpr (detail::has_grid_lanes<T>) {
+      for (; done + 16 <= count; done += 16) {
+        interpolate_lanes(context, unit + 3 * done, out + done * stride, stride);
+      }
+    }
+    if (done == count) return;
     for (std::size_t index = 0; index < levels; ++index) {
       const HashGridLevel& level = hash_grid_levels<shape>[index];
       dispatch(level, [&](auto dimensions, auto dense) {
-        for (std::size_t row = 0; row < count; ++row) {
+        for (std::size_t row = done; row < count; ++row) {
           const Cell<dimensions> cell(level, unit + 3 * row);
           Four sum(T(0));
           if (cell.inside) {
@@ -102,17 +110,34 @@ class HashGrid {
     executor.for_chunks(levels, 1, [&](std::size_t index, std::size_t, std::size_t) {
       const HashGridLevel& level = hash_grid_levels<shape>[index];
       dispatch(level, [&](auto dimensions, auto dense) {
-        for (std::size_t row = 0; row < count; ++row) {
+        const auto add = [&](std::uint32_t entry, T weight, const Four& d) {
+          T* const target = d_table.data + std::size_t{4} * entry;
+          Four part = d, sum(target);
+          part.scale(weight);
+          sum.add_product(part, Four(zero_one[context.signs[entry] >> 4].data()));
+          sum.store(target);
+        };
+        std::size_t done = 0;
+        if constexpr (detail::has_grid_lanes<T>) {
+          using Lanes = detail::GridLanes<dimensions, dense>;
+          for (; done + 16 <= count; done += 16) {
+            alignas(64) T soa[3 * 16], weight[Lanes::corners][16];
+            by_axis(unit + 3 * done, soa);
+            const Lanes lanes(level, soa, 16);
+            for (int c = 0; c < Lanes::corners; ++c) lanes.weight[c].store(weight[c]);
+            const unsigned inside = lanes.inside.bits();
+            for (std::size_t i = 0; i < 16; ++i) {
+              if ((inside >> i & 1u) == 0) continue;
+              const Four d(d_out + 4 * (index * capacity + done + i));
+              for (int c = 0; c < Lanes::corners; ++c) add(lanes.entry[c][i], weight[c][i], d);
+            }
+          }
+        }
+        for (std::size_t row = done; row < count; ++row) {
           const Cell<dimensions> cell(level, unit + 3 * row);
           if (!cell.inside) continue;
           const Four d(d_out + 4 * (index * capacity + row));
-          cell.template corners<dense>(level, [&](std::uint32_t entry, T weight) {
-            T* const target = d_table.data + std::size_t{4} * entry;
-            Four part = d, sum(target);
-            part.scale(weight);
-            sum.add_product(part, Four(zero_one[context.signs[entry] >> 4].data()));
-            sum.store(target);
-          });
+          cell.template corners<dense>(level, [&](std::uint32_t entry, T weight) { add(entry, weight, d); });
         }
       });
     });
@@ -170,6 +195,26 @@ class HashGrid {
   alignas(64) static constexpr Signs plus_minus = make(-1);
   alignas(64) static constexpr Signs zero_one = make(0);
 
+  static void by_axis(const T* unit, T* soa) {
+    for (std::size_t i = 0; i < 16; ++i) {
+      for (std::size_t axis = 0; axis < 3; ++axis) soa[axis * 16 + i] = unit[3 * i + axis];
+    }
+  }
+  static void interpolate_lanes(const Context& context, const T* unit, T* out, std::size_t stride) {
+    alignas(64) T soa[3 * 16], rows[4 * 16];
+    by_axis(unit, soa);
+    for (std::size_t index = 0; index < levels; ++index) {
+      const HashGridLevel& level = hash_grid_levels<shape>[index];
+      dispatch(level, [&](auto dimensions, auto dense) {
+        const detail::GridLanes<dimensions, dense> lanes(level, soa, 16);
+        Pack<T, 16> sum[4];
+        lanes.interpolate(context.signs.data(), sum);
+        lanes.transpose(sum, rows);
+        for (std::size_t i = 0; i < 16; ++i) std::copy_n(rows + lanes.at(i), 4, out + i * stride + 4 * index);
+      });
+    }
+  }
+
   /// Where a position lies in a level: two neighbours an axis and their weights.
   template <int dimensions>
   struct Cell {
@@ -185,7 +230,8 @@ class HashGrid {
       if (!inside) return;
       const int last = level.resolution - 2;
       for (int d = 0; d < dimensions; ++d) {
-        const T p = unit[level.axis[static_cast<std::size_t>(d)]] * static_cast<T>(last) + T(0.5);
+        const T t = unit[level.axis[static_cast<std::size_t>(d)]];
+        const T p = fma(Pack<T, 1>(t), Pack<T, 1>(static_cast<T>(last)), Pack<T, 1>(T(0.5))).lane(0);
         const int below = static_cast<int>(p);  // p >= 0
         const T fraction = p - static_cast<T>(below);
         neighbour[d][0] = static_cast<std::uint32_t>(std::max(below, 1));
