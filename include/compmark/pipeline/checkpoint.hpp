@@ -86,6 +86,7 @@ struct Checkpoint {
                     {"frequency_after", m.frequency_after},
                     {"image_weight", m.image_weight},
                     {"residual_rate", m.residual_rate},
+                    {"residual_decay", m.residual_decay},
                     {"residual_after", m.residual_after},
                     {"distortion_rate", m.distortion_rate},
                     {"feature_noise", m.feature_noise},

@@ -50,6 +50,7 @@ struct MarkNumbers {
   double image_weight = 1;  ///< of every other loss once the message has begun
 
   double residual_rate = 0.0015;    ///< learning rate of the embedder's residual
+  double residual_decay = 1;        ///< of that rate, over the iterations in which the residual trains
   std::int64_t residual_after = 0;  ///< the residual is zero until here, and the run to the bit that of the host
   double distortion_rate = 0.001;   ///< learning rate of the distortion layer's network
   double feature_noise = 1;         ///< Q0 of features: uniform noise first, the step of the network later

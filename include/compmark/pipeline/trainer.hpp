@@ -368,7 +368,12 @@ class Trainer {
       }
       if constexpr (!MarkedPipeline::Road::is_absent) {
         const std::int64_t residual_after = scale_iteration(settings_.mark.residual_after, settings_.iterations);
-        if (name == "anchor.residual") rates_[b] = t > residual_after ? settings_.mark.residual_rate : 0;
+        if (name == "anchor.residual" && t > residual_after) {
+          const double first = settings_.mark.residual_rate;
+          rates_[b] =
+              LogLinear{first, first * settings_.mark.residual_decay, settings_.iterations - residual_after}.value(
+                  t - residual_after);
+        }
         if (begins("distortion")) rates_[b] = settings_.mark.distortion_rate;
       }
       if constexpr (present<typename R::EntropyModel>) {

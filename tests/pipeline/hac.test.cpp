@@ -1,0 +1,291 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Training for compression as a whole: gradients through the noise of predicted steps and the rate, phases, the same bits at any thread count
+// and after a stop, and the road from a trained model to a file and back to the same render.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <compmark/codec/hac_decoder.hpp>
+#include <compmark/codec/hac_encoder.hpp>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/pipeline/coded_model.hpp>
+#include <compmark/pipeline/trainer.hpp>
+#include <compmark/recipes/far_field.hpp>
+#include <compmark/recipes/hac.hpp>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "directional.hpp"
+#include "small_scene.hpp"
+#include "support/tool.hpp"
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::BlobViews;
+using compmark::testing::cloud;
+using compmark::testing::ring_camera;
+
+constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
+constexpr HashGridShape small_grid{.volume_levels = 3, .volume_cap_log2 = 10, .plane_levels = 1, .plane_cap_log2 = 9};
+struct Smooth : recipes::Hac<DefaultRecipe<double, shape, compmark::testing::smooth_accuracy>, small_grid> {};
+struct Small : recipes::Hac<DefaultRecipe<float, shape>, small_grid> {};
+
+TrainSettings short_settings(std::int64_t iterations) {
+  TrainSettings settings = *profile_settings("hac");
+  settings.iterations = iterations;
+  settings.voxel_size = 0.05;
+  settings.rate.scaling_step = 0.01;
+  settings.rate.sample = 0.3;
+  return settings;
+}
+
+template <class Rec>
+struct Trained {
+  Model<Rec> model;
+  RateReport rate;
+};
+/// `stop` > 0: written to a checkpoint after so many iterations, read back and continued.
+Trained<Small> train(std::size_t threads, std::int64_t iterations = 90, std::int64_t stop = 0) {
+  const TrainSettings settings = short_settings(iterations);
+  BlobViews views;
+  ThreadExecutor executor(threads);
+  using Run = Trainer<Small, ThreadExecutor>;
+  Run trainer(settings, views.size(), 1.0, executor);
+  REQUIRE(trainer.initialise(cloud(300, 7)));
+  if (stop != 0) {
+    const compmark::testing::ScratchFolder folder("compmark-hac-test");
+    while (trainer.state().iteration < stop) REQUIRE(trainer.step(views));
+    const std::filesystem::path path = folder.path / "checkpoint.safetensors";
+    REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1.0));
+    auto restored = read_checkpoint<Small, ThreadExecutor>(path, settings, ModelInfo{});
+    REQUIRE(restored.ok());
+    Run again(settings, views.size(), 1.0, executor);
+    again.restore(std::move(restored->state));
+    REQUIRE(again.run(views));
+    return {again.model(), again.rate_report()};
+  }
+  REQUIRE(trainer.run(views));
+  return {trainer.model(), trainer.rate_report()};
+}
+bool same_bits(const Model<Small>& a, const Model<Small>& b) {
+  const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
+  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size_bytes()) == 0;
+}
+const Trained<Small>& trained() {
+  static const Trained<Small> instance = train(2, 300);
+  return instance;
+}
+
+}  // namespace
+
+TEST_CASE("pipeline/hac: the directional derivative of the road with noise and rate equals central differences") {
+  using R = Smooth;
+  Model<R> model = compmark::testing::random_model<R>(24);
+  Model<R>::Road::initialise(model.arena, model.road, 4);
+  {
+    const AnchorColumns<const double> c = std::as_const(model).columns();
+    R::EntropyModel::begin_context(model.arena, model.road.rate, c.position, c.feature, c.scaling, c.offset);
+  }
+  const Camera<double> camera = ring_camera(1, 5, 37, 29);
+  Buffer<double> target_storage(3 * 37 * 29);
+  const Random random(5, 0, random_stage("test target"));
+  for (std::size_t i = 0; i < target_storage.size(); ++i) target_storage[i] = 1.5 + random.uniform(i);
+  const ImageView<const double> target{target_storage.data(), 3, 29, 37};
+  for (const bool context_on : {false, true}) {
+    CAPTURE(context_on);
+    for (double& gradient : model.arena.all_gradients()) gradient = 0;
+    Pipeline<R> pipeline;
+    R::EntropyModel::Settings settings;
+    settings.lambda = 0.05;  // much, so that an error of the rate's gradient would show
+    settings.sample = 0.5;
+    pipeline.road() = Model<R>::Road(R::EntropyModel(settings));
+    SerialExecutor executor;
+    using Context = Pipeline<R>::Context;
+    compmark::testing::check_directional_derivative(
+        model,
+        [&](Context& context) {
+          context.road.rate.phase.noise = !context_on;
+          context.road.rate.phase.context = context_on;
+          context.road.rate.phase.iteration = 3;
+          static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
+          return pipeline.loss(target, {0.2, 0.01}, context, executor).total;
+        },
+        [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); },
+        // Straight-through (a sign and a threshold have no slope), or constants of a training.
+        {"anchor.mask", "hash_grid", "context.box", "context.statistics"});
+  }
+}
+
+TEST_CASE("pipeline/hac: noise, then context and rate, then rounding; windows scale with the run") {
+  RateNumbers numbers;
+  numbers.round_after = 29000;
+  const RatePhases phases(numbers, 3000);
+  const auto at = [&](std::int64_t t) { return phases.at<RatePhase>(t, 1); };
+  CHECK_FALSE(at(300).active());
+  CHECK((at(301).noise && !at(301).context));
+  CHECK((at(1000).noise && !phases.begins(1000)));
+  CHECK((at(1001).context && !at(1001).noise && phases.begins(1001) && !phases.begins(1002)));
+  CHECK_FALSE(at(2900).round);
+  CHECK((at(2901).round && at(2901).context));
+  int begins = 0;
+  for (std::int64_t t = 1; t <= 3000; ++t) begins += phases.begins(t);
+  CHECK(begins == 1);
+}
+
+TEST_CASE("pipeline/hac: the same bits at any thread count and after a stop, in every phase") {
+  const Trained<Small> once = train(1);
+  CHECK(once.rate.sampled > 0);
+  CHECK(same_bits(once.model, train(2).model));
+  CHECK(same_bits(once.model, train(4).model));
+  for (const std::int64_t stop : {5, 20, 31, 60}) {  // nothing, noise, first and later iterations of the context
+    CAPTURE(stop);
+    CHECK(same_bits(once.model, train(2, 90, stop).model));
+  }
+}
+
+TEST_CASE("pipeline/hac: the rate is a loss: more weight, fewer bits") {
+  const auto bits = [](double lambda) {
+    TrainSettings settings = short_settings(300);
+    settings.rate.lambda = lambda;
+    BlobViews views;
+    ThreadExecutor executor(2);
+    Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    REQUIRE(trainer.initialise(cloud(300, 7)));
+    REQUIRE(trainer.run(views));
+    ModelInfo info;
+    info.base_step = {1, 0.01, 0.2};
+    const Result<CodecModel> coded = coded_model(trainer.model(), info);
+    REQUIRE(coded.ok());
+    const Result<HacEncoded> file = encode_hac(*coded, HacSettings{}, executor);
+    REQUIRE(file.ok());
+    return file->report.ideal_bits[0] + file->report.ideal_bits[1] + file->report.ideal_bits[2];
+  };
+  const double free = bits(0), cheap = bits(0.02);
+  MESSAGE("bits of the attributes: ", free, " at lambda 0, ", cheap, " at 0.02");
+  CHECK(cheap < 0.7 * free);
+}
+
+TEST_CASE("pipeline/hac: a trained model goes through a file and renders the same bits as the encoder's own") {
+  const Model<Small>& model = trained().model;
+  ModelInfo info;
+  info.recipe = "hac";
+  info.profile = "hac";
+  info.iterations = 300;
+  info.seed = 3;
+  info.effects = {"alpha", "masks"};
+  info.origin = {1e5, -2, 0.25};
+  info.base_step = {1, 0.01, 0.2};
+  for (std::size_t i = 0; i < 5; ++i) {
+    StoredView view;
+    view.name = "view " + std::to_string(i);
+    view.test = i % 2 == 1;
+    view.camera = ring_camera(i, 5, 48, 40);
+    info.views.push_back(view);
+  }
+  info.views[1].lens.model = LensModel::simple_radial;
+  info.views[1].lens.parameters[0] = 0.125;
+  ThreadExecutor executor(2);
+  const Result<CodecModel> coded = coded_model(model, info);
+  REQUIRE(coded.ok());
+  const Result<HacEncoded> file = encode_hac(*coded, HacSettings{}, executor);
+  REQUIRE(file.ok());
+  const Result<HacDecoded> decoded = decode_hac(file->bytes, "a.cmk", HacDecodeSettings{}, executor);
+  REQUIRE(decoded.ok());
+  const Result<LoadedModel<Small>> ours = model_from<Small>(file->model), theirs = model_from<Small>(decoded->model);
+  REQUIRE(ours.ok());
+  REQUIRE(theirs.ok());
+  CHECK(same_bits(ours->model, theirs->model));
+
+  const ModelInfo& read = theirs->info;
+  CHECK(read.recipe == "hac");
+  CHECK(read.seed == 3);
+  CHECK(read.effects == info.effects);
+  CHECK(read.origin == info.origin);
+  CHECK(read.base_step == info.base_step);
+  REQUIRE(read.views.size() == 2);  // the test views
+  CHECK(read.views[0].name == "view 1");
+  CHECK(read.views[0].camera.center_world == info.views[1].camera.center_world);
+  CHECK(read.views[0].lens == info.views[1].lens);
+
+  // Steps near their base: the render moves, a little.
+  Pipeline<Small> pipeline;
+  Pipeline<Small>::Context before, after;
+  const Camera<double> camera = ring_camera(2, 6, 48, 40);
+  static_cast<void>(pipeline.forward(model, camera, unseen_view, before, executor));
+  static_cast<void>(pipeline.forward(theirs->model, camera, unseen_view, after, executor));
+  double square = 0;
+  for (std::size_t i = 0; i < before.image.size(); ++i) {
+    const double d = static_cast<double>(before.image.data[i] - after.image.data[i]);
+    square += d * d;
+  }
+  const double rms = std::sqrt(square / static_cast<double>(before.image.size()));
+  MESSAGE("rms difference of the render ", rms, ", file ", file->bytes.size(), " bytes, estimated ",
+          file->report.estimated_bytes());
+  CHECK(rms > 0);
+  CHECK(rms < 0.05);
+}
+
+TEST_CASE("pipeline/hac: dead offsets are not rendered and not stored; a model off the grid is refused") {
+  Model<Small> model = trained().model;
+  const MatrixView<float> mask = model.arena.values(model.road.rate.mask);
+  Pipeline<Small> pipeline;
+  SerialExecutor executor;
+  const Camera<double> camera = ring_camera(2, 6, 48, 40);
+  const auto drawn = [&] {
+    Pipeline<Small>::Context context;
+    static_cast<void>(pipeline.forward(model, camera, unseen_view, context, executor));
+    std::size_t count = 0;
+    const GaussianColumns<const float> gaussians = std::as_const(context.gaussians).columns();
+    for (std::size_t g = 0; g < gaussians.count; ++g) count += gaussians.opacity[g] > 0 ? 1 : 0;
+    return count;
+  };
+  const std::size_t all = drawn();
+  for (std::size_t i = 0; i < mask.rows; ++i) mask(i, 1) = -20;  // one of three
+  const std::size_t fewer = drawn();
+  CHECK(fewer < all);
+  for (std::size_t i = 0; i < mask.rows; i += 2) mask(i, 0) = mask(i, 2) = -20;  // every other anchor altogether
+  const Result<CodecModel> coded = coded_model(model, ModelInfo{});
+  REQUIRE(coded.ok());
+  const Result<HacEncoded> file = encode_hac(*coded, HacSettings{}, executor);
+  REQUIRE(file.ok());
+  CHECK(file->report.dropped == (mask.rows + 1) / 2);
+  CHECK(file->report.live_offsets == 2 * (mask.rows / 2));
+
+  model.arena.values(model.anchors.position)(3, 1) += 0.013f;
+  const Result<CodecModel> refused = coded_model(model, ModelInfo{});
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().field == "anchor.position[3]");
+}
+
+TEST_CASE("pipeline/hac: what a file says of its model is checked before it is believed") {
+  ThreadExecutor executor(1);
+  ModelInfo info;
+  info.recipe = "hac";
+  const Result<CodecModel> coded = coded_model(trained().model, info);
+  REQUIRE(coded.ok());
+  REQUIRE(model_from<Small>(*coded).ok());
+  const auto refused = [&](auto change, const std::string& field) {
+    CodecModel wrong = *coded;
+    change(wrong);
+    const Result<LoadedModel<Small>> loaded = model_from<Small>(wrong);
+    INFO(field);
+    REQUIRE_FALSE(loaded.ok());
+    CHECK(loaded.error().field.find(field) != std::string::npos);
+  };
+  refused([](CodecModel& m) { m.metadata.erase("recipe"); }, "META.recipe");
+  refused([](CodecModel& m) { m.metadata["iterations"] = "many"; }, "META.iterations");
+  refused([](CodecModel& m) { m.metadata["train_views"] = std::int64_t{-1}; }, "META");
+  refused([](CodecModel& m) { m.metadata["near_plane"] = std::nan(""); }, "META");
+  refused([](CodecModel& m) { m.metadata["background"] = "short"; }, "META");
+  refused([](CodecModel& m) { m.metadata["effects"] = "{"; }, "META.effects");
+  refused([](CodecModel& m) { m.metadata["views"] = "[[\"a\",1]]"; }, "META.views");
+  refused([](CodecModel& m) { m.metadata["origin"] = "12345678"; }, "META.origin");
+  refused([](CodecModel& m) { m.networks.pop_back(); }, "NETR");
+  refused([](CodecModel& m) { m.feature_dim = 9; }, "META.shape");
+}
