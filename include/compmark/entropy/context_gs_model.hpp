@@ -1,0 +1,575 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// ContextGsModel, the entropy model of ContextGS while training (Wang et al., NeurIPS 2024; compression sheet, 2): no hash grid; what an
+// anchor's attributes are likely to be, and how finely they are quantized, a network says from the anchor that was coded before it in its
+// cell (anchor_levels.hpp) and from a hyperprior z of 12 numbers an anchor, which is coded first, under a factorised prior. Inputs and
+// outputs: context_gs_parameters.hpp. Parents are seen as a decoder sees them: with the noise of their own steps, or rounded. The loss is
+//   lambda (bits of f, l, o and z) / scalars of f, l, o + 5e-4 mean(sigmoid(mask logits)),
+// estimated on a random 15 % of all anchors, of which dead ones cost nothing, as HacModel has it with `anchor_mask` (published: of the live
+// ones, times their share); z counts for every live anchor. Gradients reach parents through what their children read of them.
+// Noise is a function of (seed, iteration, row, scalar): an anchor has one value in an iteration, whoever looks at it. Dead rows pass
+// unchanged. Rows that are looked at without being listed are read from the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and
+// have their gradients there: a residual of an Embedder is not in them. Everything runs in panels of 64 anchors, level by level, sums in
+// fixed order: same bits at any thread count. Cost an anchor that is looked at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k
+// more and 12 scalars of the prior where its rate counts; memory 2.2 KB.
+// Longer than 300 lines: both ways of both kinds of panels share one layout.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/entropy/concept.hpp"
+#include "compmark/entropy/context_gs_levels.hpp"
+#include "compmark/entropy/context_gs_parameters.hpp"
+#include "compmark/entropy/context_gs_plan.hpp"
+#include "compmark/entropy/context_network.hpp"
+#include "compmark/entropy/factorised_prior.hpp"
+#include "compmark/entropy/hac_attributes.hpp"
+#include "compmark/entropy/hac_model.hpp"
+#include "compmark/entropy/mask_penalty.hpp"
+#include "compmark/entropy/offset_mask.hpp"
+
+namespace compmark::inline v0 {
+
+template <class T, int feature_dim = 50, int offsets = 10, int hyper_dim = 12>
+class ContextGsModel {
+ public:
+  static constexpr bool is_absent = false;
+  using Scalar = T;
+  using Phase = RatePhase;
+  using Report = RateReport;  ///< hash_bits: of all z
+  using Handles = ContextGsHandles;
+  using Attributes = HacAttributes<T, feature_dim, offsets>;
+  using Prior = FactorisedPrior<T, hyper_dim>;
+  static constexpr int hidden = 100;
+  static constexpr int geometry = feature_dim + 6;  ///< scalars of a parent that its children read
+  using Root = ContextNetwork<T, 3 + hyper_dim, hidden, Attributes::outputs, 3>;              ///< of level 2
+  using Child = ContextNetwork<T, 3 + geometry + hyper_dim, hidden, Attributes::outputs, 3>;  ///< of levels 1 and 0
+  static_assert(hyper_dim <= 16, "ContextGsModel: noise of z is keyed by row * 16 + scalar");
+
+  struct Settings {
+    double lambda = 0.001;
+    double mask_weight = 5e-4;
+    double sample = 0.15;  ///< share of the anchors whose rate is counted in an iteration
+    bool anchor_mask =
+        true;  ///< masks feel the bits of features, extents and z, which vanish with the last live offset
+    double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
+    double least_extent = 1e-6;  ///< a distorted extent stays above it, world units
+  };
+
+  struct Scratch {
+    alignas(64) T output[static_cast<std::size_t>(Child::panel * Child::output_row)];
+    alignas(64) T tail[static_cast<std::size_t>(Child::panel * Child::tail_row)];
+    alignas(64) T d_hidden[static_cast<std::size_t>(Child::panel * Child::hidden_row)];
+    alignas(64) T z[static_cast<std::size_t>(Child::panel * hyper_dim)],
+        d_z[static_cast<std::size_t>(Child::panel * hyper_dim)];
+    alignas(64) T weight[static_cast<std::size_t>(Child::panel)], z_bits[static_cast<std::size_t>(Child::panel)];
+    alignas(64) T feature[static_cast<std::size_t>(feature_dim)];
+    alignas(64) T scaling[6];
+    alignas(64) T offset[static_cast<std::size_t>(3 * offsets)];
+    alignas(64) T d_value[static_cast<std::size_t>(Attributes::row)];
+    typename Attributes::Scratch rate;
+  };
+  struct Context {
+    RatePhase phase;
+    double unit = 0;  ///< loss of one bit of the sample
+    ContextGsLevels<T> levels;
+    ContextGsPlan plan;
+    Buffer<T> input, d_input;                                 ///< of the networks, by entry; rows of `input_row`
+    Buffer<T> hidden, step, noise, extents;                   ///< by entry
+    Buffer<T> seen;                                           ///< [coarse, geometry] a parent as its children see it
+    Buffer<T> inverse;                                        ///< of the deviations
+    Buffer<T> rate_value, rate_output, rate_step, rate_mask;  ///< full entries: gradients of the rate
+    Buffer<T> rate_hyper;                                     ///< … by z
+    Buffer<T> prior, prior_sums;
+    Buffer<double> partial;
+    std::array<Buffer<T>, 3> packed;
+    Buffer<T> chunk_gradients;
+    Buffer<Scratch> scratch;  ///< one a worker
+  };
+
+  ContextGsModel() = default;
+  explicit ContextGsModel(const Settings& settings) : settings_(settings) {}
+
+  [[nodiscard]] static Handles add_parameters(ParameterArena<T>& arena, std::size_t anchor_rows) {
+    return add_context_gs_blocks<T, Root, Child, Attributes, Prior>(arena, anchor_rows, mask_row);
+  }
+  static void initialise(ParameterArena<T>& arena, const Handles& handles, std::uint64_t seed) {
+    initialise_context_gs<Prior>(arena, handles, seed);
+  }
+  /// Box, statistics and cells from all anchors as they are: call before the first iteration with context.
+  static void begin_context(ParameterArena<T>& arena, const Handles& handles, MatrixView<const T> position,
+                            MatrixView<const T> feature, MatrixView<const T> scaling, MatrixView<const T> offset,
+                            double voxel_size) {
+    begin_context_gs<Attributes>(arena, handles, position, feature, scaling, offset, voxel_size);
+  }
+  /// New cells for the same voxels' grid: when growing has ended.
+  static void choose_cells(ParameterArena<T>& arena, const Handles& handles, MatrixView<const T> position) {
+    choose_context_gs_cells(arena, handles, position);
+  }
+  /// Opacity 0 where an offset's mask is dead; see offset_mask.hpp.
+  template <Executor E>
+  static void mask_opacity(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> slot,
+                           T* opacity, E& executor) {
+    compmark::mask_opacity<T>(arena.values(handles.mask), slot, opacity, executor);
+  }
+  template <Executor E>
+  static void mask_opacity_backward(ParameterArena<T>& arena, const Handles& handles,
+                                    std::span<const std::uint32_t> slot, const T* opacity, const T* d_opacity,
+                                    E& executor) {
+    compmark::mask_opacity_backward<T>(std::as_const(arena).values(handles.mask), slot, opacity, d_opacity,
+                                       arena.gradients(handles.mask), executor);
+  }
+
+  /// Distorts the listed rows of the three tables in place; `position` is the whole table.
+  template <Executor E>
+  RateReport forward(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
+                     const RatePhase& phase, MatrixView<const T> position, MatrixView<T> feature, MatrixView<T> scaling,
+                     MatrixView<T> offset, Context& context, E& executor) const {
+    context.phase = phase;
+    const Tables<T> to{feature, scaling, offset};
+    RateReport report;
+    if (!phase.context) {
+      base_noise(rows, to, context, executor);
+      return report;
+    }
+    const MatrixView<const T> cells = arena.values(handles.cells);
+    COMPMARK_ASSERT(anchor_voxel_size<T>(cells) > 0 && handles.feature.valid(),
+                    "ContextGsModel: begin_context comes first, and the anchors are in the arena");
+    context.levels.update(position, arena.values(handles.mask), anchor_cells<T>(cells), anchor_voxel_size<T>(cells),
+                          executor);
+    ContextGsPlan& plan = context.plan;
+    plan.build(context.levels.levels(), rows, Random(phase.seed, phase.iteration, random_stage("context gs sample")),
+               phase.counts ? settings_.sample : 0);
+    context.unit = plan.drawn == 0 ? 0 : settings_.lambda / static_cast<double>(plan.drawn * scalars);
+    prepare(arena, handles, context, executor.concurrency());
+    executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t) {
+      std::fill_n(context.prior_sums.data() + chunk * Prior::count, Prior::count, T(0));
+    });
+    const Forward state{arena, handles, position, to, tables<const T>(arena, handles), context};
+    level_forward<Root>(2, state, executor);
+    level_forward<Child>(1, state, executor);
+    level_forward<Child>(0, state, executor);
+    total(arena, handles, position.rows, context, report, executor);
+    return report;
+  }
+
+  /// Turns the gradients by the distorted rows into those by the rows before (in place), adds the rate's and the children's, and ADDS those
+  /// of masks, hyperprior, networks and prior (and of looked at rows that were not listed) into the arena.
+  template <Executor E>
+  void backward(ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
+                MatrixView<T> d_feature, MatrixView<T> d_scaling, MatrixView<T> d_offset, Context& context,
+                E& executor) const {
+    const Tables<T> d_rows{d_feature, d_scaling, d_offset};
+    if (!context.phase.context) {
+      executor.for_chunks(rows.size(), panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+        for (std::size_t e = begin; e < end; ++e) pull_back(e, rows[e], nullptr, d_rows, context);
+      });
+      return;
+    }
+    context.d_input.resize(context.plan.capacity * input_row);
+    context.chunk_gradients.resize(most_chunks * Child::gradient_count);
+    const Backward state{arena, handles, d_rows, tables<T>(arena, handles), context};
+    level_backward<Child>(0, state, executor);
+    level_backward<Child>(1, state, executor);
+    level_backward<Root>(2, state, executor);
+    if (!context.phase.counts) return;
+    T* const sums = context.prior_sums.data();
+    for (std::size_t chunk = 1; chunk < most_chunks; ++chunk) {
+      for (std::size_t i = 0; i < Prior::count; ++i) sums[i] += sums[chunk * Prior::count + i];
+    }
+    Prior::add_gradients(std::as_const(arena).values(handles.prior), context.prior.data(), sums,
+                         arena.gradients(handles.prior));
+    mask_penalty_backward<T>(std::as_const(arena).values(handles.mask), settings_.mask_weight,
+                             arena.gradients(handles.mask), executor);
+  }
+
+  [[nodiscard]] const Settings& settings() const { return settings_; }
+
+ private:
+  template <class U>
+  struct Tables {
+    MatrixView<U> feature, scaling, offset;
+  };
+  struct Forward {
+    const ParameterArena<T>& arena;
+    const Handles& handles;
+    MatrixView<const T> position;
+    Tables<T> to;
+    Tables<const T> raw;
+    Context& context;
+  };
+  struct Backward {
+    ParameterArena<T>& arena;
+    const Handles& handles;
+    Tables<T> d_rows, outside;
+    Context& context;
+  };
+  static constexpr std::size_t panel = ContextGsPlan::panel;
+  static_assert(panel == static_cast<std::size_t>(Root::panel) && panel == static_cast<std::size_t>(Child::panel));
+  static constexpr std::size_t input_row = static_cast<std::size_t>(Child::input_row);
+  static constexpr std::size_t hidden_row = static_cast<std::size_t>(Child::hidden_row);
+  static constexpr std::size_t output_row = static_cast<std::size_t>(Child::output_row);
+  static constexpr std::size_t tail_row = static_cast<std::size_t>(Child::tail_row);
+  static constexpr std::size_t noise_row = static_cast<std::size_t>(Attributes::row);
+  static constexpr std::size_t mask_row = static_cast<std::size_t>(offsets);
+  static constexpr std::size_t hyper_row = static_cast<std::size_t>(hyper_dim);
+  static constexpr std::size_t seen_row = static_cast<std::size_t>(geometry);
+  static constexpr std::size_t scalars = static_cast<std::size_t>(Attributes::scalars);
+  static constexpr std::size_t step_output = static_cast<std::size_t>(Attributes::outputs - 3);
+  static constexpr std::size_t most_chunks = 16;
+  static constexpr std::size_t partials = 8;  // weighted bits of three groups, of z, steps of three groups
+
+  [[nodiscard]] static typename Child::template Views<const T> network(const ParameterArena<T>& arena,
+                                                                       const ContextGsHandles::Network& n) {
+    return {arena.values(n.weight1), arena.values(n.bias1), arena.values(n.weight2), arena.values(n.bias2)};
+  }
+  /// Values (T const) or gradients of the anchors' own blocks.
+  template <class U, class Arena>
+  [[nodiscard]] static Tables<U> tables(Arena& arena, const Handles& handles) {
+    if constexpr (std::is_const_v<U>) {
+      return {arena.values(handles.feature), arena.values(handles.scaling), arena.values(handles.offset)};
+    } else {
+      return {arena.gradients(handles.feature), arena.gradients(handles.scaling), arena.gradients(handles.offset)};
+    }
+  }
+  [[nodiscard]] std::array<T, 3> base_steps() const {
+    return {static_cast<T>(settings_.feature_step), static_cast<T>(settings_.scaling_step),
+            static_cast<T>(settings_.offset_step)};
+  }
+
+  template <Executor E>
+  void base_noise(std::span<const std::uint32_t> rows, const Tables<T>& to, Context& context, E& executor) const {
+    context.noise.resize(rows.size() * noise_row);
+    context.extents.resize(rows.size() * 12);
+    const Random random = noise_of(context.phase);
+    executor.for_chunks(rows.size(), panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t e = begin; e < end; ++e) {
+        const std::size_t row = rows[e];
+        distort(random, base_steps(), e, rows[e], to.feature.row(row), to.scaling.row(row), to.offset.row(row), nullptr,
+                context);
+      }
+    });
+  }
+  [[nodiscard]] static Random noise_of(const RatePhase& phase) {
+    return {phase.seed, phase.iteration, random_stage("context gs noise")};
+  }
+  void distort(const Random& random, const std::array<T, 3>& q, std::size_t e, std::uint32_t row, T* feature,
+               T* scaling, T* offset, T* values, Context& context) const {
+    T* const noise = context.noise.data() + e * noise_row;
+    const bool round = context.phase.context && context.phase.round;
+    if (!round) Attributes::draw(random, row, noise);
+    Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise,
+                        context.extents.data() + e * 12, values);
+  }
+
+  /// Memory and what is computed once an iteration.
+  static void prepare(const ParameterArena<T>& arena, const Handles& handles, Context& context, std::size_t workers) {
+    const ContextGsPlan& plan = context.plan;
+    context.scratch.resize(workers);
+    context.input.resize(plan.capacity * input_row);
+    context.hidden.resize(plan.capacity * hidden_row);
+    context.step.resize(plan.capacity * 3);
+    context.noise.resize(plan.capacity * noise_row);
+    context.extents.resize(plan.capacity * 12);
+    context.seen.resize(plan.coarse * seen_row);
+    context.rate_value.resize(plan.rates * noise_row);
+    context.rate_output.resize(plan.rates * output_row);
+    context.rate_step.resize(plan.rates * 3);
+    context.rate_mask.resize(plan.rates * mask_row);
+    context.rate_hyper.resize(plan.rates * hyper_row);
+    context.partial.resize(plan.capacity / panel * partials, 0.0);
+    for (std::size_t level = 0; level < 2; ++level) {
+      Child::pack(network(arena, handles.network[level]), context.packed[level]);
+    }
+    const auto root = network(arena, handles.network[2]);
+    Root::pack({root.weight1, root.bias1, root.weight2, root.bias2}, context.packed[2]);
+    context.prior.resize(Prior::count);
+    context.prior_sums.resize(most_chunks * Prior::count);
+    Prior::prepare(arena.values(handles.prior), context.prior.data());
+    const MatrixView<const T> statistics = arena.values(handles.statistics);
+    context.inverse.resize(seen_row);
+    for (std::size_t c = 0; c < seen_row; ++c) context.inverse[c] = 1 / statistics(1, c);
+  }
+
+  /// Panels of a level, dealt to fixed chunks: light and full ones evenly.
+  template <class Net, Executor E>
+  void level_forward(std::size_t level, const Forward& state, E& executor) const {
+    const std::size_t panels = state.context.plan.panels(level);
+    executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t worker) {
+      for (std::size_t p = chunk; p < panels; p += most_chunks) {
+        panel_forward<Net>(level, p, state, state.context.scratch[worker],
+                           state.context.prior_sums.data() + chunk * Prior::count);
+      }
+    });
+  }
+
+  /// The network's inputs for the entries of a panel.
+  template <class Net>
+  void see(std::size_t level, const ContextGsPlan::Section& at, const Forward& state) const {
+    Context& context = state.context;
+    const ContextGsPlan& plan = context.plan;
+    T* const input = context.input.data() + at.first * input_row;
+    constexpr std::size_t row_size = static_cast<std::size_t>(Net::input_row);
+    constexpr std::size_t z_begin = static_cast<std::size_t>(Net::inputs - hyper_dim);
+    std::fill_n(input, panel * row_size, T(0));
+    const MatrixView<const T> hyperprior = state.arena.values(state.handles.hyperprior);
+    const MatrixView<const T> box = state.arena.values(state.handles.box);
+    const Random random(context.phase.seed, context.phase.iteration, random_stage("context gs hyperprior"));
+    const std::span<const Voxel> voxels = context.levels.voxels();
+    const AnchorCells cells = context.levels.cells();
+    const T inverse_edge = 1 / static_cast<T>(level == 1 ? cells.coarse : cells.fine);
+    for (std::size_t i = 0; i < at.count; ++i) {
+      const std::size_t e = at.first + i, row = plan.row[e];
+      T* const to = input + i * row_size;
+      if constexpr (Net::inputs == Root::inputs) {
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const T extent = box(1, axis) - box(0, axis);
+          const T unit = (state.position(row, axis) - box(0, axis)) / (extent > T(0) ? extent : T(1));
+          to[axis] = std::min(std::max(2 * unit - 1, T(-1)), T(1));
+        }
+      } else {
+        const std::size_t parent = plan.parent[e];
+        const Voxel &v = voxels[row], &from = voxels[plan.row[parent]];
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          to[axis] = static_cast<T>(std::int64_t{v[axis]} - from[axis]) * inverse_edge;
+        }
+        std::copy_n(context.seen.data() + parent * seen_row, seen_row, to + 3);
+      }
+      for (std::size_t c = 0; c < hyper_row; ++c) {
+        const T z = hyperprior(row, c);
+        to[z_begin + c] = context.phase.round ? std::nearbyint(z) : z + static_cast<T>(random.centered(row << 4 | c));
+      }
+    }
+  }
+
+  template <class Net>
+  void panel_forward(std::size_t level, std::size_t p, const Forward& state, Scratch& s, T* prior_sums) const {
+    Context& context = state.context;
+    const ContextGsPlan& plan = context.plan;
+    const ContextGsPlan::Section at = plan.panel_at(level, p);
+    const bool full = plan.is_full(level, p);
+    const T* const packed = context.packed[level].data();
+    T* const hidden_units = context.hidden.data() + at.first * hidden_row;
+    see<Net>(level, at, state);
+    Net::hidden_layer(packed, context.input.data() + at.first * input_row, hidden_units);
+    if (full) {
+      Net::all_outputs(packed, hidden_units, s.output);
+      Attributes::load_statistics(state.arena.values(state.handles.statistics), s.rate);
+      rate_hyper<Net>(at, s, prior_sums, context);
+    } else {
+      Net::tail_outputs(packed, hidden_units, s.tail);
+    }
+    const Random random = noise_of(context.phase);
+    const MatrixView<const T> statistics = state.arena.values(state.handles.statistics);
+    double* const partial = context.partial.data() + at.first / panel * partials;
+    for (std::size_t i = 0; i < at.count; ++i) {
+      const std::size_t e = at.first + i, row = plan.row[e];
+      const T* const raw_step = full ? s.output + i * output_row + step_output : s.tail + i * tail_row;
+      T step[3 + Attributes::W];
+      Attributes::steps(raw_step, base_steps(), step);
+      std::copy_n(step, 3, context.step.data() + 3 * e);
+      const std::array<T, 3> q{step[0], step[1], step[2]};
+      if ((plan.mark[row] & ContextGsPlan::visible) != 0) {
+        distort(random, q, e, plan.row[e], state.to.feature.row(row), state.to.scaling.row(row),
+                state.to.offset.row(row), s.rate.values, context);
+        for (std::size_t g = 0; g < 3; ++g) partial[4 + g] += static_cast<double>(q[g]);
+      } else {
+        std::copy_n(state.raw.feature.row(row), state.raw.feature.columns, s.feature);
+        std::copy_n(state.raw.scaling.row(row), state.raw.scaling.columns, s.scaling);
+        std::copy_n(state.raw.offset.row(row), state.raw.offset.columns, s.offset);
+        distort(random, q, e, plan.row[e], s.feature, s.scaling, s.offset, s.rate.values, context);
+      }
+      if (level > 0) {
+        T* const seen = context.seen.data() + e * seen_row;
+        for (std::size_t c = 0; c < seen_row; ++c) {
+          seen[c] = (s.rate.values[c] - statistics(0, c)) * context.inverse[c];
+        }
+      }
+      if (full)
+        rate_entry(plan.rate_of(level, e), i, q, state.arena.values(state.handles.mask).row(row), partial, s, context);
+    }
+  }
+  /// Bits of z of a panel and their gradients, for rate_entry.
+  template <class Net>
+  void rate_hyper(const ContextGsPlan::Section& at, Scratch& s, T* prior_sums, Context& context) const {
+    constexpr std::size_t row_size = static_cast<std::size_t>(Net::input_row);
+    const T* const input = context.input.data() + at.first * input_row + (Net::inputs - hyper_dim);
+    for (std::size_t i = 0; i < panel; ++i) {
+      for (std::size_t c = 0; c < hyper_row; ++c) s.z[c * panel + i] = input[i * row_size + c];
+      s.weight[i] = i < at.count ? static_cast<T>(context.unit) : T(0);
+      s.z_bits[i] = 0;
+    }
+    Prior::bits(context.prior.data(), s.z, panel, s.weight, s.z_bits, s.d_z, prior_sums);
+  }
+  /// Bits of the i-th entry of a panel and their gradients; f is its place among full entries.
+  void rate_entry(std::size_t f, std::size_t i, const std::array<T, 3>& q, const T* mask, double* partial, Scratch& s,
+                  Context& context) const {
+    std::array<T, 3> d_step{};
+    T* const d_mask = context.rate_mask.data() + f * mask_row;
+    const typename Attributes::Bits bits = Attributes::rate(
+        s.output + i * output_row, q, mask, settings_.anchor_mask, static_cast<T>(context.unit), s.rate,
+        context.rate_value.data() + f * noise_row, context.rate_output.data() + f * output_row, d_step, d_mask);
+    std::copy_n(d_step.data(), 3, context.rate_step.data() + 3 * f);
+    for (std::size_t c = 0; c < hyper_row; ++c) context.rate_hyper[f * hyper_row + c] = s.d_z[c * panel + i];
+    if (settings_.anchor_mask) {
+      for (std::size_t k = 0; k < mask_row; ++k) {
+        d_mask[k] += static_cast<T>(context.unit) * s.z_bits[i] / static_cast<T>(mask_row);
+      }
+    }
+    for (std::size_t g = 0; g < 3; ++g) partial[g] += bits.weighted[g];
+    partial[3] += static_cast<double>(s.z_bits[i]);
+  }
+
+  template <Executor E>
+  void total(const ParameterArena<T>& arena, const Handles& handles, std::size_t anchors, Context& context,
+             RateReport& report, E& executor) const {
+    const ContextGsPlan& plan = context.plan;
+    std::array<double, partials> sums{};
+    for (std::size_t p = 0; p < plan.capacity / panel; ++p) {
+      for (std::size_t i = 0; i < partials; ++i) sums[i] += context.partial[p * partials + i];
+    }
+    const double visible = static_cast<double>(std::max<std::size_t>(1, plan.visible_live));
+    report.step_feature = sums[4] / visible;
+    report.step_scaling = sums[5] / visible;
+    report.step_offset = sums[6] / visible;
+    if (!context.phase.counts) return;
+    const double drawn = static_cast<double>(std::max<std::size_t>(1, plan.drawn));
+    report.sampled = plan.drawn;
+    report.live_share = static_cast<double>(plan.drawn_live) / drawn;
+    report.bits_feature = sums[0] / (drawn * feature_dim);
+    report.bits_scaling = sums[1] / (drawn * 6);
+    report.bits_offset = sums[2] / (drawn * 3 * offsets);
+    const double bits = sums[0] + sums[1] + sums[2];
+    report.bits_per_scalar = bits / (drawn * static_cast<double>(scalars));
+    report.hash_bits = sums[3] / drawn * static_cast<double>(anchors);
+    report.loss = context.unit * (bits + sums[3]) +
+                  settings_.mask_weight * mask_penalty<T>(arena.values(handles.mask), context.partial, executor);
+  }
+
+  /// One entry's gradients, in place; returns those by its steps.
+  static std::array<T, 3> pull_back(std::size_t e, std::size_t row, const T* rate, const Tables<T>& d,
+                                    const Context& context) {
+    return Attributes::pull_back(context.noise.data() + e * noise_row, context.extents.data() + e * 12, rate,
+                                 d.feature.row(row), d.scaling.row(row), d.offset.row(row));
+  }
+  template <class Net, Executor E>
+  void level_backward(std::size_t level, const Backward& state, E& executor) const {
+    Context& context = state.context;
+    const std::size_t panels = context.plan.panels(level);
+    if (panels == 0) return;
+    constexpr std::size_t count = Net::gradient_count;
+    T* const sums = context.chunk_gradients.data();
+    executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t worker) {
+      std::fill_n(sums + chunk * count, count, T(0));
+      for (std::size_t p = chunk; p < panels; p += most_chunks) {
+        panel_backward<Net>(level, p, state, context.scratch[worker], sums + chunk * count);
+      }
+    });
+    executor.for_chunks(count, 2048, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t chunk = 1; chunk < most_chunks; ++chunk) {
+        for (std::size_t i = begin; i < end; ++i) sums[i] += sums[chunk * count + i];
+      }
+    });
+    const ContextGsHandles::Network& n = state.handles.network[level];
+    Net::add_gradients(sums, {state.arena.gradients(n.weight1), state.arena.gradients(n.bias1),
+                              state.arena.gradients(n.weight2), state.arena.gradients(n.bias2)});
+  }
+  template <class Net>
+  void panel_backward(std::size_t level, std::size_t p, const Backward& state, Scratch& s, T* sums) const {
+    Context& context = state.context;
+    const ContextGsPlan& plan = context.plan;
+    const ContextGsPlan::Section at = plan.panel_at(level, p);
+    const bool full = plan.is_full(level, p);
+    const MatrixView<const T> mask = std::as_const(state.arena).values(state.handles.mask);
+    const MatrixView<T> d_mask = state.arena.gradients(state.handles.mask);
+    if (full) {
+      std::fill(std::begin(s.output), std::end(s.output), T(0));
+    } else {
+      std::fill(std::begin(s.tail), std::end(s.tail), T(0));
+    }
+    const std::array<T, 3> base = base_steps();
+    for (std::size_t i = 0; i < at.count; ++i) {
+      const std::size_t e = at.first + i, row = plan.row[e], f = full ? plan.rate_of(level, e) : 0;
+      std::array<T, 3> d_step =
+          pull_entry(level, e, full ? context.rate_value.data() + f * noise_row : nullptr, state, s);
+      T* const tail = full ? s.output + i * output_row + step_output : s.tail + i * tail_row;
+      if (full) {
+        for (std::size_t g = 0; g < 3; ++g) d_step[g] += context.rate_step[3 * f + g];
+        std::copy_n(context.rate_output.data() + f * output_row, step_output, s.output + i * output_row);
+        for (std::size_t k = 0; k < mask_row; ++k) {
+          d_mask(row, k) += context.rate_mask[f * mask_row + k] * mask_slope(mask(row, k));
+        }
+      }
+      for (std::size_t g = 0; g < 3; ++g) {
+        tail[g] = Attributes::pull_step(context.step[3 * e + g], base[g], d_step[g]);
+      }
+    }
+    const T* const packed = context.packed[level].data();
+    const T* const input = context.input.data() + at.first * input_row;
+    const T* const hidden_units = context.hidden.data() + at.first * hidden_row;
+    T* const d_input = context.d_input.data() + at.first * input_row;
+    if (full) {
+      Net::backward_all(packed, input, hidden_units, s.output, s.d_hidden, d_input, sums);
+    } else {
+      Net::backward_tail(packed, input, hidden_units, s.tail, s.d_hidden, d_input, sums);
+    }
+    const MatrixView<T> d_hyper = state.arena.gradients(state.handles.hyperprior);
+    for (std::size_t i = 0; i < at.count; ++i) {
+      const std::size_t row = plan.row[at.first + i];
+      const T* const d_z = d_input + i * static_cast<std::size_t>(Net::input_row) + (Net::inputs - hyper_dim);
+      const T* const rate = full ? context.rate_hyper.data() + plan.rate_of(level, at.first + i) * hyper_row : nullptr;
+      for (std::size_t c = 0; c < hyper_row; ++c) d_hyper(row, c) += d_z[c] + (full ? rate[c] : T(0));
+    }
+  }
+  /// Gradients of the three tables by one entry's row, from those by what came of it: the render's, the rate's and the children's.
+  static std::array<T, 3> pull_entry(std::size_t level, std::size_t e, const T* rate, const Backward& state,
+                                     Scratch& s) {
+    Context& context = state.context;
+    const ContextGsPlan& plan = context.plan;
+    if (level > 0 && plan.child_begin[e] != plan.child_begin[e + 1]) {
+      T* const d = s.d_value;
+      std::fill_n(d, noise_row, T(0));
+      for (std::uint32_t at = plan.child_begin[e]; at < plan.child_begin[e + 1]; ++at) {
+        const T* const from = context.d_input.data() + child_input(plan.child[at]);
+        for (std::size_t c = 0; c < seen_row; ++c) d[c] += from[c];
+      }
+      for (std::size_t c = 0; c < seen_row; ++c) d[c] *= context.inverse[c];
+      if (rate != nullptr) {
+        for (std::size_t c = 0; c < scalars; ++c) d[c] += rate[c];
+      }
+      rate = d;
+    }
+    const std::size_t row = plan.row[e];
+    if ((plan.mark[row] & ContextGsPlan::visible) != 0) return pull_back(e, row, rate, state.d_rows, context);
+    std::fill(std::begin(s.feature), std::end(s.feature), T(0));
+    std::fill(std::begin(s.scaling), std::end(s.scaling), T(0));
+    std::fill(std::begin(s.offset), std::end(s.offset), T(0));
+    const std::array<T, 3> d_step = Attributes::pull_back(
+        context.noise.data() + e * noise_row, context.extents.data() + e * 12, rate, s.feature, s.scaling, s.offset);
+    add(s.feature, state.outside.feature, row);
+    add(s.scaling, state.outside.scaling, row);
+    add(s.offset, state.outside.offset, row);
+    return d_step;
+  }
+  /// Where the gradients by what a child read of its parent begin. Rows of a panel are as wide as its network's inputs.
+  [[nodiscard]] static std::size_t child_input(std::size_t e) { return e * input_row + 3; }
+  static void add(const T* from, const MatrixView<T>& to, std::size_t row) {
+    for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += from[c];
+  }
+
+  Settings settings_{};
+};
+
+}  // namespace compmark::inline v0
