@@ -167,6 +167,7 @@
 #include "compmark/entropy/gaussian_rate.hpp"
 #include "compmark/entropy/gaussian_tables.hpp"
 #include "compmark/entropy/hac_attributes.hpp"
+#include "compmark/entropy/hac_entries.hpp"
 #include "compmark/entropy/hac_model.hpp"
 #include "compmark/entropy/hac_parameters.hpp"
 #include "compmark/entropy/hash_grid.hpp"
@@ -181,6 +182,7 @@
 #include "compmark/entropy/normal_integral.hpp"
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/entropy/rans.hpp"
+#include "compmark/entropy/rate.hpp"
 #include "compmark/entropy/symbol_coder.hpp"
 #include "compmark/entropy/varint.hpp"
 

@@ -58,6 +58,7 @@ struct Scene {
     fill(offset, 0.8, 0);
     fill(handles.mask, 2, 0);
     fill(handles.weight2, 0.15, 0);  // something to learn from at once
+    for (std::size_t i = 3; i < anchors; i += 7) arena.values(handles.mask)(i, 1) = T(-8);  // dead offsets
     for (std::size_t i = 0; i < anchors; i += 11) {
       for (std::size_t k = 0; k < K; ++k) arena.values(handles.mask)(i, k) = T(-9) - static_cast<T>(k);  // dead anchors
     }
@@ -148,10 +149,10 @@ TEST_CASE(
       // Rows that are neither listed nor sampled have no gradient; sampled ones have, also where they are not listed.
       std::size_t outside = 0, untouched = 0;
       for (std::size_t row = 0; row < anchors; ++row) {
-        if ((scene.context.mark[row] & 1) != 0) continue;
+        if ((scene.context.entries.mark[row] & 1) != 0) continue;
         double size = 0;
         for (std::size_t c = 0; c < D; ++c) size += std::abs(scene.arena.gradients(scene.feature)(row, c));
-        if (scene.context.mark[row] == 0) CHECK(size == 0);
+        if (scene.context.entries.mark[row] == 0) CHECK(size == 0);
         (size > 0 ? outside : untouched) += 1;
       }
       CHECK((outside > 10) == all);
@@ -225,7 +226,7 @@ TEST_CASE(
         expected += geometry / K * slope;
       }
       CHECK(d(row, 0) == doctest::Approx(expected).epsilon(1e-7));
-      tested += (scene.context.mark[row] & 2) != 0 ? 1 : 0;
+      tested += (scene.context.entries.mark[row] & 2) != 0 ? 1 : 0;
     }
     CHECK(tested > 30);
   }
@@ -246,6 +247,8 @@ TEST_CASE("entropy/hac_model: loss, sample and report fit together; bits are tho
   CHECK(report.loss ==
         doctest::Approx(scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (anchors * scalars)) +
                         scene.settings.mask_weight * masks / (anchors * K)));
+  CHECK(report.live_offsets > 0.8);
+  CHECK(report.live_offsets < report.live_share);
   CHECK(report.step_feature > 0.3);
   CHECK(report.step_feature < 2);
   CHECK(report.step_scaling == doctest::Approx(0.001).epsilon(0.7));
@@ -256,7 +259,7 @@ TEST_CASE("entropy/hac_model: loss, sample and report fit together; bits are tho
   CHECK(live.live_share * live.bits_per_scalar == doctest::Approx(report.bits_per_scalar));
   scene.phase.counts = false;
   CHECK(scene.forward(serial).loss == 0);
-  CHECK(scene.context.full == 0);
+  CHECK(scene.context.entries.full == 0);
 }
 
 TEST_CASE("entropy/hac_model: noise of the base steps; extents stay positive; nothing else is touched") {
@@ -317,8 +320,8 @@ TEST_CASE("entropy/hac_model: rounding lands on whole steps, to within half of o
   SerialExecutor serial;
   scene.forward(serial);
   double worst = 0, farthest = 0;
-  for (std::size_t e = 0; e < scene.context.light; ++e) {
-    const std::size_t row = scene.context.row[e];
+  for (std::size_t e = 0; e < scene.context.entries.light; ++e) {
+    const std::size_t row = scene.context.entries.row[e];
     for (int which = 0; which < 3; ++which) {
       const double q = scene.context.step[3 * e + static_cast<std::size_t>(which)];
       for (std::size_t c = 0; c < scene.table(which).columns; ++c) {

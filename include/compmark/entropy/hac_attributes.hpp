@@ -133,7 +133,7 @@ struct HacAttributes {
   /// Weighted bits of one anchor by group.
   struct Bits {
     std::array<double, 3> weighted{};
-    bool live = false;
+    int live = 0;  ///< offsets
   };
   /// Constant over an iteration: the scratch's copy of the statistics [2, scalars].
   static void load_statistics(MatrixView<const T> statistics, Scratch& s) {
@@ -176,8 +176,8 @@ struct HacAttributes {
       bits.d_step.store(s.d_step + c);
     }
     Bits result;
-    result.live = anchor_live(mask, static_cast<std::size_t>(K));
-    const T share = !anchor_mask || result.live ? T(1) : T(0);
+    for (int k = 0; k < K; ++k) result.live += mask_live(mask[k]) ? 1 : 0;
+    const T share = !anchor_mask || result.live > 0 ? T(1) : T(0);
     double geometry = 0;  // feature and extent, whatever the masks
     for (int c = 0; c < begin[2]; ++c) geometry += static_cast<double>(s.bits[c]);
     for (std::size_t g = 0; g < 2; ++g) {

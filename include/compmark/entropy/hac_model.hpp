@@ -29,32 +29,13 @@
 #include "compmark/entropy/concept.hpp"
 #include "compmark/entropy/context_network.hpp"
 #include "compmark/entropy/hac_attributes.hpp"
+#include "compmark/entropy/hac_entries.hpp"
 #include "compmark/entropy/hac_parameters.hpp"
 #include "compmark/entropy/hash_grid.hpp"
 #include "compmark/entropy/offset_mask.hpp"
+#include "compmark/entropy/rate.hpp"
 
 namespace compmark::inline v0 {
-
-/// What the model does in one iteration. All false: nothing.
-struct RatePhase {
-  bool noise = false;    ///< noise of the base steps
-  bool context = false;  ///< noise of the predicted steps …
-  bool round = false;    ///< … or rounding by them
-  bool counts = true;    ///< with context: the rate is a loss
-  std::uint64_t seed = 0, iteration = 0;
-
-  [[nodiscard]] constexpr bool active() const { return noise || context; }
-};
-
-struct RateReport {
-  double loss = 0;
-  double bits_per_scalar = 0;                                  ///< of the sample, dead ones at no bits
-  double bits_feature = 0, bits_scaling = 0, bits_offset = 0;  ///< the same by group
-  double hash_bits = 0;                                        ///< of the whole grid
-  double live_share = 0;                                       ///< of the sample's anchors; HAC: of all candidates
-  double step_feature = 0, step_scaling = 0, step_offset = 0;  ///< mean over visible anchors
-  std::size_t sampled = 0;                                     ///< anchors
-};
 
 template <class T, int feature_dim = 50, int offsets = 10, HashGridShape grid_shape = HashGridShape{}>
 class HacModel {
@@ -92,19 +73,16 @@ class HacModel {
     alignas(64) T offset[static_cast<std::size_t>(3 * offsets)];
     typename Attributes::Scratch rate;
   };
-  /// An entry is an anchor of this iteration: first those that need steps alone ("light"), from the next whole panel on those whose rate is
-  /// counted ("full"). All tables are compact, a row an entry.
+  /// Compact tables, a row an entry (hac_entries.hpp).
   struct Context {
     RatePhase phase;
-    std::size_t light = 0, full = 0, first_full = 0, capacity = 0;
-    double unit = 0;            ///< loss of one bit of the sample
-    double hash_weight = 0;     ///< loss of one bit of the grid
-    Buffer<std::uint8_t> mark;  ///< [N] 1 visible, 2 sampled
-    Buffer<std::uint32_t> row;  ///< of the anchor table
-    Buffer<T> position;         ///< [3] in the box
-    Buffer<T> input, hidden;    ///< of the network
-    Buffer<T> step;             ///< [3] q
-    Buffer<T> noise, extents;   ///< as Attributes wants them
+    HacEntries entries;
+    double unit = 0;           ///< loss of one bit of the sample
+    double hash_weight = 0;    ///< loss of one bit of the grid
+    Buffer<T> position;        ///< [3] in the box
+    Buffer<T> input, hidden;   ///< of the network
+    Buffer<T> step;            ///< [3] q
+    Buffer<T> noise, extents;  ///< as Attributes wants them
     // The way back takes only those light entries that have a gradient, half of them where half of the anchors are hidden.
     Buffer<T> d_step;            ///< [3] by the raw steps
     Buffer<std::uint32_t> back;  ///< light entries with one
@@ -152,13 +130,17 @@ class HacModel {
                      MatrixView<T> offset, Context& context, E& executor) const {
     context.phase = phase;
     RateReport report;
-    plan(arena, handles, rows, phase, position.rows, context, report);
-    context.noise.resize(context.capacity * noise_row);
-    context.extents.resize(context.capacity * 12);
+    const bool counting = phase.context && phase.counts && settings_.sample > 0;
+    const HacSample sample{counting ? settings_.sample : 0, counting && settings_.sample_all && handles.feature.valid(),
+                           settings_.anchor_mask};
+    context.entries.template draw<T>(rows, sample, phase, arena.values(handles.mask), report);
+    set_weights(position.rows, report, context);
+    context.noise.resize(context.entries.capacity * noise_row);
+    context.extents.resize(context.entries.capacity * 12);
     context.scratch.resize(executor.concurrency());
     const Random random(phase.seed, phase.iteration, random_stage("hac noise"));
     if (!phase.context) {
-      executor.for_chunks(context.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+      executor.for_chunks(context.entries.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
         for (std::size_t e = begin; e < end; ++e) {
           distort(random, base_steps(), e, feature, scaling, offset, nullptr, context);
         }
@@ -168,19 +150,19 @@ class HacModel {
 
     Grid::binarise(arena.values(handles.grid), context.grid, executor);
     Network::pack(network(arena, handles), context.packed);
-    context.position.resize(context.capacity * 3);
-    context.input.resize(context.capacity * input_row);
-    context.hidden.resize(context.capacity * hidden_row);
-    context.step.resize(context.capacity * 3);
-    context.partial.resize(context.capacity / panel * partials);
-    const std::size_t full_rows = context.capacity - context.first_full;
+    context.position.resize(context.entries.capacity * 3);
+    context.input.resize(context.entries.capacity * input_row);
+    context.hidden.resize(context.entries.capacity * hidden_row);
+    context.step.resize(context.entries.capacity * 3);
+    context.partial.resize(context.entries.capacity / panel * partials);
+    const std::size_t full_rows = context.entries.capacity - context.entries.first_full;
     context.rate_value.resize(full_rows * noise_row);
     context.rate_output.resize(full_rows * output_row);
     context.rate_step.resize(full_rows * 3);
     context.rate_mask.resize(full_rows * mask_row);
     const MatrixView<const T> box = arena.values(handles.box);
-    executor.for_chunks(context.first_full, panel, [&](std::size_t begin, std::size_t, std::size_t worker) {
-      const std::size_t end = std::min(begin + panel, context.light);
+    executor.for_chunks(context.entries.first_full, panel, [&](std::size_t begin, std::size_t, std::size_t worker) {
+      const std::size_t end = std::min(begin + panel, context.entries.light);
       Scratch& s = context.scratch[worker];
       see(box, position, begin, end, context);
       Network::tail_outputs(context.packed.data(), context.hidden.data() + begin * hidden_row, s.tail);
@@ -195,9 +177,9 @@ class HacModel {
       std::copy_n(sums.data(), 3, partial + 4);
     });
     const AnchorTables<const T> raw = tables<const T>(arena, handles);
-    executor.for_chunks(context.capacity - context.first_full, panel,
+    executor.for_chunks(context.entries.capacity - context.entries.first_full, panel,
                         [&](std::size_t begin, std::size_t, std::size_t worker) {
-                          full_panel(arena, handles, context.first_full + begin, box, position, random,
+                          full_panel(arena, handles, context.entries.first_full + begin, box, position, random,
                                      {feature, scaling, offset}, raw, context.scratch[worker], context);
                         });
     total(arena, handles, rows.size(), position.rows, context, report, executor);
@@ -211,22 +193,23 @@ class HacModel {
                 MatrixView<T> d_feature, MatrixView<T> d_scaling, MatrixView<T> d_offset, Context& context,
                 E& executor) const {
     const AnchorTables<T> d_rows{d_feature, d_scaling, d_offset};
-    COMPMARK_ASSERT(context.phase.context || rows.size() == context.light,
+    COMPMARK_ASSERT(context.phase.context || rows.size() == context.entries.light,
                     "HacModel: not the rows of the last forward");
     static_cast<void>(rows);
     if (!context.phase.context) {
-      executor.for_chunks(context.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+      executor.for_chunks(context.entries.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
         for (std::size_t e = begin; e < end; ++e) pull_back(e, nullptr, d_rows, context);
       });
       return;
     }
     const std::size_t active = light_gradients(d_rows, context, executor);
     const std::size_t light_panels = chunk_count(active, panel);
-    const std::size_t full_rows = context.capacity - context.first_full, full_panels = full_rows / panel;
+    const std::size_t full_rows = context.entries.capacity - context.entries.first_full,
+                      full_panels = full_rows / panel;
     const std::size_t back_rows = light_panels * panel + full_rows;
     context.back_position.resize(back_rows * 3);
     context.d_grid.resize(back_rows * Grid::channels);
-    std::copy_n(context.position.data() + 3 * context.first_full, 3 * full_rows,
+    std::copy_n(context.position.data() + 3 * context.entries.first_full, 3 * full_rows,
                 context.back_position.data() + 3 * light_panels * panel);
     context.chunk_gradients.resize(most_chunks * Network::gradient_count);
     const auto sums_of = [&](std::size_t chunk) {
@@ -249,7 +232,7 @@ class HacModel {
     executor.for_chunks(full_panels, full_grain, [&](std::size_t first, std::size_t last, std::size_t worker) {
       for (std::size_t p = first; p < last; ++p) {
         Scratch& s = context.scratch[worker];
-        full_panel_backward(context.first_full + p * panel, d_rows, outside, mask, d_mask, s,
+        full_panel_backward(context.entries.first_full + p * panel, d_rows, outside, mask, d_mask, s,
                             sums_of(first / full_grain), context);
         spread((light_panels + p) * panel, back_rows, s, context);
       }
@@ -287,6 +270,7 @@ class HacModel {
     MatrixView<U> feature, scaling, offset;
   };
   static constexpr std::size_t panel = static_cast<std::size_t>(Network::panel);
+  static_assert(panel == HacEntries::panel);
   static constexpr std::size_t input_row = static_cast<std::size_t>(Network::input_row);
   static constexpr std::size_t hidden_row = static_cast<std::size_t>(Network::hidden_row);
   static constexpr std::size_t output_row = static_cast<std::size_t>(Network::output_row);
@@ -296,7 +280,8 @@ class HacModel {
   static constexpr std::size_t scalars = static_cast<std::size_t>(Attributes::scalars);
   static constexpr std::size_t step_output = static_cast<std::size_t>(Attributes::outputs - 3);
   static constexpr std::size_t most_chunks = 16;
-  static constexpr std::size_t partials = 8;  // weighted bits of three groups, live, steps of three groups, masks
+  static constexpr std::size_t partials =
+      8;  // weighted bits of three groups, live offsets, steps of three groups, and one to spare
 
   [[nodiscard]] static typename Network::template Views<const T> network(const ParameterArena<T>& arena,
                                                                          const Handles& handles) {
@@ -318,63 +303,19 @@ class HacModel {
             static_cast<T>(settings_.offset_step)};
   }
 
-  /// Who is light and who is full.
-  void plan(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
-            const RatePhase& phase, std::size_t anchors, Context& context, RateReport& report) const {
-    const std::size_t n = rows.size();
-    const bool counting = phase.context && phase.counts && settings_.sample > 0;
-    const bool everywhere = counting && settings_.sample_all && handles.feature.valid();
-    std::size_t candidates = 0, live = 0;
-    context.full = 0;
-    context.mark.resize(anchors, std::uint8_t{0});
-    for (const std::uint32_t row : rows) context.mark[row] = 1;
-    if (counting) {
-      const MatrixView<const T> mask = arena.values(handles.mask);
-      const Random random(phase.seed, phase.iteration, random_stage("hac sample"));
-      const auto consider = [&](std::size_t row) {
-        const bool drawn = random.uniform(row) < settings_.sample;
-        ++candidates;
-        if (!drawn && settings_.anchor_mask) return;
-        const bool alive = anchor_live(mask.row(row), mask_row);
-        live += (drawn || !settings_.anchor_mask) && alive ? 1 : 0;
-        if (!drawn || (!alive && !settings_.anchor_mask)) return;
-        context.mark[row] |= 2;
-        ++context.full;
-      };
-      if (everywhere) {
-        for (std::size_t row = 0; row < anchors; ++row) consider(row);
-      } else {
-        for (const std::uint32_t row : rows) consider(row);
-      }
-    }
-    report.sampled = context.full;
-    const std::size_t among = settings_.anchor_mask ? context.full : candidates;
-    report.live_share = among == 0 ? 0 : static_cast<double>(live) / static_cast<double>(among);
+  void set_weights(std::size_t anchors, const RateReport& report, Context& context) const {
     const double share = settings_.anchor_mask ? 1 : report.live_share;
-    context.unit = context.full == 0 ? 0 : settings_.lambda * share / static_cast<double>(context.full * scalars);
+    const std::size_t full = context.entries.full;
+    context.unit = full == 0 ? 0 : settings_.lambda * share / static_cast<double>(full * scalars);
     context.hash_weight = settings_.lambda / static_cast<double>(std::max<std::size_t>(1, anchors) * scalars);
-
-    std::size_t seen = 0;  // full and visible
-    for (const std::uint32_t row : rows) seen += context.mark[row] == 3 ? 1 : 0;
-    context.light = n - seen;
-    context.first_full = chunk_count(context.light, panel) * panel;
-    context.capacity = context.first_full + chunk_count(context.full, panel) * panel;
-    context.row.resize(context.capacity);
-    std::size_t light = 0, full = context.first_full;
-    for (const std::uint32_t row : rows) context.row[context.mark[row] == 3 ? full++ : light++] = row;
-    if (!everywhere) return;
-    for (std::size_t row = 0; row < anchors; ++row) {
-      if (context.mark[row] == 2) context.row[full++] = static_cast<std::uint32_t>(row);
-    }
   }
-
   /// Grid and hidden layer of a panel whose entries begin … end - 1 are anchors.
   void see(MatrixView<const T> box, MatrixView<const T> position, std::size_t begin, std::size_t end,
            Context& context) const {
     T* const unit = context.position.data() + 3 * begin;
     std::fill_n(unit, 3 * panel, T(-1));  // outside the box
     for (std::size_t e = begin; e < end; ++e) {
-      Grid::normalise(box, position.row(context.row[e]), unit + 3 * (e - begin));
+      Grid::normalise(box, position.row(context.entries.row[e]), unit + 3 * (e - begin));
     }
     T* const input = context.input.data() + begin * input_row;
     if constexpr (input_row != Grid::channels) std::fill_n(input, panel * input_row, T(0));
@@ -391,19 +332,19 @@ class HacModel {
                T* values, Context& context) const {
     T* const noise = context.noise.data() + entry * noise_row;
     const bool round = context.phase.context && context.phase.round;
-    if (!round) Attributes::draw(random, context.row[entry], noise);
+    if (!round) Attributes::draw(random, context.entries.row[entry], noise);
     Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise,
                         context.extents.data() + entry * 12, values);
   }
   void distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, MatrixView<T> feature,
                MatrixView<T> scaling, MatrixView<T> offset, T* values, Context& context) const {
-    const std::size_t row = context.row[entry];
+    const std::size_t row = context.entries.row[entry];
     distort(random, q, entry, feature.row(row), scaling.row(row), offset.row(row), values, context);
   }
   void full_panel(const ParameterArena<T>& arena, const Handles& handles, std::size_t begin, MatrixView<const T> box,
                   MatrixView<const T> position, const Random& random, const AnchorTables<T>& to,
                   const AnchorTables<const T>& raw, Scratch& s, Context& context) const {
-    const std::size_t end = std::min(begin + panel, context.first_full + context.full);
+    const std::size_t end = std::min(begin + panel, context.entries.first_full + context.entries.full);
     see(box, position, begin, end, context);
     Network::all_outputs(context.packed.data(), context.hidden.data() + begin * hidden_row, s.output);
     const MatrixView<const T> mask = arena.values(handles.mask);
@@ -411,10 +352,10 @@ class HacModel {
     double* const partial = context.partial.data() + begin / panel * partials;
     std::fill_n(partial, partials, 0.0);
     for (std::size_t e = begin; e < end; ++e) {
-      const std::size_t f = e - context.first_full, row = context.row[e];
+      const std::size_t f = e - context.entries.first_full, row = context.entries.row[e];
       const T* const output = s.output + (e - begin) * output_row;
       const std::array<T, 3> q = steps(output + step_output, e, context);
-      if (visible(e, context)) {
+      if (context.entries.visible(e)) {
         distort(random, q, e, to.feature, to.scaling, to.offset, s.rate.values, context);
         for (std::size_t g = 0; g < 3; ++g) partial[4 + g] += static_cast<double>(q[g]);
       } else {
@@ -430,10 +371,8 @@ class HacModel {
                            d_step, context.rate_mask.data() + f * mask_row);
       std::copy_n(d_step.data(), 3, context.rate_step.data() + 3 * f);
       for (std::size_t g = 0; g < 3; ++g) partial[g] += bits.weighted[g];
+      partial[3] += bits.live;
     }
-  }
-  [[nodiscard]] static bool visible(std::size_t entry, const Context& context) {
-    return (context.mark[context.row[entry]] & 1) != 0;
   }
 
   /// The report from the panels' sums, and the masks' part of the loss.
@@ -441,7 +380,7 @@ class HacModel {
   void total(const ParameterArena<T>& arena, const Handles& handles, std::size_t listed, std::size_t anchors,
              Context& context, RateReport& report, E& executor) const {
     std::array<double, partials> sums{};
-    for (std::size_t p = 0; p < context.capacity / panel; ++p) {
+    for (std::size_t p = 0; p < context.entries.capacity / panel; ++p) {
       for (std::size_t i = 0; i < partials; ++i) sums[i] += context.partial[p * partials + i];
     }
     const double n = static_cast<double>(std::max<std::size_t>(1, listed));
@@ -449,7 +388,8 @@ class HacModel {
     report.step_scaling = sums[5] / n;
     report.step_offset = sums[6] / n;
     if (!context.phase.counts) return;
-    const double sampled = static_cast<double>(std::max<std::size_t>(1, context.full));
+    const double sampled = static_cast<double>(std::max<std::size_t>(1, context.entries.full));
+    report.live_offsets = sums[3] / (sampled * offsets);
     report.bits_feature = sums[0] / (sampled * feature_dim);
     report.bits_scaling = sums[1] / (sampled * 6);
     report.bits_offset = sums[2] / (sampled * 3 * offsets);
@@ -484,7 +424,7 @@ class HacModel {
   /// One entry's gradients, in place; returns those by its steps.
   static std::array<T, 3> pull_back(std::size_t entry, const T* rate, const AnchorTables<T>& d,
                                     const Context& context) {
-    const std::size_t row = context.row[entry];
+    const std::size_t row = context.entries.row[entry];
     return Attributes::pull_back(context.noise.data() + entry * noise_row, context.extents.data() + entry * 12, rate,
                                  d.feature.row(row), d.scaling.row(row), d.offset.row(row));
   }
@@ -497,15 +437,15 @@ class HacModel {
   /// Carries the light entries' gradients back to their rows; lists those whose steps have one. Returns how many.
   template <Executor E>
   std::size_t light_gradients(const AnchorTables<T>& d, Context& context, E& executor) const {
-    context.d_step.resize(context.light * 3);
-    executor.for_chunks(context.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
+    context.d_step.resize(context.entries.light * 3);
+    executor.for_chunks(context.entries.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t e = begin; e < end; ++e) {
         pull_steps(e, pull_back(e, nullptr, d, context), context.d_step.data() + 3 * e, context);
       }
     });
-    context.back.resize(context.light);
+    context.back.resize(context.entries.light);
     std::size_t active = 0;
-    for (std::size_t e = 0; e < context.light; ++e) {
+    for (std::size_t e = 0; e < context.entries.light; ++e) {
       const T* const step = context.d_step.data() + 3 * e;
       context.back[active] = static_cast<std::uint32_t>(e);
       active += step[0] == T(0) && step[1] == T(0) && step[2] == T(0) ? 0 : 1;  // a NaN stays in
@@ -532,13 +472,13 @@ class HacModel {
   void full_panel_backward(std::size_t begin, const AnchorTables<T>& d, const AnchorTables<T>& outside,
                            MatrixView<const T> mask, MatrixView<T> d_mask, Scratch& s, T* sums,
                            Context& context) const {
-    const std::size_t end = std::min(begin + panel, context.first_full + context.full);
+    const std::size_t end = std::min(begin + panel, context.entries.first_full + context.entries.full);
     std::fill(std::begin(s.output), std::end(s.output), T(0));
     for (std::size_t e = begin; e < end; ++e) {
-      const std::size_t f = e - context.first_full, row = context.row[e];
+      const std::size_t f = e - context.entries.first_full, row = context.entries.row[e];
       const T* const rate = context.rate_value.data() + f * noise_row;
       std::array<T, 3> d_step{};
-      if (visible(e, context)) {
+      if (context.entries.visible(e)) {
         d_step = pull_back(e, rate, d, context);
       } else {
         std::fill(std::begin(s.feature), std::end(s.feature), T(0));

@@ -1,0 +1,83 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which anchors HacModel deals with in an iteration, and who of them counts in the rate. An entry is an anchor: first those that need steps
+// alone ("light"), then, from the next whole panel on, those whose rate is counted ("full"). The sample is drawn row by row, keyed by seed
+// and iteration: of all rows of the table, or of the listed ones; with masks of anchors it takes the dead along, else live ones only
+// (compression sheet, 1.10; HAC++). Cost: one pass over the rows, 2 ns a random number.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/entropy/offset_mask.hpp"
+#include "compmark/entropy/rate.hpp"
+
+namespace compmark::inline v0 {
+
+struct HacSample {
+  double share = 0;         ///< of the candidates; 0: nobody
+  bool everywhere = false;  ///< all rows are candidates, else the listed ones
+  bool dead = true;         ///< dead anchors too
+};
+
+struct HacEntries {
+  static constexpr std::size_t panel = 64;
+  std::size_t light = 0, full = 0, first_full = 0, capacity = 0;
+  Buffer<std::uint8_t> mark;  ///< [N] bit 0 listed, bit 1 sampled
+  Buffer<std::uint32_t> row;  ///< [capacity] of the anchor table; those of panels' ends mean nothing
+
+  [[nodiscard]] bool visible(std::size_t entry) const { return (mark[row[entry]] & 1) != 0; }
+
+  /// Fills all of it, and the report's sample and live share: of the sample, or, where the dead are left out, of the candidates.
+  template <class T>
+  void draw(std::span<const std::uint32_t> rows, const HacSample& sample, const RatePhase& phase,
+            MatrixView<const T> mask, RateReport& report) {
+    const std::size_t anchors = mask.rows;
+    std::size_t candidates = 0, live = 0;
+    full = 0;
+    mark.resize(anchors, std::uint8_t{0});
+    for (const std::uint32_t r : rows) mark[r] = 1;
+    if (sample.share > 0) {
+      const Random random(phase.seed, phase.iteration, random_stage("hac sample"));
+      const auto consider = [&](std::size_t r) {
+        const bool drawn = random.uniform(r) < sample.share;
+        ++candidates;
+        if (!drawn && sample.dead) return;
+        const bool alive = anchor_live(mask.row(r), mask.columns);
+        live += alive ? 1 : 0;
+        if (!drawn || (!alive && !sample.dead)) return;
+        mark[r] |= 2;
+        ++full;
+      };
+      if (sample.everywhere) {
+        for (std::size_t r = 0; r < anchors; ++r) consider(r);
+      } else {
+        for (const std::uint32_t r : rows) consider(r);
+      }
+    }
+    report.sampled = full;
+    const std::size_t among = sample.dead ? full : candidates;
+    report.live_share = among == 0 ? 0 : static_cast<double>(live) / static_cast<double>(among);
+
+    std::size_t both = 0;
+    for (const std::uint32_t r : rows) both += mark[r] == 3 ? 1 : 0;
+    light = rows.size() - both;
+    first_full = chunk_count(light, panel) * panel;
+    capacity = first_full + chunk_count(full, panel) * panel;
+    row.resize(capacity);
+    std::size_t next_light = 0, next_full = first_full;
+    for (const std::uint32_t r : rows) row[mark[r] == 3 ? next_full++ : next_light++] = r;
+    if (!sample.everywhere) return;
+    for (std::size_t r = 0; r < anchors; ++r) {
+      if (mark[r] == 2) row[next_full++] = static_cast<std::uint32_t>(r);
+    }
+  }
+};
+
+}  // namespace compmark::inline v0
