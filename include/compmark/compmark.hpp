@@ -228,6 +228,7 @@
 #include "compmark/codec/hac_digest.hpp"
 #include "compmark/codec/hac_encoder.hpp"
 #include "compmark/codec/hac_format.hpp"
+#include "compmark/codec/hac_info.hpp"
 #include "compmark/codec/mask_coding.hpp"
 #include "compmark/codec/morton.hpp"
 #include "compmark/codec/network_coding.hpp"

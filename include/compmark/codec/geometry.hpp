@@ -4,8 +4,9 @@
 // Anchors' voxels, lossless, as an octree coded bit by bit, level by level from the root (compression sheet, 6.4; HAC stores 48 raw bits an
 // anchor and is lossy). A node says whether it holds one anchor; if so the rest of that anchor's digits follow at once, else which of its
 // eight children hold anything. Contexts: the level, which of the neighbours of the node exist (all of a level are known before the
-// next), what the node has said so far, and how many digits just above are zero on all axes: growing places anchors on grids of 4
-// and 16 voxels, and those digits give them away. Voxels that hold several anchors say how many. Cost: ~0.5 us an anchor.
+// next) and which of the child's, what the node has said so far, and how many digits just above are zero on all axes: growing places anchors
+// on grids of 4 and 16 voxels, and those digits give them away. Voxels that hold several anchors say how many. Measured on trained scenes:
+// 9.5 (lego, 51,263 anchors) to 13.7 bits an anchor (11,306). Cost: ~0.5 us an anchor.
 #pragma once
 
 #include <algorithm>
@@ -32,6 +33,7 @@ namespace detail {
 struct OctreeNode {
   std::array<std::uint32_t, 3> cell{};  ///< the digits so far
   std::size_t begin = 0, end = 0;       ///< its anchors; known to the encoder only
+  unsigned children = 0;                ///< bit c: child c holds something, as far as has been said
 };
 
 /// Which cells of a level exist.
@@ -46,23 +48,12 @@ class CellSet {
       slots_[slot] = static_cast<std::uint32_t>(i + 1);
     }
   }
-  [[nodiscard]] bool has(const std::array<std::uint32_t, 3>& cell) const {
+  [[nodiscard]] const OctreeNode* find(const std::array<std::uint32_t, 3>& cell) const {
     for (std::size_t slot = first_slot(cell); slots_[slot] != 0; slot = (slot + 1) & (slots_.size() - 1)) {
-      if ((*nodes_)[slots_[slot] - 1].cell == cell) return true;
+      const OctreeNode& node = (*nodes_)[slots_[slot] - 1];
+      if (node.cell == cell) return &node;
     }
-    return false;
-  }
-  /// Bit 2 axis + side: the neighbour below (side 0) or above exists.
-  [[nodiscard]] unsigned neighbours(const std::array<std::uint32_t, 3>& cell) const {
-    unsigned found = 0;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      std::array<std::uint32_t, 3> other = cell;
-      other[axis] = cell[axis] - 1;  // wraps to a cell that no level has
-      if (has(other)) found |= 1u << (2 * axis);
-      other[axis] = cell[axis] + 1;
-      if (has(other)) found |= 2u << (2 * axis);
-    }
-    return found;
+    return nullptr;
   }
 
  private:
@@ -76,6 +67,25 @@ class CellSet {
   const std::vector<OctreeNode>* nodes_ = nullptr;
 };
 
+/// What is known around a node: which of its six neighbours exist, and the children of the three that were visited before it.
+struct Surroundings {
+  unsigned exist = 0;  ///< bit 2 axis + side: the neighbour below (side 0) or above
+  std::array<unsigned, 3> children_below{};
+
+  Surroundings(const CellSet& cells, const std::array<std::uint32_t, 3>& cell) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      std::array<std::uint32_t, 3> other = cell;
+      other[axis] = cell[axis] - 1;  // wraps to a cell that no level has
+      if (const OctreeNode* below = cells.find(other); below != nullptr) {
+        exist |= 1u << (2 * axis);
+        children_below[axis] = below->children;
+      }
+      other[axis] = cell[axis] + 1;
+      if (cells.find(other) != nullptr) exist |= 2u << (2 * axis);
+    }
+  }
+};
+
 /// One pass over the tree, writing or reading. `voxels` are relative to the origin: sorted input of the encoder, output of the decoder.
 template <class Bits>
 class Octree {
@@ -87,7 +97,7 @@ class Octree {
   /// False when the stream says more anchors than `count`, or ends early.
   [[nodiscard]] bool run(std::vector<Cell>& voxels, std::uint64_t count, int depth) {
     if (count == 0) return true;
-    std::vector<OctreeNode> level{{Cell{}, 0, voxels.size()}}, next;
+    std::vector<OctreeNode> level{{Cell{}, 0, voxels.size(), 0}}, next;
     CellSet cells;
     std::uint64_t placed = 0;
     const auto place = [&](const Cell& cell) {
@@ -97,13 +107,15 @@ class Octree {
     for (int digit = depth - 1; digit >= -1 && !level.empty(); --digit) {
       cells.build(level);
       next.clear();
-      for (const OctreeNode& node : level) {
+      for (OctreeNode& node : level) {
         if (bits_.overrun() || placed + next.size() > count) return false;
-        const unsigned around = cells.neighbours(node.cell);
-        const bool single =
-            bits_(single_[kind(digit)][static_cast<std::size_t>(std::popcount(around))], node.end - node.begin == 1);
+        const Surroundings around(cells, node.cell);
+        const bool single = bits_(single_[kind(digit)][static_cast<std::size_t>(std::popcount(around.exist))],
+                                  node.end - node.begin == 1);
         if (single) {
-          place(tail(node.cell, digit, Bits::writes ? voxels[node.begin] : Cell{}));
+          const Cell voxel = tail(node.cell, digit, Bits::writes ? voxels[node.begin] : Cell{});
+          if (digit >= 0) node.children = 1u << child_of(voxel, digit);
+          place(voxel);
         } else if (digit < 0) {
           const auto more = Bits::writes ? static_cast<std::uint32_t>(node.end - node.begin - 2) : 0u;
           const std::uint64_t copies = std::uint64_t{adaptive_count(bits_, copies_, more)} + 2;
@@ -148,23 +160,28 @@ class Octree {
     return cell;
   }
 
-  void children(const OctreeNode& node, int digit, unsigned around, const std::vector<Cell>& voxels,
+  void children(OctreeNode& node, int digit, const Surroundings& around, const std::vector<Cell>& voxels,
                 std::vector<OctreeNode>& next) {
     std::size_t begin = node.begin, occupied = 0;
-    const std::size_t aligned = zeros(node.cell);
-    for (std::size_t child = 0; child < 8; ++child) {
+    const std::size_t aligned = digit < 4 ? zeros(node.cell) : 0;
+    for (unsigned child = 0; child < 8; ++child) {
       std::size_t end = begin;
       if constexpr (Bits::writes) {
         while (end < node.end && child_of(voxels[end], digit) == child) ++end;
       }
-      // Neighbours on the child's own side: the one below of an axis whose digit is 0, the one above of a 1.
-      std::size_t beside = 0;
-      for (unsigned axis = 0; axis < 3; ++axis) beside += around >> (2 * axis + (child >> axis & 1u)) & 1u;
-      const std::size_t hint = digit < 4 ? aligned : beside;
-      auto& context = child_[kind(digit)][hint][std::min<std::size_t>(occupied, 3)][child];
+      // Neighbours on the child's own side exist; neighbours of the child itself, below it, exist.
+      std::size_t beside = 0, below = 0;
+      for (unsigned axis = 0; axis < 3; ++axis) {
+        const unsigned side = child >> axis & 1u;
+        beside += around.exist >> (2 * axis + side) & 1u;
+        below += (side != 0 ? node.children : around.children_below[axis]) >> (child ^ 1u << axis) & 1u;
+      }
+      std::size_t context = kind(digit) * 4 + aligned;
+      context = ((context * 4 + beside) * 4 + below) * 4 + std::min<std::size_t>(occupied, 3);
       const bool implied = child == 7 && occupied == 0;
-      if (implied || bits_(context, end > begin)) {
-        next.push_back({child_cell(node.cell, child), begin, end});
+      if (implied || bits_(child_[context * 8 + child], end > begin)) {
+        next.push_back({child_cell(node.cell, child), begin, end, 0});
+        node.children |= 1u << child;
         ++occupied;
       }
       begin = end;
@@ -174,7 +191,7 @@ class Octree {
   Bits& bits_;
   std::array<std::array<BinaryContext, 7>, 8> single_;
   std::array<std::array<std::array<BinaryContext, 7>, 4>, 8> tail_;
-  std::array<std::array<std::array<std::array<BinaryContext, 8>, 4>, 4>, 8> child_;
+  std::vector<BinaryContext> child_ = std::vector<BinaryContext>(8 * 4 * 4 * 4 * 4 * 8);
   std::array<BinaryContext, 64> copies_;
 };
 

@@ -113,11 +113,16 @@ namespace detail {
   return anchors;
 }
 
-/// Signs of the entries that are looked at, in the order of the table; contexts: level, feature, that of the entry before.
+/// Signs of the entries that are looked at, in the order of the table; contexts: feature, that of the entry before; each level learns anew,
+/// from where the one before it left.
 template <class Bits>
 void code_signs(Bits& bits, IntegerHashGrid& grid, std::span<const std::uint8_t> seen) {
+  constexpr std::uint32_t remembered = 16;  // bits that what the level before has taught counts as
+  std::array<std::array<BinaryContext, 2>, 4> contexts{};
   for (const HashGridLevel& level : grid.levels()) {
-    std::array<std::array<BinaryContext, 2>, 4> contexts{};
+    for (auto& feature : contexts) {
+      for (BinaryContext& context : feature) context.count = std::min(context.count, remembered);
+    }
     unsigned before = 0;
     for (std::uint32_t e = level.first; e < level.first + level.entries; ++e) {
       if (seen[e] == 0) {

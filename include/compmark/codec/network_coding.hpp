@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The networks of a file: NETC, the integer context network, and NETR, the tensors that render (compression sheet, 6.4). Numbers are split into
-// what is predictable (sign and size: adaptive bits) and what is not (the low digits: one bit each), which takes a fifth off weights of 10
-// bits in 16 and off half precision. Every count is checked against the payload before memory is taken.
+// what is predictable (sign and size: adaptive bits) and what is not (the low digits: one bit each), which takes a seventh off half precision
+// and a twelfth off weights that are integers already. Every count is checked against the payload before memory is taken.
 #pragma once
 
 #include <algorithm>

@@ -1,0 +1,64 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a HAC file says of itself without being decoded: versions, numbers, metadata, and where its bytes are. Reads the header, the table of
+// contents and META, and checks the checksums of all sections: one pass over the bytes.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/codec/container.hpp"
+#include "compmark/codec/hac_decoder.hpp"
+#include "compmark/codec/hac_format.hpp"
+#include "compmark/core/result.hpp"
+
+namespace compmark::inline v0 {
+
+struct HacInfo {
+  ContainerHeader header;
+  std::uint64_t anchors = 0;
+  CodecModel numbers;  ///< voxel size, D, K, base steps, anchors a chunk and metadata; no anchors
+  std::vector<SectionEntry> sections;
+  std::vector<std::string> damaged;  ///< names of the sections whose checksums are wrong
+  std::uint64_t file_bytes = 0;
+
+  [[nodiscard]] std::uint64_t bytes_of(std::uint32_t kind) const {
+    std::uint64_t bytes = 0;
+    for (const SectionEntry& entry : sections) bytes += entry.kind == kind ? entry.size : 0;
+    return bytes;
+  }
+};
+
+/// `path` is for messages. A file whose META is damaged has no information to give and is an error.
+[[nodiscard]] inline Result<HacInfo> inspect_hac(std::span<const std::byte> bytes, const std::string& path) {
+  const Result<Container> file = parse_container(bytes, path);
+  if (!file) return file.error();
+  const Result<Done> promised = detail::check_hac_sections(*file);
+  if (!promised) return promised.error();
+  HacInfo info;
+  info.header = file->header;
+  info.sections = file->sections;
+  info.file_bytes = bytes.size();
+  for (const SectionEntry& entry : file->sections) {
+    if (!file->payload(entry)) info.damaged.push_back(entry.name());
+  }
+  const SectionEntry* meta = file->find(HacFormat::meta);
+  if (meta == nullptr) return file->error(ErrorKind::malformed, "META", "is missing", "copy the file again");
+  const auto payload = file->payload(*meta);
+  if (!payload) return payload.error();
+  const Result<std::uint64_t> anchors = detail::decode_meta(*payload, info.numbers);
+  if (!anchors) {
+    Error error = anchors.error();
+    error.file = path;
+    return error;
+  }
+  info.anchors = *anchors;
+  return info;
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Files of the first release, which decode for ever, to the same bits with every compiler, flag and number of threads (tests/golden/codec). The
+// digests here are taken of the decoded arrays by this file's own hand, not by the codec. To write files for a new format version, run
+// with COMPMARK_WRITE_GOLDEN=<folder>: the old ones stay.
+#include <doctest/doctest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "compmark/codec/hac.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/io/sha256.hpp"
+#include "support/codec_model.hpp"
+
+namespace {
+
+using namespace compmark;
+
+struct Golden {
+  const char* name;
+  std::uint64_t seed;
+  testing::CodecModelShape shape;
+  std::size_t anchors;
+  const char* sha256;
+};
+
+std::vector<Golden> golden_files() {
+  testing::CodecModelShape small, published = testing::full_codec_model(120), wide;
+  published.chunk_anchors = 64;
+  wide.feature_dim = 1;
+  wide.offset_count = 32;
+  wide.grid.volume_levels = 0;
+  wide.networks = false;
+  return {{"hac_small.cmk", 101, small, 243, "bc78b264a7109d6ad137a3060e342c9f3d73bd47bce429b6886e1b64a6857380"},
+          {"hac_published_sizes.cmk", 102, published, 119,
+           "6a5fdca7a3bab8d98c7417867b3402dc6f1ab67632b8d88e76fe8fa1d43773c7"},
+          {"hac_32_offsets.cmk", 103, wide, 300, "bfdd02b878c0201d26a13a72704b7ec306fac925592586997e5acbc4b632b31e"}};
+}
+
+std::string digest(const CodecModel& model) {
+  Sha256 hash;
+  hash.update(std::as_bytes(std::span(model.voxels))).update(std::as_bytes(std::span(model.mask)));
+  hash.update(std::as_bytes(std::span(model.feature))).update(std::as_bytes(std::span(model.extent)));
+  hash.update(std::as_bytes(std::span(model.offset)));
+  for (const CodecTensor& tensor : model.networks) {
+    hash.update(std::as_bytes(std::span(tensor.name.data(), tensor.name.size())));
+    hash.update(std::as_bytes(std::span(tensor.values)));
+  }
+  return hash.hex();
+}
+
+TEST_CASE(
+    "codec/golden: files of the first release decode to what they were, at any number of threads, and encode to "
+    "themselves") {
+  const std::filesystem::path folder = "tests/golden/codec";
+  for (const Golden& golden : golden_files()) {
+    const std::string name = golden.name;
+    CAPTURE(name);
+    if (const char* write = std::getenv("COMPMARK_WRITE_GOLDEN"); write != nullptr) {
+      SerialExecutor executor;
+      const auto written = write_hac(std::filesystem::path(write) / golden.name,
+                                     testing::make_codec_model(golden.seed, golden.shape), {}, executor);
+      REQUIRE(written.ok());
+      MESSAGE(std::string(golden.name), ": ", written->bytes.size(), " bytes, ", written->model.anchors(), " anchors, ",
+              digest(written->model));
+      continue;
+    }
+    const auto bytes = read_file(folder / golden.name);
+    REQUIRE_MESSAGE(bytes.ok(), "run from the project's root");
+    CHECK(bytes->size() < 50'000);
+    for (const std::size_t threads : {1, 2, 8}) {
+      ThreadExecutor executor(threads);
+      const auto decoded = decode_hac(*bytes, golden.name, {}, executor);
+      REQUIRE_MESSAGE(decoded.ok(), (decoded.ok() ? "" : decoded.error().line()));
+      CHECK(decoded->verified);
+      CHECK(decoded->model.anchors() == golden.anchors);
+      CHECK(digest(decoded->model) == golden.sha256);
+      const auto again = encode_hac(decoded->model, {}, executor);
+      REQUIRE(again.ok());
+      CHECK(again->bytes == *bytes);
+    }
+  }
+}
+
+}  // namespace
