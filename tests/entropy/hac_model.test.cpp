@@ -339,6 +339,12 @@ TEST_CASE("entropy/hac_model: rounding lands on whole steps, to within half of o
   CHECK(worst < 1e-9);
   CHECK(farthest <= 0.5 + 1e-9);
   CHECK(farthest > 0.45);
+  scene.backward(serial);  // straight through (QZ4)
+  for (const std::uint32_t row : scene.rows) {
+    for (std::size_t c = 0; c < D; ++c) {
+      CHECK(scene.arena.gradients(scene.feature)(row, c) == scene.view(scene.slope[0], 0)(row, c));
+    }
+  }
 }
 
 TEST_CASE("entropy/hac_model: same bits at any thread count") {
