@@ -271,8 +271,12 @@ TEST_CASE("entropy/context_gs_model: loss, sample and report fit together; masks
   const double scalars = D + 6 + 3 * K;
   CHECK(report.bits_per_scalar ==
         doctest::Approx((D * report.bits_feature + 6 * report.bits_scaling + 3 * K * report.bits_offset) / scalars));
-  double masks = 0;
-  for (const double stored : scene.arena.values(scene.handles.mask).flat()) masks += mask_probability(stored);
+  double masks = 0, live = 0;
+  for (const double stored : scene.arena.values(scene.handles.mask).flat()) {
+    masks += mask_probability(stored);
+    live += mask_live(stored) ? 1 : 0;
+  }
+  CHECK(report.live_offsets == doctest::Approx(live / (anchors * K)));
   const double rate = scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (anchors * scalars));
   CHECK(report.loss == doctest::Approx(rate + scene.settings.mask_weight * masks / (anchors * K)));
   CHECK(report.hash_bits > anchors * Z * 0.8);

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/entropy/anchor_levels.hpp"

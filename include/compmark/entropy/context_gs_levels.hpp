@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <cstring>
 #include <span>
+#include <utility>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"

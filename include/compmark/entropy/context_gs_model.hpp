@@ -36,9 +36,9 @@
 #include "compmark/entropy/context_network.hpp"
 #include "compmark/entropy/factorised_prior.hpp"
 #include "compmark/entropy/hac_attributes.hpp"
-#include "compmark/entropy/hac_model.hpp"
 #include "compmark/entropy/mask_penalty.hpp"
 #include "compmark/entropy/offset_mask.hpp"
+#include "compmark/entropy/rate.hpp"
 
 namespace compmark::inline v0 {
 
@@ -229,7 +229,8 @@ class ContextGsModel {
   static constexpr std::size_t scalars = static_cast<std::size_t>(Attributes::scalars);
   static constexpr std::size_t step_output = static_cast<std::size_t>(Attributes::outputs - 3);
   static constexpr std::size_t most_chunks = 16;
-  static constexpr std::size_t partials = 8;  // weighted bits of three groups, of z, steps of three groups
+  static constexpr std::size_t partials =
+      8;  // weighted bits of three groups, of z, steps of three groups, live offsets
 
   [[nodiscard]] static typename Child::template Views<const T> network(const ParameterArena<T>& arena,
                                                                        const ContextGsHandles::Network& n) {
@@ -430,6 +431,7 @@ class ContextGsModel {
     }
     for (std::size_t g = 0; g < 3; ++g) partial[g] += bits.weighted[g];
     partial[3] += static_cast<double>(s.z_bits[i]);
+    partial[7] += bits.live;
   }
 
   template <Executor E>
@@ -453,6 +455,7 @@ class ContextGsModel {
     report.bits_offset = sums[2] / (drawn * 3 * offsets);
     const double bits = sums[0] + sums[1] + sums[2];
     report.bits_per_scalar = bits / (drawn * static_cast<double>(scalars));
+    report.live_offsets = sums[7] / (drawn * offsets);
     report.hash_bits = sums[3] / drawn * static_cast<double>(anchors);
     report.loss = context.unit * (bits + sums[3]) +
                   settings_.mask_weight * mask_penalty<T>(arena.values(handles.mask), context.partial, executor);

@@ -11,6 +11,7 @@
 // parent's cell an anchor lies, they do not say. Newborn rows have z = 0 (published: the largest of the merged parents'); a mask's 0 is logit 1.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
