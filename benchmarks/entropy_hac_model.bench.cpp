@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // HAC while training, D = 50, K = 10, published grid: what an iteration with a rate pays for n visible anchors of 1.5 n, a twentieth of all
-// sampled. Operations are those of the formulas: 2 (576 + 9,900) an anchor forward and 2 (576 + 19,800) backward, for a sampled one 35,000
+// sampled. Operations are those of the formulas: 2 (576 + 9,900) an anchor forward and 2 (576 + 19,800) backward (what backward recomputes is not counted), for a sampled one 35,000
 // and 70,000 more and 90 a scalar; bytes are the three attribute tables read and written, what forward leaves for backward written and
 // read, and the grid's table. `floor` is time over the larger of operations / measured rate and bytes / measured bandwidth. Below: the
 // pieces, and the bits of a Gaussian interval in packs beside the scalar in double and the difference of two erf.
@@ -98,7 +98,7 @@ struct Problem {
   }
   [[nodiscard]] double bytes(bool forward) const {
     const double n = static_cast<double>(rows.size()), table = 4.0 * static_cast<double>(HashGridShape{}.bits());
-    const double kept = 4.0 * (96 + 112 + 102 + 12), attributes = 4.0 * 86 * 2;
+    const double kept = 4.0 * (102 + 12), attributes = 4.0 * 86 * 2;
     return n * (kept + attributes + (forward ? 0 : 2 * 4 * 96)) + table * (forward ? 1 : 4);
   }
 };
@@ -201,8 +201,8 @@ void network(benchmark::State& state) {
   const double flops = (all ? 2.0 * 100 * (96 + 175) : 2.0 * 100 * 99) * (back ? 2 : 1);
   measure(state, 20000, 20000 * flops, 0, 1, [&] {
     for (std::size_t e = 0; e + 64 <= 20000; e += 64) {
-      const float* const input = p.context.input.data() + e * 96;
-      float* const hidden = p.context.hidden.data() + e * static_cast<std::size_t>(Model::Network::hidden_row);
+      const float* const input = s.input;
+      float* const hidden = s.hidden;
       const float* const packed = p.context.packed.data();
       if (!back) {
         Model::Network::hidden_layer(packed, input, hidden);

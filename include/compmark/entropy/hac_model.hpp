@@ -10,7 +10,7 @@
 // Rows outside the visible list whose rate is counted get it straight into the arena's gradients of the blocks "anchor.feature",
 // "anchor.scaling" and "anchor.offset", found by name when the parameters are added; without these blocks only listed rows are sampled.
 // Everything runs in fixed panels of 64 anchors: same bits at any thread count. Cost at n visible anchors: n 86 random numbers,
-// n (576 + 9.7 k) multiply-adds forward and twice that backward; memory 1.9 KB a visible anchor.
+// n (576 + 9.7 k) multiply-adds forward and twice that backward; memory 1.2 KB a visible anchor.
 // Longer than 300 lines: both ways of both kinds of panels share one layout.
 #pragma once
 
@@ -80,7 +80,6 @@ class HacModel {
     double unit = 0;           ///< loss of one bit of the sample
     double hash_weight = 0;    ///< loss of one bit of the grid
     Buffer<T> position;        ///< [3] in the box
-    Buffer<T> input, hidden;   ///< of the network
     Buffer<T> step;            ///< [3] q
     Buffer<T> noise, extents;  ///< as Attributes wants them
     // The way back takes only those light entries that have a gradient, half of them where half of the anchors are hidden.
@@ -151,8 +150,6 @@ class HacModel {
     Grid::binarise(arena.values(handles.grid), context.grid, executor);
     Network::pack(network(arena, handles), context.packed);
     context.position.resize(context.entries.capacity * 3);
-    context.input.resize(context.entries.capacity * input_row);
-    context.hidden.resize(context.entries.capacity * hidden_row);
     context.step.resize(context.entries.capacity * 3);
     context.partial.resize(context.entries.capacity / panel * partials);
     const std::size_t full_rows = context.entries.capacity - context.entries.first_full;
@@ -164,8 +161,8 @@ class HacModel {
     executor.for_chunks(context.entries.first_full, panel, [&](std::size_t begin, std::size_t, std::size_t worker) {
       const std::size_t end = std::min(begin + panel, context.entries.light);
       Scratch& s = context.scratch[worker];
-      see(box, position, begin, end, context);
-      Network::tail_outputs(context.packed.data(), context.hidden.data() + begin * hidden_row, s.tail);
+      see(box, position, begin, end, s, context);
+      Network::tail_outputs(context.packed.data(), s.hidden, s.tail);
       std::array<double, 3> sums{};
       for (std::size_t e = begin; e < end; ++e) {
         const std::array<T, 3> q = steps(s.tail + (e - begin) * tail_row, e, context);
@@ -309,18 +306,21 @@ class HacModel {
     context.unit = full == 0 ? 0 : settings_.lambda * share / static_cast<double>(full * scalars);
     context.hash_weight = settings_.lambda / static_cast<double>(std::max<std::size_t>(1, anchors) * scalars);
   }
-  /// Grid and hidden layer of a panel whose entries begin … end - 1 are anchors.
-  void see(MatrixView<const T> box, MatrixView<const T> position, std::size_t begin, std::size_t end,
-           Context& context) const {
+  /// Grid and hidden layer at a panel of positions. Cheaper twice than kept: 830 bytes an anchor, written and read.
+  static void see(const T* unit, Scratch& s, const Context& context) {
+    if constexpr (input_row != Grid::channels) std::fill(std::begin(s.input), std::end(s.input), T(0));
+    Grid::interpolate(context.grid, unit, panel, s.input, input_row);
+    Network::hidden_layer(context.packed.data(), s.input, s.hidden);
+  }
+  /// … of the entries begin … end - 1, whose panel may reach beyond.
+  static void see(MatrixView<const T> box, MatrixView<const T> position, std::size_t begin, std::size_t end, Scratch& s,
+                  Context& context) {
     T* const unit = context.position.data() + 3 * begin;
     std::fill_n(unit, 3 * panel, T(-1));  // outside the box
     for (std::size_t e = begin; e < end; ++e) {
       Grid::normalise(box, position.row(context.entries.row[e]), unit + 3 * (e - begin));
     }
-    T* const input = context.input.data() + begin * input_row;
-    if constexpr (input_row != Grid::channels) std::fill_n(input, panel * input_row, T(0));
-    Grid::interpolate(context.grid, unit, panel, input, input_row);
-    Network::hidden_layer(context.packed.data(), input, context.hidden.data() + begin * hidden_row);
+    see(unit, s, context);
   }
   [[nodiscard]] std::array<T, 3> steps(const T* raw, std::size_t entry, Context& context) const {
     T q[3 + native_width<T>];
@@ -345,8 +345,8 @@ class HacModel {
                   MatrixView<const T> position, const Random& random, const AnchorTables<T>& to,
                   const AnchorTables<const T>& raw, Scratch& s, Context& context) const {
     const std::size_t end = std::min(begin + panel, context.entries.first_full + context.entries.full);
-    see(box, position, begin, end, context);
-    Network::all_outputs(context.packed.data(), context.hidden.data() + begin * hidden_row, s.output);
+    see(box, position, begin, end, s, context);
+    Network::all_outputs(context.packed.data(), s.hidden, s.output);
     const MatrixView<const T> mask = arena.values(handles.mask);
     Attributes::load_statistics(arena.values(handles.statistics), s.rate);
     double* const partial = context.partial.data() + begin / panel * partials;
@@ -457,15 +457,12 @@ class HacModel {
     std::fill(std::begin(s.tail), std::end(s.tail), T(0));
     T* const position = context.back_position.data() + 3 * begin;
     std::fill_n(position, 3 * panel, T(-1));  // outside the box
-    std::fill_n(s.input + (end - begin) * input_row, (begin + panel - end) * input_row, T(0));
-    std::fill_n(s.hidden + (end - begin) * hidden_row, (begin + panel - end) * hidden_row, T(0));
     for (std::size_t i = begin; i < end; ++i) {
       const std::size_t e = context.back[i], lane = i - begin;
       std::copy_n(context.position.data() + 3 * e, 3, position + 3 * lane);
-      std::copy_n(context.input.data() + e * input_row, input_row, s.input + lane * input_row);
-      std::copy_n(context.hidden.data() + e * hidden_row, hidden_row, s.hidden + lane * hidden_row);
       std::copy_n(context.d_step.data() + 3 * e, 3, s.tail + lane * tail_row);
     }
+    see(position, s, context);
     Network::backward_tail(context.packed.data(), s.input, s.hidden, s.tail, s.d_hidden, s.d_input, sums);
     spread(begin, back_rows, s, context);
   }
@@ -498,8 +495,8 @@ class HacModel {
         d_mask(row, k) += context.rate_mask[f * mask_row + k] * mask_slope(mask(row, k));
       }
     }
-    Network::backward_all(context.packed.data(), context.input.data() + begin * input_row,
-                          context.hidden.data() + begin * hidden_row, s.output, s.d_hidden, s.d_input, sums);
+    see(context.position.data() + 3 * begin, s, context);
+    Network::backward_all(context.packed.data(), s.input, s.hidden, s.output, s.d_hidden, s.d_input, sums);
   }
   static void add(const T* from, const MatrixView<T>& to, std::size_t row) {
     for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += from[c];
