@@ -73,7 +73,7 @@ TEST_CASE(
     const auto bytes = read_file(folder / golden.name);
     REQUIRE_MESSAGE(bytes.ok(), "run from the project's root");
     CHECK(bytes->size() < 50'000);
-    for (const std::size_t threads : {1, 2, 8}) {
+    for (const std::size_t threads : {1u, 2u, 8u}) {
       ThreadExecutor executor(threads);
       const auto decoded = decode_hac(*bytes, golden.name, {}, executor);
       REQUIRE_MESSAGE(decoded.ok(), (decoded.ok() ? "" : decoded.error().line()));

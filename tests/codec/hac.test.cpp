@@ -84,7 +84,7 @@ TEST_CASE("codec/hac: a file decodes to the encoder's own quantised model, to th
 }
 
 TEST_CASE("codec/hac: encoding what was decoded gives the same bytes") {
-  for (const std::uint64_t seed : {2, 3, 4}) {
+  for (const std::uint64_t seed : {2u, 3u, 4u}) {
     CodecModelShape shape;
     shape.anchors = 150 * seed;
     const HacEncoded file = encoded(make_codec_model(seed, shape));
@@ -98,7 +98,7 @@ TEST_CASE("codec/hac: encoding what was decoded gives the same bytes") {
 TEST_CASE("codec/hac: bytes and model are the same at any number of threads") {
   const CodecModel model = make_codec_model(5, {.anchors = 700});
   const HacEncoded file = encoded(model);
-  for (const std::size_t threads : {2, 3, 8}) {
+  for (const std::size_t threads : {2u, 3u, 8u}) {
     ThreadExecutor executor(threads);
     const auto other = encode_hac(model, {}, executor);
     REQUIRE(other.ok());

@@ -236,7 +236,7 @@ template <Executor E>
     lost[c] = 1;
   }
   if (result.damaged.empty()) {
-    const detail::Sha256Bytes digest = detail::model_digest(values, model, n);
+    const detail::Sha256Bytes digest = detail::model_digest(values, model, n, {*hash, *weights, *renderers});
     if (digest != digests->model || detail::short_digest(digest) != file.header.digest) {
       return file.error(
           ErrorKind::invalid, "DIGS",

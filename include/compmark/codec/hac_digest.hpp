@@ -84,23 +84,22 @@ struct HacDigests {
   return digests;
 }
 
-/// SHA-256 over the digests of the chunks (in order), the metadata and the tensors that render: what the file names its model by.
+/// SHA-256 over META, the bytes of `payloads` (HASH, NETC, NETR), the digests of the chunks in order, and the tensors that render as they
+/// have been read: what the file names its model by. A file with one other digit in any section is another model.
 [[nodiscard]] inline Sha256Bytes model_digest(std::span<const ChunkDigest> chunks, const CodecModel& model,
-                                              std::uint64_t anchors) {
+                                              std::uint64_t anchors,
+                                              const std::array<std::span<const std::byte>, 3>& payloads) {
   Sha256 hash;
   hash.update(encode_meta(model, anchors));
-  ByteWriter digests;
+  for (const std::span<const std::byte> payload : payloads) hash.update(payload);
+  ByteWriter rest;
   for (const ChunkDigest& chunk : chunks) {
-    for (const std::uint64_t word : chunk) digests.put(word);
+    for (const std::uint64_t word : chunk) rest.put(word);
   }
-  hash.update(digests.bytes());
   for (const CodecTensor& tensor : model.networks) {
-    ByteWriter writer;
-    writer.put(std::string_view(tensor.name));
-    for (const std::uint32_t extent : tensor.shape) writer.put(extent);
-    for (const float value : tensor.values) writer.put(value);
-    hash.update(writer.bytes());
+    for (const float value : tensor.values) rest.put(value);
   }
+  hash.update(rest.bytes());
   return sha256_bytes(hash);
 }
 [[nodiscard]] inline std::uint64_t short_digest(const Sha256Bytes& digest) {

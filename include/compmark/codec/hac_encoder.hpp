@@ -266,7 +266,7 @@ template <Executor E>
     add(HacFormat::mask, std::move(chunk.mask), std::min(grain, n - c * grain), static_cast<std::uint32_t>(c));
     add(HacFormat::stream, std::move(chunk.stream), chunk.symbol_count, static_cast<std::uint32_t>(c));
   }
-  digests.model = detail::model_digest(values, coded, n);
+  digests.model = detail::model_digest(values, coded, n, {sections[3].bytes, sections[4].bytes, sections[5].bytes});
   add(HacFormat::digests, detail::encode_digests(digests), chunks);
   for (const Section& section : sections) {
     const auto place =
