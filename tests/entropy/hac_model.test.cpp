@@ -4,8 +4,10 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
@@ -440,4 +442,67 @@ TEST_CASE(
   CAPTURE(rated.step_feature);
   CHECK(free_steps.step_feature < 0.25);  // negative control
   CHECK(rated.step_feature > 0.5);
+}
+
+TEST_CASE("entropy/hac_model: a NaN or infinity in one anchor, mask or grid entry stays where it is") {
+  constexpr float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
+  for (const bool round : {false, true}) {
+    Scene<float> scene;
+    scene.phase.round = round;
+    scene.settings.sample = 1;
+    const std::size_t bad[3] = {scene.rows[2], scene.rows[6], 5};  // two that are listed, one that is not
+    CHECK(std::find(scene.rows.begin(), scene.rows.end(), 5u) == scene.rows.end());
+    scene.table(0)(bad[0], 1) = nan;
+    scene.table(1)(bad[1], 2) = infinity;
+    scene.table(2)(bad[2], 0) = -infinity;
+    scene.arena.values(scene.position)(10, 1) = nan;
+    scene.arena.values(scene.handles.mask)(20, 0) = nan;
+    scene.arena.values(scene.handles.grid).data[77] = nan;
+    for (const std::size_t row : {bad[0], bad[1]}) {  // an anchor that is not decoded has no gradient
+      for (int which = 0; which < 3; ++which) {
+        for (std::size_t c = 0; c < scene.table(which).columns; ++c) scene.view(scene.slope[which], which)(row, c) = 0;
+      }
+    }
+    SerialExecutor serial;
+    const RateReport report = scene.forward(serial);
+    CHECK(std::isfinite(report.loss));
+    CHECK(report.bits_per_scalar > 0);
+    CHECK(std::isnan(scene.out[0][bad[0] * D + 1]));  // for the decoder to see
+    scene.backward(serial);
+    std::size_t broken = 0;
+    for (const float d : scene.arena.all_gradients()) broken += std::isfinite(d) ? 0 : 1;
+    CHECK(broken == 0);
+    scene.arena.values(scene.handles.weight1).data[3] = nan;  // a weight: every anchor keeps the least step
+    scene.forward(serial);
+    for (std::size_t i = 0; i < scene.context.entries.light * 3; ++i) CHECK(scene.context.step[i] > 0);
+  }
+}
+
+TEST_CASE("entropy/hac_model: no rows, no sample, nobody alive") {
+  Scene<float> scene;
+  SerialExecutor serial;
+  scene.rows.clear();
+  RateReport report = scene.forward(serial);
+  scene.backward(serial);
+  CHECK(report.sampled > 0);  // of rows that are not listed
+  scene.settings.sample_all = false;
+  report = scene.forward(serial);
+  scene.backward(serial);
+  CHECK(report.sampled == 0);
+  CHECK(report.bits_per_scalar == 0);
+  CHECK(report.loss > 0);  // grid and masks
+  scene.settings.sample = 0;
+  scene.rows = {1, 2};
+  CHECK(scene.forward(serial).sampled == 0);
+  scene.backward(serial);
+  scene.settings.sample = 1;
+  for (float& stored : scene.arena.values(scene.handles.mask).flat()) stored = -9;
+  for (const bool anchor_mask : {true, false}) {
+    scene.settings.anchor_mask = anchor_mask;
+    report = scene.forward(serial);
+    scene.backward(serial);
+    CHECK(report.live_share == 0);
+    CHECK(report.bits_per_scalar == 0);
+    for (const float d : scene.arena.all_gradients()) REQUIRE(std::isfinite(d));
+  }
 }

@@ -68,6 +68,20 @@ struct HacAttributes {
     }
   }
 
+  /// Whether every attribute of an anchor is a number. Sums of zeros, or NaN.
+  [[nodiscard]] static bool finite(const T* feature, const T* scaling, const T* offset) {
+    T sum{};
+    for (int c = 0; c < D; ++c) sum += T(0) * feature[c];
+    for (int c = 0; c < 6; ++c) sum += T(0) * scaling[c];
+    for (int c = 0; c < 3 * K; ++c) sum += T(0) * offset[c];
+    return sum == T(0);
+  }
+  /// Leaves an anchor as it is, and its gradients too.
+  static void leave(T* noise, T* extents) {
+    std::fill_n(noise, row, T(0));
+    std::fill_n(extents, 12, T(1));
+  }
+
   /// Distorts one anchor in place. `noise` [row] is read, or written where `round`; extents [12] receives l and d log(l~) / dl~;
   /// values [row], if wanted, the distorted scalars with l~ not held.
   static void distort(bool round, const std::array<T, 3>& q, T least_extent, T* feature, T* scaling, T* offset,
@@ -147,6 +161,13 @@ struct HacAttributes {
     std::copy_n(statistics.row(1), scalars, s.spread);
   }
 
+  /// No rate and no gradient of one.
+  static void drop(T* d_value, T* d_output, std::array<T, 3>& d_step, T* d_mask) {
+    std::fill_n(d_value, scalars, T(0));
+    std::fill_n(d_output, 2 * scalars, T(0));
+    std::fill_n(d_mask, K, T(0));
+    d_step = {};
+  }
   /// Bits of s.values under the network's `output` and the steps q, and the gradients of unit * weighted bits: by the distorted scalars
   /// (d_value [scalars]), the outputs (d_output, the steps' not), the steps, and the straight-through masks (d_mask [K], before their
   /// slope). Offsets count where their mask lives; features and extents where any does, if `anchor_mask`, else always.
@@ -177,6 +198,11 @@ struct HacAttributes {
     }
     Bits result;
     for (int k = 0; k < K; ++k) result.live += mask_live(mask[k]) ? 1 : 0;
+    if (const P total = sum_of(s.bits);
+        !std::isfinite(reduce_add(total))) {  // a bad attribute or weight: it teaches nothing
+      drop(d_value, d_output, d_step, d_mask);
+      return result;
+    }
     const T share = !anchor_mask || result.live > 0 ? T(1) : T(0);
     double geometry = 0;  // feature and extent, whatever the masks
     for (int c = 0; c < begin[2]; ++c) geometry += static_cast<double>(s.bits[c]);
@@ -213,6 +239,13 @@ struct HacAttributes {
   }
 
  private:
+  [[nodiscard]] static Pack<T, W> sum_of(const T* bits) {
+    Pack<T, W> sum(T(0));
+    for (int c = 0; c < scalars; c += W) {
+      sum = sum + Pack<T, W>::load(bits + c, Pack<T, W>::MaskType::first(scalars - c));
+    }
+    return sum;
+  }
   static void weigh(T weight, int c, Scratch& s) {
     s.d_value[c] *= weight;
     s.d_mean_output[c] *= weight;

@@ -19,7 +19,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
+#include <type_traits>
+#include <utility>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
@@ -328,18 +331,25 @@ class HacModel {
     std::copy_n(q, 3, context.step.data() + 3 * entry);
     return {q[0], q[1], q[2]};
   }
-  void distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, T* feature, T* scaling, T* offset,
+  /// False for an anchor with a NaN or infinity among its attributes: it stays as it is.
+  bool distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, T* feature, T* scaling, T* offset,
                T* values, Context& context) const {
     T* const noise = context.noise.data() + entry * noise_row;
+    T* const extents = context.extents.data() + entry * 12;
+    if (!Attributes::finite(feature, scaling, offset)) {
+      Attributes::leave(noise, extents);
+      return false;
+    }
     const bool round = context.phase.context && context.phase.round;
     if (!round) Attributes::draw(random, context.entries.row[entry], noise);
-    Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise,
-                        context.extents.data() + entry * 12, values);
+    Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise, extents,
+                        values);
+    return true;
   }
-  void distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, MatrixView<T> feature,
+  bool distort(const Random& random, const std::array<T, 3>& q, std::size_t entry, MatrixView<T> feature,
                MatrixView<T> scaling, MatrixView<T> offset, T* values, Context& context) const {
     const std::size_t row = context.entries.row[entry];
-    distort(random, q, entry, feature.row(row), scaling.row(row), offset.row(row), values, context);
+    return distort(random, q, entry, feature.row(row), scaling.row(row), offset.row(row), values, context);
   }
   void full_panel(const ParameterArena<T>& arena, const Handles& handles, std::size_t begin, MatrixView<const T> box,
                   MatrixView<const T> position, const Random& random, const AnchorTables<T>& to,
@@ -355,16 +365,18 @@ class HacModel {
       const std::size_t f = e - context.entries.first_full, row = context.entries.row[e];
       const T* const output = s.output + (e - begin) * output_row;
       const std::array<T, 3> q = steps(output + step_output, e, context);
+      bool good = false;
       if (context.entries.visible(e)) {
-        distort(random, q, e, to.feature, to.scaling, to.offset, s.rate.values, context);
+        good = distort(random, q, e, to.feature, to.scaling, to.offset, s.rate.values, context);
         for (std::size_t g = 0; g < 3; ++g) partial[4 + g] += static_cast<double>(q[g]);
       } else {
         std::copy_n(raw.feature.row(row), raw.feature.columns, s.feature);
         std::copy_n(raw.scaling.row(row), raw.scaling.columns, s.scaling);
         std::copy_n(raw.offset.row(row), raw.offset.columns, s.offset);
-        distort(random, q, e, s.feature, s.scaling, s.offset, s.rate.values, context);
+        good = distort(random, q, e, s.feature, s.scaling, s.offset, s.rate.values, context);
       }
       std::array<T, 3> d_step{};
+      if (!good) std::fill(std::begin(s.rate.values), std::end(s.rate.values), std::numeric_limits<T>::quiet_NaN());
       const typename Attributes::Bits bits =
           Attributes::rate(output, q, mask.row(row), settings_.anchor_mask, static_cast<T>(context.unit), s.rate,
                            context.rate_value.data() + f * noise_row, context.rate_output.data() + f * output_row,
@@ -410,14 +422,15 @@ class HacModel {
     static_cast<void>(anchors);
     report.loss = context.unit * bits + context.hash_weight * context.grid.bits + settings_.mask_weight * alive / cells;
   }
-  /// body(index, sigmoid of the logits from there, lanes that exist); the others are 0.
+  /// body(index, sigmoid of the logits from there, lanes that exist); the others, and those of a NaN, are 0.
   template <class Body>
   static void for_probabilities(const T* stored, std::size_t begin, std::size_t end, const Body& body) {
     constexpr int W = native_width<T>;
     using P = Pack<T, W>;
     for (std::size_t i = begin; i < end; i += static_cast<std::size_t>(W)) {
       const auto lanes = P::MaskType::first(static_cast<std::ptrdiff_t>(end - i));
-      body(i, keep(lanes, sigmoid(P::load(stored + i, lanes) + P(T(1)))), lanes);
+      const P p = sigmoid(P::load(stored + i, lanes) + P(T(1)));
+      body(i, keep(lanes & (p == p), p), lanes);
     }
   }
 

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"

@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"

@@ -29,11 +29,11 @@ template <class T>
 [[nodiscard]] inline T mask_probability(T stored) {
   return 1 / (1 + std::exp(-(stored + 1)));
 }
-/// The straight-through slope, of sigmoid(logit).
+/// The straight-through slope, of sigmoid(logit). 0 for a NaN.
 template <class T>
 [[nodiscard]] inline T mask_slope(T stored) {
   const T p = mask_probability(stored);
-  return p * (1 - p);
+  return stored == stored ? p * (1 - p) : T(0);
 }
 /// Whether any of `count` offsets lives.
 template <class T>
