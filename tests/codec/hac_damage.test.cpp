@@ -55,7 +55,9 @@ File opened(const std::vector<std::byte>& bytes) {
   }
   return file;
 }
-Result<HacDecoded> decode(const std::vector<std::byte>& bytes, const HacDecodeSettings& settings = {}) {
+Result<HacDecoded> decode(const std::vector<std::byte>& bytes, HacDecodeSettings settings = {}) {
+  static const GaussianTables tables;
+  settings.tables = &tables;
   SerialExecutor executor;
   return decode_hac(bytes, "a.cmk", settings, executor);
 }

@@ -98,6 +98,31 @@ TEST_CASE("entropy/integer_hash_grid: a box is refused when it is of no use, and
   }
 }
 
+TEST_CASE("entropy/integer_dot: the sums are those of the plain loop, to the extremes of 16 bits") {
+  const Random random(12, 0, random_stage("integer context"));
+  for (const std::size_t pairs : {std::size_t{1}, std::size_t{3}, std::size_t{50}}) {
+    std::vector<std::int16_t> weight(4 * 2 * pairs), input(2 * pairs * integer_panel);
+    for (std::size_t i = 0; i < weight.size(); ++i) weight[i] = static_cast<std::int16_t>(random.bits(i) & 0xFFFFu);
+    for (std::size_t i = 0; i < input.size(); ++i)
+      input[i] = static_cast<std::int16_t>(random.bits(i + 5000) % 601 - 300);
+    if (pairs == 1) {
+      weight = {32767, 32767, -32767, -32767, 32767, -32767, 0, 1};
+      std::fill(input.begin(), input.end(), std::int16_t{32767});
+    }
+    std::int32_t sums[4][integer_panel];
+    detail::integer_dot(weight.data(), 2 * pairs, input.data(), pairs, sums);
+    for (std::size_t row = 0; row < 4; ++row) {
+      for (std::size_t lane = 0; lane < integer_panel; ++lane) {
+        std::int64_t expected = 0;
+        for (std::size_t c = 0; c < 2 * pairs; ++c) {
+          expected += std::int64_t{weight[row * 2 * pairs + c]} * input[(c / 2 * integer_panel + lane) * 2 + c % 2];
+        }
+        CHECK(sums[row][lane] == expected);
+      }
+    }
+  }
+}
+
 TEST_CASE("entropy/integer_network: a network that could overflow for some input is refused") {
   const testing::FloatContextModel model = testing::make_float_context(6, small_grid, 8, 2, 12);
   const IntegerContext good = integers_of(model, 16);

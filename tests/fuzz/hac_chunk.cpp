@@ -37,6 +37,7 @@ std::vector<Section> whole_file(ContainerHeader& header) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static ContainerHeader header;
+  static const GaussianTables tables;
   static const std::vector<Section> good = whole_file(header);
   if (size == 0) return 0;
   std::vector<Section> sections = good;
@@ -53,8 +54,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   bool changed = false;
   for (std::size_t i = 0; i < sections.size(); ++i) changed = changed || sections[i].bytes != good[i].bytes;
   SerialExecutor executor;
-  const auto decoded = decode_hac(write_container(header, sections), "fuzz",
-                                  {.salvage = (data[0] & 128u) != 0, .memory_limit = 1u << 24}, executor);
+  const auto decoded =
+      decode_hac(write_container(header, sections), "fuzz",
+                 {.salvage = (data[0] & 128u) != 0, .memory_limit = 1u << 24, .tables = &tables}, executor);
   if (!decoded && (decoded.error().problem.empty() || decoded.error().remedy.empty())) std::abort();
   if (decoded && decoded->verified && changed) std::abort();
   return 0;

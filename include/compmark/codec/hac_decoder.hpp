@@ -30,6 +30,7 @@ namespace compmark::inline v0 {
 struct HacDecodeSettings {
   bool salvage = false;  ///< leave out the anchors of damaged chunks instead of refusing the file
   std::uint64_t memory_limit = std::uint64_t{1} << 34;  ///< bytes of the decoded arrays
+  const GaussianTables* tables = nullptr;               ///< made anew if there are none, 1 ms
 };
 
 struct HacDecoded {
@@ -127,7 +128,8 @@ template <Executor E>
   if (!meta) return meta.error();
   const Result<std::uint64_t> anchors = detail::decode_meta(*meta, model);
   if (!anchors) return located(anchors.error());
-  const GaussianTables tables;
+  std::optional<GaussianTables> own_tables;
+  const GaussianTables& tables = settings.tables != nullptr ? *settings.tables : own_tables.emplace();
   const auto table = section(HacFormat::tables);
   if (!table) return table.error();
   const Result<Done> same_tables = detail::check_tables(*table, tables);
