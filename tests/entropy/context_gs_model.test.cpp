@@ -4,8 +4,10 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <set>
 #include <vector>
 
@@ -420,6 +422,46 @@ TEST_CASE(
   CHECK(scene.context.levels.levels().counts() == std::array<std::size_t, 3>{0, 0, 1});
   scene.backward(serial);
   for (const float d : scene.arena.all_gradients()) CHECK(std::isfinite(d));
+}
+
+TEST_CASE("entropy/context_gs_model: a NaN or infinity in one anchor, mask or z stays where it is") {
+  constexpr float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
+  for (const bool round : {false, true}) {
+    Scene<float> scene;
+    scene.phase.round = round;
+    scene.settings.sample = 1;
+    SerialExecutor serial;
+    scene.forward(serial);
+    const AnchorLevels& levels = scene.context.levels.levels();
+    std::vector<std::size_t> bad;  // a head that is listed, and one that is not
+    for (const bool listed : {true, false}) {
+      for (std::uint32_t row = 0; row < anchors; ++row) {
+        const bool is = std::binary_search(scene.rows.begin(), scene.rows.end(), row);
+        if (levels.level()[row] != 2 || is != listed) continue;
+        bad.push_back(row);
+        break;
+      }
+    }
+    REQUIRE(bad.size() == 2);
+    scene.table(0)(bad[0], 1) = nan;
+    scene.table(1)(bad[1], 2) = infinity;
+    for (int which = 0; which < 3; ++which) {  // an anchor that is not decoded has no gradient
+      for (std::size_t c = 0; c < scene.table(which).columns; ++c) scene.view(scene.slope[which], which)(bad[0], c) = 0;
+    }
+    scene.arena.values(scene.handles.mask)(20, 0) = nan;
+    scene.arena.values(scene.handles.hyperprior)(21, 2) = nan;
+    scene.arena.values(scene.handles.hyperprior)(23, 0) = -infinity;
+    scene.arena.values(scene.position)(10, 1) = nan;
+    const RateReport report = scene.forward(serial);
+    CHECK(std::isfinite(report.loss));
+    CHECK(std::isfinite(report.hash_bits));
+    CHECK(report.bits_per_scalar > 0);
+    CHECK(std::isnan(scene.out[0][bad[0] * D + 1]));  // for the decoder to see
+    scene.backward(serial);
+    std::size_t broken = 0;
+    for (const float d : scene.arena.all_gradients()) broken += std::isfinite(d) ? 0 : 1;
+    CHECK(broken == 0);
+  }
 }
 
 namespace {

@@ -21,7 +21,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
+#include <type_traits>
 #include <utility>
 
 #include "compmark/core/buffer.hpp"
@@ -266,13 +268,20 @@ class ContextGsModel {
   [[nodiscard]] static Random noise_of(const RatePhase& phase) {
     return {phase.seed, phase.iteration, random_stage("context gs noise")};
   }
-  void distort(const Random& random, const std::array<T, 3>& q, std::size_t e, std::uint32_t row, T* feature,
+  /// False for an anchor with a NaN or infinity among its attributes: it stays as it is.
+  bool distort(const Random& random, const std::array<T, 3>& q, std::size_t e, std::uint32_t row, T* feature,
                T* scaling, T* offset, T* values, Context& context) const {
     T* const noise = context.noise.data() + e * noise_row;
+    T* const extents = context.extents.data() + e * 12;
+    if (!Attributes::finite(feature, scaling, offset)) {
+      Attributes::leave(noise, extents);
+      return false;
+    }
     const bool round = context.phase.context && context.phase.round;
     if (!round) Attributes::draw(random, row, noise);
-    Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise,
-                        context.extents.data() + e * 12, values);
+    Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise, extents,
+                        values);
+    return true;
   }
 
   /// Memory and what is computed once an iteration.
@@ -338,7 +347,7 @@ class ContextGsModel {
         for (std::size_t axis = 0; axis < 3; ++axis) {
           const T extent = box(1, axis) - box(0, axis);
           const T unit = (state.position(row, axis) - box(0, axis)) / (extent > T(0) ? extent : T(1));
-          to[axis] = std::min(std::max(2 * unit - 1, T(-1)), T(1));
+          to[axis] = std::min(std::max(T(-1), 2 * unit - 1), T(1));  // a NaN is -1
         }
       } else {
         const std::size_t parent = plan.parent[e];
@@ -349,7 +358,7 @@ class ContextGsModel {
         std::copy_n(context.seen.data() + parent * seen_row, seen_row, to + 3);
       }
       for (std::size_t c = 0; c < hyper_row; ++c) {
-        const T z = hyperprior(row, c);
+        const T kept = hyperprior(row, c), z = std::abs(kept) < T(1e6) ? kept : T(0);  // a NaN is 0
         to[z_begin + c] = context.phase.round ? std::nearbyint(z) : z + static_cast<T>(random.centered(row << 4 | c));
       }
     }
@@ -382,21 +391,25 @@ class ContextGsModel {
       Attributes::steps(raw_step, base_steps(), step);
       std::copy_n(step, 3, context.step.data() + 3 * e);
       const std::array<T, 3> q{step[0], step[1], step[2]};
+      bool good = false;
       if ((plan.mark[row] & ContextGsPlan::visible) != 0) {
-        distort(random, q, e, plan.row[e], state.to.feature.row(row), state.to.scaling.row(row),
-                state.to.offset.row(row), s.rate.values, context);
+        good = distort(random, q, e, plan.row[e], state.to.feature.row(row), state.to.scaling.row(row),
+                       state.to.offset.row(row), s.rate.values, context);
         for (std::size_t g = 0; g < 3; ++g) partial[4 + g] += static_cast<double>(q[g]);
       } else {
         std::copy_n(state.raw.feature.row(row), state.raw.feature.columns, s.feature);
         std::copy_n(state.raw.scaling.row(row), state.raw.scaling.columns, s.scaling);
         std::copy_n(state.raw.offset.row(row), state.raw.offset.columns, s.offset);
-        distort(random, q, e, plan.row[e], s.feature, s.scaling, s.offset, s.rate.values, context);
+        good = distort(random, q, e, plan.row[e], s.feature, s.scaling, s.offset, s.rate.values, context);
       }
       if (level > 0) {
         T* const seen = context.seen.data() + e * seen_row;
         for (std::size_t c = 0; c < seen_row; ++c) {
-          seen[c] = (s.rate.values[c] - statistics(0, c)) * context.inverse[c];
+          seen[c] = good ? (s.rate.values[c] - statistics(0, c)) * context.inverse[c] : T(0);
         }
+      }
+      if (full && !good) {  // rate() then drops it
+        std::fill(std::begin(s.rate.values), std::end(s.rate.values), std::numeric_limits<T>::quiet_NaN());
       }
       if (full)
         rate_entry(plan.rate_of(level, e), i, q, state.arena.values(state.handles.mask).row(row), partial, s, context);

@@ -17,14 +17,15 @@
 namespace compmark::inline v0 {
 
 namespace detail {
-/// body(index, sigmoid of the logits from there, lanes that exist); the others are 0.
+/// body(index, sigmoid of the logits from there, lanes that exist); the others, and those of a NaN, are 0.
 template <class T, class Body>
 void for_mask_probabilities(const T* stored, std::size_t begin, std::size_t end, const Body& body) {
   constexpr int W = native_width<T>;
   using P = Pack<T, W>;
   for (std::size_t i = begin; i < end; i += static_cast<std::size_t>(W)) {
     const auto lanes = P::MaskType::first(static_cast<std::ptrdiff_t>(end - i));
-    body(i, keep(lanes, sigmoid(P::load(stored + i, lanes) + P(T(1)))), lanes);
+    const P p = sigmoid(P::load(stored + i, lanes) + P(T(1)));
+    body(i, keep(lanes & (p == p), p), lanes);
   }
 }
 inline constexpr std::size_t mask_grain = 4096;
