@@ -111,7 +111,8 @@ struct Checkpoint {
                     {"offset_step", r.offset_step},
                     {"mask", rate(r.mask)},
                     {"grid", rate(r.grid)},
-                    {"context", rate(r.context)}};
+                    {"context", rate(r.context)},
+                    {"hyperprior", r.hyperprior}};
   }
   return json;
 }

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -22,13 +21,11 @@
 #include "compmark/codec/codec_model.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/offset_mask.hpp"
+#include "compmark/pipeline/coded_views.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/model_file.hpp"
 
 namespace compmark::inline v0 {
-
-/// Which of the model's cameras a file keeps: 144 bytes a view.
-enum class StoredCameras : std::uint8_t { none, test, all };
 
 struct CodedModelSettings {
   TensorStorage networks = TensorStorage::half;
@@ -37,10 +34,6 @@ struct CodedModelSettings {
 
 namespace detail {
 
-[[nodiscard]] inline Error coded_error(std::string field, std::string problem, std::string remedy) {
-  return {ErrorKind::invalid, {}, std::move(field), std::move(problem), std::move(remedy)};
-}
-
 /// Blocks that belong to the entropy model; every other block of fixed rows is needed to render.
 [[nodiscard]] inline bool is_context_block(std::string_view name) {
   return name == "hash_grid" || name.starts_with("context.");
@@ -48,103 +41,6 @@ namespace detail {
 
 /// Smallest extent a model is given, world units: a scale of zero has no logarithm.
 inline constexpr double least_coded_extent = 1e-6;
-
-/// Little-endian bits of doubles as text that metadata may hold.
-[[nodiscard]] inline std::string packed_doubles(std::span<const double> values) {
-  std::string text;
-  for (const double value : values) {
-    std::uint64_t bits = std::bit_cast<std::uint64_t>(value);
-    for (int byte = 0; byte < 8; ++byte, bits >>= 8) text.push_back(static_cast<char>(bits & 0xFF));
-  }
-  return text;
-}
-[[nodiscard]] inline std::vector<double> unpacked_doubles(std::string_view text) {
-  std::vector<double> values;
-  for (std::size_t i = 0; i + 8 <= text.size(); i += 8) {
-    std::uint64_t bits = 0;
-    for (std::size_t byte = 8; byte-- > 0;) bits = bits << 8 | static_cast<unsigned char>(text[i + byte]);
-    values.push_back(std::bit_cast<double>(bits));
-  }
-  return values;
-}
-
-/// A view's camera and lens in numbers: width, height, fx, fy, cx, cy, rotation[9], center[3], then lens model and parameters[16].
-inline constexpr std::size_t camera_numbers = 18, lens_numbers = 17;
-
-inline void store_views(const ModelInfo& info, StoredCameras which, CodecModel& coded) {
-  if (which == StoredCameras::none) return;
-  nlohmann::json names = nlohmann::json::array();
-  std::vector<double> numbers;
-  bool lenses = false;
-  for (const StoredView& view : info.views) lenses = lenses || !is_pinhole(view.lens);
-  for (const StoredView& view : info.views) {
-    if (which == StoredCameras::test && !view.test) continue;
-    names.push_back({view.name, view.test ? 1 : 0});
-    const Camera<double>& c = view.camera;
-    numbers.insert(numbers.end(),
-                   {static_cast<double>(c.width), static_cast<double>(c.height), c.fx, c.fy, c.cx, c.cy});
-    numbers.insert(numbers.end(), c.rotation_camera_world.begin(), c.rotation_camera_world.end());
-    numbers.insert(numbers.end(), c.center_world.begin(), c.center_world.end());
-    if (!lenses) continue;
-    numbers.push_back(static_cast<double>(view.lens.model));
-    numbers.insert(numbers.end(), view.lens.parameters.begin(), view.lens.parameters.end());
-  }
-  if (names.empty()) return;
-  coded.metadata["views"] = names.dump();
-  coded.metadata[lenses ? "cameras.lens" : "cameras"] = packed_doubles(numbers);
-}
-
-[[nodiscard]] inline Result<std::vector<StoredView>> read_views(const CodecModel& coded) {
-  const auto text = [&](const char* key) -> const std::string* {
-    const auto found = coded.metadata.find(key);
-    return found == coded.metadata.end() ? nullptr : std::get_if<std::string>(&found->second);
-  };
-  std::vector<StoredView> views;
-  const std::string* const names = text("views");
-  if (names == nullptr) return views;
-  const std::string* const with_lens = text("cameras.lens");
-  const std::string* const plain = with_lens != nullptr ? with_lens : text("cameras");
-  const auto fail = [](std::string problem) {
-    return coded_error("META.views", std::move(problem),
-                       "the file was not written by this tool; encode the model again");
-  };
-  const nlohmann::json json = nlohmann::json::parse(*names, nullptr, false);
-  if (!json.is_array() || plain == nullptr) return fail("names and cameras do not belong together");
-  const std::vector<double> numbers = unpacked_doubles(*plain);
-  const std::size_t width = camera_numbers + (with_lens != nullptr ? lens_numbers : 0);
-  if (numbers.size() != json.size() * width) return fail("has another number of cameras than of names");
-  for (std::size_t i = 0; i < json.size(); ++i) {
-    if (!json[i].is_array() || json[i].size() != 2 || !json[i][0].is_string() || !json[i][1].is_number_integer()) {
-      return fail("holds an entry that is not a name and a split");
-    }
-    StoredView view;
-    view.name = json[i][0].get<std::string>();
-    view.test = json[i][1].get<int>() != 0;
-    const double* const row = numbers.data() + i * width;
-    if (!std::all_of(row, row + width, [](double x) { return std::isfinite(x); }) ||
-        !(row[0] >= 1 && row[0] <= 65536 && row[1] >= 1 && row[1] <= 65536 && row[2] > 0 && row[3] > 0)) {
-      return fail("view " + view.name + " has an impossible camera");
-    }
-    Camera<double>& camera = view.camera;
-    camera.width = static_cast<int>(row[0]);
-    camera.height = static_cast<int>(row[1]);
-    camera.fx = row[2];
-    camera.fy = row[3];
-    camera.cx = row[4];
-    camera.cy = row[5];
-    std::copy_n(row + 6, 9, camera.rotation_camera_world.begin());
-    std::copy_n(row + 15, 3, camera.center_world.begin());
-    if (with_lens != nullptr) {
-      if (!(row[18] >= 0 && row[18] < static_cast<double>(lens_model_count)) || row[18] != std::floor(row[18])) {
-        return fail("view " + view.name + " has an impossible lens");
-      }
-      view.lens.model = static_cast<LensModel>(static_cast<int>(row[18]));
-      std::copy_n(row + 19, 16, view.lens.parameters.begin());
-    }
-    views.push_back(std::move(view));
-  }
-  return views;
-}
 
 }  // namespace detail
 

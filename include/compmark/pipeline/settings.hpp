@@ -82,6 +82,7 @@ struct RateNumbers {
   LearningRate mask{0.01, 0.0001};     ///< in units of the scene extent
   LearningRate grid{0.005, 0.00001};
   LearningRate context{0.005, 0.00001};
+  double hyperprior = 0.0075;  ///< of ContextGS' z
 
   friend bool operator==(const RateNumbers&, const RateNumbers&) = default;
 };

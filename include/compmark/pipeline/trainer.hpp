@@ -13,7 +13,6 @@
 #include <cstdint>
 #include <span>
 #include <string>
-#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -23,7 +22,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
-#include "compmark/optim/schedule.hpp"
+#include "compmark/pipeline/learning_rates.hpp"
 #include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/observer.hpp"
@@ -339,55 +338,11 @@ class Trainer {
     report.adjusted = true;
   }
 
-  /// Learning rate of every block of the arena for iteration t; 0 leaves a block out of the step.
   void learning_rates(std::int64_t t) {
     const ArenaLayout& layout = state_.model.arena.layout();
     rates_.assign(layout.blocks().size(), 0.0);
     for (std::size_t b = 0; b < rates_.size(); ++b) {
-      const std::string_view name = layout.blocks()[b].name;
-      const auto begins = [&](std::string_view prefix) { return name.substr(0, prefix.size()) == prefix; };
-      const auto rate = [&](const LearningRate& r) {
-        return LogLinear{r.initial, r.final, settings_.iterations}.value(t);
-      };
-      if (name == "anchor.offset") {
-        rates_[b] = rate({settings_.offset.initial * scene_extent_, settings_.offset.final * scene_extent_});
-      } else if (name == "anchor.feature") {
-        rates_[b] = rate(settings_.feature);
-      } else if (name == "anchor.scaling") {
-        rates_[b] = rate(settings_.scaling);
-      } else if (begins("mlp_opacity")) {
-        rates_[b] = rate(settings_.mlp_opacity);
-      } else if (begins("mlp_covariance")) {
-        rates_[b] = rate(settings_.mlp_covariance);
-      } else if (begins("mlp_color")) {
-        rates_[b] = rate(settings_.mlp_color);
-      } else if (begins("feature_bank")) {
-        rates_[b] = rate(settings_.feature_bank);
-      } else if (begins("appearance")) {
-        rates_[b] = rate(settings_.appearance);
-      }
-      if constexpr (!MarkedPipeline::Road::is_absent) {
-        const std::int64_t residual_after = scale_iteration(settings_.mark.residual_after, settings_.iterations);
-        if (name == "anchor.residual" && t > residual_after) {
-          const double first = settings_.mark.residual_rate;
-          rates_[b] =
-              LogLinear{first, first * settings_.mark.residual_decay, settings_.iterations - residual_after}.value(
-                  t - residual_after);
-        }
-        if (begins("distortion")) rates_[b] = settings_.mark.distortion_rate;
-      }
-      if constexpr (present<typename R::EntropyModel>) {
-        const LearningRate& mask = settings_.rate.mask;
-        if (name == "anchor.mask") rates_[b] = rate({mask.initial * scene_extent_, mask.final * scene_extent_});
-        if (rate_phases_.counts(t)) {
-          if (name == "hash_grid") rates_[b] = rate(settings_.rate.grid);
-          if (name.ends_with(".weight") && begins("context.")) rates_[b] = rate(settings_.rate.context);
-          if (name.ends_with(".bias") && begins("context.")) rates_[b] = rate(settings_.rate.context);
-        }
-      }
-      if constexpr (present<typename R::Exposure>) {
-        if (name == "exposure") rates_[b] = rate(settings_.effects.exposure);
-      }
+      rates_[b] = learning_rate<R>(layout.blocks()[b].name, settings_, scene_extent_, t);
     }
   }
 
