@@ -81,6 +81,9 @@ class ContextGsModel {
     alignas(64) T scaling[6];
     alignas(64) T offset[static_cast<std::size_t>(3 * offsets)];
     alignas(64) T d_value[static_cast<std::size_t>(Attributes::row)];
+    alignas(64) T input[static_cast<std::size_t>(Child::panel * Child::input_row)];
+    alignas(64) T d_input[static_cast<std::size_t>(Child::panel * Child::input_row)];
+    alignas(64) T hidden[static_cast<std::size_t>(Child::panel * Child::hidden_row)];
     typename Attributes::Scratch rate;
   };
   struct Context {
@@ -88,10 +91,14 @@ class ContextGsModel {
     double unit = 0;  ///< loss of one bit of the sample
     ContextGsLevels<T> levels;
     ContextGsPlan plan;
-    Buffer<T> input, d_input;                                 ///< of the networks, by entry; rows of `input_row`
-    Buffer<T> hidden, step, noise, extents;                   ///< by entry
-    Buffer<T> seen;                                           ///< [coarse, geometry] a parent as its children see it
-    Buffer<T> inverse;                                        ///< of the deviations
+    Buffer<T> input;                         ///< of the networks, by entry; rows of `input_row`
+    Buffer<T> hidden, step, noise, extents;  ///< by entry
+    // The way back takes only those light entries that have a gradient.
+    Buffer<T> d_step, d_seen;     ///< by entry: gradients by the raw steps, and by what it read of its parent
+    Buffer<std::uint8_t> active;  ///< by entry: whether it has
+    Buffer<std::uint32_t> back;   ///< light entries of a level that have
+    Buffer<T> seen;               ///< [coarse, geometry] a parent as its children see it
+    Buffer<T> inverse;            ///< of the deviations
     Buffer<T> rate_value, rate_output, rate_step, rate_mask;  ///< full entries: gradients of the rate
     Buffer<T> rate_hyper;                                     ///< … by z
     Buffer<T> prior, prior_sums;
@@ -180,7 +187,10 @@ class ContextGsModel {
       });
       return;
     }
-    context.d_input.resize(context.plan.capacity * input_row);
+    context.d_seen.resize(context.plan.capacity * seen_row);
+    context.d_step.resize(context.plan.capacity * 3);
+    context.active.resize(context.plan.capacity);
+    context.back.resize(context.plan.capacity);
     context.chunk_gradients.resize(most_chunks * Child::gradient_count);
     const Backward state{arena, handles, d_rows, tables<T>(arena, handles), context};
     level_backward<Child>(0, state, executor);
@@ -480,21 +490,38 @@ class ContextGsModel {
     return Attributes::pull_back(context.noise.data() + e * noise_row, context.extents.data() + e * 12, rate,
                                  d.feature.row(row), d.scaling.row(row), d.offset.row(row));
   }
+  /// Where an entry's row of inputs begins: rows of a panel are as wide as its network's.
+  template <class Net>
+  [[nodiscard]] static std::size_t input_of(std::size_t e) {
+    return e / panel * panel * input_row + e % panel * static_cast<std::size_t>(Net::input_row);
+  }
+  /// Chunks of sums that a level's panels are dealt to: as many as keep the sums from costing more than the panels.
+  [[nodiscard]] static std::size_t chunks_of(std::size_t panels) {
+    return std::clamp<std::size_t>(panels / 8, 1, most_chunks);
+  }
   template <class Net, Executor E>
   void level_backward(std::size_t level, const Backward& state, E& executor) const {
     Context& context = state.context;
-    const std::size_t panels = context.plan.panels(level);
+    const std::size_t light = pull_light(level, state, executor);
+    const std::size_t light_panels = chunk_count(light, panel);
+    const std::size_t panels = light_panels + context.plan.full[level].panels();
     if (panels == 0) return;
     constexpr std::size_t count = Net::gradient_count;
+    const std::size_t chunks = chunks_of(panels);
     T* const sums = context.chunk_gradients.data();
-    executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t worker) {
+    executor.for_chunks(chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t worker) {
       std::fill_n(sums + chunk * count, count, T(0));
-      for (std::size_t p = chunk; p < panels; p += most_chunks) {
-        panel_backward<Net>(level, p, state, context.scratch[worker], sums + chunk * count);
+      Scratch& s = context.scratch[worker];
+      for (std::size_t p = chunk; p < panels; p += chunks) {
+        if (p < light_panels) {
+          light_panel_backward<Net>(level, p * panel, std::min(light, (p + 1) * panel), state, s, sums + chunk * count);
+        } else {
+          full_panel_backward<Net>(level, p - light_panels, state, s, sums + chunk * count);
+        }
       }
     });
     executor.for_chunks(count, 2048, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t chunk = 1; chunk < most_chunks; ++chunk) {
+      for (std::size_t chunk = 1; chunk < chunks; ++chunk) {
         for (std::size_t i = begin; i < end; ++i) sums[i] += sums[chunk * count + i];
       }
     });
@@ -502,51 +529,86 @@ class ContextGsModel {
     Net::add_gradients(sums, {state.arena.gradients(n.weight1), state.arena.gradients(n.bias1),
                               state.arena.gradients(n.weight2), state.arena.gradients(n.bias2)});
   }
+  /// Carries a level's light entries' gradients back to their rows; lists those whose steps have one (not many of the anchors in a view
+  /// have: most are hidden). Returns how many.
+  template <Executor E>
+  std::size_t pull_light(std::size_t level, const Backward& state, E& executor) const {
+    Context& context = state.context;
+    const ContextGsPlan::Section& section = context.plan.light[level];
+    executor.for_chunks(section.count, panel, [&](std::size_t begin, std::size_t end, std::size_t worker) {
+      for (std::size_t e = section.first + begin; e < section.first + end; ++e) {
+        T* const d = context.d_step.data() + 3 * e;
+        pull_steps(e, pull_entry(level, e, nullptr, state, context.scratch[worker]), d, context);
+        context.active[e] = d[0] == T(0) && d[1] == T(0) && d[2] == T(0) ? 0 : 1;  // a NaN stays in
+      }
+    });
+    std::size_t active = 0;
+    for (std::size_t e = section.first; e < section.first + section.count; ++e) {
+      context.back[active] = static_cast<std::uint32_t>(e);
+      active += context.active[e];
+    }
+    return active;
+  }
+  void pull_steps(std::size_t e, const std::array<T, 3>& d_step, T* to, const Context& context) const {
+    const std::array<T, 3> base = base_steps();
+    for (std::size_t g = 0; g < 3; ++g) to[g] = Attributes::pull_step(context.step[3 * e + g], base[g], d_step[g]);
+  }
+  /// Of the light entries back[begin] … back[end - 1].
   template <class Net>
-  void panel_backward(std::size_t level, std::size_t p, const Backward& state, Scratch& s, T* sums) const {
+  void light_panel_backward(std::size_t level, std::size_t begin, std::size_t end, const Backward& state, Scratch& s,
+                            T* sums) const {
+    Context& context = state.context;
+    constexpr std::size_t row_size = static_cast<std::size_t>(Net::input_row);
+    std::fill(std::begin(s.tail), std::end(s.tail), T(0));
+    std::fill_n(s.input + (end - begin) * row_size, (begin + panel - end) * row_size, T(0));
+    std::fill_n(s.hidden + (end - begin) * hidden_row, (begin + panel - end) * hidden_row, T(0));
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t e = context.back[i], lane = i - begin;
+      std::copy_n(context.input.data() + input_of<Net>(e), row_size, s.input + lane * row_size);
+      std::copy_n(context.hidden.data() + e * hidden_row, hidden_row, s.hidden + lane * hidden_row);
+      std::copy_n(context.d_step.data() + 3 * e, 3, s.tail + lane * tail_row);
+    }
+    Net::backward_tail(context.packed[level].data(), s.input, s.hidden, s.tail, s.d_hidden, s.d_input, sums);
+    for (std::size_t i = begin; i < end; ++i) {
+      hand_back<Net>(context.back[i], s.d_input + (i - begin) * row_size, nullptr, state);
+    }
+  }
+  /// Of the p-th panel of full entries of a level.
+  template <class Net>
+  void full_panel_backward(std::size_t level, std::size_t p, const Backward& state, Scratch& s, T* sums) const {
     Context& context = state.context;
     const ContextGsPlan& plan = context.plan;
-    const ContextGsPlan::Section at = plan.panel_at(level, p);
-    const bool full = plan.is_full(level, p);
+    const ContextGsPlan::Section at = plan.panel_at(level, plan.light[level].panels() + p);
     const MatrixView<const T> mask = std::as_const(state.arena).values(state.handles.mask);
     const MatrixView<T> d_mask = state.arena.gradients(state.handles.mask);
-    if (full) {
-      std::fill(std::begin(s.output), std::end(s.output), T(0));
-    } else {
-      std::fill(std::begin(s.tail), std::end(s.tail), T(0));
-    }
-    const std::array<T, 3> base = base_steps();
+    std::fill(std::begin(s.output), std::end(s.output), T(0));
     for (std::size_t i = 0; i < at.count; ++i) {
-      const std::size_t e = at.first + i, row = plan.row[e], f = full ? plan.rate_of(level, e) : 0;
-      std::array<T, 3> d_step =
-          pull_entry(level, e, full ? context.rate_value.data() + f * noise_row : nullptr, state, s);
-      T* const tail = full ? s.output + i * output_row + step_output : s.tail + i * tail_row;
-      if (full) {
-        for (std::size_t g = 0; g < 3; ++g) d_step[g] += context.rate_step[3 * f + g];
-        std::copy_n(context.rate_output.data() + f * output_row, step_output, s.output + i * output_row);
-        for (std::size_t k = 0; k < mask_row; ++k) {
-          d_mask(row, k) += context.rate_mask[f * mask_row + k] * mask_slope(mask(row, k));
-        }
+      const std::size_t e = at.first + i, row = plan.row[e], f = plan.rate_of(level, e);
+      std::array<T, 3> d_step = pull_entry(level, e, context.rate_value.data() + f * noise_row, state, s);
+      for (std::size_t g = 0; g < 3; ++g) d_step[g] += context.rate_step[3 * f + g];
+      std::copy_n(context.rate_output.data() + f * output_row, step_output, s.output + i * output_row);
+      pull_steps(e, d_step, s.output + i * output_row + step_output, context);
+      for (std::size_t k = 0; k < mask_row; ++k) {
+        d_mask(row, k) += context.rate_mask[f * mask_row + k] * mask_slope(mask(row, k));
       }
-      for (std::size_t g = 0; g < 3; ++g) {
-        tail[g] = Attributes::pull_step(context.step[3 * e + g], base[g], d_step[g]);
-      }
+      context.active[e] = 1;
     }
-    const T* const packed = context.packed[level].data();
-    const T* const input = context.input.data() + at.first * input_row;
-    const T* const hidden_units = context.hidden.data() + at.first * hidden_row;
-    T* const d_input = context.d_input.data() + at.first * input_row;
-    if (full) {
-      Net::backward_all(packed, input, hidden_units, s.output, s.d_hidden, d_input, sums);
-    } else {
-      Net::backward_tail(packed, input, hidden_units, s.tail, s.d_hidden, d_input, sums);
+    Net::backward_all(context.packed[level].data(), context.input.data() + at.first * input_row,
+                      context.hidden.data() + at.first * hidden_row, s.output, s.d_hidden, s.d_input, sums);
+    for (std::size_t i = 0; i < at.count; ++i) {
+      hand_back<Net>(at.first + i, s.d_input + i * static_cast<std::size_t>(Net::input_row),
+                     context.rate_hyper.data() + plan.rate_of(level, at.first + i) * hyper_row, state);
     }
+  }
+  /// Gradients by what an entry's network read: to its z, and kept for its parent.
+  template <class Net>
+  static void hand_back(std::size_t e, const T* d_input, const T* rate, const Backward& state) {
     const MatrixView<T> d_hyper = state.arena.gradients(state.handles.hyperprior);
-    for (std::size_t i = 0; i < at.count; ++i) {
-      const std::size_t row = plan.row[at.first + i];
-      const T* const d_z = d_input + i * static_cast<std::size_t>(Net::input_row) + (Net::inputs - hyper_dim);
-      const T* const rate = full ? context.rate_hyper.data() + plan.rate_of(level, at.first + i) * hyper_row : nullptr;
-      for (std::size_t c = 0; c < hyper_row; ++c) d_hyper(row, c) += d_z[c] + (full ? rate[c] : T(0));
+    const T* const d_z = d_input + (Net::inputs - hyper_dim);
+    T* const to = d_hyper.row(state.context.plan.row[e]);
+    for (std::size_t c = 0; c < hyper_row; ++c) to[c] += d_z[c] + (rate != nullptr ? rate[c] : T(0));
+    if constexpr (Net::inputs != Root::inputs) {
+      std::copy_n(d_input + 3, seen_row, state.context.d_seen.data() + e * seen_row);
     }
   }
   /// Gradients of the three tables by one entry's row, from those by what came of it: the render's, the rate's and the children's.
@@ -558,7 +620,8 @@ class ContextGsModel {
       T* const d = s.d_value;
       std::fill_n(d, noise_row, T(0));
       for (std::uint32_t at = plan.child_begin[e]; at < plan.child_begin[e + 1]; ++at) {
-        const T* const from = context.d_input.data() + child_input(plan.child[at]);
+        if (context.active[plan.child[at]] == 0) continue;
+        const T* const from = context.d_seen.data() + plan.child[at] * seen_row;
         for (std::size_t c = 0; c < seen_row; ++c) d[c] += from[c];
       }
       for (std::size_t c = 0; c < seen_row; ++c) d[c] *= context.inverse[c];
@@ -579,8 +642,6 @@ class ContextGsModel {
     add(s.offset, state.outside.offset, row);
     return d_step;
   }
-  /// Where the gradients by what a child read of its parent begin. Rows of a panel are as wide as its network's inputs.
-  [[nodiscard]] static std::size_t child_input(std::size_t e) { return e * input_row + 3; }
   static void add(const T* from, const MatrixView<T>& to, std::size_t row) {
     for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += from[c];
   }

@@ -30,6 +30,7 @@ template <class T, int channel_count>
 struct FactorisedPrior {
   static constexpr int channels = channel_count;
   static constexpr int parameters = 58;  ///< of a channel
+  static constexpr double start_width = 0.5;
   static constexpr std::size_t count = static_cast<std::size_t>(channels * parameters);
   static constexpr int W = native_width<T>;
   using P = Pack<T, W>;
@@ -42,10 +43,11 @@ struct FactorisedPrior {
     return place < 3 * in ? Kind::matrix : (place < 3 * in + 3 ? Kind::bias : Kind::factor);
   }
 
-  /// CompressAI's: a density some ten wide in every channel. `values` [channels, 58].
+  /// A logistic density half a symbol wide in every channel, 1.1 bits for z = 0, which is what an explicit z begins with. `values`
+  /// [channels, 58]. (CompressAI's, ten wide, 5.3 bits, waits for an analysis network; 1,300 iterations later it still cost 3.2.)
   static void initialise(MatrixView<T> values, std::uint64_t seed) {
     const Random random(seed, 0, random_stage("factorised prior"));
-    const double scale = std::pow(10.0, 0.2);
+    const double scale = std::pow(start_width, 0.2);
     for (std::size_t i = 0; i < values.size(); ++i) {
       const int index = static_cast<int>(i % static_cast<std::size_t>(parameters));
       double value = 0;
