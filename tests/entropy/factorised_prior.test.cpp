@@ -109,11 +109,15 @@ TEST_CASE(
     "entropy/factorised_prior: the cumulative grows, symbols sum to one; the naive difference of sigmoids fails far "
     "out") {
   Problem<double> problem(1);
+  std::vector<double> ready(Problem<double>::Prior::count);
+  Problem<double>::Prior::prepare({problem.values.data(), channels, 58}, ready.data());
   for (std::size_t c = 0; c < channels; ++c) {
     const double* const raw = problem.values.data() + 58 * c;
     long double sum = 0;
     for (int k = -400; k <= 400; ++k) {
       sum += interval(raw, k);
+      CHECK(Problem<double>::Prior::probability(ready.data() + 58 * c, static_cast<double>(k)) ==
+            doctest::Approx(static_cast<double>(interval(raw, k))).epsilon(1e-10));
       CHECK(cumulative_logit(raw, k + 0.5) > cumulative_logit(raw, k - 0.5));
     }
     CHECK(static_cast<double>(sum) == doctest::Approx(1).epsilon(1e-6));

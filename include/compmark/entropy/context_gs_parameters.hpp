@@ -6,6 +6,8 @@
 //   inputs of level 2    [2 (x - box minimum) / (box maximum - box minimum) - 1, held in [-1, 1] (3); z (12)]
 //   inputs of 1 and 0    [(v - v of the parent) / edge of the parent's cell (3): coarse for level 1, fine for level 0;
 //                         (f - mean) / deviation of the parent's decoded features (D); (l - mean) / deviation of its extents (6); z (12)]
+//   z                    its symbol is the nearest whole number, half to even, coded before all else; 0 for NaN and beyond 1e6
+//   decoded              k q of the parent's symbols and steps; extents as they come, 0 too, not held above any least
 //   outputs              as HAC's: mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o (hac_attributes.hpp)
 // The published inputs are raw world coordinates of the parent, whose scale is the scene's (compression sheet, 2.3 and 5, item 30): where in its
 // parent's cell an anchor lies, they do not say. Newborn rows have z = 0 (published: the largest of the merged parents'); a mask's 0 is logit 1.

@@ -78,6 +78,14 @@ struct FactorisedPrior {
     }
   }
 
+  /// P of one symbol in a channel whose 58 `ready` scalars begin at `r`, without floor and escape. A file need not hold the prior: 31
+  /// frequencies a channel and that of the escape say all that a decoder wants to know, in fewer bytes and in whole numbers.
+  [[nodiscard]] static T probability(const T* r, T symbol) {
+    Trace trace;
+    const P a = logit(r, P(symbol + T(0.5)), trace), b = logit(r, P(symbol - T(0.5)), trace);
+    return (sigmoid(a) * sigmoid(-b) * detail::one_minus_exp(a - b, exp(b - a))).lane(0);
+  }
+
   /// Of `anchors` (a multiple of W) anchors, with z and d_z channel after channel [channels, anchors]: adds each one's bits to bits
   /// [anchors], writes the derivatives of sum weight * bits by z, and adds those by `ready` to sums [channels * 58].
   static void bits(const T* ready, const T* z, std::size_t anchors, const T* weight, T* bits, T* d_z, T* sums) {
