@@ -80,6 +80,7 @@ struct Scene {
     settings.lambda = 40;  // the rate's gradient and the slopes' are of one size
     settings.mask_weight = 3;
     settings.sample = 0.4;
+    settings.step_share = 1;
     phase = {.context = true, .seed = 3, .iteration = 12};
   }
   MatrixView<T> table(int which) { return arena.values(which == 0 ? feature : (which == 1 ? scaling : offset)); }
@@ -350,6 +351,29 @@ TEST_CASE("entropy/hac_model: rounding lands on whole steps, to within half of o
     for (std::size_t c = 0; c < D; ++c) {
       CHECK(scene.arena.gradients(scene.feature)(row, c) == scene.view(scene.slope[0], 0)(row, c));
     }
+  }
+}
+
+TEST_CASE(
+    "entropy/hac_model: a share of the light anchors teaches its steps at the inverse weight; nothing else changes") {
+  Scene<double> all, some;
+  some.settings.step_share = 0.25;
+  SerialExecutor serial;
+  all.forward(serial);
+  some.forward(serial);
+  all.backward(serial);
+  some.backward(serial);
+  std::size_t drawn = 0, could = 0;
+  for (std::size_t i = 0; i < all.context.d_step.size(); ++i) {
+    could += all.context.d_step[i] != 0 ? 1 : 0;
+    if (some.context.d_step[i] == 0) continue;
+    CHECK(some.context.d_step[i] == doctest::Approx(4 * all.context.d_step[i]));
+    ++drawn;
+  }
+  CHECK(static_cast<double>(drawn) == doctest::Approx(0.25 * static_cast<double>(could)).epsilon(0.6));
+  for (const BlockHandle block : {all.feature, all.scaling, all.offset, all.handles.mask}) {
+    const auto a = all.arena.gradients(block).flat(), b = some.arena.gradients(block).flat();
+    CHECK(std::equal(a.begin(), a.end(), b.begin()));
   }
 }
 

@@ -57,8 +57,11 @@ class HacModel {
   struct Settings {
     double lambda = 0.001;
     double mask_weight = 5e-4;
-    double sample = 0.05;     ///< share of the anchors whose rate is counted in an iteration
-    bool sample_all = true;   ///< of all anchors, else of the visible ones
+    double sample = 0.05;    ///< share of the anchors whose rate is counted in an iteration
+    bool sample_all = true;  ///< of all anchors, else of the visible ones
+    /// Share of the light anchors that teach their steps in an iteration, at 1 / share the weight (the same mean; HAC: all of them). What
+    /// they teach is the product of a gradient with random noise, and the rate's part comes from a twentieth of the anchors anyway.
+    double step_share = 0.25;
     bool anchor_mask = true;  ///< bits of features and extents weigh by the straight-through mask of the anchor
     double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
     double least_extent = 1e-6;  ///< a distorted extent stays above it, world units
@@ -447,13 +450,18 @@ class HacModel {
       to[g] = Attributes::pull_step(context.step[3 * entry + g], base[g], d_step[g]);
     }
   }
-  /// Carries the light entries' gradients back to their rows; lists those whose steps have one. Returns how many.
+  /// Carries the light entries' gradients back to their rows; lists those whose steps have one and are drawn. Returns how many.
   template <Executor E>
   std::size_t light_gradients(const AnchorTables<T>& d, Context& context, E& executor) const {
     context.d_step.resize(context.entries.light * 3);
+    const Random random(context.phase.seed, context.phase.iteration, random_stage("hac steps"));
+    const T weight = static_cast<T>(settings_.step_share >= 1 ? 1 : 1 / settings_.step_share);
     executor.for_chunks(context.entries.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t e = begin; e < end; ++e) {
-        pull_steps(e, pull_back(e, nullptr, d, context), context.d_step.data() + 3 * e, context);
+        std::array<T, 3> d_step = pull_back(e, nullptr, d, context);
+        const bool drawn = settings_.step_share >= 1 || random.uniform(context.entries.row[e]) < settings_.step_share;
+        for (T& value : d_step) value = drawn ? value * weight : T(0);
+        pull_steps(e, d_step, context.d_step.data() + 3 * e, context);
       }
     });
     context.back.resize(context.entries.light);

@@ -146,13 +146,17 @@ class HashGrid {
   /// Adds the derivative of weight * bits.
   template <Executor E>
   static void bits_backward(const Context& context, double weight, MatrixView<T> d_table, E& executor) {
-    const Four slope(static_cast<T>(weight * context.bits_slope));
+    const Pack<T, W> slope(static_cast<T>(weight * context.bits_slope));
     executor.for_chunks(entries, 8192, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t i = begin; i < end; ++i) {
-        T* const target = d_table.data + 4 * i;
-        Four sum(target);
-        sum.add_product(slope, Four(zero_one[context.signs[i] >> 4].data()));
-        sum.store(target);
+      for (std::size_t i = begin; i < end; i += 4) {
+        std::uint32_t bytes = 0;
+        for (unsigned k = 0; k < 4; ++k) bytes |= static_cast<std::uint32_t>(context.signs[i + k]) << 8 * k;
+        const unsigned passes = join_nibbles(bytes >> 4);
+        for (unsigned lane = 0; lane < 16; lane += W) {
+          T* const target = d_table.data + 4 * i + lane;
+          const auto mask = Mask<T, W>::from_bits(passes >> lane & ((1u << W) - 1u));
+          (Pack<T, W>::load(target) + keep(mask, slope)).store(target);
+        }
       }
     });
   }
@@ -163,6 +167,12 @@ class HashGrid {
   [[nodiscard]] static constexpr std::uint32_t spread_nibbles(std::uint32_t x) {
     x = (x | x << 8) & 0x00FF00FFu;
     return (x | x << 4) & 0x0F0F0F0Fu;
+  }
+  /// The inverse.
+  [[nodiscard]] static constexpr std::uint32_t join_nibbles(std::uint32_t x) {
+    x &= 0x0F0F0F0Fu;
+    x = (x | x >> 4) & 0x00FF00FFu;
+    return (x | x >> 8) & 0xFFFFu;
   }
   /// Four features, in one pack or in two narrow ones.
   struct Four {
