@@ -71,6 +71,7 @@ struct Scene {
     settings.lambda = 40;  // the rate's gradient and the slopes' are of one size
     settings.mask_weight = 3;
     settings.sample = 0.3;
+    settings.step_share = 1;
     phase = {.context = true, .seed = 3, .iteration = 12};
   }
   void begin() {
@@ -422,6 +423,28 @@ TEST_CASE(
   CHECK(scene.context.levels.levels().counts() == std::array<std::size_t, 3>{0, 0, 1});
   scene.backward(serial);
   for (const float d : scene.arena.all_gradients()) CHECK(std::isfinite(d));
+}
+
+TEST_CASE("entropy/context_gs_model: a share of the light anchors teaches its steps at the inverse weight") {
+  Scene<double> all, some;
+  some.settings.step_share = 0.25;
+  SerialExecutor serial;
+  for (Scene<double>* scene : {&all, &some}) {
+    scene->forward(serial);
+    scene->backward(serial);
+  }
+  std::size_t drawn = 0, could = 0;
+  const ContextGsPlan::Section& light =
+      all.context.plan.light[0];  // nobody's parents: nothing else reaches their steps
+  for (std::size_t i = 3 * light.first; i < 3 * (light.first + light.count); ++i) {
+    could += all.context.d_step[i] != 0 ? 1 : 0;
+    if (some.context.d_step[i] == 0) continue;
+    CHECK(some.context.d_step[i] == doctest::Approx(4 * all.context.d_step[i]));
+    ++drawn;
+  }
+  CHECK(static_cast<double>(drawn) == doctest::Approx(0.25 * static_cast<double>(could)).epsilon(0.6));
+  const auto a = all.arena.gradients(all.handles.mask).flat(), b = some.arena.gradients(some.handles.mask).flat();
+  CHECK(std::equal(a.begin(), a.end(), b.begin()));
 }
 
 TEST_CASE("entropy/context_gs_model: a NaN or infinity in one anchor, mask or z stays where it is") {

@@ -63,9 +63,9 @@ class ContextGsModel {
   struct Settings {
     double lambda = 0.001;
     double mask_weight = 5e-4;
-    double sample = 0.15;  ///< share of the anchors whose rate is counted in an iteration
-    bool anchor_mask =
-        true;  ///< masks feel the bits of features, extents and z, which vanish with the last live offset
+    double sample = 0.15;      ///< share of the anchors whose rate is counted in an iteration
+    double step_share = 0.25;  ///< of the anchors without a rate teach their steps, at 1 / share the weight (HacModel)
+    bool anchor_mask = true;   ///< masks feel the bits of features, extents and z too
     double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
     double least_extent = 1e-6;  ///< a distorted extent stays above it, world units
   };
@@ -529,16 +529,21 @@ class ContextGsModel {
     Net::add_gradients(sums, {state.arena.gradients(n.weight1), state.arena.gradients(n.bias1),
                               state.arena.gradients(n.weight2), state.arena.gradients(n.bias2)});
   }
-  /// Carries a level's light entries' gradients back to their rows; lists those whose steps have one (not many of the anchors in a view
-  /// have: most are hidden). Returns how many.
+  /// Carries a level's light entries' gradients back to their rows; lists those whose steps have one and are drawn. Returns how many.
   template <Executor E>
   std::size_t pull_light(std::size_t level, const Backward& state, E& executor) const {
     Context& context = state.context;
     const ContextGsPlan::Section& section = context.plan.light[level];
+    const Random random(context.phase.seed, context.phase.iteration, random_stage("context gs steps"));
+    const bool all = settings_.step_share >= 1;
+    const T weight = static_cast<T>(all ? 1 : 1 / settings_.step_share);
     executor.for_chunks(section.count, panel, [&](std::size_t begin, std::size_t end, std::size_t worker) {
       for (std::size_t e = section.first + begin; e < section.first + end; ++e) {
         T* const d = context.d_step.data() + 3 * e;
-        pull_steps(e, pull_entry(level, e, nullptr, state, context.scratch[worker]), d, context);
+        std::array<T, 3> d_step = pull_entry(level, e, nullptr, state, context.scratch[worker]);
+        const bool drawn = all || random.uniform(context.plan.row[e]) < settings_.step_share;
+        for (T& value : d_step) value = drawn ? value * weight : T(0);
+        pull_steps(e, d_step, d, context);
         context.active[e] = d[0] == T(0) && d[1] == T(0) && d[2] == T(0) ? 0 : 1;  // a NaN stays in
       }
     });
