@@ -221,6 +221,7 @@
 #include "compmark/codec/bits.hpp"
 #include "compmark/codec/codec_model.hpp"
 #include "compmark/codec/container.hpp"
+#include "compmark/codec/context_choice.hpp"
 #include "compmark/codec/geometry.hpp"
 #include "compmark/codec/hac.hpp"
 #include "compmark/codec/hac_chunk.hpp"

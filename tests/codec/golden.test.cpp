@@ -36,10 +36,10 @@ std::vector<Golden> golden_files() {
   wide.offset_count = 32;
   wide.grid.volume_levels = 0;
   wide.networks = false;
-  return {{"hac_small.cmk", 101, small, 243, "bc78b264a7109d6ad137a3060e342c9f3d73bd47bce429b6886e1b64a6857380"},
+  return {{"hac_small.cmk", 101, small, 243, "37a7748f87da924791a1dd6801b2cf100e193f4e5689a62a17d34d8b27faa022"},
           {"hac_published_sizes.cmk", 102, published, 119,
-           "6a5fdca7a3bab8d98c7417867b3402dc6f1ab67632b8d88e76fe8fa1d43773c7"},
-          {"hac_32_offsets.cmk", 103, wide, 300, "bfdd02b878c0201d26a13a72704b7ec306fac925592586997e5acbc4b632b31e"}};
+           "27436a6668ba8cb491acabd23bff619db8bcba7109e2a17c393faaae66bddb3d"},
+          {"hac_32_offsets.cmk", 103, wide, 300, "663c63a2613a82b67d26fcd3f50bb1159f9bee0fc06b2f8445984cb751f92f61"}};
 }
 
 std::string digest(const CodecModel& model) {

@@ -31,7 +31,7 @@ IntegerContext integers_of(const testing::FloatContextModel& model, int weight_b
     context.grid.entries()[i] = static_cast<std::uint8_t>(nibble);
   }
   IntegerNetworkSettings settings;
-  settings.weight_bits = weight_bits;
+  settings.bits = WeightBits::all(weight_bits);
   const auto network = quantize_network(model.view(), context.heads, settings);
   REQUIRE_MESSAGE(network.ok(), (network.ok() ? "" : network.error().line()));
   context.network = *network;
@@ -158,7 +158,7 @@ TEST_CASE("entropy/integer_network: floats that are no numbers or not of the rig
   model.statistics.pop_back();
   CHECK(!quantize_network(model.view(), model.heads(), {}).ok());
   model = testing::make_float_context(7, small_grid, 8, 2, 12);
-  CHECK(!quantize_network(model.view(), model.heads(), {.weight_bits = 17}).ok());
+  CHECK(!quantize_network(model.view(), model.heads(), {.bits = WeightBits::all(17)}).ok());
   // All zeros, and channels without any deviation, are legal.
   for (auto* tensor : {&model.weight1, &model.bias1, &model.weight2, &model.bias2, &model.statistics}) {
     std::fill(tensor->begin(), tensor->end(), 0.0f);

@@ -83,7 +83,7 @@ struct CodecModelShape {
   model.feature.resize(n * d);
   model.extent.resize(n * 6);
   model.offset.resize(n * 3 * k);
-  const auto context = detail::context_of(model, 12);
+  const auto context = detail::context_of(model, WeightBits{});
   if (!context) return {};
   const IntegerNetwork::Packed packed = context->network.pack();
   ContextEvaluator evaluator(*context, packed);

@@ -104,6 +104,14 @@ inline void append_models(const ContextEvaluator& evaluator, const ContextHeads&
   return digest;
 }
 
+/// The nearest symbol, ties to even, and whether it had to be held at the greatest.
+[[nodiscard]] inline std::pair<std::int32_t, bool> symbol_of(float value, int index, double base_step) {
+  const double q = static_cast<double>(step_ratio(index)) * (base_step * 0x1p-24);
+  constexpr double limit = greatest_symbol;
+  const double rounded = std::nearbyint(static_cast<double>(value) / q), held = std::clamp(rounded, -limit, limit);
+  return {static_cast<std::int32_t>(held), held != rounded};
+}
+
 struct EncodedChunk {
   std::vector<std::byte> mask, stream;
   std::uint64_t symbol_count = 0, symbol_hash = 0;
@@ -130,12 +138,9 @@ struct EncodedChunk {
       }
       visit_scalars(rows, anchor, coder.offset_count, evaluator, lane, [&](int group, int index, float& value) {
         const auto g = static_cast<std::size_t>(group);
-        const double q = static_cast<double>(step_ratio(index)) * (coder.base_step[g] * 0x1p-24);
-        constexpr double limit = greatest_symbol;
-        const double rounded = std::nearbyint(static_cast<double>(value) / q),
-                     held = std::clamp(rounded, -limit, limit);
-        const auto symbol = static_cast<std::int32_t>(held);
-        chunk.clamped[g] += held != rounded ? 1 : 0;
+        const std::pair<std::int32_t, bool> rounded = symbol_of(value, index, coder.base_step[g]);
+        const std::int32_t symbol = rounded.first;
+        chunk.clamped[g] += rounded.second ? 1 : 0;
         ++chunk.symbols[g];
         chunk.bits[g] += ideal_bits(coder.tables, models[symbols.size()], symbol);
         symbols.push_back(symbol);

@@ -19,6 +19,7 @@
 
 #include "compmark/codec/codec_model.hpp"
 #include "compmark/codec/container.hpp"
+#include "compmark/codec/context_choice.hpp"
 #include "compmark/codec/geometry.hpp"
 #include "compmark/codec/hac_chunk.hpp"
 #include "compmark/codec/hac_digest.hpp"
@@ -30,9 +31,8 @@
 namespace compmark::inline v0 {
 
 struct HacSettings {
-  /// Of the context network, when it comes from training (IntegerNetworkSettings); 0 tries 6 to 12 on a sample of the anchors and takes what
-  /// makes the smallest file.
-  int weight_bits = 0;
+  /// Of the context network, when it comes from training. None: those that make the smallest file.
+  std::optional<WeightBits> weight_bits;
 };
 
 /// Where the bytes of a file are. Attribute groups are features, extents, offsets.
@@ -69,48 +69,6 @@ struct HacEncoded {
 
 namespace detail {
 
-/// The integer context of a model: the one it has, or its trained one in integers of `weight_bits` bits.
-[[nodiscard]] inline Result<IntegerContext> context_of(const CodecModel& model, int weight_bits) {
-  const auto fail = [](std::string problem) {
-    return Error{ErrorKind::invalid, "", "context", std::move(problem), "train it with a codec's recipe"};
-  };
-  IntegerContext context;
-  if (model.context) {
-    context = *model.context;
-  } else if (model.trained) {
-    const TrainedContext& trained = *model.trained;
-    if (!trained.shape.valid()) return fail("the hash grid's shape is not valid");
-    if (trained.signs.size() != trained.shape.entries())
-      return fail("the hash grid does not have the entries of its shape");
-    const VoxelBox box = make_voxel_box(trained.box, model.voxel_size);
-    if (!box.valid()) return fail("its box is not finite, inverted or too far away");
-    context.heads = model.heads();
-    context.grid = IntegerHashGrid(trained.shape, box);
-    for (std::size_t i = 0; i < trained.signs.size(); ++i) context.grid.entries()[i] = trained.signs[i] & 15u;
-    IntegerNetworkSettings network;
-    network.weight_bits = weight_bits;
-    std::copy(model.base_step.begin(), model.base_step.end(), network.base_step);
-    const FloatContext floats{static_cast<std::size_t>(trained.shape.channels()),
-                              trained.hidden,
-                              trained.weight1,
-                              trained.bias1,
-                              trained.weight2,
-                              trained.bias2,
-                              trained.statistics};
-    Result<IntegerNetwork> integers = quantize_network(floats, context.heads, network);
-    if (!integers) return integers.error();
-    context.network = std::move(*integers);
-  } else {
-    return fail("the model has none");
-  }
-  if (context.heads.outputs() != model.heads().outputs() || context.heads.feature != model.feature_dim) {
-    return fail("it is that of other attributes");
-  }
-  const Result<Done> checked = context.check();
-  if (!checked) return checked.error();
-  return context;
-}
-
 /// The anchors that are coded, in their order; values as they were.
 [[nodiscard]] inline CodecModel coded_anchors(const CodecModel& model, const VoxelRange& range,
                                               std::span<const Voxel> survivors, std::span<const std::uint32_t> rows) {
@@ -139,57 +97,6 @@ namespace detail {
     std::copy_n(model.offset.data() + row * k3, k3, result.offset.data() + i * k3);
   }
   return result;
-}
-
-/// A model of every so-many-th panel of anchors, about 2000 in all, for trying things out.
-[[nodiscard]] inline CodecModel sampled_anchors(const CodecModel& model) {
-  CodecModel sample;
-  sample.feature_dim = model.feature_dim;
-  sample.offset_count = model.offset_count;
-  const std::size_t n = model.anchors(), stride = std::max<std::size_t>(1, n / 2048) * integer_panel;
-  const auto d = static_cast<std::size_t>(model.feature_dim), k3 = 3 * static_cast<std::size_t>(model.offset_count);
-  for (std::size_t first = 0; first < n; first += stride) {
-    for (std::size_t i = first; i < std::min<std::size_t>(first + integer_panel, n); ++i) {
-      const auto copy = [&](const std::vector<float>& from, std::vector<float>& to, std::size_t width) {
-        to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(i * width),
-                  from.begin() + static_cast<std::ptrdiff_t>((i + 1) * width));
-      };
-      sample.voxels.push_back(model.voxels[i]);
-      sample.mask.push_back(model.mask[i]);
-      copy(model.feature, sample.feature, d);
-      copy(model.extent, sample.extent, 6);
-      copy(model.offset, sample.offset, k3);
-    }
-  }
-  return sample;
-}
-
-/// The context for the coded anchors: with the bits asked for, or with those that make the smallest file.
-template <Executor E>
-[[nodiscard]] Result<IntegerContext> choose_context(const CodecModel& model, const CodecModel& coded,
-                                                    const GaussianTables& tables, int weight_bits, E& executor) {
-  if (model.context || weight_bits != 0 || coded.anchors() == 0)
-    return context_of(model, weight_bits == 0 ? 10 : weight_bits);
-  constexpr int least = 6, greatest = 12;
-  const CodecModel sample = sampled_anchors(coded);
-  const double scale = static_cast<double>(coded.anchors()) / static_cast<double>(sample.anchors());
-  std::vector<std::optional<Result<IntegerContext>>> contexts(greatest - least + 1);
-  std::vector<double> bytes(contexts.size(), 0);
-  executor.for_chunks(contexts.size(), 1, [&](std::size_t i, std::size_t, std::size_t) {
-    contexts[i] = context_of(model, least + static_cast<int>(i));
-    if (!*contexts[i]) return;
-    const IntegerContext& context = **contexts[i];
-    const IntegerNetwork::Packed packed = context.network.pack();
-    CodecModel trial = sample;
-    const EncodedChunk chunk = encode_chunk({context, packed, tables, model.base_step, model.offset_count},
-                                            chunk_rows(trial, 0, trial.anchors()));
-    bytes[i] = static_cast<double>(encode_context_network(context.network).size()) +
-               scale * (chunk.bits[0] + chunk.bits[1] + chunk.bits[2]) / 8;
-  });
-  for (auto& context : contexts) {
-    if (!*context) return context->error();
-  }
-  return *contexts[static_cast<std::size_t>(std::min_element(bytes.begin(), bytes.end()) - bytes.begin())];
 }
 
 }  // namespace detail

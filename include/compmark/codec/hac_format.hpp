@@ -113,28 +113,21 @@ namespace detail {
   return anchors;
 }
 
-/// Signs of the entries that are looked at, in the order of the table; contexts: feature, that of the entry before; each level learns anew,
-/// from where the one before it left.
+/// Signs of the entries that are looked at, in the order of the table; contexts: the features of the entry before this one, whether all of the
+/// entry before it are +1; each level learns anew, from where the one before it left.
 template <class Bits>
 void code_signs(Bits& bits, IntegerHashGrid& grid, std::span<const std::uint8_t> seen) {
   constexpr std::uint32_t remembered = 16;  // bits that what the level before has taught counts as
-  std::array<std::array<BinaryContext, 2>, 4> contexts{};
+  std::array<std::array<BinaryContext, 15>, 2> contexts{};
   for (const HashGridLevel& level : grid.levels()) {
-    for (auto& feature : contexts) {
-      for (BinaryContext& context : feature) context.count = std::min(context.count, remembered);
+    for (auto& tree : contexts) {
+      for (BinaryContext& context : tree) context.count = std::min(context.count, remembered);
     }
-    unsigned before = 0;
+    std::size_t before = 0;
     for (std::uint32_t e = level.first; e < level.first + level.entries; ++e) {
-      if (seen[e] == 0) {
-        grid.entries()[e] = 0;
-        continue;
-      }
-      unsigned nibble = 0;
-      for (unsigned f = 0; f < 4; ++f) {
-        nibble |= (bits(contexts[f][before >> f & 1u], (grid.entries()[e] >> f & 1u) != 0) ? 1u : 0u) << f;
-      }
-      grid.entries()[e] = static_cast<std::uint8_t>(nibble);
-      before = nibble;
+      std::uint8_t& entry = grid.entries()[e];
+      entry = seen[e] == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(bits.tree(contexts[before], entry, 4));
+      if (seen[e] != 0) before = entry == 15 ? 1 : 0;
     }
   }
 }

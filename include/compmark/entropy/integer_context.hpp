@@ -64,6 +64,9 @@ class ContextEvaluator {
   [[nodiscard]] const Steps& steps() const { return step_; }
   void set_steps(const Steps& steps) { step_ = steps; }
 
+  /// The network's outputs, [row][lane].
+  [[nodiscard]] std::span<const std::int32_t> outputs() const { return panel_.output; }
+
   /// Models of `count` channels of a group from `first` on.
   void models(int group, std::size_t lane, std::size_t first, std::size_t count, SymbolModel* out) const {
     const int index = step(group, lane);

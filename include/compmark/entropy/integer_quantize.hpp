@@ -3,10 +3,11 @@
 //
 // From the float context network of training to the integer one of the file. The constants of standardisation go into the second layer's
 // weights, mean = m + d out and sigma = d 2^out, in units of Q0, so that coding knows nothing of them. Each row gets the largest power of
-// two that keeps its weights in `weight_bits` and its worst sum in 32 bits. This may use floats: what it makes is stored, not remade.
+// two that keeps its weights in the bits asked for and its worst sum in 32. This may use floats: what it makes is stored, not remade.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -26,9 +27,25 @@ struct FloatContext {
   std::span<const float> weight1, bias1, weight2, bias2, statistics;
 };
 
+/// Bits of weights, sign included, 4 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of extents, which need 13
+/// (codec/context_choice.hpp finds out). The three rows of the steps always have at least 12.
+struct WeightBits {
+  int hidden = 12;                      ///< first layer
+  std::array<int, 3> mean{12, 12, 12};  ///< second layer, by attribute group
+  std::array<int, 3> deviation{12, 12, 12};
+
+  [[nodiscard]] static constexpr WeightBits all(int bits) { return {bits, {bits, bits, bits}, {bits, bits, bits}}; }
+  [[nodiscard]] constexpr bool valid() const {
+    bool good = hidden >= 4 && hidden <= 16;
+    for (std::size_t g = 0; g < 3; ++g)
+      good = good && mean[g] >= 4 && mean[g] <= 16 && deviation[g] >= 4 && deviation[g] <= 16;
+    return good;
+  }
+};
+
 struct IntegerNetworkSettings {
-  int weight_bits = 10;  ///< sign included, 4 … 16; 8 cost 0.01 % of rate, 10 nothing measurable (integer_context test)
-  double base_step[3] = {1, 0.001, 0.2};
+  WeightBits bits;
+  std::array<double, 3> base_step{1, 0.001, 0.2};
 };
 
 namespace detail {
@@ -68,7 +85,7 @@ namespace detail {
     return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), "train the context again"};
   };
   const std::size_t inputs = context.inputs, hidden = context.hidden, channels = heads.channels();
-  if (settings.weight_bits < 4 || settings.weight_bits > 16) return fail("weight_bits", "must be 4 to 16");
+  if (!settings.bits.valid()) return fail("bits", "must be 4 to 16");
   if (context.weight1.size() != hidden * inputs || context.bias1.size() != hidden ||
       context.weight2.size() != heads.outputs() * hidden || context.bias2.size() != heads.outputs() ||
       context.statistics.size() != 2 * channels) {
@@ -101,7 +118,7 @@ namespace detail {
   for (std::size_t j = 0; j < hidden; ++j) {
     for (std::size_t i = 0; i < inputs; ++i) row[i] = context.weight1[j * inputs + i];
     const int exponent =
-        detail::quantize_row(std::span(row).first(inputs), context.bias1[j], unit1, most1, settings.weight_bits, 40,
+        detail::quantize_row(std::span(row).first(inputs), context.bias1[j], unit1, most1, settings.bits.hidden, 40,
                              network.hidden.weight.data() + j * inputs, network.hidden.bias[j]);
     const std::int64_t most = IntegerNetwork::most_sum(network.hidden, j, most1);
     int shift = 0;
@@ -114,26 +131,25 @@ namespace detail {
   // Second layer, the outputs in the units of coding.
   for (std::size_t o = 0; o < heads.outputs(); ++o) {
     double scale = 1, offset = 0;
-    int bits = IntegerNetwork::r_bits,
-        weight_bits = std::max(settings.weight_bits, 12);  // 3 rows: q costs distortion too
+    int bits = IntegerNetwork::r_bits, weight_bits = std::max(settings.bits.hidden, 12);
     for (int group = 0; group < 3; ++group) {
+      const auto g = static_cast<std::size_t>(group);
       const std::size_t width = heads.width(group),
                         first = group == 0 ? 0 : heads.width(0) + (group == 2 ? heads.width(1) : 0);
       const auto deviation = [&](std::size_t c) {
-        return std::max(static_cast<double>(context.statistics[channels + first + c]) / settings.base_step[group],
-                        0x1p-16);
+        return std::max(static_cast<double>(context.statistics[channels + first + c]) / settings.base_step[g], 0x1p-16);
       };
       if (o >= heads.mean_row(group) && o < heads.mean_row(group) + width) {
         const std::size_t c = o - heads.mean_row(group);
         scale = deviation(c);
-        offset = static_cast<double>(context.statistics[first + c]) / settings.base_step[group];
+        offset = static_cast<double>(context.statistics[first + c]) / settings.base_step[g];
         bits = IntegerNetwork::mean_bits;
-        weight_bits = settings.weight_bits;
+        weight_bits = settings.bits.mean[g];
       } else if (o >= heads.sigma_row(group) && o < heads.sigma_row(group) + width) {
         scale = 8;
         offset = 8 * std::log2(deviation(o - heads.sigma_row(group)));
         bits = IntegerNetwork::sigma_bits;
-        weight_bits = settings.weight_bits;
+        weight_bits = settings.bits.deviation[g];
       }
     }
     for (std::size_t j = 0; j < hidden; ++j) row[j] = scale * static_cast<double>(context.weight2[o * hidden + j]);
