@@ -63,9 +63,9 @@ class ContextGsModel {
   struct Settings {
     double lambda = 0.001;
     double mask_weight = 5e-4;
-    double sample = 0.15;      ///< share of the anchors whose rate is counted in an iteration
-    double step_share = 0.25;  ///< of the anchors without a rate teach their steps, at 1 / share the weight (HacModel)
-    bool anchor_mask = true;   ///< masks feel the bits of features, extents and z too
+    double sample = 0.15;     ///< share of the anchors whose rate is counted in an iteration
+    double step_share = 1;    ///< of the anchors without a rate teach their steps, at 1 / share the weight (HacModel)
+    bool anchor_mask = true;  ///< masks feel the bits of features, extents and z too
     double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
     double least_extent = 1e-6;  ///< a distorted extent stays above it, world units
   };
