@@ -58,7 +58,6 @@ class ContextGsModel {
   static constexpr int geometry = feature_dim + 6;  ///< scalars of a parent that its children read
   using Root = ContextNetwork<T, 3 + hyper_dim, hidden, Attributes::outputs, 3>;              ///< of level 2
   using Child = ContextNetwork<T, 3 + geometry + hyper_dim, hidden, Attributes::outputs, 3>;  ///< of levels 1 and 0
-  static_assert(hyper_dim <= 16, "ContextGsModel: noise of z is keyed by row * 16 + scalar");
 
   struct Settings {
     double lambda = 0.001;
@@ -367,9 +366,12 @@ class ContextGsModel {
         }
         std::copy_n(context.seen.data() + parent * seen_row, seen_row, to + 3);
       }
+      const std::uint64_t start = random.bits(row);
       for (std::size_t c = 0; c < hyper_row; ++c) {
         const T kept = hyperprior(row, c), z = std::abs(kept) < T(1e6) ? kept : T(0);  // a NaN is 0
-        to[z_begin + c] = context.phase.round ? std::nearbyint(z) : z + static_cast<T>(random.centered(row << 4 | c));
+        const auto bits = static_cast<std::int32_t>(mix_bits(start + c * 0x9E3779B97F4A7C15ull) >> 41);
+        const float u = (static_cast<float>(bits) + 0.5f) * 0x1p-23f - 0.5f;
+        to[z_begin + c] = context.phase.round ? std::nearbyint(z) : z + static_cast<T>(u);
       }
     }
   }
