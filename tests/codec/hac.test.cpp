@@ -110,17 +110,55 @@ TEST_CASE("codec/hac: bytes and model are the same at any number of threads") {
 }
 
 TEST_CASE("codec/hac: the file is as large as its tables say, and the report counts every byte") {
-  const HacEncoded file = encoded(make_codec_model(6, testing::full_codec_model(3000)));
+  const HacEncoded file = encoded(make_codec_model(6, testing::full_codec_model(1200)));
   const HacReport& report = file.report;
   std::uint64_t sum = report.container_bytes + report.extra_bytes;
   for (const std::uint64_t bytes : report.section_bytes) sum += bytes;
   CHECK(sum == report.total_bytes);
   CHECK(report.total_bytes == file.bytes.size());
   CHECK(std::abs(report.estimated_bytes() / static_cast<double>(report.total_bytes) - 1) < 0.0005);
-  MESSAGE("3000 anchors: ", report.total_bytes, " bytes; GEOM ", report.bytes_of(HacFormat::geometry), ", MASK ",
+  MESSAGE("1200 anchors: ", report.total_bytes, " bytes; GEOM ", report.bytes_of(HacFormat::geometry), ", MASK ",
           report.bytes_of(HacFormat::mask), ", HASH ", report.bytes_of(HacFormat::hash), ", NETC ",
           report.bytes_of(HacFormat::context), ", STRM ", report.bytes_of(HacFormat::stream), "; the tables say ",
           report.estimated_bytes());
+}
+
+TEST_CASE(
+    "codec/hac: the bits that are found for the context's weights make a smaller file than any common number, and the "
+    "same steps") {
+  SerialExecutor executor;
+  const CodecModel model = make_codec_model(14, {.anchors = 900, .feature_dim = 12, .hidden = 40});
+  const HacEncoded found = encoded(model);
+  const auto fine = encode_hac(model, {WeightBits::all(16)}, executor);
+  REQUIRE(fine.ok());
+  for (const int bits : {6, 8, 10, 12, 16}) {
+    const auto common = encode_hac(model, {WeightBits::all(bits)}, executor);
+    REQUIRE(common.ok());
+    CHECK(static_cast<double>(found.bytes.size()) < 1.002 * static_cast<double>(common->bytes.size()));
+  }
+  CHECK(found.report.bytes_of(HacFormat::context) < fine->report.bytes_of(HacFormat::context) * 6 / 10);
+  // Fewer bits must not be bought with larger steps: errors are the same on average.
+  const auto error_of = [&](const CodecModel& coded) {
+    double sum = 0;
+    std::vector<Voxel> live;
+    std::vector<std::size_t> rows;
+    for (std::size_t i = 0; i < model.anchors(); ++i) {
+      if (model.mask[i] == 0) continue;
+      live.push_back(model.voxels[i]);
+      rows.push_back(i);
+    }
+    const std::vector<std::uint32_t> order = morton_order(live, voxel_range(live));
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      for (std::size_t c = 0; c < 12; ++c) {
+        const double error = static_cast<double>(coded.feature[12 * i + c]) - model.feature[12 * rows[order[i]] + c];
+        sum += error * error;
+      }
+    }
+    return sum;
+  };
+  const double ratio = error_of(found.model) / error_of(fine->model);
+  CHECK(ratio < 1.03);
+  CHECK(ratio > 0.97);
 }
 
 TEST_CASE("codec/hac: no anchors, one anchor, anchors without live offsets") {
