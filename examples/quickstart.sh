@@ -2,9 +2,9 @@
 # SPDX-FileCopyrightText: 2026 The CompMark authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# From nothing to a marked scene and its proof: installs what is missing, builds the tool, writes the built-in scene, trains it briefly, hides the
-# message of a new key in it, renders, measures and verifies it.   sh examples/quickstart.sh [output folder [iterations]]
-# Compressing and decoding join this script when those commands exist.
+# From nothing to a marked, compressed scene and its proof: installs what is missing, builds the tool, writes the built-in scene, trains it briefly
+# with the message of a new key in it, compresses it to one small file, and renders, measures and verifies that file.
+#   sh examples/quickstart.sh [output folder [iterations]]
 set -eu
 cd "$(dirname "$0")/.."
 out=${1:-runs/quickstart}
@@ -17,22 +17,22 @@ cmake --build build/release --target compmark_tool -j "$jobs"
 compmark=build/release/bin/compmark
 
 "$compmark" scene --out "$out/scene" --width 400 --height 400 --train 60 --test 8
-"$compmark" train --data "$out/scene" --out "$out/run" --iterations "$iterations" --voxel-size 0
 decoder=weights/lattice_48.safetensors
 [ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
-"$compmark" embed --model "$out/run/model.safetensors" --data "$out/scene" --out "$out/marked" --iterations "$iterations" \
+"$compmark" train --data "$out/scene" --out "$out/run" --iterations "$iterations" --voxel-size 0 --codec hac --lambda 0.001 \
   --key "$out/owner.key" --decoder "$decoder" --message-weight 0.01
-"$compmark" render --model "$out/marked/model.safetensors" --out "$out/images"
-"$compmark" evaluate --model "$out/marked/model.safetensors" --data "$out/scene"
+small=$out/run/model.cmk
+"$compmark" info "$small"
+"$compmark" render --model "$small" --out "$out/images"
+"$compmark" evaluate --model "$small" --data "$out/scene"
 echo
-echo "Is it ours? From the marked model, then from the one without a mark:"
-"$compmark" verify --model "$out/marked/model.safetensors" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || true
-"$compmark" verify --model "$out/run/model.safetensors" --key "$out/owner.key" --decoder "$decoder" || true
+echo "Is it ours? From the small file, which another process decodes:"
+"$compmark" verify --model "$small" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || true
 
 echo
 echo "pictures:   $out/images"
-echo "the report: $out/marked/report.html"
+echo "the report: $out/run/report.html"
 echo "the proof:  $out/proof.json"
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ] && command -v xdg-open >/dev/null 2>&1; then
-  xdg-open "$out/marked/report.html" >/dev/null 2>&1 || true
+  xdg-open "$out/run/report.html" >/dev/null 2>&1 || true
 fi
