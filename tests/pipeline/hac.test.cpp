@@ -10,19 +10,16 @@
 #include <compmark/codec/hac_decoder.hpp>
 #include <compmark/codec/hac_encoder.hpp>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/coded_model.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/far_field.hpp>
 #include <compmark/recipes/hac.hpp>
-#include <cstring>
-#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "coded_training.hpp"
 #include "directional.hpp"
 #include "small_scene.hpp"
-#include "support/tool.hpp"
 
 namespace {
 
@@ -30,55 +27,17 @@ using namespace compmark;
 using compmark::testing::BlobViews;
 using compmark::testing::cloud;
 using compmark::testing::ring_camera;
+using compmark::testing::same_bits;
+using compmark::testing::short_settings;
+using compmark::testing::Trained;
 
-constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
+constexpr DecoderShape shape = compmark::testing::coded_test_shape;
 constexpr HashGridShape small_grid{.volume_levels = 3, .volume_cap_log2 = 10, .plane_levels = 1, .plane_cap_log2 = 9};
 struct Smooth : recipes::Hac<DefaultRecipe<double, shape, compmark::testing::smooth_accuracy>, small_grid> {};
 struct Small : recipes::Hac<DefaultRecipe<float, shape>, small_grid> {};
 
-TrainSettings short_settings(std::int64_t iterations) {
-  TrainSettings settings = *profile_settings("hac");
-  settings.iterations = iterations;
-  settings.voxel_size = 0.05;
-  settings.rate.scaling_step = 0.01;
-  settings.rate.sample = 0.3;
-  return settings;
-}
-
-template <class Rec>
-struct Trained {
-  Model<Rec> model;
-  RateReport rate;
-};
-/// `stop` > 0: written to a checkpoint after so many iterations, read back and continued.
-Trained<Small> train(std::size_t threads, std::int64_t iterations = 90, std::int64_t stop = 0) {
-  const TrainSettings settings = short_settings(iterations);
-  BlobViews views;
-  ThreadExecutor executor(threads);
-  using Run = Trainer<Small, ThreadExecutor>;
-  Run trainer(settings, views.size(), 1.0, executor);
-  REQUIRE(trainer.initialise(cloud(300, 7)));
-  if (stop != 0) {
-    const compmark::testing::ScratchFolder folder("compmark-hac-test");
-    while (trainer.state().iteration < stop) REQUIRE(trainer.step(views));
-    const std::filesystem::path path = folder.path / "checkpoint.safetensors";
-    REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1.0));
-    auto restored = read_checkpoint<Small, ThreadExecutor>(path, settings, ModelInfo{});
-    REQUIRE(restored.ok());
-    Run again(settings, views.size(), 1.0, executor);
-    again.restore(std::move(restored->state));
-    REQUIRE(again.run(views));
-    return {again.model(), again.rate_report()};
-  }
-  REQUIRE(trainer.run(views));
-  return {trainer.model(), trainer.rate_report()};
-}
-bool same_bits(const Model<Small>& a, const Model<Small>& b) {
-  const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
-  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size_bytes()) == 0;
-}
 const Trained<Small>& trained() {
-  static const Trained<Small> instance = train(2, 300);
+  static const Trained<Small> instance = compmark::testing::train_coded<Small>(2, 300);
   return instance;
 }
 
@@ -139,14 +98,7 @@ TEST_CASE("pipeline/hac: noise, then context and rate, then rounding; windows sc
 }
 
 TEST_CASE("pipeline/hac: the same bits at any thread count and after a stop, in every phase") {
-  const Trained<Small> once = train(1);
-  CHECK(once.rate.sampled > 0);
-  CHECK(same_bits(once.model, train(2).model));
-  CHECK(same_bits(once.model, train(4).model));
-  for (const std::int64_t stop : {5, 20, 31, 60}) {  // nothing, noise, first and later iterations of the context
-    CAPTURE(stop);
-    CHECK(same_bits(once.model, train(2, 90, stop).model));
-  }
+  compmark::testing::check_reproducible<Small>();
 }
 
 TEST_CASE("pipeline/hac: the rate is a loss: more weight, fewer bits") {

@@ -7,8 +7,10 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 
 #include "compmark/optim/phases.hpp"
+#include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 
@@ -20,10 +22,13 @@ class RatePhases {
   RatePhases(const RateNumbers& numbers, std::int64_t total)
       : noise_after_(scale_iteration(numbers.noise_after, total)),
         context_after_(scale_iteration(numbers.context_after, total)),
-        round_after_(scale_iteration(numbers.round_after, total)) {}
+        round_after_(scale_iteration(numbers.round_after, total)),
+        grown_(scale_iteration(15000, total)) {}
 
   /// Whether the context is made up in this iteration, from the anchors as they are.
   [[nodiscard]] bool begins(std::int64_t t) const { return t == context_after_ + 1; }
+  /// Whether anchors were born since, so that what was made up from them is looked at again.
+  [[nodiscard]] bool renews(std::int64_t t) const { return t == grown_ && counts(t - 1); }
   /// Whether the rate counts.
   [[nodiscard]] bool counts(std::int64_t t) const { return t > context_after_; }
 
@@ -39,8 +44,28 @@ class RatePhases {
   }
 
  private:
-  std::int64_t noise_after_ = 0, context_after_ = 0, round_after_ = 0;
+  std::int64_t noise_after_ = 0, context_after_ = 0, round_after_ = 0, grown_ = 0;
 };
+
+/// What the entropy model makes up from all anchors, in the iterations in which it does: box and statistics, cells of levels.
+template <Recipe R>
+void prepare_context(Model<R>& model, const RatePhases& phases, std::int64_t t) {
+  using Rate = typename R::EntropyModel;
+  const auto columns = std::as_const(model).columns();
+  if (phases.begins(t)) {
+    if constexpr (requires { Rate::choose_cells(model.arena, model.road.rate, columns.position); }) {
+      Rate::begin_context(model.arena, model.road.rate, columns.position, columns.feature, columns.scaling,
+                          columns.offset, model.voxel_size);
+    } else {
+      Rate::begin_context(model.arena, model.road.rate, columns.position, columns.feature, columns.scaling,
+                          columns.offset);
+    }
+  } else if (phases.renews(t)) {
+    if constexpr (requires { Rate::choose_cells(model.arena, model.road.rate, columns.position); }) {
+      Rate::choose_cells(model.arena, model.road.rate, columns.position);
+    }
+  }
+}
 
 /// The entropy model of a recipe with the numbers of a run: it is told those that its Settings name.
 template <Recipe R>
@@ -48,7 +73,9 @@ template <Recipe R>
   typename R::EntropyModel::Settings settings;
   settings.lambda = numbers.lambda;
   if constexpr (requires { settings.mask_weight; }) settings.mask_weight = numbers.mask_weight;
-  if constexpr (requires { settings.sample; }) settings.sample = numbers.sample;
+  if constexpr (requires { settings.sample; }) {
+    if (numbers.sample > 0) settings.sample = numbers.sample;
+  }
   settings.feature_step = numbers.feature_step;
   settings.scaling_step = numbers.scaling_step;
   settings.offset_step = numbers.offset_step;

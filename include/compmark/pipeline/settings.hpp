@@ -75,11 +75,11 @@ struct RateNumbers {
   std::int64_t context_after = 10000;  ///< … that of the predicted steps, and the rate counts, from here
   std::int64_t round_after = 30000;    ///< steps round instead of drawing noise from here
   double mask_weight = 5e-4;           ///< of the mean sigmoid of the masks' logits, from context_after
-  double sample = 0.05;                ///< share of all anchors whose bits are counted in an iteration
-  double feature_step = 1;             ///< Q0
-  double scaling_step = 0.001;         ///< of exp(scaling), world units
-  double offset_step = 0.2;            ///< of offsets, which are in units of exp(scaling)
-  LearningRate mask{0.01, 0.0001};     ///< in units of the scene extent
+  double sample = 0;  ///< share of all anchors whose bits are counted in an iteration; 0: what the entropy model says
+  double feature_step = 1;          ///< Q0
+  double scaling_step = 0.001;      ///< of exp(scaling), world units
+  double offset_step = 0.2;         ///< of offsets, which are in units of exp(scaling)
+  LearningRate mask{0.01, 0.0001};  ///< in units of the scene extent
   LearningRate grid{0.005, 0.00001};
   LearningRate context{0.005, 0.00001};
   double hyperprior = 0.0075;  ///< of ContextGS' z

@@ -147,11 +147,7 @@ class Trainer {
     }
     Model<R>& model = state_.model;
     if constexpr (present<typename R::EntropyModel>) {
-      if (rate_phases_.begins(t)) {
-        const AnchorColumns<const Scalar> columns = model.columns();
-        R::EntropyModel::begin_context(model.arena, model.road.rate, columns.position, columns.feature, columns.scaling,
-                                       columns.offset);
-      }
+      prepare_context(model, rate_phases_, t);
       context_.road.rate.phase = rate_phases_.template at<typename R::EntropyModel::Phase>(t, settings_.seed);
     }
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);

@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Short trainings for compression, of any recipe with an entropy model.
+#pragma once
+
+#include <doctest/doctest.h>
+
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/entropy/rate.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/pipeline/trainer.hpp>
+#include <cstring>
+#include <filesystem>
+#include <span>
+#include <utility>
+
+#include "small_scene.hpp"
+#include "support/tool.hpp"
+
+namespace compmark::testing {
+
+inline constexpr DecoderShape coded_test_shape{.feature_dim = 8, .offsets = 3};
+
+inline TrainSettings short_settings(std::int64_t iterations) {
+  TrainSettings settings = *profile_settings("hac");
+  settings.iterations = iterations;
+  settings.voxel_size = 0.05;
+  settings.rate.scaling_step = 0.01;
+  settings.rate.sample = 0.3;
+  return settings;
+}
+
+template <class R>
+struct Trained {
+  Model<R> model;
+  RateReport rate;
+};
+/// `stop` > 0: written to a checkpoint after so many iterations, read back and continued.
+template <class R>
+Trained<R> train_coded(std::size_t threads, std::int64_t iterations = 90, std::int64_t stop = 0) {
+  const TrainSettings settings = short_settings(iterations);
+  BlobViews views;
+  ThreadExecutor executor(threads);
+  using Run = Trainer<R, ThreadExecutor>;
+  Run trainer(settings, views.size(), 1.0, executor);
+  REQUIRE(trainer.initialise(cloud(300, 7)));
+  if (stop != 0) {
+    const ScratchFolder folder("compmark-coded-test");
+    while (trainer.state().iteration < stop) REQUIRE(trainer.step(views));
+    const std::filesystem::path path = folder.path / "checkpoint.safetensors";
+    REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1.0));
+    auto restored = read_checkpoint<R, ThreadExecutor>(path, settings, ModelInfo{});
+    REQUIRE(restored.ok());
+    Run again(settings, views.size(), 1.0, executor);
+    again.restore(std::move(restored->state));
+    REQUIRE(again.run(views));
+    return {again.model(), again.rate_report()};
+  }
+  REQUIRE(trainer.run(views));
+  return {trainer.model(), trainer.rate_report()};
+}
+template <class R>
+bool same_bits(const Model<R>& a, const Model<R>& b) {
+  const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
+  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size_bytes()) == 0;
+}
+
+/// The same bits from 1, 2 and 4 threads, and after a stop in every phase: nothing, noise, first and later iterations of the context.
+template <class R>
+void check_reproducible() {
+  const Trained<R> once = train_coded<R>(1);
+  CHECK(once.rate.sampled > 0);
+  CHECK(same_bits(once.model, train_coded<R>(2).model));
+  CHECK(same_bits(once.model, train_coded<R>(4).model));
+  for (const std::int64_t stop : {5, 20, 31, 60}) {
+    CAPTURE(stop);
+    CHECK(same_bits(once.model, train_coded<R>(2, 90, stop).model));
+  }
+}
+
+}  // namespace compmark::testing
