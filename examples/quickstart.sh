@@ -8,7 +8,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 out=${1:-runs/quickstart}
-iterations=${2:-2000}
+iterations=${2:-4000}
 jobs=$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
 
 sh cmake/install_dependencies.sh
@@ -20,7 +20,7 @@ compmark=build/release/bin/compmark
 decoder=weights/lattice_48.safetensors
 [ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
 "$compmark" train --data "$out/scene" --out "$out/run" --iterations "$iterations" --voxel-size 0 --codec hac --lambda 0.001 \
-  --key "$out/owner.key" --decoder "$decoder" --message-weight 0.01
+  --key "$out/owner.key" --decoder "$decoder" --message-weight 0.005
 small=$out/run/model.cmk
 "$compmark" info "$small"
 "$compmark" render --model "$small" --out "$out/images"

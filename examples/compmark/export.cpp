@@ -76,6 +76,8 @@ std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo&
     warnings.push_back("positions are relative to (" + number(info.origin[0]) + ", " + number(info.origin[1]) + ", " +
                        number(info.origin[2]) + ") of the dataset's coordinates, which single precision cannot hold");
   }
+  if (!info.views.empty() && std::all_of(info.views.begin(), info.views.end(), [](const auto& v) { return v.test; }))
+    warnings.push_back("the file stores no training camera: colours are fitted over its test views");
   return warnings;
 }
 
@@ -128,8 +130,9 @@ int run(const ExportOptions& options, const ModelSource& source) {
       names.push_back(view.name);
     }
   }
+  if (train.empty()) train = measured;  // a compressed file keeps the test views alone unless it was told otherwise
   if (train.empty())
-    return fail({ErrorKind::invalid, options.model.string(), "views", "the model stores no training camera",
+    return fail({ErrorKind::invalid, options.model.string(), "views", "the model stores no camera",
                  "train it again with this version"});
 
   ThreadExecutor executor(options.threads);

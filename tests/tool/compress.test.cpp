@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A scene as one small file, as its owner and whoever receives it meet it: train --codec, compress, and every command that reads a model
+// reading the .cmk; damage is refused in a sentence, or salvaged when asked.
+#include <doctest/doctest.h>
+
+#include <compmark/codec/container.hpp>
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/io/json_file.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "support/tool.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace compmark;
+using testing::check_refused;
+using testing::Outcome;
+
+const fs::path& scratch() {
+  static const testing::ScratchFolder folder("compmark-compress-test");
+  return folder.path;
+}
+std::string at(const std::string& name) { return (scratch() / name).string(); }
+Outcome tool(const std::string& arguments) { return testing::run_tool(COMPMARK_TOOL, arguments); }
+Outcome done(const std::string& arguments) {
+  const Outcome outcome = tool(arguments);
+  INFO(arguments, "\n", outcome.text);
+  REQUIRE(outcome.code == 0);
+  return outcome;
+}
+nlohmann::json json_of(const std::string& path) {
+  const Result<nlohmann::json> json = read_json(path);
+  REQUIRE(json.ok());
+  return *json;
+}
+std::vector<std::byte> bytes_of(const std::string& path) {
+  Result<std::vector<std::byte>> bytes = read_file(path);
+  REQUIRE(bytes.ok());
+  return *bytes;
+}
+
+/// The built-in scene, small, trained for compression.
+const nlohmann::json& results() {
+  static const nlohmann::json instance = [] {
+    done("scene --out " + at("scene") + " --width 96 --height 80 --train 12 --test 4");
+    done("train --codec hac --effects none --iterations 400 --data " + at("scene") + " --out " + at("run"));
+    return json_of(at("run/results.json"));
+  }();
+  return instance;
+}
+std::string small() {
+  static_cast<void>(results());
+  return at("run/model.cmk");
+}
+
+}  // namespace
+
+TEST_CASE("tool: train --codec writes a small file beside the model, and says what it costs") {
+  const nlohmann::json& run = results();
+  CHECK(run["recipe"] == "hac");
+  CHECK(run["profile"] == "hac");
+  const nlohmann::json& compressed = run["compressed"];
+  CHECK(compressed["codec"] == "hac");
+  CHECK(compressed["bytes"] == fs::file_size(small()));
+  std::size_t sum = 0;
+  for (const auto& [name, bytes] : compressed["sections"].items()) sum += bytes.get<std::size_t>();
+  CHECK(sum == compressed["bytes"]);
+  MESSAGE("PSNR ", run["test"]["psnr"].get<double>(), " dB, compressed ", compressed["test"]["psnr"].get<double>(),
+          " dB in ", compressed["bytes"].get<int>(), " bytes of ", fs::file_size(at("run/model.safetensors")));
+  CHECK(compressed["bytes"].get<std::size_t>() * 20 < fs::file_size(at("run/model.safetensors")));
+  CHECK(compressed["test"]["psnr"].get<double>() > run["test"]["psnr"].get<double>() - 1);
+}
+
+TEST_CASE("tool: compress makes the file of the run again, to the byte, at any thread count") {
+  const std::vector<std::byte> expected = bytes_of(small());
+  for (const char* threads : {"1", "2", "5"}) {
+    done("compress --model " + at("run/model.safetensors") + " --out " + at("again.cmk") + " --threads " + threads);
+    CHECK(bytes_of(at("again.cmk")) == expected);
+  }
+  const Outcome less = done("compress --cameras none --networks single --model " + at("run/model.safetensors") +
+                            " --out " + at("single.cmk") + " --json " + at("sizes.json"));
+  CHECK(less.text.find("positions") != std::string::npos);
+  CHECK(json_of(at("sizes.json"))["bytes"] == fs::file_size(at("single.cmk")));
+  check_refused(tool("render --model " + at("single.cmk") + " --out " + at("none")), {"--split", "selects no view"});
+}
+
+TEST_CASE("tool: every command that reads a model reads a compressed one, in a process of its own") {
+  const nlohmann::json& compressed = results()["compressed"];
+  const std::string data = " --data " + at("scene");
+  done("evaluate --model " + small() + data + " --json " + at("evaluate.json"));
+  done("decompress --model " + small() + " --out " + at("back.safetensors"));
+  done("evaluate --model " + at("back.safetensors") + data + " --json " + at("back.json"));
+  for (const char* file : {"evaluate.json", "back.json"}) {
+    const nlohmann::json figures = json_of(at(file));
+    INFO(figures.dump());
+    CHECK(figures["psnr"] == compressed["test"]["psnr"]);
+    CHECK(figures["ssim"] == compressed["test"]["ssim"]);
+  }
+  done("render --model " + small() + " --out " + at("renders"));
+  std::size_t images = 0;
+  for (const auto& entry : fs::directory_iterator(at("renders"))) images += entry.path().extension() == ".png";
+  CHECK(images == 4);
+  done("export --model " + small() + " --out " + at("splats.ply") + " --sh-degree 0 --compare 0");
+  CHECK(fs::file_size(at("splats.ply")) > 1000);
+  const Outcome info = done("info " + small());
+  for (const char* word : {"hac", "GEOM", "STRM", "verified", "4 stored"}) {
+    INFO(word);
+    CHECK(info.text.find(word) != std::string::npos);
+  }
+}
+
+TEST_CASE("tool: a damaged file is refused with its name, and salvaged when that is asked") {
+  const std::vector<std::byte> whole = bytes_of(small());
+  const auto write = [&](const std::vector<std::byte>& bytes) {
+    REQUIRE(write_file(at("damaged.cmk"), bytes));
+    return at("damaged.cmk");
+  };
+  std::vector<std::byte> cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(whole.size() / 2));
+  check_refused(tool("info " + write(cut)), {"damaged.cmk"});
+  // A byte in the last symbols: the chunk's checksum says so.
+  const Result<Container> container = parse_container(whole, "whole");
+  REQUIRE(container.ok());
+  std::vector<std::byte> flipped = whole;
+  for (const SectionEntry& entry : container->sections) {
+    if (section_name(entry.kind) != "STRM") continue;
+    flipped[entry.offset + entry.size / 2] ^= std::byte{4};
+    break;
+  }
+  write(flipped);
+  check_refused(tool("evaluate --model " + at("damaged.cmk") + " --data " + at("scene")), {"damaged.cmk", "STRM"});
+  check_refused(tool("decompress --model " + at("damaged.cmk") + " --out " + at("kept.safetensors")),
+                {"damaged.cmk", "STRM"});
+  CHECK_FALSE(fs::exists(at("kept.safetensors")));
+  const Outcome salvage =
+      tool("decompress --salvage --model " + at("damaged.cmk") + " --out " + at("kept.safetensors"));
+  INFO(salvage.text);
+  CHECK(salvage.code == 4);
+  CHECK(salvage.text.find("is lost") != std::string::npos);
+  CHECK(fs::exists(at("kept.safetensors")));
+}
+
+TEST_CASE("tool: what cannot be compressed is refused in one line, and nothing is overwritten") {
+  done("train --effects none --iterations 20 --data " + at("scene") + " --out " + at("plain"));
+  check_refused(tool("compress --model " + at("plain/model.safetensors") + " --out " + small()),
+                {"scaffold", "--codec hac"});
+  check_refused(tool("compress --model " + small() + " --out " + at("twice.cmk")), {"compressed already"});
+  check_refused(tool("compress --model " + at("nothing.safetensors") + " --out " + at("twice.cmk")), {"nothing"});
+  check_refused(tool("train --codec hac --recipe compmark-host --data " + at("scene") + " --out " + at("no")),
+                {"--codec", "compmark-host"});
+  CHECK(json_of(at("run/results.json"))["compressed"]["bytes"] == fs::file_size(small()));
+}
