@@ -59,6 +59,10 @@ std::string coded_text(const HacReport& report) {
   }
   static constexpr const char* groups[3] = {"feature", "extent", "offset"};
   for (std::size_t group = 0; group < 3; ++group) {
+    if (report.clamped[group] != 0) {
+      text += formatted("  warning: %llu values of %s are beyond what is coded and were held\n",
+                        report.clamped[group] + 0ull, groups[group]);
+    }
     if (report.symbols[group] == 0) continue;
     text += formatted("  %s: %.3f bits a scalar\n", groups[group],
                       report.ideal_bits[group] / static_cast<double>(report.symbols[group]));
@@ -78,7 +82,7 @@ nlohmann::ordered_json coded_json(const HacReport& report) {
   return {{"bytes", report.total_bytes},         {"estimated_bytes", report.estimated_bytes()},
           {"anchors", report.anchors},           {"dropped_anchors", report.dropped},
           {"live_offsets", report.live_offsets}, {"bits_per_scalar", std::move(bits)},
-          {"sections", std::move(sections)}};
+          {"clamped", report.clamped},           {"sections", std::move(sections)}};
 }
 
 Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesystem::path& file,

@@ -69,7 +69,9 @@ int decompress(const DecompressOptions& options, const HacDecoded& decoded) {
     return fail(written.error());
   std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), loaded->model.anchor_count(),
               decoded.verified ? ", verified" : "");
-  if (decoded.damaged.empty()) return success;
+  for (const std::string& section : decoded.lost_sections)
+    std::fprintf(stderr, "compmark: warning: section %s is lost\n", section.c_str());
+  if (decoded.damaged.empty()) return decoded.lost_sections.empty() ? success : salvaged;
   for (const auto& [chunk, error] : decoded.damaged) {
     std::fprintf(stderr, "compmark: warning: chunk %u is lost: %s\n", static_cast<unsigned>(chunk),
                  error.line().c_str());

@@ -105,13 +105,15 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
                  "leave out --recipe and --profile"};
   }
   const auto names = [&](const char* part) { return options.recipe.find(part) != std::string::npos; };
-  const bool alpha = names("+alpha"), exposure = !alpha && names("+exposure"),
-             mask = !alpha && !exposure && names("mask");
+  // Masks before exposure: what a lens left empty must not count. No recipe with exposure has a message.
+  const bool alpha = names("+alpha"), mask = !alpha && names("mask"),
+             exposure = !alpha && !mask && !options.mark.wanted() && names("+exposure");
   options.recipe = options.codec + (alpha ? "+alpha" : exposure ? "+exposure" : mask ? "+mask" : "");
   for (const auto& [effect, kept] :
-       {std::pair{"exposure", exposure}, std::pair{"anti_aliasing", false}, std::pair{"far_field", false}}) {
+       {std::pair{"alpha", alpha}, std::pair{"masks", mask}, std::pair{"exposure", exposure},
+        std::pair{"anti_aliasing", false}, std::pair{"far_field", false}}) {
     if (!kept && std::erase(options.simulated, effect) != 0)
-      options.notes.push_back(std::string("effect ") + effect + " is left out: no recipe for this codec has it");
+      options.notes.push_back(std::string("effect ") + effect + " is left out: no recipe for this run has it");
   }
   options.notes.push_back("recipe " + options.recipe);
   return Done{};
@@ -123,11 +125,13 @@ Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option("--recipe", options->recipe,
-                 "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
-                 "+fisheye, +exposure, "
-                 "+exposure+mask, +farfield or +exposure+farfield), compmark-host or compmark-paper-host (default: "
-                 "what the data call for, or the profile's)");
+  app.add_option(
+      "--recipe", options->recipe,
+      "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
+      "+fisheye, +exposure, "
+      "+exposure+mask, +farfield or +exposure+farfield), hac (with +mask, +alpha or +exposure), compmark-host or "
+      "compmark-paper-host (default: "
+      "what the data call for, or the profile's)");
   app.add_option("--codec", options->codec, "train for a small file: none or hac; writes model.cmk too")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "hac"}));
@@ -187,7 +191,7 @@ Command add_train(CLI::App& app) {
     if (Result<Done> chosen = choose_effects(*options); !chosen) return fail(chosen.error());
     if (Result<Done> chosen = choose_codec(*options, recipe_given); !chosen) return fail(chosen.error());
     if (options->mark.wanted() && !recipe_given && !coded) leave_out_unmarked(*options);
-    settings->rate.lambda = options->rate_lambda;
+    if (coded) settings->rate.lambda = options->rate_lambda;
     settings->iterations = options->iterations;
     settings->max_anchors = options->max_anchors;
     if (options->seed) settings->seed = *options->seed;

@@ -159,7 +159,7 @@ TEST_CASE("codec/hac_damage: counts that the file cannot hold are refused before
     (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 12, value); });  // D
   }
   for (const double value :
-       {0.0, -1.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+       {0.0, -1.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e300}) {
     (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 20, value); });  // voxel size
     (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 28, value); });  // base steps
   }
@@ -202,6 +202,26 @@ TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
   const auto again = encode_hac(read->model, {}, executor);
   REQUIRE(again.ok());
   CHECK(again->bytes == bytes);
+  // Damaged: refused, or left out and named.
+  std::vector<std::byte> damaged = bytes;
+  const auto parsed = parse_container(bytes, "");
+  REQUIRE(parsed.ok());
+  damaged[parsed->find(unknown.entry.kind)->offset + 4] ^= std::byte{1};
+  CHECK_FALSE(decode(damaged).ok());
+  const auto rest = decode(damaged, {.salvage = true});
+  REQUIRE(rest.ok());
+  CHECK(rest->verified);
+  REQUIRE(rest->lost_sections.size() == 1);
+  CHECK(rest->lost_sections[0].find("XTRA") != std::string::npos);
+  CHECK(rest->model.extra.empty());
+}
+
+TEST_CASE("codec/hac_damage: more symbols than a chunk's bytes can hold are refused before there is memory for them") {
+  for (const std::uint64_t items :
+       {std::uint64_t{0}, std::uint64_t{1} << 40, std::numeric_limits<std::uint64_t>::max()}) {
+    CHECK(error_of([&](File& file) { file.of(HacFormat::stream, 1).entry.items = items; }).field.find("STRM") !=
+          std::string::npos);
+  }
 }
 
 TEST_CASE("codec/hac_damage: a damaged chunk costs its anchors with salvage, and the whole file without") {

@@ -24,3 +24,4 @@ for compiler in g++ clang++ clang++-14; do
     echo "$compiler $flags: the same bits"
   done
 done
+[ -n "${seen:-}" ] || { echo "no compiler was found"; exit 1; }

@@ -151,6 +151,9 @@ TEST_CASE("tool: what cannot be compressed is refused in one line, and nothing i
   check_refused(tool("compress --model " + at("plain/model.safetensors") + " --out " + small()),
                 {"scaffold", "--codec hac"});
   check_refused(tool("compress --model " + small() + " --out " + at("twice.cmk")), {"compressed already"});
+  done("decompress --model " + small() + " --out " + at("unpacked.safetensors"));
+  check_refused(tool("compress --model " + at("unpacked.safetensors") + " --out " + at("twice.cmk")),
+                {"unpacked.safetensors", "decompressed"});
   check_refused(tool("compress --model " + at("nothing.safetensors") + " --out " + at("twice.cmk")), {"nothing"});
   check_refused(tool("train --codec hac --recipe compmark-host --data " + at("scene") + " --out " + at("no")),
                 {"--codec", "compmark-host"});

@@ -82,6 +82,7 @@ struct CodecLimits {
   static constexpr int least_chunk = 16, greatest_chunk = 65'536;
   static constexpr std::uint64_t anchors = std::uint64_t{1} << 28;
   static constexpr double least_step = 1e-12, greatest_step = 1e9;
+  static constexpr double least_voxel = 1e-20, greatest_voxel = 1e20;
 };
 
 namespace detail {
@@ -91,8 +92,9 @@ namespace detail {
   const auto fail = [](std::string field, std::string problem) {
     return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), "it cannot be coded"};
   };
-  if (!(std::isfinite(model.voxel_size) && model.voxel_size > 0))
-    return fail("voxel_size", "must be finite and positive");
+  if (!(model.voxel_size >= CodecLimits::least_voxel && model.voxel_size <= CodecLimits::greatest_voxel)) {
+    return fail("voxel_size", "must be in 1e-20 to 1e20");  // its products with 32-bit voxels are finite floats
+  }
   if (model.feature_dim < 1 || model.feature_dim > CodecLimits::feature_dim) {
     return fail("feature_dim", std::to_string(model.feature_dim) + " is not in 1 to 4096");
   }

@@ -38,6 +38,7 @@ struct HacDecoded {
   ContainerHeader header;
   std::vector<std::pair<std::uint32_t, Error>> damaged;  ///< chunks that were left out (salvage), and why
   std::uint64_t lost_anchors = 0;
+  std::vector<std::string> lost_sections;  ///< of others, damaged and left out (salvage)
   bool verified = false;  ///< the digest of the whole model was right; cannot be when anchors were lost
 };
 
@@ -122,6 +123,10 @@ template <Executor E>
   }
   HacDecoded result;
   result.header = file.header;
+  for (std::size_t i = 0; i < intact.size(); ++i) {
+    if (intact[i] == 0 && !detail::known_section(file.sections[i].kind))
+      result.lost_sections.push_back(file.sections[i].name());
+  }
   CodecModel& model = result.model;
 
   const auto meta = section(HacFormat::meta);
@@ -152,6 +157,17 @@ template <Executor E>
     }
   }
   const auto d = static_cast<std::size_t>(model.feature_dim), k3 = 3 * static_cast<std::size_t>(model.offset_count);
+  // … nor can a chunk of a few bytes: an anchor has its feature, its extents and one offset at least, and no symbol of a table of 2^16 costs
+  // less than 2^-16 bits.
+  for (std::size_t c = 0; c < chunks; ++c) {
+    const std::uint64_t rows = std::min<std::uint64_t>(grain, *anchors - c * grain), items = streams[c].items;
+    if (items < rows * (d + 9) || items > rows * (d + 6 + k3) || items >> 19 > streams[c].size) {
+      return file.error(ErrorKind::malformed, streams[c].name(),
+                        "names " + std::to_string(items) + " symbols, which " + std::to_string(rows) +
+                            " anchors do not have or its bytes do not hold",
+                        "copy the file again");
+    }
+  }
   const std::uint64_t memory = *anchors * 4 * (3 + 1 + d + 6 + k3);  // below 2^28 * 2^15
   if (memory > settings.memory_limit) {
     return file.error(ErrorKind::exhausted, "META",

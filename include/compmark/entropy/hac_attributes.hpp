@@ -72,7 +72,7 @@ struct HacAttributes {
   [[nodiscard]] static bool finite(const T* feature, const T* scaling, const T* offset) {
     T sum{};
     for (int c = 0; c < D; ++c) sum += T(0) * feature[c];
-    for (int c = 0; c < 6; ++c) sum += T(0) * scaling[c];
+    for (int c = 0; c < 6; ++c) sum += T(0) * scaling[c] + (scaling[c] < T(80) ? T(0) : T(1));  // exp is finite
     for (int c = 0; c < 3 * K; ++c) sum += T(0) * offset[c];
     return sum == T(0);
   }

@@ -46,7 +46,7 @@ inline constexpr double least_coded_extent = 1e-6;
 
 /// What a codec compresses of a trained model; its context is that of HacModel. `base_step` is that of the training (RateNumbers).
 template <Recipe R>
-  requires present<typename R::EntropyModel>
+  requires requires { R::EntropyModel::shape.volume_levels; }  // HacModel
 [[nodiscard]] Result<CodecModel> coded_model(const Model<R>& model, const ModelInfo& info,
                                              const CodedModelSettings& settings = {}) {
   using Scalar = typename R::Scalar;
@@ -113,6 +113,13 @@ template <Recipe R>
   context.weight2 = block("context.2.weight");
   context.bias2 = block("context.2.bias");
   context.statistics = block("context.statistics");
+  const std::size_t scalars = context.statistics.size() / 2;
+  if (std::any_of(context.statistics.begin() + static_cast<std::ptrdiff_t>(scalars), context.statistics.end(),
+                  [](float deviation) { return !(deviation > 0); })) {
+    return detail::coded_error("context.statistics",
+                               "are empty: the model was decompressed, or stopped before its context began",
+                               "copy the compressed file, or train on");
+  }
   coded.trained = std::move(context);
 
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
@@ -209,8 +216,8 @@ template <Recipe R>
   const auto color = coded.metadata.find("background");
   const auto* const background = color == coded.metadata.end() ? nullptr : std::get_if<std::string>(&color->second);
   if (train_views == nullptr || *train_views < 0 || *train_views > (std::int64_t{1} << 24) || near_plane == nullptr ||
-      !(*near_plane > 0) || blur_variance == nullptr || !(*blur_variance >= 0) || background == nullptr ||
-      background->size() != 24) {
+      !(*near_plane > 0 && std::isfinite(*near_plane)) || blur_variance == nullptr ||
+      !(*blur_variance >= 0 && std::isfinite(*blur_variance)) || background == nullptr || background->size() != 24) {
     return detail::coded_error("META", "a render setting is missing or out of range", "encode the model again");
   }
   LoadedModel<R> loaded;

@@ -19,11 +19,12 @@ namespace compmark::inline v0 {
 class RatePhases {
  public:
   RatePhases() = default;
-  RatePhases(const RateNumbers& numbers, std::int64_t total)
+  /// `grow_until` of a run of 30,000, as all of them.
+  RatePhases(const RateNumbers& numbers, std::int64_t total, std::int64_t grow_until = 15000)
       : noise_after_(scale_iteration(numbers.noise_after, total)),
         context_after_(scale_iteration(numbers.context_after, total)),
         round_after_(scale_iteration(numbers.round_after, total)),
-        grown_(scale_iteration(15000, total)) {}
+        grown_(scale_iteration(grow_until, total)) {}
 
   /// Whether the context is made up in this iteration, from the anchors as they are.
   [[nodiscard]] bool begins(std::int64_t t) const { return t == context_after_ + 1; }
@@ -75,6 +76,9 @@ template <Recipe R>
   if constexpr (requires { settings.mask_weight; }) settings.mask_weight = numbers.mask_weight;
   if constexpr (requires { settings.sample; }) {
     if (numbers.sample > 0) settings.sample = numbers.sample;
+  }
+  if constexpr (present<typename R::Embedder> && requires { settings.sample_all; }) {
+    settings.sample_all = false;  // only visible anchors are embedded, and the rate is that of embedded ones
   }
   settings.feature_step = numbers.feature_step;
   settings.scaling_step = numbers.scaling_step;

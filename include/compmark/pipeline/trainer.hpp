@@ -69,7 +69,7 @@ class Trainer {
       pipeline_.road() = typename MarkedPipeline::Road(typename R::DistortionLayer(noise));
     }
     if constexpr (present<typename R::EntropyModel>) {
-      rate_phases_ = RatePhases(settings_.rate, settings_.iterations);
+      rate_phases_ = RatePhases(settings_.rate, settings_.iterations, settings_.grow_until);
       pipeline_.road() = typename MarkedPipeline::Road(entropy_model<R>(settings_.rate));
     }
   }
