@@ -482,8 +482,9 @@ class ContextGsModel {
     report.bits_per_scalar = bits / (drawn * static_cast<double>(scalars));
     report.live_offsets = sums[7] / (drawn * offsets);
     report.hash_bits = sums[3] / drawn * static_cast<double>(anchors);
-    report.loss = context.unit * (bits + sums[3]) +
-                  settings_.mask_weight * mask_penalty<T>(arena.values(handles.mask), context.partial, executor);
+    // Contracted by hand: a compiler may do it for one executor and not for another.
+    const double penalty = mask_penalty<T>(arena.values(handles.mask), context.partial, executor);
+    report.loss = std::fma(settings_.mask_weight, penalty, context.unit * (bits + sums[3]));
   }
 
   /// One entry's gradients, in place; returns those by its steps.

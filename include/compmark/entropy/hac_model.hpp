@@ -423,7 +423,9 @@ class HacModel {
         });
     const double cells = static_cast<double>(std::max<std::size_t>(1, mask.size()));
     static_cast<void>(anchors);
-    report.loss = context.unit * bits + context.hash_weight * context.grid.bits + settings_.mask_weight * alive / cells;
+    // Contracted by hand: a compiler may do it for one executor and not for another.
+    report.loss = std::fma(settings_.mask_weight, alive / cells,
+                           std::fma(context.hash_weight, context.grid.bits, context.unit * bits));
   }
   /// body(index, sigmoid of the logits from there, lanes that exist); the others, and those of a NaN, are 0.
   template <class Body>
