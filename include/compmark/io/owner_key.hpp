@@ -99,7 +99,8 @@ namespace detail {
 }
 
 /// Writes a key file that only its owner may read (POSIX systems). An existing file is left alone.
-[[nodiscard]] inline Result<Done> write_key(const std::filesystem::path& path, const OwnerKey& key) {
+template <class Json = nlohmann::ordered_json>
+[[nodiscard]] Result<Done> write_key(const std::filesystem::path& path, const OwnerKey& key) {
   const auto fail = [&](std::string problem, std::string remedy) {
     return Error{ErrorKind::unwritable, path.string(), "", std::move(problem), std::move(remedy)};
   };
@@ -116,14 +117,14 @@ namespace detail {
     return fail(std::string("cannot be written: ") + std::strerror(errno), "create its folder and make it writable");
   ::close(file);
 #endif
-  nlohmann::ordered_json json{{"format", OwnerKey::format},
-                              {"version", OwnerKey::version},
-                              {"id", key.id()},
-                              {"created", key.created},
-                              {"bits", key.bits},
-                              {"derivation", "HKDF-SHA-256, salt \"compmark\", info = label of the purpose"},
-                              {"commitment", key.commitment()},
-                              {"secret", to_hex(key.secret)}};
+  Json json{{"format", OwnerKey::format},
+            {"version", OwnerKey::version},
+            {"id", key.id()},
+            {"created", key.created},
+            {"bits", key.bits},
+            {"derivation", "HKDF-SHA-256, salt \"compmark\", info = label of the purpose"},
+            {"commitment", key.commitment()},
+            {"secret", to_hex(key.secret)}};
   if (!key.note.empty()) json["note"] = key.note;
   if (key.corrects != 0) json["payload"] = {{"hex", key.payload}, {"corrects", key.corrects}};
   return write_json(path, json);

@@ -177,7 +177,8 @@ inline constexpr const char* procedural_generator = "compmark built-in scene";
 }
 
 /// The lens as nerfstudio writes it; nothing for a pinhole.
-inline void put_lens(nlohmann::ordered_json& json, const Lens& lens) {
+template <class Json>
+void put_lens(Json& json, const Lens& lens) {
   if (is_pinhole(lens)) return;
   const bool fisheye = lens.model == LensModel::opencv_fisheye;
   json["camera_model"] = fisheye ? "OPENCV_FISHEYE" : "OPENCV";
@@ -234,9 +235,10 @@ template <Executor E>
 }
 
 /// The same on all threads of the machine.
-[[nodiscard]] inline Result<Done> write_procedural_scene(const std::filesystem::path& folder,
-                                                         const ProceduralSettings& settings = {}) {
-  ThreadExecutor executor(0);
+template <class Threads = ThreadExecutor>
+[[nodiscard]] Result<Done> write_procedural_scene(const std::filesystem::path& folder,
+                                                  const ProceduralSettings& settings = {}) {
+  Threads executor(0);
   return write_procedural_scene(folder, settings, executor);
 }
 
