@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
-#include "compmark/codec/morton.hpp"
 #include "compmark/core/random.hpp"
+#include "compmark/math/morton.hpp"
 
 namespace {
 
@@ -70,29 +70,6 @@ double delta_bits(const std::vector<Voxel>& voxels) {
     best = std::min(best, bits);
   }
   return best;
-}
-
-TEST_CASE("codec/morton: a code is the interleaved digits, up to 32 bits an axis") {
-  const Random random(1, 0, random_stage("morton test"));
-  for (std::uint64_t i = 0; i < 200; ++i) {
-    std::array<std::uint32_t, 3> x{};
-    for (std::size_t axis = 0; axis < 3; ++axis) x[axis] = static_cast<std::uint32_t>(random.bits(3 * i + axis));
-    const MortonCode code = morton_code(x[0], x[1], x[2]);
-    for (unsigned bit = 0; bit < 96; ++bit) {
-      const bool in_code = ((bit < 63 ? code.low >> bit : code.high >> (bit - 63)) & 1u) != 0;
-      REQUIRE(in_code == ((x[bit % 3] >> (bit / 3) & 1u) != 0));
-    }
-    CHECK((code.high >> 33) == 0);
-    CHECK((code.low >> 63) == 0);
-  }
-}
-
-TEST_CASE("codec/morton: anchors of one voxel keep their order") {
-  const std::vector<Voxel> voxels{{5, 5, 5}, {1, 0, 0}, {5, 5, 5}, {-70, 3, 9}, {1, 0, 0}};
-  const VoxelRange range = voxel_range(voxels);
-  CHECK(range.origin == Voxel{-128, 0, 0});
-  CHECK(range.bits == 8);
-  CHECK(morton_order(voxels, range) == std::vector<std::uint32_t>{3, 1, 4, 0, 2});
 }
 
 TEST_CASE("codec/geometry: any set of voxels comes back") {

@@ -19,10 +19,10 @@
 #include <vector>
 
 #include "compmark/codec/container.hpp"
-#include "compmark/codec/morton.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/integer_context.hpp"
 #include "compmark/entropy/integer_quantize.hpp"
+#include "compmark/math/morton.hpp"
 
 namespace compmark::inline v0 {
 

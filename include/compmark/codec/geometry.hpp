@@ -21,10 +21,10 @@
 #include <vector>
 
 #include "compmark/codec/bits.hpp"
-#include "compmark/codec/morton.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/adaptive_binary.hpp"
 #include "compmark/io/bytes.hpp"
+#include "compmark/math/morton.hpp"
 
 namespace compmark::inline v0 {
 

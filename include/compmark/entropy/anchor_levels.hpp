@@ -24,30 +24,15 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
+#include "compmark/math/morton.hpp"
 
 namespace compmark::inline v0 {
-
-using Voxel = std::array<std::int32_t, 3>;
 
 /// Edges of cells in voxels.
 struct AnchorCells {
   std::int32_t fine = 1, coarse = 1;
   friend bool operator==(const AnchorCells&, const AnchorCells&) = default;
 };
-
-/// Whether a comes before b along the Morton curve: the axis with the highest differing bit decides, of several the later one.
-[[nodiscard]] constexpr bool morton_less(const Voxel& a, const Voxel& b) {
-  std::size_t axis = 2;
-  std::uint32_t most = 0;
-  for (std::size_t i = 3; i-- > 0;) {
-    const std::uint32_t difference = static_cast<std::uint32_t>(a[i]) ^ static_cast<std::uint32_t>(b[i]);
-    if (most < difference && most < (most ^ difference)) {
-      axis = i;
-      most = difference;
-    }
-  }
-  return a[axis] < b[axis];
-}
 
 /// floor(v / kappa), kappa > 0.
 [[nodiscard]] constexpr std::int32_t cell_coordinate(std::int32_t v, std::int32_t kappa) {

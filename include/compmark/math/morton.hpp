@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Voxels, the integers an anchor's position is made of (position = voxel_size * v), and the order in which a codec writes them: along the
-// Morton curve of their distance from an origin, anchors of one voxel in the order they came. Full 32 bits an axis. Cost: one sort.
+// Voxels, the integers an anchor's position is made of (position = voxel_size * v), and two orders along the Morton curve, x in the lowest
+// bit, full 32 bits an axis: morton_less by signed coordinates (cells and levels of anchors), which no other anchor changes, and morton_order
+// by the distance from an origin, anchors of one voxel in the order they came (what a file holds). Cost: one sort.
 #pragma once
 
 #include <algorithm>
@@ -51,6 +52,21 @@ struct MortonCode {
   using detail::spread_bits;
   return {spread_bits(x >> 21) | spread_bits(y >> 21) << 1 | spread_bits(z >> 21) << 2,
           spread_bits(x) | spread_bits(y) << 1 | spread_bits(z) << 2};
+}
+
+/// Whether a comes before b along the Morton curve of signed coordinates: the axis with the highest differing bit decides, of several the
+/// later one.
+[[nodiscard]] constexpr bool morton_less(const Voxel& a, const Voxel& b) {
+  std::size_t axis = 2;
+  std::uint32_t most = 0;
+  for (std::size_t i = 3; i-- > 0;) {
+    const std::uint32_t difference = static_cast<std::uint32_t>(a[i]) ^ static_cast<std::uint32_t>(b[i]);
+    if (most < difference && most < (most ^ difference)) {
+      axis = i;
+      most = difference;
+    }
+  }
+  return a[axis] < b[axis];
 }
 
 /// Where the numbers of a set of voxels begin, and how many bits an axis they take from there.
