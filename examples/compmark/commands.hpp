@@ -26,5 +26,6 @@ Command add_keygen(CLI::App& app);
 Command add_extract(CLI::App& app);
 Command add_verify(CLI::App& app);
 Command add_calibrate(CLI::App& app);
+Command add_attack(CLI::App& app);
 
 }  // namespace tool

@@ -41,6 +41,7 @@ int main(int argc, char** argv) {
   add("extract", "read the bits of a model's renders or of images", tool::add_extract);
   add("verify", "test whether a key's message is in a model or in images, with a p-value", tool::add_verify);
   add("calibrate", "measure false positives of random keys on images", tool::add_calibrate);
+  add("attack", "write what a thief would make of a model: rounded to 8 bits", tool::add_attack);
 
   try {
     app.parse(argc, argv);

@@ -136,6 +136,7 @@
 #include "compmark/anchor/table.hpp"
 #include "compmark/anchor/view_point.hpp"
 #include "compmark/anchor/visibility.hpp"
+#include "compmark/attack/quantize_model.hpp"
 
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/bin.hpp"

@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark attack: what a thief does to a model before passing it on, written as another model for evaluate, extract and verify to look at.
+#include <CLI/CLI.hpp>
+#include <compmark/attack/quantize_model.hpp>
+#include <compmark/io/json_file.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <compmark/quant/int8_quantizer.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "commands.hpp"
+#include "common.hpp"
+#include "model_source.hpp"
+#include "reading.hpp"
+#include "recipe_list.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct AttackOptions {
+  std::filesystem::path model;
+  std::filesystem::path out;
+  std::filesystem::path json;
+  std::string int8;
+  bool symmetric = false;
+  bool keep_positions = false;
+  bool keep_networks = false;
+};
+
+template <class R>
+int attack(const AttackOptions& options, const ModelSource& source) {
+  using Quantizer = Int8Quantizer<typename R::Scalar>;
+  Result<LoadedModel<R>> loaded = source.load<R>();
+  if (!loaded) return fail(loaded.error());
+  const Int8Scheme scheme = options.symmetric ? Int8Scheme::symmetric : Int8Scheme::affine;
+  const bool channels = options.int8 == "channel";
+  const Result<Quantizer> anchors =
+      Quantizer::create({scheme, channels ? Int8Channels::columns : Int8Channels::tensor});
+  const Result<Quantizer> networks = Quantizer::create({scheme, channels ? Int8Channels::rows : Int8Channels::tensor});
+  if (!anchors) return fail(anchors.error());
+  if (!networks) return fail(networks.error());
+  const Result<std::vector<QuantizedBlock>> blocks =
+      quantize_model(loaded->model.arena, *anchors, *networks, {!options.keep_positions, !options.keep_networks});
+  if (!blocks) {
+    Error error = blocks.error();
+    error.file = options.model.string();
+    return fail(error);
+  }
+  if (Result<Done> written = write_model(options.out, loaded->model, loaded->info); !written)
+    return fail(written.error());
+  nlohmann::ordered_json json{{"schema", "compmark.attack.1"},
+                              {"attack", "int8"},
+                              {"channels", options.int8},
+                              {"scheme", options.symmetric ? "symmetric" : "affine"},
+                              {"tensors", nlohmann::ordered_json::array()}};
+  std::printf("int8, %s, a scale a %s\n", options.symmetric ? "symmetric" : "affine", options.int8.c_str());
+  for (const QuantizedBlock& block : *blocks) {
+    std::printf("  %-24s %9zu values  error %.3g rms, %.3g at most; %.2g of their deviation\n", block.name.c_str(),
+                block.values, block.rms_error, block.largest_error,
+                block.deviation > 0 ? block.rms_error / block.deviation : 0.0);
+    json["tensors"].push_back({{"name", block.name},
+                               {"values", block.values},
+                               {"deviation", block.deviation},
+                               {"rms_error", block.rms_error},
+                               {"largest_error", block.largest_error}});
+  }
+  std::printf("%s: %zu anchors\n", options.out.string().c_str(), loaded->model.anchor_count());
+  if (options.json.empty()) return success;
+  if (Result<Done> written = write_file(options.json, json.dump(2) + "\n"); !written) return fail(written.error());
+  return success;
+}
+
+}  // namespace
+
+Command add_attack(CLI::App& app) {
+  auto options = std::make_shared<AttackOptions>();
+  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
+  app.add_option("--out", options->out, "model.safetensors to write")->required();
+  app.add_option(
+         "--int8", options->int8,
+         "round every number to 8 bits, with one scale a tensor, or a channel (column of anchors, row of weights)")
+      ->required()
+      ->check(CLI::IsMember({"tensor", "channel"}));
+  app.add_flag("--symmetric", options->symmetric, "scales around zero instead of from least to greatest");
+  app.add_flag("--keep-positions", options->keep_positions, "leave positions of anchors as they are");
+  app.add_flag("--keep-networks", options->keep_networks, "leave weights of networks as they are");
+  app.add_option("--json", options->json, "write the errors to this file");
+  return [options]() -> int {
+    for (const std::filesystem::path* output : {&options->out, &options->json}) {
+      if (const Result<Done> kept = keep_inputs(*output, {options->model}); !kept) return fail(kept.error());
+    }
+    const Result<ModelSource> source = ModelSource::open(options->model);
+    if (!source) return fail(source.error());
+    return with_any_recipe(
+        source->recipe, ExitCode([&](auto tag) { return attack<typename decltype(tag)::Recipe>(*options, *source); }));
+  };
+}
+
+}  // namespace tool
