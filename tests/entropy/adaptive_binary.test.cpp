@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -221,6 +222,53 @@ TEST_CASE(
     CHECK(equal);
     CHECK(decoder.valid());
   }
+}
+
+TEST_CASE("entropy/adaptive_binary: streams that no encoder writes are not valid (found by ten minutes of fuzzing)") {
+  // Their number lies beyond the first interval, or in what a division of the range into 2^n parts leaves over. Taken for the last part, it
+  // stays beyond the interval, wraps at 2^32 and comes down anywhere, also on what `valid` looks for.
+  const auto reads = [](const Bytes& stream, Bytes& again) {
+    BinaryDecoder decoder(stream);
+    BinaryEncoder encoder;
+    BinaryContext theirs[16], ours[16];
+    for (std::size_t i = 0; i < 16 * stream.size() + 16 && !decoder.overrun() && !decoder.valid(); ++i) {
+      if (i % 5 == 4) {
+        encoder.encode_bits(decoder.decode_bits(static_cast<int>(i % 33)), static_cast<int>(i % 33));
+      } else {
+        encoder.encode(ours[i % 16], decoder.decode(theirs[i % 16]));
+      }
+    }
+    again = encoder.finish();
+    return decoder.valid();
+  };
+  const Bytes found{0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xf6, 0xff,
+                    0xff, 0xff, 0x05, 0x02, 0x00, 0x00, 0x01, 0xff, 0xef, 0xff, 0x7e, 0x7e, 0x7e, 0x7e,
+                    0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e, 0x7e,
+                    0x7e, 0xb4, 0x00, 0x00, 0xff, 0x08, 0x00, 0x00, 0x00, 0x80, 0x00, 0x00, 0x00};
+  Bytes again;
+  CHECK_FALSE(reads(found, again));
+  const Random random(31, 0, 1);
+  std::size_t valid = 0;
+  for (std::uint64_t trial = 0; trial < 20000; ++trial) {
+    Bytes stream(4 + random.below(1000 * trial, 6), 0);
+    for (std::size_t i = 0; i < stream.size(); ++i) {
+      stream[i] = i < trial % 5 ? 0xff : static_cast<std::uint8_t>(random.below(1000 * trial + 1 + i, 256));
+    }
+    for (std::size_t i = stream.size() - std::min<std::size_t>(stream.size(), trial % 4); i < stream.size(); ++i)
+      stream[i] = 0;
+    if (!reads(stream, again)) continue;
+    ++valid;
+    CHECK(again == stream);
+  }
+  MESSAGE(valid, " of 20000 are valid");
+
+  const Bytes beyond{0xff, 0xff, 0xff, 0x00}, within{0xff, 0xff, 0xfe, 0xff};
+  BinaryDecoder gap(beyond);  // 256 times the 2^-8th part of 2^32 - 1, and a little
+  CHECK(gap.decode_bits(8) == 255);
+  CHECK(gap.overrun());
+  BinaryDecoder last(within);
+  CHECK(last.decode_bits(8) == 255);
+  CHECK_FALSE(last.overrun());
 }
 
 TEST_CASE("entropy/adaptive_binary: 1.7 million ones take less than 64 bytes (CO1)") {

@@ -132,6 +132,7 @@ class BinaryDecoder {
       range_ = 1;  // the first bit asked for finds nothing
     } else {
       for (int byte = 0; byte < 4; ++byte) offset_ = offset_ << 8 | next();
+      overrun_ = overrun_ || offset_ >= range_;
     }
   }
 
@@ -156,9 +157,10 @@ class BinaryDecoder {
       count -= part;
       normalise();
       range_ >>= part;
-      const std::uint32_t digit = std::min(offset_ / range_, (1u << part) - 1);
-      offset_ -= digit * range_;
-      value = value << part | digit;
+      const std::uint32_t digit = offset_ / range_, most = (1u << part) - 1;
+      overrun_ = overrun_ || digit > most;  // what a whole division of the range leaves over: no encoder goes there
+      offset_ -= std::min(digit, most) * range_;
+      value = value << part | std::min(digit, most);
     }
     return value;
   }
@@ -174,7 +176,8 @@ class BinaryDecoder {
     return value;
   }
 
-  /// Bits have been asked for that the stream does not hold: what they are means nothing. For loops that the bits themselves end.
+  /// Bits have been asked for that the stream does not hold, or that no encoder writes: what they are means nothing. For loops that the bits
+  /// themselves end.
   [[nodiscard]] bool overrun() const { return overrun_; }
   /// After the last bit: the stream is used up, and the decoder stands where the encoder ended.
   [[nodiscard]] bool valid() const { return !overrun_ && position_ == stream_.size() && offset_ == 0; }
