@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JSON files: reading with the line of the mistake, fields with their path in the message, writing whole or not at all.
+// Whatever uses JSON, here and in other rooms, is a template on its class with one default: a program pays for the instantiation of a JSON
+// library (an eighth of the umbrella header's parse time) where it reads or writes JSON, not where it includes a header.
 #pragma once
 
 #include <algorithm>
@@ -21,14 +23,15 @@
 namespace compmark::inline v0 {
 
 /// Parses a whole JSON file (at most 1 GiB). The error names line and column.
-[[nodiscard]] inline Result<nlohmann::json> read_json(const std::filesystem::path& path) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Json> read_json(const std::filesystem::path& path) {
   const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
   if (!bytes) return bytes.error();
   const char* begin = reinterpret_cast<const char*>(bytes->data());
   const char* end = begin + bytes->size();
   try {
-    return nlohmann::json::parse(begin, end);
-  } catch (const nlohmann::json::parse_error& mistake) {
+    return Json::parse(begin, end);
+  } catch (const typename Json::parse_error& mistake) {
     const char* place = begin + std::min<std::size_t>(mistake.byte > 0 ? mistake.byte - 1 : 0, bytes->size());
     const auto line = 1 + std::count(begin, place, '\n');
     const char* line_begin = place;
@@ -36,7 +39,7 @@ namespace compmark::inline v0 {
     return Error{bytes->empty() ? ErrorKind::truncated : ErrorKind::malformed, path.string(),
                  "line " + std::to_string(line) + " column " + std::to_string(place - line_begin + 1),
                  bytes->empty() ? "the file is empty" : "is not valid JSON", "correct it or create the file again"};
-  } catch (const nlohmann::json::exception& mistake) {  // a number outside double's range
+  } catch (const typename Json::exception& mistake) {  // a number outside double's range
     return Error{ErrorKind::invalid, path.string(), {}, mistake.what(), "correct it or create the file again"};
   }
 }

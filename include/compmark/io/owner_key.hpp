@@ -131,7 +131,8 @@ template <class Json = nlohmann::ordered_json>
 }
 
 /// Reads a key file; `bits` other than 0 is the message length that is asked for. Messages never contain the secret.
-[[nodiscard]] inline Result<OwnerKey> read_key(const std::filesystem::path& path, std::size_t bits = 0) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<OwnerKey> read_key(const std::filesystem::path& path, std::size_t bits = 0) {
   const std::string file = path.string();
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return Error{kind, file, std::move(field), std::move(problem), std::move(remedy)};
@@ -139,7 +140,7 @@ template <class Json = nlohmann::ordered_json>
   std::error_code status;
   if (std::filesystem::is_regular_file(path, status) && std::filesystem::file_size(path, status) > 65536)
     return fail(ErrorKind::malformed, "", "is too large to be a key file", "give the file that keygen wrote");
-  const Result<nlohmann::json> json = read_json(path);
+  const Result<Json> json = read_json<Json>(path);
   if (!json) return json.error();
   const Result<std::string> format = json_field<std::string>(*json, "format", file);
   if (!format || *format != OwnerKey::format)
@@ -177,7 +178,7 @@ template <class Json = nlohmann::ordered_json>
     return error;
   }
   if (json->contains("payload")) {
-    const nlohmann::json& payload = (*json)["payload"];
+    const Json& payload = (*json)["payload"];
     const Result<std::string> hex = json_field<std::string>(payload, "hex", file, "payload");
     if (!hex) return hex.error();
     const Result<std::size_t> corrects = json_field<std::size_t>(payload, "corrects", file, "payload");

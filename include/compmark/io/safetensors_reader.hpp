@@ -36,6 +36,12 @@ struct SafetensorsTensor {
   [[nodiscard]] std::size_t count() const { return data.size() / safetensors_element_size(dtype); }
 };
 
+class SafetensorsFile;
+
+/// Parses a file's bytes; `path` is for messages.
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<SafetensorsFile> parse_safetensors(std::vector<std::byte> bytes, std::string path);
+
 /// A file in memory. Movable, not copyable: the tensors point into the blob.
 class SafetensorsFile {
  public:
@@ -104,6 +110,7 @@ class SafetensorsFile {
   }
 
  private:
+  template <class>
   friend Result<SafetensorsFile> parse_safetensors(std::vector<std::byte> bytes, std::string path);
 
   [[nodiscard]] Error error(ErrorKind kind, std::string field, std::string problem, std::string remedy) const {
@@ -144,8 +151,8 @@ class SafetensorsFile {
   std::vector<std::byte> blob_;  ///< moving a vector keeps its storage, so the spans of `tensors` stay valid
 };
 
-/// Parses a file's bytes; `path` is for messages.
-[[nodiscard]] inline Result<SafetensorsFile> parse_safetensors(std::vector<std::byte> bytes, std::string path) {
+template <class Json>
+[[nodiscard]] Result<SafetensorsFile> parse_safetensors(std::vector<std::byte> bytes, std::string path) {
   const std::string remedy = "the file is damaged or not a safetensors file: copy or create it again";
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem) {
     return Error{kind, path, std::move(field), std::move(problem), remedy};
@@ -167,14 +174,14 @@ class SafetensorsFile {
   // nlohmann keeps the last of two equal keys; the format forbids them, so names are watched while parsing.
   std::set<std::string> names;
   std::string duplicate;
-  const auto watch = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
-    if (depth == 1 && event == nlohmann::json::parse_event_t::key && !names.insert(parsed.get<std::string>()).second) {
-      duplicate = parsed.get<std::string>();
+  const auto watch = [&](int depth, typename Json::parse_event_t event, Json& parsed) {
+    if (depth == 1 && event == Json::parse_event_t::key && !names.insert(parsed.template get<std::string>()).second) {
+      duplicate = parsed.template get<std::string>();
     }
     return true;
   };
   const char* text = reinterpret_cast<const char*>(bytes.data() + 8);
-  const nlohmann::json header = nlohmann::json::parse(text, text + header_size, watch, false);
+  const Json header = Json::parse(text, text + header_size, watch, false);
   if (header.is_discarded() || !header.is_object()) return fail(ErrorKind::malformed, "header", "is not a JSON object");
   if (!duplicate.empty()) return fail(ErrorKind::malformed, duplicate, "appears twice in the header");
 
@@ -189,40 +196,41 @@ class SafetensorsFile {
       if (!entry.is_object()) return fail(ErrorKind::malformed, name, "is not an object");
       for (const auto& [key, value] : entry.items()) {
         if (!value.is_string()) return fail(ErrorKind::malformed, name + "." + key, "is not a string");
-        file.metadata.emplace(key, value.get<std::string>());
+        file.metadata.emplace(key, value.template get<std::string>());
       }
       continue;
     }
     if (!entry.is_object() || !entry.contains("dtype") || !entry.contains("shape") || !entry.contains("data_offsets")) {
       return fail(ErrorKind::malformed, name, "lacks dtype, shape or data_offsets");
     }
-    const nlohmann::json& dtype = entry["dtype"];
-    const nlohmann::json& shape = entry["shape"];
-    const nlohmann::json& offsets = entry["data_offsets"];
-    const std::size_t element = dtype.is_string() ? safetensors_element_size(dtype.get<std::string>()) : 0;
+    const Json& dtype = entry["dtype"];
+    const Json& shape = entry["shape"];
+    const Json& offsets = entry["data_offsets"];
+    const std::size_t element = dtype.is_string() ? safetensors_element_size(dtype.template get<std::string>()) : 0;
     if (element == 0)
-      return fail(ErrorKind::unsupported, name + ".dtype",
-                  (dtype.is_string() ? dtype.get<std::string>() : std::string("the value")) + " is not a known type");
+      return fail(
+          ErrorKind::unsupported, name + ".dtype",
+          (dtype.is_string() ? dtype.template get<std::string>() : std::string("the value")) + " is not a known type");
     if (!shape.is_array()) return fail(ErrorKind::malformed, name + ".shape", "is not an array");
     if (!offsets.is_array() || offsets.size() != 2 || !offsets[0].is_number_unsigned() ||
         !offsets[1].is_number_unsigned()) {
       return fail(ErrorKind::malformed, name + ".data_offsets", "is not a pair of non-negative integers");
     }
     SafetensorsTensor tensor;
-    tensor.dtype = dtype.get<std::string>();
+    tensor.dtype = dtype.template get<std::string>();
     std::uint64_t wanted = element;
-    for (const nlohmann::json& extent : shape) {
+    for (const Json& extent : shape) {
       if (!extent.is_number_unsigned())
         return fail(ErrorKind::malformed, name + ".shape", "an extent is not a non-negative integer");
-      const std::uint64_t n = extent.get<std::uint64_t>();
+      const std::uint64_t n = extent.template get<std::uint64_t>();
       if (n > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max()) ||
           __builtin_mul_overflow(wanted, n, &wanted)) {
         return fail(ErrorKind::malformed, name + ".shape", "its product overflows");
       }
       tensor.shape.push_back(static_cast<std::int64_t>(n));
     }
-    const std::uint64_t begin = offsets[0].get<std::uint64_t>();
-    const std::uint64_t end = offsets[1].get<std::uint64_t>();
+    const std::uint64_t begin = offsets[0].template get<std::uint64_t>();
+    const std::uint64_t end = offsets[1].template get<std::uint64_t>();
     if (begin > end) return fail(ErrorKind::malformed, name + ".data_offsets", "the end lies before the begin");
     if (end > data.size()) {
       return fail(ErrorKind::truncated, name + ".data_offsets",
@@ -251,10 +259,11 @@ class SafetensorsFile {
 }
 
 /// Reads a file. Cost: one read of the file; nothing is copied afterwards.
-[[nodiscard]] inline Result<SafetensorsFile> read_safetensors(const std::filesystem::path& path) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<SafetensorsFile> read_safetensors(const std::filesystem::path& path) {
   Result<std::vector<std::byte>> bytes = read_file(path);
   if (!bytes) return bytes.error();
-  return parse_safetensors(std::move(*bytes), path.string());
+  return parse_safetensors<Json>(std::move(*bytes), path.string());
 }
 
 }  // namespace compmark::inline v0

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -49,13 +50,14 @@ class SafetensorsWriter {
   }
 
   /// The header (length, JSON, padding to 64 bytes), after which the data follow.
+  template <class Json = nlohmann::json>
   [[nodiscard]] Result<std::string> header(const std::string& path = {}) {
     std::stable_sort(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) {
       const std::size_t size_a = safetensors_element_size(a.dtype);
       const std::size_t size_b = safetensors_element_size(b.dtype);
       return size_a != size_b ? size_a > size_b : a.name < b.name;
     });
-    nlohmann::json json = nlohmann::json::object();
+    Json json = Json::object();
     if (!metadata.empty()) json["__metadata__"] = metadata;
     std::uint64_t offset = 0;
     for (const Entry& entry : entries_) {
@@ -65,13 +67,16 @@ class SafetensorsWriter {
         return Error{ErrorKind::invalid, path, entry.name, "shape, dtype and byte count contradict each other", ""};
       }
       if (json.contains(entry.name)) return Error{ErrorKind::invalid, path, entry.name, "is written twice", ""};
-      json[entry.name] = {{"dtype", entry.dtype}, {"shape", entry.shape}, {"data_offsets", {offset, offset + wanted}}};
+      Json& tensor = json[entry.name];
+      tensor["dtype"] = entry.dtype;
+      tensor["shape"] = entry.shape;
+      tensor["data_offsets"] = std::array<std::uint64_t, 2>{offset, offset + wanted};
       offset += wanted;
     }
     std::string text;
     try {
       text = json.dump();
-    } catch (const nlohmann::json::exception&) {
+    } catch (const typename Json::exception&) {
       return Error{ErrorKind::invalid, path, "__metadata__", "a name or a string is not valid UTF-8", "rename it"};
     }
     text.append((64 - (text.size() + 8) % 64) % 64, ' ');
@@ -82,8 +87,9 @@ class SafetensorsWriter {
   }
 
   /// Writes under a temporary name and renames (atomic_file.hpp).
+  template <class Json = nlohmann::json>
   [[nodiscard]] Result<Done> write(const std::filesystem::path& path) {
-    const Result<std::string> head = header(path.string());
+    const Result<std::string> head = header<Json>(path.string());
     if (!head) return head.error();
     Result<AtomicFile> file = AtomicFile::create(path);
     if (!file) return file.error();

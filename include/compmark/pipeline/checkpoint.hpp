@@ -34,85 +34,90 @@ struct Checkpoint {
 };
 
 /// Every number that changes what a run computes. Two runs with equal objects continue each other.
-[[nodiscard]] inline nlohmann::json settings_json(const TrainSettings& s) {
-  const auto rate = [](const LearningRate& r) { return nlohmann::json{r.initial, r.final}; };
-  nlohmann::json json{{"profile", s.profile},
-                      {"iterations", s.iterations},
-                      {"seed", s.seed},
-                      {"lambda_dssim", s.lambda_dssim},
-                      {"lambda_volume", s.lambda_volume},
-                      {"offset", rate(s.offset)},
-                      {"feature", rate(s.feature)},
-                      {"scaling", rate(s.scaling)},
-                      {"mlp_opacity", rate(s.mlp_opacity)},
-                      {"mlp_covariance", rate(s.mlp_covariance)},
-                      {"mlp_color", rate(s.mlp_color)},
-                      {"feature_bank", rate(s.feature_bank)},
-                      {"appearance", rate(s.appearance)},
-                      {"voxel_size", s.voxel_size},
-                      {"init_factor", s.init_factor},
-                      {"max_anchors", s.max_anchors},
-                      {"gradient_threshold", s.gradient_threshold},
-                      {"success_threshold", s.success_threshold},
-                      {"min_opacity", s.min_opacity},
-                      {"statistics_after", s.statistics_after},
-                      {"grow_after", s.grow_after},
-                      {"grow_until", s.grow_until},
-                      {"pause_from", s.pause_from},
-                      {"pause_until", s.pause_until},
-                      {"grow_interval", s.grow_interval},
-                      {"near_plane", s.near_plane},
-                      {"blur_variance", s.blur_variance},
-                      {"background", s.background}};
+template <class Json = nlohmann::json>
+[[nodiscard]] Json settings_json(const TrainSettings& s) {
+  const auto rate = [](const LearningRate& r) { return Json{r.initial, r.final}; };
+  Json json;
+  json["profile"] = s.profile;
+  json["iterations"] = s.iterations;
+  json["seed"] = s.seed;
+  json["lambda_dssim"] = s.lambda_dssim;
+  json["lambda_volume"] = s.lambda_volume;
+  json["offset"] = rate(s.offset);
+  json["feature"] = rate(s.feature);
+  json["scaling"] = rate(s.scaling);
+  json["mlp_opacity"] = rate(s.mlp_opacity);
+  json["mlp_covariance"] = rate(s.mlp_covariance);
+  json["mlp_color"] = rate(s.mlp_color);
+  json["feature_bank"] = rate(s.feature_bank);
+  json["appearance"] = rate(s.appearance);
+  json["voxel_size"] = s.voxel_size;
+  json["init_factor"] = s.init_factor;
+  json["max_anchors"] = s.max_anchors;
+  json["gradient_threshold"] = s.gradient_threshold;
+  json["success_threshold"] = s.success_threshold;
+  json["min_opacity"] = s.min_opacity;
+  json["statistics_after"] = s.statistics_after;
+  json["grow_after"] = s.grow_after;
+  json["grow_until"] = s.grow_until;
+  json["pause_from"] = s.pause_from;
+  json["pause_until"] = s.pause_until;
+  json["grow_interval"] = s.grow_interval;
+  json["near_plane"] = s.near_plane;
+  json["blur_variance"] = s.blur_variance;
+  json["background"] = s.background;
   // Named only where they were changed: a run without effects has the bytes it had before there were any.
   if (s.effects != EffectNumbers{}) {
-    json["effects"] = {{"exposure", rate(s.effects.exposure)},
-                       {"lambda_alpha", s.effects.lambda_alpha},
-                       {"space_origin", s.effects.space_origin},
-                       {"space_radius", s.effects.space_radius}};
+    Json& effects = json["effects"];
+    effects["exposure"] = rate(s.effects.exposure);
+    effects["lambda_alpha"] = s.effects.lambda_alpha;
+    effects["space_origin"] = s.effects.space_origin;
+    effects["space_radius"] = s.effects.space_radius;
   }
   const std::optional<TrainSettings> profile = profile_settings(s.profile);
   if (const MarkNumbers& m = s.mark; m != (profile ? profile->mark : MarkNumbers{})) {
-    json["mark"] = {{"lambda_message", m.lambda_message},
-                    {"message_after", m.message_after},
-                    {"message_ramp", m.message_ramp},
-                    {"message_every", m.message_every},
-                    {"logit_scale", m.logit_scale},
-                    {"hinge_margin", m.hinge_margin},
-                    {"between_every", m.between_every},
-                    {"lambda_hsv", m.lambda_hsv},
-                    {"hsv_after", m.hsv_after},
-                    {"lambda_frequency", m.lambda_frequency},
-                    {"frequency_after", m.frequency_after},
-                    {"image_weight", m.image_weight},
-                    {"residual_rate", m.residual_rate},
-                    {"residual_decay", m.residual_decay},
-                    {"residual_after", m.residual_after},
-                    {"distortion_rate", m.distortion_rate},
-                    {"feature_noise", m.feature_noise},
-                    {"scaling_noise", m.scaling_noise},
-                    {"offset_noise", m.offset_noise},
-                    {"noise_after", m.noise_after},
-                    {"adaptive_after", m.adaptive_after},
-                    {"hard_fraction", m.hard_fraction},
-                    {"least_step", m.least_step},
-                    {"step_rate_weight", m.step_rate_weight},
-                    {"identity", m.identity}};
+    Json& mark = json["mark"];
+    mark["lambda_message"] = m.lambda_message;
+    mark["message_after"] = m.message_after;
+    mark["message_ramp"] = m.message_ramp;
+    mark["message_every"] = m.message_every;
+    mark["logit_scale"] = m.logit_scale;
+    mark["hinge_margin"] = m.hinge_margin;
+    mark["between_every"] = m.between_every;
+    mark["lambda_hsv"] = m.lambda_hsv;
+    mark["hsv_after"] = m.hsv_after;
+    mark["lambda_frequency"] = m.lambda_frequency;
+    mark["frequency_after"] = m.frequency_after;
+    mark["image_weight"] = m.image_weight;
+    mark["residual_rate"] = m.residual_rate;
+    mark["residual_decay"] = m.residual_decay;
+    mark["residual_after"] = m.residual_after;
+    mark["distortion_rate"] = m.distortion_rate;
+    mark["feature_noise"] = m.feature_noise;
+    mark["scaling_noise"] = m.scaling_noise;
+    mark["offset_noise"] = m.offset_noise;
+    mark["noise_after"] = m.noise_after;
+    mark["adaptive_after"] = m.adaptive_after;
+    mark["hard_fraction"] = m.hard_fraction;
+    mark["least_step"] = m.least_step;
+    mark["step_rate_weight"] = m.step_rate_weight;
+    mark["identity"] = m.identity;
   }
   if (const RateNumbers& r = s.rate; r != (profile ? profile->rate : RateNumbers{})) {
-    json["rate"] = {{"lambda", r.lambda},
-                    {"noise_after", r.noise_after},
-                    {"context_after", r.context_after},
-                    {"round_after", r.round_after},
-                    {"mask_weight", r.mask_weight},
-                    {"sample", r.sample},
-                    {"feature_step", r.feature_step},
-                    {"scaling_step", r.scaling_step},
-                    {"offset_step", r.offset_step},
-                    {"mask", rate(r.mask)},
-                    {"grid", rate(r.grid)},
-                    {"context", rate(r.context)},
-                    {"hyperprior", r.hyperprior}};
+    Json& rates = json["rate"];
+    rates["lambda"] = r.lambda;
+    rates["noise_after"] = r.noise_after;
+    rates["context_after"] = r.context_after;
+    rates["round_after"] = r.round_after;
+    rates["mask_weight"] = r.mask_weight;
+    rates["sample"] = r.sample;
+    rates["feature_step"] = r.feature_step;
+    rates["scaling_step"] = r.scaling_step;
+    rates["offset_step"] = r.offset_step;
+    rates["mask"] = rate(r.mask);
+    rates["grid"] = rate(r.grid);
+    rates["context"] = rate(r.context);
+    rates["hyperprior"] = r.hyperprior;
   }
   return json;
 }
@@ -131,16 +136,18 @@ void for_each_statistic(Statistics& statistics, F&& f) {
 }  // namespace detail
 
 /// Writes the state under a temporary name and renames: a run killed while writing keeps its previous checkpoint.
-template <class State>
+template <class State, class Json = nlohmann::json>
 [[nodiscard]] Result<Done> write_checkpoint(const std::filesystem::path& path, const State& state,
                                             const TrainSettings& settings, const ModelInfo& info, double seconds) {
   using Scalar = typename std::remove_cvref_t<decltype(state.model.arena)>::Scalar;
   SafetensorsWriter writer;
-  const nlohmann::json progress{{"iteration", state.iteration}, {"seconds", seconds}};
+  Json progress;
+  progress["iteration"] = state.iteration;
+  progress["seconds"] = seconds;
   writer.metadata = {{"format", "compmark.checkpoint"},
                      {"version", "1"},
                      {"info", detail::info_json(state.model, info).dump()},
-                     {"settings", settings_json(settings).dump()},
+                     {"settings", settings_json<Json>(settings).dump()},
                      {"progress", progress.dump()}};
   detail::add_block_tensors(writer, state.model.arena);
   detail::add_camera_tensors(writer, info.views);
@@ -184,7 +191,7 @@ struct OtherView {
 }
 
 /// Reads a checkpoint of a run with the same recipe, settings and views; anything else is refused with the name of what differs.
-template <Recipe R, Executor E>
+template <Recipe R, Executor E, class Json = nlohmann::json>
 [[nodiscard]] Result<Checkpoint<R, E>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings,
                                                        const ModelInfo& info) {
   const Result<SafetensorsFile> file = read_safetensors(path);
@@ -199,18 +206,18 @@ template <Recipe R, Executor E>
     return refuse("__metadata__.format", "is \"" + *format + "\", not a checkpoint");
   const Result<std::string> settings_text = file->text_of("settings");
   if (!settings_text) return settings_text.error();
-  const nlohmann::json stored = nlohmann::json::parse(*settings_text, nullptr, false);
-  const nlohmann::json wanted = nlohmann::json::parse(settings_json(settings).dump());
+  const Json stored = Json::parse(*settings_text, nullptr, false);
+  const Json wanted = Json::parse(settings_json<Json>(settings).dump());
   if (!stored.is_object()) return refuse("__metadata__.settings", "is not a JSON object");
   for (const auto& [key, value] : wanted.items()) {
     if (key == "effects" || key == "mark") continue;  // below, with fewer words
-    const nlohmann::json found = stored.value(key, nlohmann::json());
+    const Json found = stored.value(key, Json());
     if (found != value)
       return refuse("settings", key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
   }
-  if (stored.value("effects", nlohmann::json()) != wanted.value("effects", nlohmann::json()))
+  if (stored.value("effects", Json()) != wanted.value("effects", Json()))
     return refuse("settings", "the numbers of effects are others in the checkpoint");
-  if (stored.value("mark", nlohmann::json()) != wanted.value("mark", nlohmann::json()))
+  if (stored.value("mark", Json()) != wanted.value("mark", Json()))
     return refuse("settings", "the watermark (its message, decoder or numbers) is another one in the checkpoint");
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
@@ -232,8 +239,8 @@ template <Recipe R, Executor E>
   if (const std::optional<OtherView> other = other_view(model->info.views, info.views))
     return refuse(other->field, "of view " + other->name + " is another one in the checkpoint");
   if (model->info.origin != info.origin) {
-    return refuse("origin", "is " + nlohmann::json(model->info.origin).dump() + " in the checkpoint and " +
-                                nlohmann::json(info.origin).dump() + " now: the same files give the same origin");
+    return refuse("origin", "is " + Json(model->info.origin).dump() + " in the checkpoint and " +
+                                Json(info.origin).dump() + " now: the same files give the same origin");
   }
 
   Checkpoint<R, E> checkpoint;
@@ -241,13 +248,13 @@ template <Recipe R, Executor E>
   checkpoint.state.model = std::move(model->model);
   const Result<std::string> progress_text = file->text_of("progress");
   if (!progress_text) return progress_text.error();
-  const nlohmann::json progress = nlohmann::json::parse(*progress_text, nullptr, false);
-  if (!progress.is_object() || !progress.value("iteration", nlohmann::json()).is_number_integer() ||
-      !progress.value("seconds", nlohmann::json()).is_number()) {
+  const Json progress = Json::parse(*progress_text, nullptr, false);
+  if (!progress.is_object() || !progress.value("iteration", Json()).is_number_integer() ||
+      !progress.value("seconds", Json()).is_number()) {
     return refuse("__metadata__.progress", "lacks iteration or seconds");
   }
-  checkpoint.state.iteration = progress["iteration"].get<std::int64_t>();
-  checkpoint.seconds = progress["seconds"].get<double>();
+  checkpoint.state.iteration = progress["iteration"].template get<std::int64_t>();
+  checkpoint.seconds = progress["seconds"].template get<double>();
   if (checkpoint.state.iteration < 0 || checkpoint.state.iteration > settings.iterations)
     return refuse("iteration", "is outside the run");
 

@@ -136,7 +136,7 @@ template <Recipe R>
                     {"profile", info.profile},
                     {"iterations", info.iterations},
                     {"seed", static_cast<std::int64_t>(info.seed)},
-                    {"effects", nlohmann::json(info.effects).dump()},
+                    {"effects", detail::names_text(info.effects)},
                     {"train_views", static_cast<std::int64_t>(model.train_views)},
                     {"near_plane", model.render.near_plane},
                     {"blur_variance", model.render.blur_variance},
@@ -156,7 +156,8 @@ template <Recipe R>
 }
 
 /// What the file says of where a compressed model comes from.
-[[nodiscard]] inline Result<ModelInfo> model_info(const CodecModel& coded) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<ModelInfo> model_info(const CodecModel& coded) {
   ModelInfo info;
   const auto fail = [](const char* key) {
     return detail::coded_error(std::string("META.") + key, "is missing or of another type", "encode the model again");
@@ -176,11 +177,11 @@ template <Recipe R>
   if (!get("seed", seed)) return fail("seed");
   if (!get("effects", effects)) return fail("effects");
   info.seed = static_cast<std::uint64_t>(seed);
-  const nlohmann::json list = nlohmann::json::parse(effects, nullptr, false);
+  const Json list = Json::parse(effects, nullptr, false);
   if (!list.is_array()) return fail("effects");
-  for (const nlohmann::json& effect : list) {
+  for (const Json& effect : list) {
     if (!effect.is_string()) return fail("effects");
-    info.effects.push_back(effect.get<std::string>());
+    info.effects.push_back(effect.template get<std::string>());
   }
   if (get("origin", origin)) {
     const std::vector<double> numbers = detail::unpacked_doubles(origin);
@@ -188,7 +189,7 @@ template <Recipe R>
     std::copy_n(numbers.begin(), 3, info.origin.begin());
   }
   info.base_step = coded.base_step;
-  Result<std::vector<StoredView>> views = detail::read_views(coded);
+  Result<std::vector<StoredView>> views = detail::read_views<Json>(coded);
   if (!views) return views.error();
   info.views = std::move(*views);
   return info;

@@ -53,12 +53,19 @@ namespace detail {
   return values;
 }
 
+/// A list of names as a text.
+template <class Json = nlohmann::json>
+[[nodiscard]] std::string names_text(const std::vector<std::string>& names) {
+  return Json(names).dump();
+}
+
 /// A view's camera and lens in numbers: width, height, fx, fy, cx, cy, rotation[9], center[3], then lens model and parameters[16].
 inline constexpr std::size_t camera_numbers = 18, lens_numbers = 17;
 
-inline void store_views(const ModelInfo& info, StoredCameras which, CodecModel& coded) {
+template <class Json = nlohmann::json>
+void store_views(const ModelInfo& info, StoredCameras which, CodecModel& coded) {
   if (which == StoredCameras::none) return;
-  nlohmann::json names = nlohmann::json::array();
+  Json names = Json::array();
   std::vector<double> numbers;
   bool lenses = false;
   for (const StoredView& view : info.views) lenses = lenses || !is_pinhole(view.lens);
@@ -79,7 +86,8 @@ inline void store_views(const ModelInfo& info, StoredCameras which, CodecModel& 
   coded.metadata[lenses ? "cameras.lens" : "cameras"] = packed_doubles(numbers);
 }
 
-[[nodiscard]] inline Result<std::vector<StoredView>> read_views(const CodecModel& coded) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<std::vector<StoredView>> read_views(const CodecModel& coded) {
   const auto text = [&](const char* key) -> const std::string* {
     const auto found = coded.metadata.find(key);
     return found == coded.metadata.end() ? nullptr : std::get_if<std::string>(&found->second);
@@ -93,7 +101,7 @@ inline void store_views(const ModelInfo& info, StoredCameras which, CodecModel& 
     return coded_error("META.views", std::move(problem),
                        "the file was not written by this tool; encode the model again");
   };
-  const nlohmann::json json = nlohmann::json::parse(*names, nullptr, false);
+  const Json json = Json::parse(*names, nullptr, false);
   if (!json.is_array() || plain == nullptr) return fail("names and cameras do not belong together");
   const std::vector<double> numbers = unpacked_doubles(*plain);
   const std::size_t width = camera_numbers + (with_lens != nullptr ? lens_numbers : 0);
@@ -103,8 +111,8 @@ inline void store_views(const ModelInfo& info, StoredCameras which, CodecModel& 
       return fail("holds an entry that is not a name and a split");
     }
     StoredView view;
-    view.name = json[i][0].get<std::string>();
-    view.test = json[i][1].get<int>() != 0;
+    view.name = json[i][0].template get<std::string>();
+    view.test = json[i][1].template get<int>() != 0;
     const double* const row = numbers.data() + i * width;
     if (!std::all_of(row, row + width, [](double x) { return std::isfinite(x); }) ||
         !(row[0] >= 1 && row[0] <= 65536 && row[1] >= 1 && row[1] <= 65536 && row[2] > 0 && row[3] > 0)) {

@@ -63,30 +63,39 @@ namespace detail {
 
 inline constexpr const char* model_format = "compmark.model";
 
-[[nodiscard]] inline nlohmann::json shape_json(const DecoderShape& shape) {
-  return {{"feature_dim", shape.feature_dim},
-          {"offsets", shape.offsets},
-          {"distance", shape.distance},
-          {"feature_bank", shape.feature_bank},
-          {"appearance_dim", shape.appearance_dim}};
+template <class Json = nlohmann::json>
+[[nodiscard]] Json shape_json(const DecoderShape& shape) {
+  Json json;
+  json["feature_dim"] = shape.feature_dim;
+  json["offsets"] = shape.offsets;
+  json["distance"] = shape.distance;
+  json["feature_bank"] = shape.feature_bank;
+  json["appearance_dim"] = shape.appearance_dim;
+  return json;
 }
 
-template <Recipe R>
-[[nodiscard]] nlohmann::json info_json(const Model<R>& model, const ModelInfo& info) {
-  nlohmann::json views = nlohmann::json::array();
-  for (const StoredView& view : info.views) views.push_back({{"name", view.name}, {"test", view.test}});
-  nlohmann::json json{{"recipe", info.recipe},
-                      {"profile", info.profile},
-                      {"iterations", info.iterations},
-                      {"seed", info.seed},
-                      {"effects", info.effects},
-                      {"shape", shape_json(R::AnchorModel::shape)},
-                      {"voxel_size", model.voxel_size},
-                      {"train_views", model.train_views},
-                      {"near_plane", model.render.near_plane},
-                      {"blur_variance", model.render.blur_variance},
-                      {"background", model.render.background},
-                      {"views", views}};
+template <class Json = nlohmann::json, Recipe R>
+[[nodiscard]] Json info_json(const Model<R>& model, const ModelInfo& info) {
+  Json views = Json::array();
+  for (const StoredView& view : info.views) {
+    Json entry;
+    entry["name"] = view.name;
+    entry["test"] = view.test;
+    views.push_back(std::move(entry));
+  }
+  Json json;
+  json["recipe"] = info.recipe;
+  json["profile"] = info.profile;
+  json["iterations"] = info.iterations;
+  json["seed"] = info.seed;
+  json["effects"] = info.effects;
+  json["shape"] = shape_json<Json>(R::AnchorModel::shape);
+  json["voxel_size"] = model.voxel_size;
+  json["train_views"] = model.train_views;
+  json["near_plane"] = model.render.near_plane;
+  json["blur_variance"] = model.render.blur_variance;
+  json["background"] = model.render.background;
+  json["views"] = views;
   if (info.origin != std::array<double, 3>{0, 0, 0}) json["origin"] = info.origin;
   if constexpr (present<typename R::EntropyModel>) json["base_step"] = info.base_step;
   return json;
@@ -146,23 +155,24 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
 }
 
 /// Reads the cameras and the info; every number is checked to be finite and in range.
-[[nodiscard]] inline Result<ModelInfo> read_info(const SafetensorsFile& file, const nlohmann::json& json) {
+template <class Json>
+[[nodiscard]] Result<ModelInfo> read_info(const SafetensorsFile& file, const Json& json) {
   ModelInfo info;
   try {
-    info.recipe = json.at("recipe").get<std::string>();
-    info.profile = json.at("profile").get<std::string>();
-    info.iterations = json.at("iterations").get<std::int64_t>();
-    info.seed = json.at("seed").get<std::uint64_t>();
-    info.effects = json.at("effects").get<std::vector<std::string>>();
-    if (json.contains("origin")) info.origin = json["origin"].get<std::array<double, 3>>();
-    if (json.contains("base_step")) info.base_step = json["base_step"].get<std::array<double, 3>>();
-    for (const nlohmann::json& view : json.at("views")) {
+    info.recipe = json.at("recipe").template get<std::string>();
+    info.profile = json.at("profile").template get<std::string>();
+    info.iterations = json.at("iterations").template get<std::int64_t>();
+    info.seed = json.at("seed").template get<std::uint64_t>();
+    info.effects = json.at("effects").template get<std::vector<std::string>>();
+    if (json.contains("origin")) info.origin = json["origin"].template get<std::array<double, 3>>();
+    if (json.contains("base_step")) info.base_step = json["base_step"].template get<std::array<double, 3>>();
+    for (const Json& view : json.at("views")) {
       StoredView stored;
-      stored.name = view.at("name").get<std::string>();
-      stored.test = view.at("test").get<bool>();
+      stored.name = view.at("name").template get<std::string>();
+      stored.test = view.at("test").template get<bool>();
       info.views.push_back(std::move(stored));
     }
-  } catch (const nlohmann::json::exception& problem) {
+  } catch (const typename Json::exception& problem) {
     return model_error(file, "__metadata__.info", problem.what());
   }
   for (const double x : info.origin) {
@@ -220,15 +230,15 @@ template <class T>
 }
 
 /// Creates the model's blocks from the file's shape and fills them.
-template <Recipe R>
+template <Recipe R, class Json = nlohmann::json>
 [[nodiscard]] Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
   const Result<std::string> text = file.text_of("info");
   if (!text) return text.error();
-  const nlohmann::json json = nlohmann::json::parse(*text, nullptr, false);
+  const Json json = Json::parse(*text, nullptr, false);
   if (json.is_discarded() || !json.is_object()) return model_error(file, "__metadata__.info", "is not a JSON object");
   Result<ModelInfo> info = read_info(file, json);
   if (!info) return info.error();
-  if (!json.contains("shape") || json["shape"] != shape_json(R::AnchorModel::shape)) {
+  if (!json.contains("shape") || json["shape"] != shape_json<Json>(R::AnchorModel::shape)) {
     return model_error(file, "__metadata__.info.shape", "is not the shape of recipe " + info->recipe);
   }
   LoadedModel<R> loaded;
@@ -237,12 +247,12 @@ template <Recipe R>
   RenderSettings render;
   double voxel_size = 0;
   try {
-    train_views = json.at("train_views").get<std::size_t>();
-    voxel_size = json.at("voxel_size").get<double>();
-    render.near_plane = json.at("near_plane").get<double>();
-    render.blur_variance = json.at("blur_variance").get<double>();
-    render.background = json.at("background").get<std::array<double, 3>>();
-  } catch (const nlohmann::json::exception& problem) {
+    train_views = json.at("train_views").template get<std::size_t>();
+    voxel_size = json.at("voxel_size").template get<double>();
+    render.near_plane = json.at("near_plane").template get<double>();
+    render.blur_variance = json.at("blur_variance").template get<double>();
+    render.background = json.at("background").template get<std::array<double, 3>>();
+  } catch (const typename Json::exception& problem) {
     return model_error(file, "__metadata__.info", problem.what());
   }
   if (!(voxel_size > 0) || !(render.near_plane > 0) || !(render.blur_variance >= 0) ||
@@ -282,18 +292,19 @@ template <Recipe R>
 }
 
 /// Name of the recipe that a model file was written with, to choose the type to read it with.
-[[nodiscard]] inline Result<std::string> model_recipe(const SafetensorsFile& file) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<std::string> model_recipe(const SafetensorsFile& file) {
   const Result<std::string> format = file.text_of("format");
   if (!format) return format.error();
   if (*format != detail::model_format)
     return detail::model_error(file, "__metadata__.format", "is \"" + *format + "\"");
   const Result<std::string> text = file.text_of("info");
   if (!text) return text.error();
-  const nlohmann::json json = nlohmann::json::parse(*text, nullptr, false);
+  const Json json = Json::parse(*text, nullptr, false);
   if (json.is_discarded() || !json.contains("recipe") || !json["recipe"].is_string()) {
     return detail::model_error(file, "__metadata__.info.recipe", "is missing");
   }
-  return json["recipe"].get<std::string>();
+  return json["recipe"].template get<std::string>();
 }
 
 /// Reads a model of recipe R: every count and shape is checked against the file before it is believed.

@@ -21,8 +21,8 @@
 namespace compmark::inline v0 {
 
 /// Opens the dataset in a folder. Every image file is looked at (header only), no pixel is decoded. Cost: reading the files once.
-[[nodiscard]] inline Result<Dataset> open_dataset(const std::filesystem::path& folder,
-                                                  const DatasetSettings& settings) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Dataset> open_dataset(const std::filesystem::path& folder, const DatasetSettings& settings) {
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return Error{kind, folder.string(), std::move(field), std::move(problem), std::move(remedy)};
   };
@@ -34,7 +34,7 @@ namespace compmark::inline v0 {
   if (!std::filesystem::exists(folder, status))
     return fail(ErrorKind::not_found, "", "there is no such folder", "check the path of the dataset");
   if (folder.extension() == ".json" && std::filesystem::is_regular_file(folder, status))
-    return open_transforms(folder, settings);
+    return open_transforms<Json>(folder, settings);
   if (!std::filesystem::is_directory(folder, status))
     return fail(ErrorKind::invalid, "", "is a file, not a folder", "give the folder of the dataset");
   if (std::filesystem::is_empty(folder, status) && !status)
@@ -45,7 +45,7 @@ namespace compmark::inline v0 {
   const bool blender = transforms.filename() == "transforms_train.json";
   const bool has_sparse = std::filesystem::is_directory(folder / "sparse", status);
   if (is_colmap(folder) && (has_sparse || !blender)) return open_colmap(folder, settings);
-  if (!transforms.empty()) return open_transforms(transforms, settings);
+  if (!transforms.empty()) return open_transforms<Json>(transforms, settings);
   if (is_llff(folder)) return open_llff(folder, settings);
   return fail(
       ErrorKind::not_found, "",

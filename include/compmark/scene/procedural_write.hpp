@@ -151,7 +151,8 @@ namespace detail {
 inline constexpr const char* procedural_generator = "compmark built-in scene";
 
 /// Other people's files are not overwritten: the folder must be new, empty, or written by us.
-[[nodiscard]] inline Result<Done> check_scene_folder(const std::filesystem::path& folder) {
+template <class Json>
+[[nodiscard]] Result<Done> check_scene_folder(const std::filesystem::path& folder) {
   std::error_code status;
   const auto fail = [&](std::string problem, std::string remedy) {
     return Error{ErrorKind::unwritable, folder.string(), "", std::move(problem), std::move(remedy)};
@@ -161,16 +162,18 @@ inline constexpr const char* procedural_generator = "compmark built-in scene";
     return fail("is a file, not a folder", "give the name of a new folder");
   if (std::filesystem::is_empty(folder, status)) return Done{};
   if (std::filesystem::exists(folder / "transforms_train.json", status)) {
-    const Result<nlohmann::json> json = read_json(folder / "transforms_train.json");
-    if (json && json->is_object() && json->value("generator", nlohmann::json()) == procedural_generator) return Done{};
+    const Result<Json> json = read_json<Json>(folder / "transforms_train.json");
+    if (json && json->is_object() && json->contains("generator") && (*json)["generator"] == Json(procedural_generator))
+      return Done{};
   }
   return fail("the folder is not empty and does not hold the built-in scene", "give a new or empty folder");
 }
 
 /// OpenGL camera-to-world rows of a camera.
-[[nodiscard]] inline nlohmann::json opengl_matrix(const Camera<double>& camera) {
+template <class Json>
+[[nodiscard]] Json opengl_matrix(const Camera<double>& camera) {
   const std::array<double, 9>& r = camera.rotation_camera_world;
-  nlohmann::json rows = nlohmann::json::array();
+  Json rows = Json::array();
   for (std::size_t i = 0; i < 3; ++i) rows.push_back({r[i], -r[3 + i], -r[6 + i], camera.center_world[i]});
   rows.push_back({0.0, 0.0, 0.0, 1.0});
   return rows;
@@ -190,7 +193,7 @@ void put_lens(Json& json, const Lens& lens) {
 }  // namespace detail
 
 /// Writes the built-in scene into a folder, which is created. The JSON files come last: an interrupted call leaves no dataset behind.
-template <Executor E>
+template <class Json = nlohmann::ordered_json, Executor E>
 [[nodiscard]] Result<Done> write_procedural_scene(const std::filesystem::path& folder,
                                                   const ProceduralSettings& settings, E& executor) {
   if (settings.width < 1 || settings.height < 1 || settings.views_train < 1 || settings.views_test < 0) {
@@ -202,9 +205,9 @@ template <Executor E>
     return Error{ErrorKind::invalid, folder.string(), "lens", "is not one that the format has",
                  "use LensModel::opencv or opencv_fisheye"};
   }
-  if (Result<Done> usable = detail::check_scene_folder(folder); !usable) return usable.error();
+  if (Result<Done> usable = detail::check_scene_folder<Json>(folder); !usable) return usable.error();
   const ProceduralScene scene(settings.seed);
-  std::array<nlohmann::ordered_json, 2> files;
+  std::array<Json, 2> files;
   for (const Split split : {Split::train, Split::test}) {
     const std::string name = split == Split::train ? "train" : "test";
     const int count = split == Split::train ? settings.views_train : settings.views_test;
@@ -214,11 +217,11 @@ template <Executor E>
       return Error{ErrorKind::unwritable, (folder / name).string(), "",
                    "the folder cannot be created: " + status.message(), "choose another place"};
     }
-    nlohmann::ordered_json& json = files[split == Split::train ? 0 : 1];
+    Json& json = files[split == Split::train ? 0 : 1];
     json["generator"] = detail::procedural_generator;
     json["camera_angle_x"] = settings.camera_angle_x;
     detail::put_lens(json, settings.lens);
-    json["frames"] = nlohmann::json::array();
+    json["frames"] = Json::array();
     for (int i = 0; i < count; ++i) {
       std::array<char, 32> text{};
       std::snprintf(text.data(), text.size(), "r_%03d", i);
@@ -226,8 +229,10 @@ template <Executor E>
       const ImageBytes image = render_procedural(scene, camera, executor, settings.lens);
       if (Result<Done> written = write_png(folder / name / (std::string(text.data()) + ".png"), image); !written)
         return written.error();
-      json["frames"].push_back(
-          {{"file_path", "./" + name + "/" + text.data()}, {"transform_matrix", detail::opengl_matrix(camera)}});
+      Json frame;
+      frame["file_path"] = "./" + name + "/" + text.data();
+      frame["transform_matrix"] = detail::opengl_matrix<Json>(camera);
+      json["frames"].push_back(std::move(frame));
     }
   }
   if (Result<Done> written = write_json(folder / "transforms_test.json", files[1]); !written) return written.error();

@@ -64,9 +64,9 @@ namespace detail {
 }
 
 /// Appends the frames of one file. `empty_is_fine`: a list of test frames may be empty.
-[[nodiscard]] inline Result<Done> append_frames(const std::filesystem::path& file, const nlohmann::json& json,
-                                                Split split, bool empty_is_fine, const DatasetSettings& settings,
-                                                Dataset& dataset) {
+template <class Json>
+[[nodiscard]] Result<Done> append_frames(const std::filesystem::path& file, const Json& json, Split split,
+                                         bool empty_is_fine, const DatasetSettings& settings, Dataset& dataset) {
   const std::string name = file.string();
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return Error{kind, name, std::move(field), std::move(problem), std::move(remedy)};
@@ -75,7 +75,7 @@ namespace detail {
     return fail(ErrorKind::malformed, "frames", "is missing, so there are no poses",
                 "give a transforms file with a list of frames");
   }
-  const nlohmann::json& frames = json["frames"];
+  const Json& frames = json["frames"];
   if (frames.empty()) {
     if (empty_is_fine) return Done{};
     return fail(ErrorKind::invalid, "frames", "is empty, so there are no images", "give at least one frame");
@@ -85,13 +85,13 @@ namespace detail {
   double worst_scale = 1;
   std::string first_missing_field;
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    const nlohmann::json& frame = frames[i];
+    const Json& frame = frames[i];
     const std::string where = "frames[" + std::to_string(i) + "]";
     if (!frame.is_object() || !frame.contains("file_path") || !frame["file_path"].is_string()) {
       return fail(ErrorKind::malformed, where + ".file_path", "is missing",
                   "give the image's path relative to the JSON file");
     }
-    const TransformsFields fields(json, frame, name, where);
+    const TransformsFields<Json> fields(json, frame, name, where);
     const Result<std::array<double, 16>> matrix = read_matrix(frame, name, where);
     if (!matrix) return matrix.error();
     const std::optional<Pose> pose = pose_from_opengl(*matrix);
@@ -105,7 +105,7 @@ namespace detail {
     if (!size) return size.error();
 
     View view;
-    view.name = frame["file_path"].get<std::string>();
+    view.name = frame["file_path"].template get<std::string>();
     view.image_path = resolve_image(file.parent_path(), view.name);
     view.split = split;
     if (view.image_path.empty()) {
@@ -130,12 +130,12 @@ namespace detail {
     if (std::abs(pose->scale - 1) > std::abs(worst_scale - 1)) worst_scale = pose->scale;
 
     if (settings.masks) {
-      const nlohmann::json* mask = fields.find("mask_path");
+      const Json* mask = fields.find("mask_path");
       if (mask != nullptr && mask->is_string()) {
-        view.mask_path = resolve_image(file.parent_path(), mask->get<std::string>());
+        view.mask_path = resolve_image(file.parent_path(), mask->template get<std::string>());
         if (view.mask_path.empty())
           return fail(ErrorKind::not_found, fields.field("mask_path"),
-                      "names \"" + mask->get<std::string>() + "\", but there is no such image",
+                      "names \"" + mask->template get<std::string>() + "\", but there is no such image",
                       "add the mask or remove the field");
       } else {
         view.mask_path = find_mask(file.parent_path(), view.image_path);
@@ -163,8 +163,8 @@ namespace detail {
 }
 
 /// The splits of nerfstudio: train_filenames, val_filenames, test_filenames. False if the file has none.
-[[nodiscard]] inline Result<bool> split_by_lists(const std::filesystem::path& file, const nlohmann::json& json,
-                                                 Dataset& dataset) {
+template <class Json>
+[[nodiscard]] Result<bool> split_by_lists(const std::filesystem::path& file, const Json& json, Dataset& dataset) {
   constexpr std::array<const char*, 3> keys{"train_filenames", "val_filenames", "test_filenames"};
   std::array<bool, 3> there{};
   for (std::size_t k = 0; k < 3; ++k) there[k] = json.contains(keys[k]);
@@ -175,15 +175,15 @@ namespace detail {
   if (!there[0])
     return fail(keys[0], "is missing, although there is a list of other images", "list the training images");
   std::map<std::string, std::size_t> known;  // every frame of the file, whether its image is there or not
-  for (const nlohmann::json& frame : json["frames"]) known[plain_name(frame["file_path"].get<std::string>())] = 3;
+  for (const Json& frame : json["frames"]) known[plain_name(frame["file_path"].template get<std::string>())] = 3;
   for (std::size_t k = 0; k < 3; ++k) {
     if (!there[k]) continue;
     if (!json[keys[k]].is_array()) return fail(keys[k], "is not a list of names", "list the images' file_path");
-    for (const nlohmann::json& entry : json[keys[k]]) {
-      const auto found = entry.is_string() ? known.find(plain_name(entry.get<std::string>())) : known.end();
+    for (const Json& entry : json[keys[k]]) {
+      const auto found = entry.is_string() ? known.find(plain_name(entry.template get<std::string>())) : known.end();
       if (found == known.end())
         return fail(keys[k],
-                    "names " + entry.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
+                    "names " + entry.dump(-1, ' ', false, Json::error_handler_t::replace) +
                         ", which is the file_path of no frame",
                     "correct the list");
       if (found->second == 3) found->second = k;  // in two lists: the first counts
@@ -216,21 +216,21 @@ namespace detail {
 
 /// Opens a dataset by its JSON file; for transforms_train.json the test views are those of transforms_test.json beside it, if there
 /// (transforms_val.json is not used, as in the published evaluation).
-[[nodiscard]] inline Result<Dataset> open_transforms(const std::filesystem::path& file,
-                                                     const DatasetSettings& settings) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Dataset> open_transforms(const std::filesystem::path& file, const DatasetSettings& settings) {
   const bool blender = file.filename() == "transforms_train.json";
   const std::filesystem::path folder = file.parent_path();
   Dataset dataset;
   dataset.kind = blender ? "blender" : "transforms";
   dataset.root = folder;
-  const Result<nlohmann::json> json = detail::read_transforms(file);
+  const Result<Json> json = detail::read_transforms<Json>(file);
   if (!json) return json.error();
   Result<Done> done = detail::append_frames(file, *json, Split::train, false, settings, dataset);
   if (!done) return done.error();
   if (blender) {
     const std::filesystem::path test = folder / "transforms_test.json";
     if (detail::file_exists(test)) {
-      const Result<nlohmann::json> test_json = detail::read_transforms(test);
+      const Result<Json> test_json = detail::read_transforms<Json>(test);
       if (!test_json) return test_json.error();
       done = detail::append_frames(test, *test_json, Split::test, true, settings, dataset);
       if (!done) return done.error();
@@ -248,7 +248,7 @@ namespace detail {
   PrecisePoints points;
   std::filesystem::path point_file;
   if (json->contains("ply_file_path") && (*json)["ply_file_path"].is_string())
-    point_file = folder / (*json)["ply_file_path"].get<std::string>();
+    point_file = folder / (*json)["ply_file_path"].template get<std::string>();
   if (blender && settings.use_point_file && detail::file_exists(folder / "points3d.ply"))
     point_file = folder / "points3d.ply";
   if (!point_file.empty() && detail::file_exists(point_file)) {

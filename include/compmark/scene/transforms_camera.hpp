@@ -25,15 +25,16 @@ namespace compmark::inline v0 {
 namespace detail {
 
 /// Looks a key up in a frame, then in the file; remembers the first value that is there and of no use.
+template <class Json>
 class TransformsFields {
  public:
-  TransformsFields(const nlohmann::json& file, const nlohmann::json& frame, std::string name, std::string where)
+  TransformsFields(const Json& file, const Json& frame, std::string name, std::string where)
       : file_(file),
         frame_(frame),
         name_(std::move(name)),
         where_(std::move(where)) {}
 
-  [[nodiscard]] const nlohmann::json* find(const char* key) const {
+  [[nodiscard]] const Json* find(const char* key) const {
     if (frame_.contains(key)) return &frame_[key];
     return file_.contains(key) ? &file_[key] : nullptr;
   }
@@ -43,7 +44,7 @@ class TransformsFields {
   /// A number in (low, high), or nothing if the key is not there.
   [[nodiscard]] Result<std::optional<double>> number(const char* key, double low, double high, const char* what,
                                                      const char* remedy) const {
-    const nlohmann::json* value = find(key);
+    const Json* value = find(key);
     if (value == nullptr) return std::optional<double>();
     const std::optional<double> number = finite_number(*value);
     if (!number || !(*number > low) || !(*number < high)) return error(ErrorKind::invalid, key, what, remedy);
@@ -54,14 +55,15 @@ class TransformsFields {
   }
 
  private:
-  const nlohmann::json& file_;
-  const nlohmann::json& frame_;
+  const Json& file_;
+  const Json& frame_;
   std::string name_;
   std::string where_;
 };
 
 /// w and h, zero where the file does not say.
-[[nodiscard]] inline Result<std::array<int, 2>> transforms_size(const TransformsFields& fields) {
+template <class Json>
+[[nodiscard]] Result<std::array<int, 2>> transforms_size(const TransformsFields<Json>& fields) {
   std::array<int, 2> size{0, 0};
   constexpr std::array<const char*, 2> keys{"w", "h"};
   for (std::size_t i = 0; i < 2; ++i) {
@@ -75,8 +77,9 @@ class TransformsFields {
 }
 
 /// Camera without pose for images of width x height, which w and h are where the file has them.
-[[nodiscard]] inline Result<Camera<double>> transforms_intrinsics(const TransformsFields& fields, int width,
-                                                                  int height) {
+template <class Json>
+[[nodiscard]] Result<Camera<double>> transforms_intrinsics(const TransformsFields<Json>& fields, int width,
+                                                           int height) {
   Camera<double> camera;
   camera.width = width;
   camera.height = height;
@@ -126,23 +129,24 @@ class TransformsFields {
 }
 
 /// The lens of a frame.
-[[nodiscard]] inline Result<Lens> transforms_lens(const TransformsFields& fields) {
+template <class Json>
+[[nodiscard]] Result<Lens> transforms_lens(const TransformsFields<Json>& fields) {
   std::string model = "OPENCV";
-  const nlohmann::json* named = fields.find("camera_model");
+  const Json* named = fields.find("camera_model");
   if (named != nullptr) {
     if (!named->is_string())
       return fields.error(ErrorKind::malformed, "camera_model", "is not a name",
                           "use \"OPENCV\" or \"OPENCV_FISHEYE\"");
-    model = named->get<std::string>();
+    model = named->template get<std::string>();
   }
-  const nlohmann::json* flag = fields.find("is_fisheye");
-  if (flag != nullptr && flag->is_boolean() && flag->get<bool>()) model = "OPENCV_FISHEYE";
+  const Json* flag = fields.find("is_fisheye");
+  if (flag != nullptr && flag->is_boolean() && flag->template get<bool>()) model = "OPENCV_FISHEYE";
 
   // k1 … k6 and p1 p2 by name; distortion_params [k1 k2 k3 k4 p1 p2] where there are none.
   constexpr std::array<const char*, 8> names{"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"};
   constexpr std::array<std::size_t, 6> order{0, 1, 2, 3, 6, 7};
   std::array<double, 8> k{};
-  if (const nlohmann::json* list = fields.find("distortion_params"); list != nullptr && !list->is_null()) {
+  if (const Json* list = fields.find("distortion_params"); list != nullptr && !list->is_null()) {
     if (!list->is_array() || list->size() > order.size())
       return fields.error(ErrorKind::malformed, "distortion_params", "is not a list of up to 6 numbers",
                           "give [k1, k2, k3, k4, p1, p2]");

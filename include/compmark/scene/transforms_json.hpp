@@ -52,13 +52,13 @@ namespace detail {
 }
 
 /// Parses the contents of a transforms file; `name` is for the message.
-[[nodiscard]] inline Result<nlohmann::json> parse_transforms(std::span<const std::byte> bytes,
-                                                             const std::string& name) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Json> parse_transforms(std::span<const std::byte> bytes, const std::string& name) {
   if (bytes.empty()) return Error{ErrorKind::truncated, name, "", "the file is empty", "create the dataset again"};
   const std::string text = without_nan(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   try {
-    return nlohmann::json::parse(text);
-  } catch (const nlohmann::json::exception& mistake) {
+    return Json::parse(text);
+  } catch (const typename Json::exception& mistake) {
     std::string reason = mistake.what();
     if (const std::size_t end = reason.find("] "); end != std::string::npos) reason.erase(0, end + 2);
     return Error{ErrorKind::malformed, name, "", "is not valid JSON: " + reason,
@@ -66,29 +66,32 @@ namespace detail {
   }
 }
 
-[[nodiscard]] inline Result<nlohmann::json> read_transforms(const std::filesystem::path& path) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Json> read_transforms(const std::filesystem::path& path) {
   const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
   if (!bytes) return bytes.error();
-  return parse_transforms(*bytes, path.string());
+  return parse_transforms<Json>(*bytes, path.string());
 }
 
 /// A finite number, or nothing.
-[[nodiscard]] inline std::optional<double> finite_number(const nlohmann::json& value) {
+template <class Json>
+[[nodiscard]] std::optional<double> finite_number(const Json& value) {
   if (!value.is_number()) return std::nullopt;
-  const double number = value.get<double>();
+  const double number = value.template get<double>();
   return std::isfinite(number) ? std::optional<double>(number) : std::nullopt;
 }
 
 /// Row-major 4 x 4 (a 3 x 4 is completed); the Error names the entry.
-[[nodiscard]] inline Result<std::array<double, 16>> read_matrix(const nlohmann::json& frame, const std::string& file,
-                                                                const std::string& where) {
+template <class Json>
+[[nodiscard]] Result<std::array<double, 16>> read_matrix(const Json& frame, const std::string& file,
+                                                         const std::string& where) {
   const std::string field = where + ".transform_matrix";
   const auto fail = [&](ErrorKind kind, const std::string& entry, std::string problem) {
     return Error{kind, file, field + entry, std::move(problem), "correct the pose or remove the frame"};
   };
   if (!frame.is_object() || !frame.contains("transform_matrix"))
     return fail(ErrorKind::malformed, "", "is missing, so the image has no pose");
-  const nlohmann::json& rows = frame["transform_matrix"];
+  const Json& rows = frame["transform_matrix"];
   if (!rows.is_array() || (rows.size() != 4 && rows.size() != 3))
     return fail(ErrorKind::malformed, "", "is not a 4 x 4 matrix");
   std::array<double, 16> matrix{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
