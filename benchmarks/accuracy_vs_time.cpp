@@ -38,6 +38,7 @@
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/recipes/scaffold.hpp"
 #include "support/accuracy_cases.hpp"
+#include "support/accuracy_page.hpp"
 #include "support/accuracy_rows.hpp"
 
 // ---- live bytes of this program -------------------------------------------------------------------------------------------------------
@@ -425,23 +426,9 @@ int main(int argc, char** argv) {
       }
       plot.series.push_back(std::move(series));
     }
-    const std::string page =
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Accuracy against time</title><style>"
-        ":root{--ink:#16202c;--soft:#5b6878;--line:#dfe4ea;--paper:#fff;color-scheme:light dark}"
-        "@media(prefers-color-scheme:dark){:root{--ink:#e6ebf1;--soft:#98a5b5;--line:#2d3742;--paper:#12171d}}"
-        "body{margin:0 auto;max-width:1240px;padding:28px 20px;background:var(--paper);color:var(--ink);font:15px/1.5 "
-        "system-ui,sans-serif}"
-        "table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}td,th{padding:3px 10px 3px "
-        "0;text-align:right;"
-        "border-bottom:1px solid var(--line)}td:first-child,th:first-child{text-align:left}" +
-        std::string(tool::plot_style) + "</style></head><body><h1>Accuracy against time</h1><p>" +
-        tool::escape_html(head) + "</p>" + tool::svg(plot) + "<p>" + tool::escape_html(proof) + "</p>" + table.html() +
-        "</body></html>\n";
-    const Result<Done> svg =
-        options->svg.empty() ? Result<Done>(Done{}) : write_file(options->svg, tool::standalone_svg(plot));
-    const Result<Done> html = options->html.empty() ? Result<Done>(Done{}) : write_file(options->html, page);
-    if (!svg || !html) {
-      std::fprintf(stderr, "accuracy_vs_time: %s\n", (svg ? html : svg).error().line().c_str());
+    const std::string page = html_page("Accuracy against time", head, {plot}, proof, table);
+    if (const Result<Done> written = write_pages(options->html, options->svg, page, plot); !written) {
+      std::fprintf(stderr, "accuracy_vs_time: %s\n", written.error().line().c_str());
       return 1;
     }
   }
