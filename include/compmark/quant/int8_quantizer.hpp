@@ -16,6 +16,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <span>
 #include <string>
@@ -152,26 +153,33 @@ class Int8Quantizer {
   /// The tensor that fit() has seen, as integers.
   void encode(MatrixView<const T> x, const Context& context, std::span<std::int8_t> symbol) const {
     COMPMARK_ASSERT(x.size() == symbol.size(), "Int8Quantizer: one symbol a value");
+    alignas(64) T block[1024];  // compilers make vectors of a plain loop over this, not of one over a pack
+    std::size_t begin = 0, filled = 0;
+    const auto flush = [&] {
+      for (std::size_t j = 0; j < filled; ++j)
+        symbol[begin + j] = static_cast<std::int8_t>(static_cast<std::int32_t>(block[j]));
+      begin += filled;
+      filled = 0;
+    };
     each(x.rows, x.columns, context, [&](std::size_t i, bool whole, auto lanes, P scale, P zero) {
-      T lane[W];
-      symbols(whole ? P::load(x.data + i) : P::load(x.data + i, lanes), scale, zero).store(lane);
-      if (whole) {
-        for (std::size_t l = 0; l < W; ++l)
-          symbol[i + l] = static_cast<std::int8_t>(static_cast<std::int32_t>(lane[l]));
-      } else {
-        for (std::size_t l = 0; i + l < x.size() && lanes.lane(static_cast<int>(l)); ++l)
-          symbol[i + l] = static_cast<std::int8_t>(static_cast<std::int32_t>(lane[l]));
-      }
+      symbols(whole ? P::load(x.data + i) : P::load(x.data + i, lanes), scale, zero).store(block + filled);
+      filled += whole ? W : static_cast<std::size_t>(count(lanes));
+      if (filled + W > std::size(block)) flush();
     });
+    flush();
   }
   /// What forward gave, from the integers and the scales alone.
   void decode(std::span<const std::int8_t> symbol, const Context& context, MatrixView<T> x) const {
     COMPMARK_ASSERT(x.size() == symbol.size(), "Int8Quantizer: one symbol a value");
+    alignas(64) T block[1024] = {};
+    std::size_t begin = 0, filled = 0;
     each(x.rows, x.columns, context, [&](std::size_t i, bool whole, auto lanes, P scale, P zero) {
-      T lane[W] = {};
-      const std::size_t count = whole ? W : static_cast<std::size_t>(count_of(lanes));
-      for (std::size_t l = 0; l < count; ++l) lane[l] = static_cast<T>(symbol[i + l]);
-      const P back = values(P::load(lane), scale, zero);
+      if (i + W > begin + filled) {
+        begin = i;
+        filled = std::min(std::size(block), symbol.size() - i);
+        for (std::size_t j = 0; j < filled; ++j) block[j] = static_cast<T>(symbol[begin + j]);
+      }
+      const P back = values(P::load(block + (i - begin)), scale, zero);
       whole ? back.store(x.data + i) : back.store(x.data + i, lanes);
     });
   }
@@ -199,11 +207,13 @@ class Int8Quantizer {
     return all(abs(x) <= P(greatest));
   }
   [[nodiscard]] static T least_lane(P x) {
-    T least = x.lane(0);
-    for (int i = 1; i < P::width; ++i) least = std::min(least, x.lane(i));
-    return least;
+    alignas(64) T lane[W];
+    x.store(lane);
+    for (std::size_t half = W / 2; half > 0; half /= 2) {
+      for (std::size_t l = 0; l < half; ++l) lane[l] = std::min(lane[l], lane[l + half]);
+    }
+    return lane[0];
   }
-  [[nodiscard]] static int count_of(typename P::MaskType lanes) { return count(lanes); }
 
   template <class Body>
   static void each_pack(std::size_t length, const Body& body) {
