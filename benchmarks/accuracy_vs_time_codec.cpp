@@ -166,7 +166,7 @@ Case file_case(std::string group, std::string name, const CodecModel& model, std
   const auto encoded = encode_hac(model, {bits}, *executor);
   if (!encoded) stop(encoded.error().line());
   const auto bytes = std::make_shared<std::vector<std::byte>>(encoded->bytes);
-  const HacReport& report = encoded->report;
+  const CodecReport& report = encoded->report;
   one.scalars = static_cast<double>(report.symbols[0] + report.symbols[1] + report.symbols[2]);
   one.ideal = (report.ideal_bits[0] + report.ideal_bits[1] + report.ideal_bits[2]) / one.scalars;
   one.bits =
@@ -192,7 +192,9 @@ std::vector<Case> network_cases(const CodecModel& model, const GaussianTables& t
   std::vector<Case> cases;
   const auto bits_of = [&](const IntegerContext& context) {
     const IntegerNetwork::Packed packed = context.network.pack();
-    return detail::sample_bits({context, packed, tables, model.base_step, model.offset_count}, live, steps);
+    detail::HacPredictor predictor(context, packed, live.voxels);
+    return detail::sample_bits({context.heads, tables, model.base_step, model.offset_count},
+                               detail::chunk_rows(live, 0, live.anchors()), predictor, steps);
   };
   const auto context_of = [&](int bits) {
     Result<IntegerContext> context = detail::context_of(model, WeightBits::all(bits));

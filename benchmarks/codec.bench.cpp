@@ -30,8 +30,8 @@ const CodecModel& model_of(std::size_t anchors) {
   }
   return found->second;
 }
-const HacEncoded& file_of(std::size_t anchors) {
-  static std::map<std::size_t, HacEncoded> files;
+const CodecEncoded& file_of(std::size_t anchors) {
+  static std::map<std::size_t, CodecEncoded> files;
   auto found = files.find(anchors);
   if (found == files.end()) {
     SerialExecutor executor;
@@ -41,10 +41,10 @@ const HacEncoded& file_of(std::size_t anchors) {
   }
   return found->second;
 }
-double symbols_in(const HacReport& report) {
+double symbols_in(const CodecReport& report) {
   return static_cast<double>(report.symbols[0] + report.symbols[1] + report.symbols[2]);
 }
-void count(benchmark::State& state, const HacReport& report) {
+void count(benchmark::State& state, const CodecReport& report) {
   const double symbols = symbols_in(report);
   state.counters["symbols/s"] = benchmark::Counter(symbols, benchmark::Counter::kIsIterationInvariantRate);
   state.counters["us_anchor"] =
@@ -64,7 +64,7 @@ void encode(benchmark::State& state) {
   count(state, file_of(static_cast<std::size_t>(state.range(0))).report);
 }
 void decode(benchmark::State& state) {
-  const HacEncoded& file = file_of(static_cast<std::size_t>(state.range(0)));
+  const CodecEncoded& file = file_of(static_cast<std::size_t>(state.range(0)));
   ThreadExecutor executor(static_cast<std::size_t>(state.range(1)));
   for (auto _ : state) {
     const auto decoded = decode_hac(file.bytes, "", {}, executor);
@@ -82,7 +82,7 @@ BENCHMARK(decode)
     ->UseRealTime();
 
 void context(benchmark::State& state) {
-  const HacEncoded& file = file_of(20'000);
+  const CodecEncoded& file = file_of(20'000);
   const IntegerContext& integers = *file.model.context;
   const IntegerNetwork::Packed packed = integers.network.pack();
   ContextEvaluator evaluator(integers, packed);
@@ -106,7 +106,7 @@ void context(benchmark::State& state) {
 BENCHMARK(context)->ArgName("models")->Arg(0)->Arg(1);
 
 void grid(benchmark::State& state) {
-  const HacEncoded& file = file_of(20'000);
+  const CodecEncoded& file = file_of(20'000);
   const IntegerHashGrid& integers = file.model.context->grid;
   std::vector<std::int16_t> panel(96 * integer_panel);
   std::size_t first = 0, anchors = 0;

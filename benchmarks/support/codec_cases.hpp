@@ -15,7 +15,7 @@
 #include <span>
 #include <vector>
 
-#include "compmark/codec/hac_chunk.hpp"
+#include "compmark/codec/chunk_coding.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/entropy/symbol_coder.hpp"
 
@@ -94,7 +94,7 @@ inline SymbolSet model_symbols(CodecModel model, const IntegerContext& context, 
       }
       const SymbolModel* next = models.data();
       detail::visit_scalars(
-          rows, first + lane, model.offset_count, evaluator, lane, [&](int group, int index, float value) {
+          rows, first + lane, model.offset_count, evaluator, lane, [&](int group, std::size_t, int index, float value) {
             const auto g = static_cast<std::size_t>(group);
             const std::size_t c = group == 2 ? live[column[g]++] : column[g]++;
             const double mean = evaluator.outputs()[(context.heads.mean_row(group) + c) * integer_panel + lane];

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <compmark/codec/hac.hpp>
+#include <compmark/codec/cmk.hpp>
 #include <cstdio>
 #include <memory>
 
@@ -24,11 +24,14 @@ std::string formatted(const char* format, Values... values) {
 }
 
 const char* purpose(std::uint32_t section) {
-  using F = HacFormat;
+  using F = ContextGsFormat;
   if (section == F::meta) return "settings and cameras";
   if (section == F::geometry) return "positions";
   if (section == F::mask) return "offset masks";
-  if (section == F::hash) return "hash grid";
+  if (section == HacFormat::hash) return "hash grid";
+  if (section == F::levels) return "levels";
+  if (section == F::prior) return "prior of the hyperprior";
+  if (section == F::hyperprior) return "hyperprior";
   if (section == F::context) return "context network";
   if (section == F::networks) return "rendering networks";
   if (section == F::stream) return "features, extents, offsets";
@@ -37,10 +40,10 @@ const char* purpose(std::uint32_t section) {
 
 }  // namespace
 
-std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const HacReport& report) {
+std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const CodecReport& report) {
   std::vector<std::pair<std::string, std::uint64_t>> sections;
-  for (std::size_t i = 0; i < report.section_bytes.size(); ++i) {
-    if (report.section_bytes[i] != 0) sections.emplace_back(purpose(HacFormat::known[i]), report.section_bytes[i]);
+  for (const auto& [kind, bytes] : report.section_bytes) {
+    if (bytes != 0) sections.emplace_back(purpose(kind), bytes);
   }
   sections.emplace_back("header and table of contents", report.container_bytes);
   if (report.extra_bytes != 0) sections.emplace_back("sections of others", report.extra_bytes);
@@ -48,11 +51,15 @@ std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const HacRepor
   return sections;
 }
 
-std::string coded_text(const HacReport& report) {
+std::string coded_text(const CodecReport& report) {
   std::string text = formatted("%llu bytes, %llu anchors with %llu live offsets", report.total_bytes + 0ull,
                                report.anchors + 0ull, report.live_offsets + 0ull);
   if (report.dropped != 0) text += formatted(", %llu without a live one left out", report.dropped + 0ull);
   text += "\n";
+  if (report.profile == ContainerProfile::context_gs) {
+    text += formatted("  levels: %llu coarse anchors, %llu, %llu fine\n", report.level_anchors[2] + 0ull,
+                      report.level_anchors[1] + 0ull, report.level_anchors[0] + 0ull);
+  }
   for (const auto& [name, bytes] : coded_sections(report)) {
     text += formatted("  %-30s %10llu  %5.1f %%\n", name.c_str(), bytes + 0ull,
                       100.0 * static_cast<double>(bytes) / static_cast<double>(report.total_bytes));
@@ -67,10 +74,14 @@ std::string coded_text(const HacReport& report) {
     text += formatted("  %s: %.3f bits a scalar\n", groups[group],
                       report.ideal_bits[group] / static_cast<double>(report.symbols[group]));
   }
+  if (report.hyperprior_symbols != 0) {
+    text += formatted("  hyperprior: %.3f bits a scalar\n",
+                      report.hyperprior_bits / static_cast<double>(report.hyperprior_symbols));
+  }
   return text;
 }
 
-nlohmann::ordered_json coded_json(const HacReport& report) {
+nlohmann::ordered_json coded_json(const CodecReport& report) {
   nlohmann::ordered_json sections;
   for (const auto& [name, bytes] : coded_sections(report)) sections[name] = bytes;
   nlohmann::ordered_json bits;
@@ -79,10 +90,17 @@ nlohmann::ordered_json coded_json(const HacReport& report) {
     if (report.symbols[group] != 0)
       bits[groups[group]] = report.ideal_bits[group] / static_cast<double>(report.symbols[group]);
   }
-  return {{"bytes", report.total_bytes},         {"estimated_bytes", report.estimated_bytes()},
-          {"anchors", report.anchors},           {"dropped_anchors", report.dropped},
-          {"live_offsets", report.live_offsets}, {"bits_per_scalar", std::move(bits)},
-          {"clamped", report.clamped},           {"sections", std::move(sections)}};
+  if (report.hyperprior_symbols != 0)
+    bits["hyperprior"] = report.hyperprior_bits / static_cast<double>(report.hyperprior_symbols);
+  return {{"codec", codec_name(report.profile)},
+          {"bytes", report.total_bytes},
+          {"estimated_bytes", report.estimated_bytes()},
+          {"anchors", report.anchors},
+          {"dropped_anchors", report.dropped},
+          {"live_offsets", report.live_offsets},
+          {"bits_per_scalar", std::move(bits)},
+          {"clamped", report.clamped},
+          {"sections", std::move(sections)}};
 }
 
 Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesystem::path& file,
@@ -90,7 +108,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
                                    ThreadExecutor& executor) {
   CodedRun run;
   const auto encoding = Clock::now();
-  const Result<HacEncoded> encoded = write_hac(file, model, HacSettings{}, executor);
+  const Result<CodecEncoded> encoded = write_cmk(file, model, CodecEncodeSettings{}, executor);
   if (!encoded) return encoded.error();
   run.metrics.encode_seconds = since(encoding);
   const auto decoding = Clock::now();
@@ -101,8 +119,8 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
       evaluate_views(**decoded, measured, lpips, executor,
                      [](std::size_t, const ViewResult&, ImageView<const float>, ImageView<const float>) {});
   if (!evaluation) return evaluation.error();
-  const HacReport& report = encoded->report;
-  run.metrics.codec = "hac";
+  const CodecReport& report = encoded->report;
+  run.metrics.codec = codec_name(report.profile);
   run.metrics.bytes = report.total_bytes;
   run.metrics.anchors = report.anchors;
   run.metrics.sections = coded_sections(report);

@@ -5,7 +5,7 @@
 #pragma once
 
 #include <compmark/codec/codec_model.hpp>
-#include <compmark/codec/hac_encoder.hpp>
+#include <compmark/codec/encoding.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <filesystem>
@@ -33,9 +33,9 @@ compmark::Result<CodedRun> write_and_measure(const compmark::CodecModel& model, 
                                              const MarkInput* mark, compmark::ThreadExecutor& executor);
 
 /// Bytes by what they are for, largest first; they add up to the file.
-std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const compmark::HacReport& report);
+std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const compmark::CodecReport& report);
 /// What an encoder found, for people and for programs.
-std::string coded_text(const compmark::HacReport& report);
-nlohmann::ordered_json coded_json(const compmark::HacReport& report);
+std::string coded_text(const compmark::CodecReport& report);
+nlohmann::ordered_json coded_json(const compmark::CodecReport& report);
 
 }  // namespace tool

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark compress: a model that was trained for it, as one small file. compmark decompress: the way back, damaged files included.
-#include <compmark/codec/hac.hpp>
+#include <compmark/codec/cmk.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/pipeline/coded_model.hpp>
@@ -43,7 +43,7 @@ int compress(const CompressOptions& options) {
     return fail(error);
   }
   ThreadExecutor executor(options.threads);
-  const Result<HacEncoded> encoded = write_hac(options.out, *model, HacSettings{}, executor);
+  const Result<CodecEncoded> encoded = write_cmk(options.out, *model, CodecEncodeSettings{}, executor);
   if (!encoded) return fail(encoded.error());
   std::printf("%s: %s", options.out.string().c_str(), coded_text(encoded->report).c_str());
   if (options.json.empty()) return success;
@@ -58,7 +58,7 @@ struct DecompressOptions {
 };
 
 template <class R>
-int decompress(const DecompressOptions& options, const HacDecoded& decoded) {
+int decompress(const DecompressOptions& options, const CodecDecoded& decoded) {
   Result<LoadedModel<R>> loaded = model_from<R>(decoded.model);
   if (!loaded) {
     Error error = loaded.error();
@@ -104,7 +104,7 @@ Command add_compress(CLI::App& app) {
     if (!is_coded_recipe(source->recipe)) {
       return fail({ErrorKind::unsupported, options->model.string(), "recipe",
                    "\"" + source->recipe + "\" has no entropy model, so nothing is known of how its numbers are coded",
-                   "train with --codec hac"});
+                   "train with --codec hac or context_gs"});
     }
     return with_coded_recipe(source->recipe,
                              ExitCode([&](auto tag) { return compress<typename decltype(tag)::Recipe>(*options); }));
@@ -120,9 +120,9 @@ Command add_decompress(CLI::App& app) {
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   return [options]() -> int {
     ThreadExecutor executor(options->threads);
-    HacDecodeSettings settings;
+    CodecDecodeSettings settings;
     settings.salvage = options->salvage;
-    const Result<HacDecoded> decoded = read_hac(options->model, settings, executor);
+    const Result<CodecDecoded> decoded = read_cmk(options->model, settings, executor);
     if (!decoded) return fail(decoded.error());
     const Result<std::string> recipe = model_recipe(decoded->model);
     if (!recipe) return fail(recipe.error());

@@ -3,8 +3,8 @@
 //
 // compmark info: what a model file holds, and the digest that names it.
 #include <bit>
+#include <compmark/codec/cmk.hpp>
 #include <compmark/codec/container.hpp>
-#include <compmark/codec/hac_decoder.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/safetensors.hpp>
@@ -31,7 +31,7 @@ int info_of_coded(const std::filesystem::path& path) {
   const Result<Container> container = parse_container(*bytes, path.string());
   if (!container) return fail(container.error());
   ThreadExecutor executor(0);
-  const Result<HacDecoded> decoded = decode_hac(*bytes, path.string(), HacDecodeSettings{}, executor);
+  const Result<CodecDecoded> decoded = decode_cmk(*bytes, path.string(), CodecDecodeSettings{}, executor);
   if (!decoded) return fail(decoded.error());
   const Result<std::string> digest = file_sha256(path);
   if (!digest) return fail(digest.error());
@@ -41,12 +41,12 @@ int info_of_coded(const std::filesystem::path& path) {
   std::size_t live = 0;
   for (const std::uint32_t mask : model.mask) live += static_cast<std::size_t>(std::popcount(mask));
   std::printf(
-      "%s\n  sha256      %s\n  codec       hac, %zu bytes, every section and the decoded model verified\n"
+      "%s\n  sha256      %s\n  codec       %s, %zu bytes, every section and the decoded model verified\n"
       "  recipe      %s (profile %s, %lld iterations, seed %llu)\n  anchors     %zu with %zu live offsets\n"
       "  cell size   %g\n  views       %zu stored\n  sections\n",
-      path.string().c_str(), digest->c_str(), bytes->size(), info->recipe.c_str(), info->profile.c_str(),
-      static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed), model.anchors(), live,
-      model.voxel_size, info->views.size());
+      path.string().c_str(), digest->c_str(), codec_name(model.profile()), bytes->size(), info->recipe.c_str(),
+      info->profile.c_str(), static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed),
+      model.anchors(), live, model.voxel_size, info->views.size());
   std::map<std::string, std::pair<std::size_t, std::uint64_t>> sections;
   for (const SectionEntry& entry : container->sections) {
     auto& [count, size] = sections[section_name(entry.kind)];

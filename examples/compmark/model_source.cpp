@@ -3,7 +3,7 @@
 #include "model_source.hpp"
 
 #include <array>
-#include <compmark/codec/hac.hpp>
+#include <compmark/codec/cmk.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <cstddef>
 #include <fstream>
@@ -29,7 +29,7 @@ Result<ModelSource> ModelSource::open(const std::filesystem::path& path) {
   source.path = path;
   if (is_coded_file(path)) {
     ThreadExecutor executor(0);
-    Result<HacDecoded> decoded = read_hac(path, {}, executor);
+    Result<CodecDecoded> decoded = read_cmk(path, {}, executor);
     if (!decoded) return decoded.error();
     Result<std::string> recipe = model_recipe(decoded->model);
     if (!recipe) {

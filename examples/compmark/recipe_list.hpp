@@ -6,6 +6,7 @@
 #pragma once
 
 #include <compmark/recipes/captures.hpp>
+#include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/far_field.hpp>
 #include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/scaffold.hpp>
@@ -48,19 +49,43 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
 
 /// Recipes that train for compression, which are the ones a .cmk holds; `f` as above.
 template <class F>
-auto with_coded_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {
+auto with_hac_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {
   if (name == "hac") return f(Tag<compmark::recipes::HacScaffold>{});
   if (name == "hac+mask") return f(Tag<compmark::recipes::HacMasked>{});
   if (name == "hac+alpha") return f(Tag<compmark::recipes::HacAlpha>{});
   if (name == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
-  return f.unknown(compmark::Error{compmark::ErrorKind::invalid,
-                                   {},
-                                   "recipe",
-                                   "\"" + std::string(name) + "\" is not trained for compression",
-                                   "this tool compresses hac, hac+mask, hac+alpha and hac+exposure"});
+  return f.unknown(
+      compmark::Error{compmark::ErrorKind::invalid,
+                      {},
+                      "recipe",
+                      "\"" + std::string(name) + "\" is not trained for compression",
+                      "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure"});
 }
-inline bool is_coded_recipe(std::string_view name) { return name.substr(0, 3) == "hac"; }
-/// Either list.
+template <class F>
+auto with_context_gs_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::ContextGsScaffold>{})) {
+  if (name == "context_gs") return f(Tag<compmark::recipes::ContextGsScaffold>{});
+  if (name == "context_gs+mask") return f(Tag<compmark::recipes::ContextGsMasked>{});
+  if (name == "context_gs+alpha") return f(Tag<compmark::recipes::ContextGsAlpha>{});
+  if (name == "context_gs+exposure") return f(Tag<compmark::recipes::ContextGsExposure>{});
+  return f.unknown(
+      compmark::Error{compmark::ErrorKind::invalid,
+                      {},
+                      "recipe",
+                      "\"" + std::string(name) + "\" is not trained for compression",
+                      "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure"});
+}
+/// The codec that a recipe trains for; "none" for the others.
+inline const char* recipe_codec(std::string_view name) {
+  const std::string_view head = name.substr(0, name.find('+'));
+  return head == "hac" ? "hac" : head == "context_gs" ? "context_gs" : "none";
+}
+inline bool is_coded_recipe(std::string_view name) { return std::string_view(recipe_codec(name)) != "none"; }
+template <class F>
+auto with_coded_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {
+  return recipe_codec(name) == std::string_view("context_gs") ? with_context_gs_recipe(name, f)
+                                                              : with_hac_recipe(name, f);
+}
+/// Any list.
 template <class F>
 auto with_any_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::Scaffold>{})) {
   return is_coded_recipe(name) ? with_coded_recipe(name, f) : with_recipe(name, f);

@@ -94,7 +94,14 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   const bool coded = is_coded_recipe(options.recipe);
   if (options.codec == "none" && !coded) return Done{};
   if (coded) {
-    options.codec = "hac";
+    if (options.codec != "none" && options.codec != recipe_codec(options.recipe)) {
+      return Error{ErrorKind::invalid,
+                   {},
+                   "--codec",
+                   "\"" + options.codec + "\" is not the codec of recipe " + options.recipe,
+                   "leave out one of the two"};
+    }
+    options.codec = recipe_codec(options.recipe);
     return Done{};
   }
   if (recipe_given || options.recipe.rfind("scaffold", 0) != 0) {
@@ -125,16 +132,16 @@ Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option(
-      "--recipe", options->recipe,
-      "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
-      "+fisheye, +exposure, "
-      "+exposure+mask, +farfield or +exposure+farfield), hac (with +mask, +alpha or +exposure), compmark-host or "
-      "compmark-paper-host (default: "
-      "what the data call for, or the profile's)");
-  app.add_option("--codec", options->codec, "train for a small file: none or hac; writes model.cmk too")
+  app.add_option("--recipe", options->recipe,
+                 "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
+                 "+fisheye, +exposure, "
+                 "+exposure+mask, +farfield or +exposure+farfield), hac or context_gs (with +mask, +alpha or "
+                 "+exposure), compmark-host or "
+                 "compmark-paper-host (default: "
+                 "what the data call for, or the profile's)");
+  app.add_option("--codec", options->codec, "train for a small file: none, hac or context_gs; writes model.cmk too")
       ->capture_default_str()
-      ->check(CLI::IsMember({"none", "hac"}));
+      ->check(CLI::IsMember({"none", "hac", "context_gs"}));
   app.add_option("--lambda", options->rate_lambda,
                  "with a codec: loss of one bit more a scalar; 0.0005 for quality to 0.004 for size")
       ->capture_default_str()

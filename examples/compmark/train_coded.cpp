@@ -7,20 +7,16 @@
 
 namespace tool {
 
+int train_hac(const TrainOptions& options, TrainSettings settings, const MarkInput* mark) {
+  return with_hac_recipe(options.recipe, ExitCode([&](auto tag) -> int {
+                           return run_coded<typename decltype(tag)::Recipe>(options, settings, mark);
+                         }));
+}
+
 int train_coded(const TrainOptions& options, TrainSettings settings, const MarkInput* mark) {
-  return with_coded_recipe(options.recipe, ExitCode([&](auto tag) -> int {
-                             using R = typename decltype(tag)::Recipe;
-                             if (mark == nullptr) return run<R>(options, settings);
-                             if constexpr (present<typename R::Exposure>) {
-                               return fail({ErrorKind::unsupported,
-                                            {},
-                                            "--recipe",
-                                            "\"" + options.recipe + "\" is not built with a message",
-                                            "choose hac, hac+mask or hac+alpha"});
-                             } else {
-                               return run<recipes::Marked<R, Decoder>>(options, settings, mark);
-                             }
-                           }));
+  return recipe_codec(options.recipe) == std::string_view("context_gs")
+             ? train_context_gs(options, std::move(settings), mark)
+             : train_hac(options, std::move(settings), mark);
 }
 
 }  // namespace tool

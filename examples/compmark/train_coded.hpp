@@ -14,5 +14,8 @@ struct TrainOptions;
 
 /// Trains options.recipe, one of with_coded_recipe, and writes the compressed file too. `mark` may be null. Returns the exit code.
 int train_coded(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput* mark);
+/// Those of one codec, each compiled by itself.
+int train_hac(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput* mark);
+int train_context_gs(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput* mark);
 
 }  // namespace tool

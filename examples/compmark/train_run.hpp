@@ -489,4 +489,19 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   return success;
 }
 
+/// A run of a recipe for compression, with a message or without.
+template <class R>
+int run_coded(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark) {
+  if (mark == nullptr) return run<R>(options, settings);
+  if constexpr (present<typename R::Exposure>) {
+    return fail({ErrorKind::unsupported,
+                 {},
+                 "--recipe",
+                 "\"" + options.recipe + "\" is not built with a message",
+                 "choose " + options.codec + ", " + options.codec + "+mask or " + options.codec + "+alpha"});
+  } else {
+    return run<recipes::Marked<R, Decoder>>(options, settings, mark);
+  }
+}
+
 }  // namespace tool

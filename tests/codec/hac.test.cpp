@@ -20,13 +20,13 @@ using namespace compmark;
 using testing::CodecModelShape;
 using testing::make_codec_model;
 
-HacEncoded encoded(const CodecModel& model) {
+CodecEncoded encoded(const CodecModel& model) {
   SerialExecutor executor;
   auto result = encode_hac(model, {}, executor);
   REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
   return std::move(*result);
 }
-HacDecoded decoded(std::span<const std::byte> bytes) {
+CodecDecoded decoded(std::span<const std::byte> bytes) {
   SerialExecutor executor;
   auto result = decode_hac(bytes, "a.cmk", {}, executor);
   REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
@@ -47,8 +47,8 @@ bool same(const CodecModel& a, const CodecModel& b) {
 
 TEST_CASE("codec/hac: a file decodes to the encoder's own quantised model, to the last bit") {
   const CodecModel model = make_codec_model(1);
-  const HacEncoded file = encoded(model);
-  const HacDecoded back = decoded(file.bytes);
+  const CodecEncoded file = encoded(model);
+  const CodecDecoded back = decoded(file.bytes);
   CHECK(back.verified);
   CHECK(back.damaged.empty());
   CHECK(same(back.model, file.model));
@@ -87,9 +87,9 @@ TEST_CASE("codec/hac: encoding what was decoded gives the same bytes") {
   for (const std::uint64_t seed : {2u, 3u, 4u}) {
     CodecModelShape shape;
     shape.anchors = 150 * seed;
-    const HacEncoded file = encoded(make_codec_model(seed, shape));
-    const HacDecoded back = decoded(file.bytes);
-    const HacEncoded again = encoded(back.model);
+    const CodecEncoded file = encoded(make_codec_model(seed, shape));
+    const CodecDecoded back = decoded(file.bytes);
+    const CodecEncoded again = encoded(back.model);
     CHECK(again.bytes == file.bytes);
     CHECK(same(again.model, back.model));
   }
@@ -97,7 +97,7 @@ TEST_CASE("codec/hac: encoding what was decoded gives the same bytes") {
 
 TEST_CASE("codec/hac: bytes and model are the same at any number of threads") {
   const CodecModel model = make_codec_model(5, {.anchors = 700});
-  const HacEncoded file = encoded(model);
+  const CodecEncoded file = encoded(model);
   for (const std::size_t threads : {2u, 3u, 8u}) {
     ThreadExecutor executor(threads);
     const auto other = encode_hac(model, {}, executor);
@@ -110,10 +110,10 @@ TEST_CASE("codec/hac: bytes and model are the same at any number of threads") {
 }
 
 TEST_CASE("codec/hac: the file is as large as its tables say, and the report counts every byte") {
-  const HacEncoded file = encoded(make_codec_model(6, testing::full_codec_model(1200)));
-  const HacReport& report = file.report;
+  const CodecEncoded file = encoded(make_codec_model(6, testing::full_codec_model(1200)));
+  const CodecReport& report = file.report;
   std::uint64_t sum = report.container_bytes + report.extra_bytes;
-  for (const std::uint64_t bytes : report.section_bytes) sum += bytes;
+  for (const auto& [kind, bytes] : report.section_bytes) sum += bytes;
   CHECK(sum == report.total_bytes);
   CHECK(report.total_bytes == file.bytes.size());
   CHECK(std::abs(report.estimated_bytes() / static_cast<double>(report.total_bytes) - 1) < 0.0005);
@@ -128,7 +128,7 @@ TEST_CASE(
     "same steps") {
   SerialExecutor executor;
   const CodecModel model = make_codec_model(14, {.anchors = 900, .feature_dim = 12, .hidden = 40});
-  const HacEncoded found = encoded(model);
+  const CodecEncoded found = encoded(model);
   const auto fine = encode_hac(model, {WeightBits::all(16)}, executor);
   REQUIRE(fine.ok());
   for (const int bits : {6, 8, 10, 12, 16}) {
@@ -170,7 +170,7 @@ TEST_CASE("codec/hac: no anchors, one anchor, anchors without live offsets") {
   CHECK(same(decoded(encoded(one).bytes).model, encoded(one).model));
   CodecModel dead = make_codec_model(7, {.anchors = 20});
   std::fill(dead.mask.begin(), dead.mask.end(), 0u);
-  const HacEncoded file = encoded(dead);
+  const CodecEncoded file = encoded(dead);
   CHECK(file.report.dropped == 20);
   CHECK(decoded(file.bytes).model.anchors() == 0);
 }
@@ -181,11 +181,11 @@ TEST_CASE("codec/hac: a value far out costs a few bytes, and beyond the greatest
   while (model.mask[row] == 0) ++row;
   const std::size_t before = encoded(model).bytes.size();
   model.feature[row * 6] = 10'000;
-  const HacEncoded outlier = encoded(model);
+  const CodecEncoded outlier = encoded(model);
   CHECK(outlier.bytes.size() < before + 8);
   CHECK(outlier.report.clamped[0] == 0);
   model.feature[row * 6] = 3e9f;
-  const HacEncoded held = encoded(model);
+  const CodecEncoded held = encoded(model);
   CHECK(held.report.clamped[0] == 1);
   CHECK(same(decoded(held.bytes).model, held.model));
   CHECK(encoded(held.model).bytes == held.bytes);

@@ -55,14 +55,14 @@ File opened(const std::vector<std::byte>& bytes) {
   }
   return file;
 }
-Result<HacDecoded> decode(const std::vector<std::byte>& bytes, HacDecodeSettings settings = {}) {
+Result<CodecDecoded> decode(const std::vector<std::byte>& bytes, CodecDecodeSettings settings = {}) {
   static const GaussianTables tables;
   settings.tables = &tables;
   SerialExecutor executor;
   return decode_hac(bytes, "a.cmk", settings, executor);
 }
 /// The error of a forged file; it names file and remedy.
-Error error_of(const std::function<void(File&)>& change, const HacDecodeSettings& settings = {}) {
+Error error_of(const std::function<void(File&)>& change, const CodecDecodeSettings& settings = {}) {
   File file = opened(good_bytes());
   change(file);
   const auto result = decode(file.bytes(), settings);

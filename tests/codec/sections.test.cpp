@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "compmark/codec/hac_format.hpp"
-#include "compmark/codec/hac_info.hpp"
+#include "compmark/codec/inspect.hpp"
 #include "compmark/codec/mask_coding.hpp"
 #include "compmark/codec/network_coding.hpp"
 #include "compmark/core/executor.hpp"
@@ -118,7 +118,7 @@ TEST_CASE("codec/hac_info: a file is described without being decoded, damaged se
   SerialExecutor executor;
   const auto file = encode_hac(testing::make_codec_model(31), {}, executor);
   REQUIRE(file.ok());
-  const auto info = inspect_hac(file->bytes, "a.cmk");
+  const auto info = inspect_cmk(file->bytes, "a.cmk");
   REQUIRE(info.ok());
   CHECK(info->anchors == file->report.anchors);
   CHECK(info->numbers.metadata == file->model.metadata);
@@ -127,10 +127,10 @@ TEST_CASE("codec/hac_info: a file is described without being decoded, damaged se
   for (const std::uint32_t kind : HacFormat::known) CHECK(info->bytes_of(kind) == file->report.bytes_of(kind));
   std::vector<std::byte> bytes = file->bytes;
   bytes.back() ^= std::byte{1};  // DIGS
-  const auto damaged = inspect_hac(bytes, "a.cmk");
+  const auto damaged = inspect_cmk(bytes, "a.cmk");
   REQUIRE(damaged.ok());
   CHECK(damaged->damaged == std::vector<std::string>{"DIGS"});
-  CHECK(!inspect_hac(std::span<const std::byte>(bytes).first(100), "a.cmk").ok());
+  CHECK(!inspect_cmk(std::span<const std::byte>(bytes).first(100), "a.cmk").ok());
 }
 
 }  // namespace

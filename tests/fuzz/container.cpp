@@ -3,7 +3,7 @@
 //
 // Any bytes as a .cmk file: an answer, never a crash; and as the header and table of contents of one whose checksums are right, because
 // a fuzzer does not guess checksums. What is accepted lies inside the file and tiles it.
-#include <compmark/codec/hac_info.hpp>
+#include <compmark/codec/inspect.hpp>
 
 #include <algorithm>
 #include <cstdint>
@@ -25,7 +25,7 @@ void look(std::span<const std::byte> bytes) {
     }
     if (reached != bytes.size()) std::abort();
   }
-  const auto info = compmark::inspect_hac(bytes, "fuzz");
+  const auto info = compmark::inspect_cmk(bytes, "fuzz");
   if (!info && (info.error().problem.empty() || info.error().remedy.empty())) std::abort();
 }
 

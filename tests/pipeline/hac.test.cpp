@@ -127,7 +127,7 @@ TEST_CASE("pipeline/hac: the rate is a loss: more weight, fewer bits") {
     info.base_step = {1, 0.01, 0.2};
     const Result<CodecModel> coded = coded_model(trainer.model(), info);
     REQUIRE(coded.ok());
-    const Result<HacEncoded> file = encode_hac(*coded, HacSettings{}, executor);
+    const Result<CodecEncoded> file = encode_hac(*coded, CodecEncodeSettings{}, executor);
     REQUIRE(file.ok());
     return file->report.ideal_bits[0] + file->report.ideal_bits[1] + file->report.ideal_bits[2];
   };
@@ -158,9 +158,9 @@ TEST_CASE("pipeline/hac: a trained model goes through a file and renders the sam
   ThreadExecutor executor(2);
   const Result<CodecModel> coded = coded_model(model, info);
   REQUIRE(coded.ok());
-  const Result<HacEncoded> file = encode_hac(*coded, HacSettings{}, executor);
+  const Result<CodecEncoded> file = encode_hac(*coded, CodecEncodeSettings{}, executor);
   REQUIRE(file.ok());
-  const Result<HacDecoded> decoded = decode_hac(file->bytes, "a.cmk", HacDecodeSettings{}, executor);
+  const Result<CodecDecoded> decoded = decode_hac(file->bytes, "a.cmk", CodecDecodeSettings{}, executor);
   REQUIRE(decoded.ok());
   const Result<LoadedModel<Small>> ours = model_from<Small>(file->model), theirs = model_from<Small>(decoded->model);
   REQUIRE(ours.ok());
@@ -221,7 +221,7 @@ TEST_CASE("pipeline/hac: dead offsets are not rendered and not stored; a model o
   for (std::size_t i = 0; i < mask.rows; i += 2) mask(i, 0) = mask(i, 2) = -20;  // every other anchor altogether
   const Result<CodecModel> coded = coded_model(model, ModelInfo{});
   REQUIRE(coded.ok());
-  const Result<HacEncoded> file = encode_hac(*coded, HacSettings{}, executor);
+  const Result<CodecEncoded> file = encode_hac(*coded, CodecEncodeSettings{}, executor);
   REQUIRE(file.ok());
   CHECK(file->report.dropped == (mask.rows + 1) / 2);
   CHECK(file->report.live_offsets == 2 * (mask.rows / 2));

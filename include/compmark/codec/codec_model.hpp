@@ -20,6 +20,7 @@
 
 #include "compmark/codec/container.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/entropy/context_gs_integers.hpp"
 #include "compmark/entropy/integer_context.hpp"
 #include "compmark/entropy/integer_quantize.hpp"
 #include "compmark/math/morton.hpp"
@@ -52,6 +53,19 @@ struct TrainedContext {
   std::vector<float> statistics;                      ///< [2][D + 6 + 3 K]: means, deviations
 };
 
+/// That of ContextGS.
+struct TrainedContextGs {
+  struct Network {
+    std::vector<float> weight1, bias1, weight2, bias2;  ///< row-major [out][in]
+  };
+  AnchorCells cells;
+  std::array<float, 6> box{};  ///< minimum, maximum, world units
+  std::size_t hidden = 0;
+  std::array<Network, 3> network;  ///< of level i
+  std::vector<float> statistics;   ///< [2][D + 6 + 3 K]: means, deviations
+  std::vector<double> prior;       ///< [channels of z][31] probabilities of -15 … 15
+};
+
 struct CodecModel {
   double voxel_size = 0;
   int feature_dim = 0;                             ///< D
@@ -59,15 +73,18 @@ struct CodecModel {
   std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, extents (world units), offsets
   int chunk_anchors = 4096;                        ///< anchors that are decoded together
 
-  std::vector<Voxel> voxels;        ///< position = voxel_size * voxel
-  std::vector<std::uint32_t> mask;  ///< bit k: offset k is live; an anchor without any is not coded
-  std::vector<float> feature;       ///< [N, D]
-  std::vector<float> extent;        ///< [N, 6], not their logarithms
-  std::vector<float> offset;        ///< [N, 3 K]; of offsets that are not live, decoding makes zeros
+  std::vector<Voxel> voxels;             ///< position = voxel_size * voxel
+  std::vector<std::uint32_t> mask;       ///< bit k: offset k is live; an anchor without any is not coded
+  std::vector<float> feature;            ///< [N, D]
+  std::vector<float> extent;             ///< [N, 6], not their logarithms
+  std::vector<float> offset;             ///< [N, 3 K]; of offsets that are not live, decoding makes zeros
+  std::vector<std::int32_t> hyperprior;  ///< ContextGS: [N, channels] symbols of z
 
-  /// One of the two. Encoding makes the second from the first; where the second is there, it is used as it is.
-  std::optional<TrainedContext> trained;
+  /// One of the four. Encoding makes the second of a pair from the first; where the second is there, it is used as it is.
+  std::optional<TrainedContext> trained;  ///< HAC
   std::optional<IntegerContext> context;
+  std::optional<TrainedContextGs> trained_gs;  ///< ContextGS
+  std::optional<IntegerContextGs> context_gs;
 
   std::vector<CodecTensor> networks;  ///< what renders, by name
   std::map<std::string, CodecValue> metadata;
@@ -75,6 +92,9 @@ struct CodecModel {
 
   [[nodiscard]] std::size_t anchors() const { return voxels.size(); }
   [[nodiscard]] ContextHeads heads() const { return {feature_dim, 6, 3 * offset_count}; }
+  [[nodiscard]] ContainerProfile profile() const {
+    return trained_gs || context_gs ? ContainerProfile::context_gs : ContainerProfile::hac;
+  }
 };
 
 struct CodecLimits {
@@ -124,7 +144,7 @@ namespace detail {
                     k = static_cast<std::size_t>(model.offset_count);
   if (n > CodecLimits::anchors) return fail("anchors", std::to_string(n) + " are more than 2^28");
   if (model.mask.size() != n || model.feature.size() != n * d || model.extent.size() != 6 * n ||
-      model.offset.size() != 3 * k * n) {
+      model.offset.size() != 3 * k * n || (n > 0 && model.hyperprior.size() % n != 0)) {
     return fail("anchors", "the attributes are not those of " + std::to_string(n) + " anchors");
   }
   for (std::size_t i = 0; i < n; ++i) {
@@ -133,6 +153,11 @@ namespace detail {
     if (model.mask[i] == 0) continue;  // not coded
     for (std::size_t c = 0; c < d; ++c) {
       if (!std::isfinite(model.feature[i * d + c])) return fail("feature" + row, "is not finite");
+    }
+    for (std::size_t c = 0; c < model.hyperprior.size() / n; ++c) {
+      const std::int32_t z = model.hyperprior[i * (model.hyperprior.size() / n) + c];
+      if (z < -HyperpriorFormat::greatest || z > HyperpriorFormat::greatest)
+        return fail("hyperprior" + row, "is beyond 1e6");
     }
     for (std::size_t c = 0; c < 6; ++c) {
       const float extent = model.extent[6 * i + c];

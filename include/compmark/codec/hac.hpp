@@ -16,9 +16,9 @@
 namespace compmark::inline v0 {
 
 template <Executor E>
-[[nodiscard]] Result<HacEncoded> write_hac(const std::filesystem::path& path, const CodecModel& model,
-                                           const HacSettings& settings, E& executor) {
-  Result<HacEncoded> encoded = encode_hac(model, settings, executor);
+[[nodiscard]] Result<CodecEncoded> write_hac(const std::filesystem::path& path, const CodecModel& model,
+                                             const CodecEncodeSettings& settings, E& executor) {
+  Result<CodecEncoded> encoded = encode_hac(model, settings, executor);
   if (!encoded) return encoded.error();
   const Result<Done> written = write_file(path, encoded->bytes);
   if (!written) return written.error();
@@ -26,8 +26,8 @@ template <Executor E>
 }
 
 template <Executor E>
-[[nodiscard]] Result<HacDecoded> read_hac(const std::filesystem::path& path, const HacDecodeSettings& settings,
-                                          E& executor) {
+[[nodiscard]] Result<CodecDecoded> read_hac(const std::filesystem::path& path, const CodecDecodeSettings& settings,
+                                            E& executor) {
   const Result<std::vector<std::byte>> bytes = read_file(path, settings.memory_limit);
   if (!bytes) return bytes.error();
   return decode_hac(*bytes, path.string(), settings, executor);

@@ -36,27 +36,11 @@ struct IntegerContext {
   }
 };
 
-/// Evaluates panels of `integer_panel` anchors; one object a worker.
-class ContextEvaluator {
+/// What a network says of the anchors of a panel: steps and models of their scalars.
+class PanelModels {
  public:
-  /// `packed` is context.network.pack(), shared; both must outlive this.
-  ContextEvaluator(const IntegerContext& context, const IntegerNetwork::Packed& packed)
-      : context_(&context),
-        packed_(&packed) {
-    panel_.input.resize(static_cast<std::size_t>(context.grid.shape().channels()) * integer_panel);
-  }
+  explicit PanelModels(const ContextHeads& heads) : heads_(heads) {}
 
-  /// Up to `integer_panel` voxels.
-  void evaluate(std::span<const std::array<std::int32_t, 3>> voxels) {
-    context_->grid.evaluate(voxels, panel_.input.data());
-    context_->network.evaluate(*packed_, panel_);
-    for (int group = 0; group < 3; ++group) {
-      const std::int32_t* const r = panel_.output.data() + context_->heads.r_row(group) * integer_panel;
-      for (std::size_t lane = 0; lane < voxels.size(); ++lane) {
-        step_[static_cast<std::size_t>(group)][lane] = static_cast<std::int8_t>(step_index(r[lane]));
-      }
-    }
-  }
   /// Step index of a group: q = Q0 2^(index / 16).
   [[nodiscard]] int step(int group, std::size_t lane) const { return step_[static_cast<std::size_t>(group)][lane]; }
   using Steps = std::array<std::array<std::int8_t, integer_panel>, 3>;
@@ -64,16 +48,17 @@ class ContextEvaluator {
   [[nodiscard]] const Steps& steps() const { return step_; }
   void set_steps(const Steps& steps) { step_ = steps; }
 
-  /// The network's outputs, [row][lane].
+  /// What the network read, [channel / 2][lane][2], and its outputs, [row][lane].
+  [[nodiscard]] std::span<const std::int16_t> inputs() const { return panel_.input; }
   [[nodiscard]] std::span<const std::int32_t> outputs() const { return panel_.output; }
+  [[nodiscard]] const ContextHeads& heads() const { return heads_; }
 
   /// Models of `count` channels of a group from `first` on.
   void models(int group, std::size_t lane, std::size_t first, std::size_t count, SymbolModel* out) const {
     const int index = step(group, lane);
     const std::int64_t reciprocal = step_reciprocal(index);
-    const std::int32_t* mean = panel_.output.data() + (context_->heads.mean_row(group) + first) * integer_panel + lane;
-    const std::int32_t* sigma =
-        panel_.output.data() + (context_->heads.sigma_row(group) + first) * integer_panel + lane;
+    const std::int32_t* mean = panel_.output.data() + (heads_.mean_row(group) + first) * integer_panel + lane;
+    const std::int32_t* sigma = panel_.output.data() + (heads_.sigma_row(group) + first) * integer_panel + lane;
     for (std::size_t c = 0; c < count; ++c)
       out[c] = model(mean[c * integer_panel], sigma[c * integer_panel], index, reciprocal);
   }
@@ -92,11 +77,44 @@ class ContextEvaluator {
             static_cast<std::int32_t>(std::clamp(phase, -mean_limit, mean_limit))};
   }
 
+ protected:
+  /// From panel_.input to outputs and steps of the first `lanes` anchors.
+  void run(const IntegerNetwork& network, const IntegerNetwork::Packed& packed, std::size_t lanes) {
+    network.evaluate(packed, panel_);
+    for (int group = 0; group < 3; ++group) {
+      const std::int32_t* const r = panel_.output.data() + heads_.r_row(group) * integer_panel;
+      for (std::size_t lane = 0; lane < lanes; ++lane) {
+        step_[static_cast<std::size_t>(group)][lane] = static_cast<std::int8_t>(step_index(r[lane]));
+      }
+    }
+  }
+  IntegerNetwork::Panel panel_;
+
+ private:
+  ContextHeads heads_;
+  Steps step_{};
+};
+
+/// Evaluates panels of `integer_panel` anchors; one object a worker.
+class ContextEvaluator : public PanelModels {
+ public:
+  /// `packed` is context.network.pack(), shared; both must outlive this.
+  ContextEvaluator(const IntegerContext& context, const IntegerNetwork::Packed& packed)
+      : PanelModels(context.heads),
+        context_(&context),
+        packed_(&packed) {
+    panel_.input.resize(static_cast<std::size_t>(context.grid.shape().channels()) * integer_panel);
+  }
+
+  /// Up to `integer_panel` voxels.
+  void evaluate(std::span<const std::array<std::int32_t, 3>> voxels) {
+    context_->grid.evaluate(voxels, panel_.input.data());
+    run(context_->network, *packed_, voxels.size());
+  }
+
  private:
   const IntegerContext* context_;
   const IntegerNetwork::Packed* packed_;
-  IntegerNetwork::Panel panel_;
-  Steps step_{};
 };
 
 }  // namespace compmark::inline v0

@@ -57,14 +57,15 @@ class IntegerNetwork {
 
   IntegerLayer hidden, output;
 
-  /// What could go wrong with these numbers, whatever the input; none if nothing.
-  [[nodiscard]] Result<Done> check(std::size_t inputs, const ContextHeads& heads) const {
+  /// What could go wrong with these numbers, whatever the inputs up to `most`; none if nothing.
+  [[nodiscard]] Result<Done> check(std::size_t inputs, const ContextHeads& heads,
+                                   std::int64_t most = std::int64_t{1} << IntegerHashGrid::activation_bits) const {
     const auto fail = [](std::string problem) {
       return Error{ErrorKind::invalid, "", "NETC", std::move(problem), "encode the model again"};
     };
     if (hidden.inputs != inputs || hidden.outputs == 0 || output.inputs != hidden.outputs ||
         output.outputs != heads.outputs()) {
-      return fail("the network's layers do not fit the hash grid or the attributes");
+      return fail("the network's layers do not fit what they read or the attributes");
     }
     for (const IntegerLayer* layer : {&hidden, &output}) {
       if (layer->weight.size() != layer->inputs * layer->outputs || layer->bias.size() != layer->outputs ||
@@ -72,14 +73,14 @@ class IntegerNetwork {
         return fail("a layer's weights, biases or shifts are incomplete");
       }
     }
-    const std::vector<std::int64_t> most_input(inputs, std::int64_t{1} << IntegerHashGrid::activation_bits);
+    const std::vector<std::int64_t> most_input(inputs, most);
     std::vector<std::int64_t> most_hidden(hidden.outputs);
     for (std::size_t row = 0; row < hidden.outputs; ++row) {
-      const std::int64_t most = most_sum(hidden, row, most_input);
-      if (most < 0 || hidden.shift[row] < 0 || hidden.shift[row] > 31) {
+      const std::int64_t sum = most_sum(hidden, row, most_input);
+      if (sum < 0 || hidden.shift[row] < 0 || hidden.shift[row] > 31) {
         return fail("row " + std::to_string(row) + " of the first layer could overflow");
       }
-      most_hidden[row] = std::min<std::int64_t>(round_shift(most, hidden.shift[row]), greatest_hidden);
+      most_hidden[row] = std::min<std::int64_t>(round_shift(sum, hidden.shift[row]), greatest_hidden);
     }
     for (std::size_t row = 0; row < output.outputs; ++row) {
       if (most_sum(output, row, most_hidden) < 0 || output.shift[row] < -24 || output.shift[row] > 31) {

@@ -28,7 +28,7 @@ struct FloatContext {
 };
 
 /// Bits of weights, sign included, 4 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of extents, which need 13
-/// (codec/context_choice.hpp finds out). The three rows of the steps always have at least 12.
+/// (codec/network_choice.hpp finds out). The three rows of the steps always have at least 12.
 struct WeightBits {
   int hidden = 12;                      ///< first layer
   std::array<int, 3> mean{12, 12, 12};  ///< second layer, by attribute group
@@ -46,6 +46,9 @@ struct WeightBits {
 struct IntegerNetworkSettings {
   WeightBits bits;
   std::array<double, 3> base_step{1, 0.001, 0.2};
+  int input_bits = IntegerHashGrid::activation_bits;  ///< fraction bits of the inputs
+  /// The greatest input there is, and one that all inputs of an anchor seldom reach together: beyond it hidden units may be held.
+  std::int64_t most_input = std::int64_t{1} << IntegerHashGrid::activation_bits, usual_input = most_input;
 };
 
 namespace detail {
@@ -110,9 +113,8 @@ namespace detail {
   }
 
   // First layer: hidden unit j is stored in units of 2^-f_j, as fine as its own worst case allows.
-  constexpr double input_unit = 1.0 / (1 << IntegerHashGrid::activation_bits);
-  const std::vector<double> unit1(inputs, input_unit);
-  const std::vector<std::int64_t> most1(inputs, std::int64_t{1} << IntegerHashGrid::activation_bits);
+  const std::vector<double> unit1(inputs, std::ldexp(1.0, -settings.input_bits));
+  const std::vector<std::int64_t> most1(inputs, settings.most_input), usual1(inputs, settings.usual_input);
   std::vector<double> row(std::max(inputs, hidden)), unit2(hidden);
   std::vector<std::int64_t> most2(hidden);
   for (std::size_t j = 0; j < hidden; ++j) {
@@ -120,12 +122,13 @@ namespace detail {
     const int exponent =
         detail::quantize_row(std::span(row).first(inputs), context.bias1[j], unit1, most1, settings.bits.hidden, 40,
                              network.hidden.weight.data() + j * inputs, network.hidden.bias[j]);
-    const std::int64_t most = IntegerNetwork::most_sum(network.hidden, j, most1);
+    const std::int64_t most = IntegerNetwork::most_sum(network.hidden, j, most1),
+                       usual = IntegerNetwork::most_sum(network.hidden, j, usual1);
     int shift = 0;
-    while (round_shift(most, shift) > IntegerNetwork::greatest_hidden) ++shift;
+    while (round_shift(usual, shift) > IntegerNetwork::greatest_hidden) ++shift;
     network.hidden.shift[j] = static_cast<std::int8_t>(shift);
     unit2[j] = std::ldexp(1.0, shift - exponent);
-    most2[j] = round_shift(most, shift);
+    most2[j] = std::min<std::int64_t>(round_shift(most, shift), IntegerNetwork::greatest_hidden);
   }
 
   // Second layer, the outputs in the units of coding.
@@ -159,7 +162,7 @@ namespace detail {
     if (exponent - bits < -24) return fail("context", "an output is too large to be coded");
     network.output.shift[o] = static_cast<std::int8_t>(exponent - bits);
   }
-  const Result<Done> checked = network.check(inputs, heads);
+  const Result<Done> checked = network.check(inputs, heads, settings.most_input);
   if (!checked) return checked.error();
   return network;
 }

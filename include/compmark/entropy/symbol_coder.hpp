@@ -145,15 +145,17 @@ struct ChunkParts {
 }  // namespace detail
 
 /// What `symbol` costs under `model`, in bits, an escape included: the sum over a chunk is its size but for 25 bytes.
-[[nodiscard]] inline double ideal_bits(const GaussianTables& tables, const SymbolModel& model, std::int32_t symbol) {
+template <class Tables>
+[[nodiscard]] double ideal_bits(const Tables& tables, const SymbolModel& model, std::int32_t symbol) {
   const GaussianTables::Place at = tables.place(model);
   const bool escaped = GaussianTables::slot_at(at, symbol) == static_cast<std::uint32_t>(2 * at.table->window + 1);
   return tables.slot_bits(model, symbol) + (escaped ? 8 * varint_size(detail::escape_code(at, symbol)) : 0);
 }
 
 /// Appends the chunk of `symbols` to `bytes`. Nothing for no symbols.
-inline void encode_symbols(const GaussianTables& tables, std::span<const SymbolModel> models,
-                           std::span<const std::int32_t> symbols, std::vector<std::uint8_t>& bytes) {
+template <class Tables>
+void encode_symbols(const Tables& tables, std::span<const SymbolModel> models, std::span<const std::int32_t> symbols,
+                    std::vector<std::uint8_t>& bytes) {
   COMPMARK_ASSERT(models.size() == symbols.size(), "encode_symbols: one model a symbol");
   if (symbols.empty()) return;
   Buffer<std::uint32_t> words(symbols.size() +
@@ -210,8 +212,9 @@ inline void encode_symbols(const GaussianTables& tables, std::span<const SymbolM
 }
 
 /// The symbols of a chunk again. Any bytes may be given; on an error `symbols` hold nothing of use.
-[[nodiscard]] inline Result<Done> decode_symbols(const GaussianTables& tables, std::span<const SymbolModel> models,
-                                                 std::span<const std::uint8_t> chunk, std::span<std::int32_t> symbols) {
+template <class Tables>
+[[nodiscard]] Result<Done> decode_symbols(const Tables& tables, std::span<const SymbolModel> models,
+                                          std::span<const std::uint8_t> chunk, std::span<std::int32_t> symbols) {
   COMPMARK_ASSERT(models.size() == symbols.size(), "decode_symbols: one model a symbol");
   Result<detail::ChunkParts> read = detail::chunk_parts(chunk);
   if (!read) return read.error();

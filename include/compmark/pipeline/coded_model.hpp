@@ -20,6 +20,7 @@
 
 #include "compmark/codec/codec_model.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/entropy/context_gs_parameters.hpp"
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/pipeline/coded_views.hpp"
 #include "compmark/pipeline/model.hpp"
@@ -36,17 +37,103 @@ namespace detail {
 
 /// Blocks that belong to the entropy model; every other block of fixed rows is needed to render.
 [[nodiscard]] inline bool is_context_block(std::string_view name) {
-  return name == "hash_grid" || name.starts_with("context.");
+  return name == "hash_grid" || name.starts_with("context.") || name.starts_with("context_gs.");
 }
 
 /// Smallest extent a model is given, world units: a scale of zero has no logarithm.
 inline constexpr double least_coded_extent = 1e-6;
 
+template <class T>
+[[nodiscard]] std::vector<float> coded_floats(MatrixView<const T> values) {
+  std::vector<float> copy(values.size());
+  for (std::size_t i = 0; i < copy.size(); ++i) copy[i] = static_cast<float>(values.data[i]);
+  return copy;
+}
+/// Statistics of a context that has begun.
+[[nodiscard]] inline Result<Done> check_statistics(const std::vector<float>& statistics) {
+  for (std::size_t c = statistics.size() / 2; c < statistics.size(); ++c) {
+    if (statistics[c] > 0) continue;
+    return coded_error("context.statistics",
+                       "are empty: the model was decompressed, or stopped before its context began",
+                       "copy the compressed file, or train on");
+  }
+  return Done{};
+}
+
+/// The context of HacModel.
+template <Recipe R>
+  requires requires { R::EntropyModel::shape.volume_levels; }
+[[nodiscard]] Result<Done> store_context(const Model<R>& model, CodecModel& coded) {
+  const auto& rate = model.road.rate;
+  const auto block = [&](BlockHandle handle) { return coded_floats(model.arena.values(handle)); };
+  TrainedContext context;
+  context.shape = R::EntropyModel::shape;
+  const std::vector<float> box = block(rate.box), grid = block(rate.grid);
+  std::copy_n(box.begin(), 6, context.box.begin());
+  context.signs.resize(grid.size() / 4);
+  for (std::size_t e = 0; e < context.signs.size(); ++e) {
+    for (std::size_t f = 0; f < 4; ++f) {
+      if (grid[4 * e + f] >= 0) context.signs[e] = static_cast<std::uint8_t>(context.signs[e] | 1u << f);
+    }
+  }
+  context.hidden = static_cast<std::size_t>(R::EntropyModel::hidden);
+  context.weight1 = block(rate.weight1);
+  context.bias1 = block(rate.bias1);
+  context.weight2 = block(rate.weight2);
+  context.bias2 = block(rate.bias2);
+  context.statistics = block(rate.statistics);
+  coded.trained = std::move(context);
+  return check_statistics(coded.trained->statistics);
+}
+/// That of ContextGsModel, with the symbols of z and, of its prior, what coding wants to know.
+template <Recipe R>
+  requires requires { R::EntropyModel::Prior::channels; }
+[[nodiscard]] Result<Done> store_context(const Model<R>& model, CodecModel& coded) {
+  using Scalar = typename R::Scalar;
+  using Prior = typename R::EntropyModel::Prior;
+  const auto& rate = model.road.rate;
+  const auto block = [&](BlockHandle handle) { return coded_floats(model.arena.values(handle)); };
+  TrainedContextGs context;
+  context.statistics = block(rate.statistics);
+  if (const Result<Done> begun = check_statistics(context.statistics); !begun) return begun.error();
+  const MatrixView<const Scalar> cells = model.arena.values(rate.cells);
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (!(cells(0, i) >= 1 && cells(0, i) < Scalar(0x1p31))) {
+      return coded_error("context_gs.cells", "are not edges of cells", "train its context again");
+    }
+  }
+  context.cells = anchor_cells<Scalar>(cells);
+  const std::vector<float> box = block(rate.box);
+  std::copy_n(box.begin(), 6, context.box.begin());
+  context.hidden = static_cast<std::size_t>(R::EntropyModel::hidden);
+  for (std::size_t level = 0; level < 3; ++level) {
+    const auto& network = rate.network[level];
+    context.network[level] = {block(network.weight1), block(network.bias1), block(network.weight2),
+                              block(network.bias2)};
+  }
+  std::vector<Scalar> ready(Prior::count);
+  Prior::prepare(model.arena.values(rate.prior), ready.data());
+  for (int channel = 0; channel < Prior::channels; ++channel) {
+    for (int k = -hyperprior_window; k <= hyperprior_window; ++k) {
+      context.prior.push_back(
+          static_cast<double>(Prior::probability(ready.data() + channel * Prior::parameters, static_cast<Scalar>(k))));
+    }
+  }
+  coded.trained_gs = std::move(context);
+  const MatrixView<const Scalar> z = model.arena.values(rate.hyperprior);
+  coded.hyperprior.resize(z.size());
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    const Scalar value = z.data[i];
+    coded.hyperprior[i] = std::abs(value) < Scalar(1e6) ? static_cast<std::int32_t>(std::nearbyint(value)) : 0;
+  }
+  return Done{};
+}
+
 }  // namespace detail
 
-/// What a codec compresses of a trained model; its context is that of HacModel. `base_step` is that of the training (RateNumbers).
+/// What a codec compresses of a trained model, its context with it. `base_step` is that of the training (RateNumbers).
 template <Recipe R>
-  requires requires { R::EntropyModel::shape.volume_levels; }  // HacModel
+  requires present<typename R::EntropyModel>
 [[nodiscard]] Result<CodecModel> coded_model(const Model<R>& model, const ModelInfo& info,
                                              const CodedModelSettings& settings = {}) {
   using Scalar = typename R::Scalar;
@@ -84,43 +171,14 @@ template <Recipe R>
     for (std::size_t k = 0; k < mask.columns; ++k) live |= mask_live(mask(i, k)) ? 1u << k : 0u;
     coded.mask.push_back(live);
   }
-  const auto floats = [](MatrixView<const Scalar> values) {
-    std::vector<float> copy(values.size());
-    for (std::size_t i = 0; i < copy.size(); ++i) copy[i] = static_cast<float>(values.data[i]);
-    return copy;
-  };
-  coded.feature = floats(columns.feature);
-  coded.offset = floats(columns.offset);
+  coded.feature = detail::coded_floats(columns.feature);
+  coded.offset = detail::coded_floats(columns.offset);
   coded.extent.resize(rows * 6);
   for (std::size_t i = 0; i < coded.extent.size(); ++i) {
     coded.extent[i] = static_cast<float>(std::exp(static_cast<double>(columns.scaling.data[i])));
   }
 
-  const auto block = [&](const char* name) { return floats(model.arena.values(model.arena.layout().find(name))); };
-  TrainedContext context;
-  context.shape = R::EntropyModel::shape;
-  const std::vector<float> box = block("context.box"), grid = block("hash_grid");
-  std::copy_n(box.begin(), 6, context.box.begin());
-  context.signs.resize(grid.size() / 4);
-  for (std::size_t e = 0; e < context.signs.size(); ++e) {
-    for (std::size_t f = 0; f < 4; ++f) {
-      if (grid[4 * e + f] >= 0) context.signs[e] = static_cast<std::uint8_t>(context.signs[e] | 1u << f);
-    }
-  }
-  context.hidden = static_cast<std::size_t>(R::EntropyModel::hidden);
-  context.weight1 = block("context.0.weight");
-  context.bias1 = block("context.0.bias");
-  context.weight2 = block("context.2.weight");
-  context.bias2 = block("context.2.bias");
-  context.statistics = block("context.statistics");
-  const std::size_t scalars = context.statistics.size() / 2;
-  if (std::any_of(context.statistics.begin() + static_cast<std::ptrdiff_t>(scalars), context.statistics.end(),
-                  [](float deviation) { return !(deviation > 0); })) {
-    return detail::coded_error("context.statistics",
-                               "are empty: the model was decompressed, or stopped before its context began",
-                               "copy the compressed file, or train on");
-  }
-  coded.trained = std::move(context);
+  if (const Result<Done> stored = detail::store_context(model, coded); !stored) return stored.error();
 
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
     if (part.kind != RowKind::fixed || detail::is_context_block(part.name)) continue;
@@ -251,6 +309,13 @@ template <Recipe R>
   for (std::size_t i = 0; i < coded.extent.size(); ++i) {
     const double extent = std::max(static_cast<double>(coded.extent[i]), detail::least_coded_extent);
     columns.scaling.data[i] = static_cast<Scalar>(std::log(extent));
+  }
+
+  if constexpr (requires { model.road.rate.hyperprior; }) {  // nothing reads it; it is what it was, though
+    const MatrixView<Scalar> z = model.arena.values(model.road.rate.hyperprior);
+    if (coded.hyperprior.size() == z.size()) {
+      for (std::size_t i = 0; i < z.size(); ++i) z.data[i] = static_cast<Scalar>(coded.hyperprior[i]);
+    }
   }
 
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "compmark/codec/codec_model.hpp"
-#include "compmark/codec/hac_format.hpp"
+#include "compmark/codec/file_format.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/bytes.hpp"
@@ -58,37 +58,37 @@ using Sha256Bytes = std::array<std::byte, 32>;
   }
   return digest;
 }
-/// Of voxels, masks, features, extents, offsets.
-using ChunkDigest = std::array<std::uint64_t, 10>;
+/// Of voxels, masks, features, extents, offsets and, where there are any, symbols of z: two numbers each.
+using ChunkDigest = std::vector<std::uint64_t>;
 
 /// What decoding must arrive at: a hash of the symbols and masks of each chunk, and one over all arrays.
-struct HacDigests {
+struct CodecDigests {
   std::vector<std::uint64_t> symbols;
   Sha256Bytes model{};
 };
 /// DIGS: u64 a chunk, then 32 bytes.
-[[nodiscard]] inline std::vector<std::byte> encode_digests(const HacDigests& digests) {
+[[nodiscard]] inline std::vector<std::byte> encode_digests(const CodecDigests& digests) {
   ByteWriter writer;
   for (const std::uint64_t value : digests.symbols) writer.put(value);
   writer.put(std::span<const std::byte>(digests.model));
   return writer.take();
 }
-[[nodiscard]] inline Result<HacDigests> decode_digests(std::span<const std::byte> payload, std::size_t chunks) {
+[[nodiscard]] inline Result<CodecDigests> decode_digests(std::span<const std::byte> payload, std::size_t chunks) {
   if (payload.size() != 8 * std::uint64_t{chunks} + 32)
     return bad_section("DIGS", "does not hold a digest for each chunk");
   ByteReader reader(payload);
-  HacDigests digests;
+  CodecDigests digests;
   for (std::size_t i = 0; i < chunks; ++i) digests.symbols.push_back(reader.get<std::uint64_t>());
   const std::span<const std::byte> model = reader.take(32);
   std::copy(model.begin(), model.end(), digests.model.begin());
   return digests;
 }
 
-/// SHA-256 over META, the bytes of `payloads` (HASH, NETC, NETR), the digests of the chunks in order, and the tensors that render as they
-/// have been read: what the file names its model by. A file with one other digit in any section is another model.
+/// SHA-256 over META, the bytes of `payloads` (the sections of the context and the networks), the digests of the chunks in order, and the
+/// tensors that render as they have been read: what the file names its model by. A file with one other digit in any section is another model.
 [[nodiscard]] inline Sha256Bytes model_digest(std::span<const ChunkDigest> chunks, const CodecModel& model,
                                               std::uint64_t anchors,
-                                              const std::array<std::span<const std::byte>, 3>& payloads) {
+                                              std::span<const std::span<const std::byte>> payloads) {
   Sha256 hash;
   hash.update(encode_meta(model, anchors));
   for (const std::span<const std::byte> payload : payloads) hash.update(payload);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a HAC file says of itself without being decoded: versions, numbers, metadata, and where its bytes are. Reads the header, the table of
-// contents and META, and checks the checksums of all sections: one pass over the bytes.
+// What a compressed file says of itself without being decoded: versions, numbers, metadata, and where its bytes are. Reads the header, the table
+// of contents and META, and checks the checksums of all sections: one pass over the bytes.
 #pragma once
 
 #include <cstddef>
@@ -13,13 +13,15 @@
 #include <vector>
 
 #include "compmark/codec/container.hpp"
-#include "compmark/codec/hac_decoder.hpp"
+#include "compmark/codec/context_gs_format.hpp"
+#include "compmark/codec/decoding.hpp"
+#include "compmark/codec/file_format.hpp"
 #include "compmark/codec/hac_format.hpp"
 #include "compmark/core/result.hpp"
 
 namespace compmark::inline v0 {
 
-struct HacInfo {
+struct CodecInfo {
   ContainerHeader header;
   std::uint64_t anchors = 0;
   CodecModel numbers;  ///< voxel size, D, K, base steps, anchors a chunk and metadata; no anchors
@@ -35,19 +37,21 @@ struct HacInfo {
 };
 
 /// `path` is for messages. A file whose META is damaged has no information to give and is an error.
-[[nodiscard]] inline Result<HacInfo> inspect_hac(std::span<const std::byte> bytes, const std::string& path) {
+[[nodiscard]] inline Result<CodecInfo> inspect_cmk(std::span<const std::byte> bytes, const std::string& path) {
   const Result<Container> file = parse_container(bytes, path);
   if (!file) return file.error();
-  const Result<Done> promised = detail::check_hac_sections(*file);
+  const bool context_gs = file->header.profile == ContainerProfile::context_gs;
+  const Result<Done> promised =
+      detail::check_sections(*file, context_gs ? ContextGsFormat::sections : HacFormat::sections);
   if (!promised) return promised.error();
-  HacInfo info;
+  CodecInfo info;
   info.header = file->header;
   info.sections = file->sections;
   info.file_bytes = bytes.size();
   for (const SectionEntry& entry : file->sections) {
     if (!file->payload(entry)) info.damaged.push_back(entry.name());
   }
-  const SectionEntry* meta = file->find(HacFormat::meta);
+  const SectionEntry* meta = file->find(CodecFormat::meta);
   if (meta == nullptr) return file->error(ErrorKind::malformed, "META", "is missing", "copy the file again");
   const auto payload = file->payload(*meta);
   if (!payload) return payload.error();

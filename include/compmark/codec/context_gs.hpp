@@ -1,0 +1,36 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The ContextGS codec as files: what encode_context_gs and decode_context_gs do with bytes, with a `.cmk` on disk, replaced whole or not at all.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "compmark/codec/context_gs_decoder.hpp"
+#include "compmark/codec/context_gs_encoder.hpp"
+#include "compmark/io/atomic_file.hpp"
+
+namespace compmark::inline v0 {
+
+template <Executor E>
+[[nodiscard]] Result<CodecEncoded> write_context_gs(const std::filesystem::path& path, const CodecModel& model,
+                                                    const CodecEncodeSettings& settings, E& executor) {
+  Result<CodecEncoded> encoded = encode_context_gs(model, settings, executor);
+  if (!encoded) return encoded.error();
+  const Result<Done> written = write_file(path, encoded->bytes);
+  if (!written) return written.error();
+  return encoded;
+}
+
+template <Executor E>
+[[nodiscard]] Result<CodecDecoded> read_context_gs(const std::filesystem::path& path,
+                                                   const CodecDecodeSettings& settings, E& executor) {
+  const Result<std::vector<std::byte>> bytes = read_file(path, settings.memory_limit);
+  if (!bytes) return bytes.error();
+  return decode_context_gs(*bytes, path.string(), settings, executor);
+}
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,300 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What all decoders do. Nothing is believed before its checksum, no memory is taken before the limits, and nothing that looks plausible comes out
+// of a damaged file: it is refused with the section and the remedy, or, with `salvage`, the anchors of damaged chunks are left out and
+// listed. What is between the sections is the codec's (hac_decoder.hpp, context_gs_decoder.hpp).
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/codec/chunk_coding.hpp"
+#include "compmark/codec/codec_model.hpp"
+#include "compmark/codec/container.hpp"
+#include "compmark/codec/digest.hpp"
+#include "compmark/codec/encoding.hpp"
+#include "compmark/codec/file_format.hpp"
+#include "compmark/codec/network_coding.hpp"
+#include "compmark/core/result.hpp"
+
+namespace compmark::inline v0 {
+
+struct CodecDecodeSettings {
+  bool salvage = false;  ///< leave out the anchors of damaged chunks instead of refusing the file
+  std::uint64_t memory_limit = std::uint64_t{1} << 34;  ///< bytes of the decoded arrays
+  const GaussianTables* tables = nullptr;               ///< made anew if there are none, 1 ms
+};
+
+struct CodecDecoded {
+  CodecModel model;
+  ContainerHeader header;
+  std::vector<std::pair<std::uint32_t, Error>> damaged;  ///< chunks that were left out (salvage), and why
+  std::uint64_t lost_anchors = 0;
+  std::vector<std::string> lost_sections;  ///< of others, damaged and left out (salvage)
+  bool verified = false;  ///< the digest of the whole model was right; cannot be when anchors were lost
+};
+
+namespace detail {
+
+/// Checks what the table of contents promises, before any payload is looked at.
+[[nodiscard]] inline Result<Done> check_sections(const Container& file, const CodecSections& format) {
+  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+    return file.error(kind, std::move(field), std::move(problem), std::move(remedy));
+  };
+  if (file.header.profile != format.profile) {
+    return fail(ErrorKind::unsupported, "profile",
+                std::to_string(static_cast<std::uint32_t>(file.header.profile)) + " is not that of " + format.name +
+                    ", " + std::to_string(static_cast<std::uint32_t>(format.profile)),
+                "decode it with a program that knows its codec");
+  }
+  if (file.header.numeric_spec != CodecFormat::numeric_spec) {
+    return fail(
+        ErrorKind::unsupported, "numeric specification",
+        std::to_string(file.header.numeric_spec) + ", this program has " + std::to_string(CodecFormat::numeric_spec),
+        "decode it with the version that wrote it");
+  }
+  for (const SectionEntry& entry : file.sections) {
+    const bool known = format.knows(entry.kind);
+    if (!known && entry.critical()) {
+      return fail(ErrorKind::unsupported, entry.name(), "is needed for decoding, and this program does not know it",
+                  "decode it with a newer version");
+    }
+    if (!known) continue;
+    if (entry.version != 1 || entry.method != 0) {
+      return fail(ErrorKind::unsupported, entry.name(),
+                  "version " + std::to_string(entry.version) + ", method " + std::to_string(entry.method) +
+                      "; this program reads 1, 0",
+                  "decode it with a newer version");
+    }
+    const bool chunked = CodecSections::in(format.chunked, entry.kind),
+               parted = chunked || CodecSections::in(format.parted, entry.kind);
+    if (entry.part >= (parted ? format.parts : 1) || (!chunked && entry.chunk != 0)) {
+      return fail(ErrorKind::malformed, entry.name(), "has a number that this section does not have",
+                  "copy the file again");
+    }
+  }
+  return Done{};
+}
+
+/// The sections of a file on their way to a model.
+class FileReader {
+ public:
+  /// All must outlive this.
+  FileReader(const Container& file, const CodecSections& format, const CodecDecodeSettings& settings)
+      : format_(format),
+        settings_(settings),
+        file_(file) {}
+
+  [[nodiscard]] const Container& file() const { return file_; }
+  [[nodiscard]] const GaussianTables& tables() const { return *tables_; }
+  [[nodiscard]] Error located(Error error) const {
+    error.file = file_.path;
+    return error;
+  }
+  [[nodiscard]] Error malformed(std::string field, std::string problem) const {
+    return file_.error(ErrorKind::malformed, std::move(field), std::move(problem), "copy the file again");
+  }
+  /// A section whose checksum is right.
+  [[nodiscard]] Result<std::span<const std::byte>> section(std::uint32_t kind, std::uint32_t part = 0) const {
+    const SectionEntry* entry = file_.find(kind, part);
+    if (entry == nullptr) return malformed(section_name(kind), "is missing");
+    return file_.raw(*entry);
+  }
+  /// The same of the context: the digest of the model covers its bytes.
+  [[nodiscard]] Result<std::span<const std::byte>> context(std::uint32_t kind, std::uint32_t part = 0) {
+    auto bytes = section(kind, part);
+    if (bytes) named_.push_back(*bytes);
+    return bytes;
+  }
+
+  /// Checksums first, all of them: nothing after this reads a byte that is not as it was written. Then META and TABL.
+  [[nodiscard]] Result<Done> begin(CodecDecoded& result) {
+    const Result<Done> promised = check_sections(file_, format_);
+    if (!promised) return promised.error();
+    intact_.assign(file_.sections.size(), 1);
+    for (std::size_t i = 0; i < intact_.size(); ++i) {
+      const SectionEntry& entry = file_.sections[i];
+      const auto payload = file_.payload(entry);
+      if (payload) continue;
+      if (!settings_.salvage || !format_.can_be_lost(entry)) return payload.error();
+      intact_[i] = 0;
+      if (!format_.knows(entry.kind)) result.lost_sections.push_back(entry.name());
+    }
+    result.header = file_.header;
+    const auto meta = section(CodecFormat::meta);
+    if (!meta) return meta.error();
+    const Result<std::uint64_t> anchors = decode_meta(*meta, result.model);
+    if (!anchors) return located(anchors.error());
+    anchors_ = *anchors;
+    tables_ = settings_.tables != nullptr ? settings_.tables : &own_tables_.emplace();
+    const auto table = section(CodecFormat::tables);
+    if (!table) return table.error();
+    const Result<Done> same_tables = check_tables(*table, *tables_);
+    if (!same_tables) return located(same_tables.error());
+    return Done{};
+  }
+  [[nodiscard]] std::uint64_t anchors() const { return anchors_; }
+
+  /// How many chunks there are says how many anchors there can be: a small file cannot ask for much memory. Nor can a chunk of a few bytes: an
+  /// anchor has its feature, its extents and one offset at least, and no symbol of a table of 2^16 costs less than 2^-16 bits.
+  [[nodiscard]] Result<Done> expect(const CodecModel& model, std::vector<LevelRange> levels,
+                                    std::size_t hyperprior = 0) {
+    const auto grain = static_cast<std::size_t>(model.chunk_anchors);
+    std::size_t chunks = 0;
+    for (const LevelRange& level : levels) chunks += chunk_count(level.count, grain);
+    for (const std::uint32_t kind : format_.chunked) {
+      std::vector<SectionEntry> found = file_.all(kind);
+      if (found.size() != chunks) {
+        return malformed("META", std::to_string(anchors_) + " anchors need " + std::to_string(chunks) +
+                                     " chunks, the file has " + std::to_string(found.size()) + " of " +
+                                     section_name(kind));
+      }
+      entries_.push_back(std::move(found));
+    }
+    places_ = chunk_places(levels, grain);
+    const auto d = static_cast<std::size_t>(model.feature_dim), k3 = 3 * static_cast<std::size_t>(model.offset_count);
+    for (std::size_t c = 0; c < chunks; ++c) {
+      for (const std::vector<SectionEntry>& entries : entries_) {
+        if (entries[c].part != places_[c].part || entries[c].chunk != places_[c].chunk)
+          return malformed(entries[c].name(), "chunks are not in order");
+      }
+      const SectionEntry& stream = entry(CodecFormat::stream, c);
+      const std::uint64_t rows = places_[c].end - places_[c].begin, items = stream.items;
+      if (items < rows * (d + 9) || items > rows * (d + 6 + k3) || items >> 19 > stream.size) {
+        return malformed(stream.name(), "names " + std::to_string(items) + " symbols, which " + std::to_string(rows) +
+                                            " anchors do not have or its bytes do not hold");
+      }
+    }
+    const std::uint64_t memory = anchors_ * 4 * (3 + 1 + d + 6 + k3 + hyperprior);  // below 2^28 * 2^15
+    if (memory > settings_.memory_limit) {
+      return file_.error(ErrorKind::exhausted, "META",
+                         std::to_string(anchors_) + " anchors take " + std::to_string(memory) +
+                             " bytes, more than the limit of " + std::to_string(settings_.memory_limit),
+                         "raise the limit");
+    }
+    return Done{};
+  }
+  [[nodiscard]] std::span<const ChunkPlace> places() const { return places_; }
+  [[nodiscard]] const SectionEntry& entry(std::uint32_t kind, std::size_t chunk) const {
+    const auto at = std::find(format_.chunked.begin(), format_.chunked.end(), kind) - format_.chunked.begin();
+    return entries_[static_cast<std::size_t>(at)][chunk];
+  }
+
+  /// A network of the context, by what it reads.
+  [[nodiscard]] Result<IntegerNetwork> network(std::size_t inputs, std::size_t outputs, std::uint32_t part = 0) {
+    const auto weights = context(CodecFormat::context, part);
+    if (!weights) return weights.error();
+    Result<IntegerNetwork> network = decode_context_network(*weights, inputs, outputs);
+    if (!network) return located(network.error());
+    return network;
+  }
+  /// NETR, DIGS, what is kept unread, and room for the attributes; voxels are there.
+  [[nodiscard]] Result<Done> prepare(CodecModel& model) {
+    const auto renderers = context(CodecFormat::networks);
+    if (!renderers) return renderers.error();
+    Result<std::vector<CodecTensor>> networks = decode_networks(*renderers);
+    if (!networks) return located(networks.error());
+    model.networks = std::move(*networks);
+    const auto digest_bytes = section(CodecFormat::digests);
+    if (!digest_bytes) return digest_bytes.error();
+    Result<CodecDigests> digests = decode_digests(*digest_bytes, places_.size());
+    if (!digests) return located(digests.error());
+    digests_ = std::move(*digests);
+    for (std::size_t i = 0; i < file_.sections.size(); ++i) {
+      const SectionEntry& entry = file_.sections[i];
+      if (format_.knows(entry.kind) || intact_[i] == 0) continue;
+      const std::span<const std::byte> payload = file_.raw(entry);
+      model.extra.push_back({entry, {payload.begin(), payload.end()}});
+    }
+    const std::size_t n = model.anchors();
+    model.mask.resize(n);
+    model.feature.resize(n * static_cast<std::size_t>(model.feature_dim));
+    model.extent.resize(n * 6);
+    model.offset.resize(n * 3 * static_cast<std::size_t>(model.offset_count));
+    errors_.resize(places_.size());
+    values_.resize(places_.size());
+    return Done{};
+  }
+
+  /// Decodes one chunk; what goes wrong is remembered. decode(payload of a kind of the chunk) gives a Result<DecodedChunk>. Chunks in parallel.
+  template <class Decode>
+  void chunk(std::size_t c, const Decode& decode) {
+    for (const std::vector<SectionEntry>& entries : entries_) {
+      const auto payload = file_.payload(entries[c]);
+      if (!payload) {
+        errors_[c] = payload.error();
+        return;
+      }
+    }
+    const std::string name = "chunk " + std::to_string(c);
+    const Result<DecodedChunk> decoded = decode([&](std::uint32_t kind) { return file_.raw(entry(kind, c)); });
+    if (!decoded) {
+      errors_[c] = located(decoded.error());
+      errors_[c]->field = name + ": " + errors_[c]->field;
+      return;
+    }
+    if (decoded->symbol_hash != digests_.symbols[c] || decoded->symbol_count != entry(CodecFormat::stream, c).items ||
+        entry(CodecFormat::mask, c).items != places_[c].end - places_[c].begin) {
+      errors_[c] = file_.error(
+          ErrorKind::invalid, name,
+          "its bytes are whole, but it decodes to other symbols than it was made of: encoder and decoder differ",
+          "decode it with the version that wrote it and report this");
+      return;
+    }
+    values_[c] = decoded->value_hash;
+  }
+  [[nodiscard]] bool lost(std::size_t c) const { return errors_[c].has_value(); }
+
+  /// What was remembered; the digest of the whole, or the model without the lost anchors.
+  [[nodiscard]] Result<Done> finish(CodecDecoded& result) {
+    std::vector<std::uint32_t> kept;
+    for (std::size_t c = 0; c < places_.size(); ++c) {
+      if (errors_[c] && !settings_.salvage) return *errors_[c];
+      if (errors_[c]) {
+        result.damaged.emplace_back(static_cast<std::uint32_t>(c), *errors_[c]);
+        result.lost_anchors += places_[c].end - places_[c].begin;
+        continue;
+      }
+      for (std::size_t i = places_[c].begin; i < places_[c].end; ++i) kept.push_back(static_cast<std::uint32_t>(i));
+    }
+    if (!result.damaged.empty()) {
+      result.model = take_rows(result.model, kept);
+      return Done{};
+    }
+    const Sha256Bytes digest = model_digest(values_, result.model, result.model.anchors(), named_);
+    if (digest != digests_.model || short_digest(digest) != file_.header.digest) {
+      return file_.error(
+          ErrorKind::invalid, "DIGS",
+          "its bytes are whole, but the model is another than the one that was encoded: encoder and decoder differ",
+          "decode it with the version that wrote it and report this");
+    }
+    result.verified = true;
+    return Done{};
+  }
+
+ private:
+  const CodecSections& format_;
+  const CodecDecodeSettings& settings_;
+  const Container& file_;
+  std::vector<std::uint8_t> intact_;
+  std::uint64_t anchors_ = 0;
+  std::optional<GaussianTables> own_tables_;
+  const GaussianTables* tables_ = nullptr;
+  std::vector<std::vector<SectionEntry>> entries_;  ///< of each chunked kind, by chunk
+  std::vector<ChunkPlace> places_;
+  std::vector<std::span<const std::byte>> named_;
+  CodecDigests digests_;
+  std::vector<std::optional<Error>> errors_;
+  std::vector<ChunkDigest> values_;
+};
+
+}  // namespace detail
+
+}  // namespace compmark::inline v0

@@ -1,0 +1,341 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the codec does with ContextGS files that are not as they were written (compression sheet, 6.6, case by case): as hac_damage.test.cpp has
+// them, and what is its own: levels that are not those of the anchors, a prior without an escape, chunks whose parents are lost.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "compmark/codec/cmk.hpp"
+#include "support/context_gs_model.hpp"
+
+namespace {
+
+using namespace compmark;
+using F = ContextGsFormat;
+
+/// Levels of 8 to 60 anchors, chunks of 16.
+CodecModel tiny_model() {
+  testing::CodecModelShape shape;
+  shape.anchors = 140;
+  shape.feature_dim = 4;
+  shape.offset_count = 2;
+  shape.chunk_anchors = 16;
+  shape.hidden = 5;
+  CodecModel model = testing::make_context_gs_model(21, shape, 3);
+  model.networks.pop_back();
+  return model;
+}
+
+struct File {
+  ContainerHeader header;
+  std::vector<Section> sections;
+
+  [[nodiscard]] std::vector<std::byte> bytes() const { return write_container(header, sections); }
+  [[nodiscard]] Section& of(std::uint32_t kind, std::uint32_t part = 0, std::uint32_t chunk = 0) {
+    for (Section& section : sections) {
+      if (section.entry.kind == kind && section.entry.part == part && section.entry.chunk == chunk) return section;
+    }
+    FAIL("no such section");
+    return sections[0];
+  }
+};
+
+const std::vector<std::byte>& good_bytes() {
+  static const std::vector<std::byte> bytes = [] {
+    SerialExecutor executor;
+    auto file = encode_context_gs(tiny_model(), {}, executor);
+    REQUIRE(file.ok());
+    return file->bytes;
+  }();
+  return bytes;
+}
+File opened(const std::vector<std::byte>& bytes) {
+  const auto container = parse_container(bytes, "");
+  REQUIRE(container.ok());
+  File file{container->header, {}};
+  for (const SectionEntry& entry : container->sections) {
+    const auto raw = container->raw(entry);
+    file.sections.push_back({entry, {raw.begin(), raw.end()}});
+  }
+  return file;
+}
+Result<CodecDecoded> decode(const std::vector<std::byte>& bytes, CodecDecodeSettings settings = {}) {
+  static const GaussianTables tables;
+  settings.tables = &tables;
+  SerialExecutor executor;
+  return decode_cmk(bytes, "a.cmk", settings, executor);
+}
+/// The error of a forged file; it names file and remedy.
+Error error_of(const std::function<void(File&)>& change, const CodecDecodeSettings& settings = {}) {
+  File file = opened(good_bytes());
+  change(file);
+  const auto result = decode(file.bytes(), settings);
+  REQUIRE(!result.ok());
+  CHECK(result.error().file == "a.cmk");
+  CHECK(!result.error().problem.empty());
+  CHECK(!result.error().remedy.empty());
+  return result.error();
+}
+template <class T>
+void put(std::vector<std::byte>& bytes, std::size_t offset, T value) {
+  REQUIRE(offset + sizeof(T) <= bytes.size());
+  std::memcpy(bytes.data() + offset, &value, sizeof(T));
+}
+
+TEST_CASE("codec/context_gs_damage: every flipped bit of a file is found, with and without salvage") {
+  const std::vector<std::byte>& good = good_bytes();
+  REQUIRE(decode(good).ok());
+  MESSAGE("the file has ", good.size(), " bytes");
+  CHECK(good.size() < 10'000);
+  std::size_t salvaged = 0;
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    for (int bit = 0; bit < 8; ++bit) {
+      std::vector<std::byte> damaged = good;
+      damaged[i] ^= static_cast<std::byte>(1 << bit);
+      REQUIRE(!decode(damaged).ok());
+      if (bit != 3 || i % 19 != 0) continue;  // salvaging reads the rest, a millisecond each
+      const auto rescued = decode(damaged, {.salvage = true});
+      if (!rescued) continue;
+      ++salvaged;
+      REQUIRE(!rescued->verified);
+      REQUIRE(!rescued->damaged.empty());
+      REQUIRE(rescued->lost_anchors > 0);
+    }
+  }
+  CHECK(salvaged > 20);
+}
+
+TEST_CASE("codec/context_gs_damage: every truncation and every appended byte is found") {
+  std::vector<std::byte> bytes = good_bytes();
+  for (std::size_t n = 0; n < bytes.size(); ++n) {
+    const std::vector<std::byte> cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
+    REQUIRE(!decode(cut).ok());
+    REQUIRE(!decode(cut, {.salvage = true}).ok());
+  }
+  bytes.push_back(std::byte{0});
+  CHECK(!decode(bytes).ok());
+}
+
+TEST_CASE("codec/context_gs_damage: random bytes in place of a payload, checksums right: an error, never a model") {
+  const std::vector<std::byte>& good = good_bytes();
+  const std::size_t sections = opened(good).sections.size();
+  for (std::uint64_t i = 0; i < 300; ++i) {
+    const Random random(3, i, random_stage("context gs damage"));
+    File file = opened(good);
+    Section& section = file.sections[i % sections];
+    std::vector<std::byte>& bytes = section.bytes;
+    if (i % 3 == 0) bytes.resize(random.bits(0) % 200);
+    for (std::size_t b = 0; b < bytes.size(); ++b) {
+      if (i % 3 == 0 || random.bits(b + 1) % bytes.size() < 4)
+        bytes[b] = static_cast<std::byte>(random.bits(b + 1000) & 255u);
+    }
+    if (bytes == opened(good).sections[i % sections].bytes) continue;
+    REQUIRE(!decode(file.bytes()).ok());
+    (void)decode(file.bytes(), {.salvage = true});
+  }
+}
+
+TEST_CASE("codec/context_gs_damage: another profile, numeric specification or version is refused") {
+  CHECK(error_of([](File& file) { file.header.profile = ContainerProfile::hac; }).kind == ErrorKind::unsupported);
+  CHECK(error_of([](File& file) { file.header.profile = static_cast<ContainerProfile>(3); }).kind ==
+        ErrorKind::unsupported);
+  CHECK(error_of([](File& file) { file.header.numeric_spec = 77; }).problem.find("has 1") != std::string::npos);
+  CHECK(error_of([](File& file) { file.of(F::tables).bytes[3] ^= std::byte{1}; }).kind == ErrorKind::unsupported);
+  CHECK(error_of([](File& file) { file.of(F::levels).entry.version = 2; }).kind == ErrorKind::unsupported);
+}
+
+TEST_CASE("codec/context_gs_damage: counts that the file cannot hold are refused before memory is taken") {
+  for (const std::uint64_t anchors : {std::uint64_t{1}, std::uint64_t{61}, std::uint64_t{1} << 28,
+                                      std::uint64_t{1} << 29, std::numeric_limits<std::uint64_t>::max()}) {
+    (void)error_of([&](File& file) { put(file.of(F::meta).bytes, 0, anchors); });
+    for (const std::size_t offset : {47u, 55u, 63u}) {  // anchors of a level
+      (void)error_of([&](File& file) { put(file.of(F::levels).bytes, offset, anchors); });
+    }
+  }
+  // Cells that make other levels.
+  CHECK(error_of([](File& file) {
+          std::int32_t fine = 0;
+          std::memcpy(&fine, file.of(F::levels).bytes.data(), 4);
+          put(file.of(F::levels).bytes, 0, 2 * fine);
+        }).problem.find("levels are not") != std::string::npos);
+  CHECK(decode(good_bytes(), {.memory_limit = 100}).error().kind == ErrorKind::exhausted);
+  for (const std::uint64_t items : {std::uint64_t{0}, std::uint64_t{1} << 40}) {
+    (void)error_of([&](File& file) { file.of(F::stream, 0, 1).entry.items = items; });
+    (void)error_of([&](File& file) { file.of(F::hyperprior, 1, 0).entry.items = items; });
+  }
+}
+
+TEST_CASE("codec/context_gs_damage: levels, scales, priors and networks out of range are refused at load") {
+  for (const std::int32_t edge : {0, -1, std::numeric_limits<std::int32_t>::min()}) {
+    (void)error_of([&](File& file) { put(file.of(F::levels).bytes, 0, edge); });
+    (void)error_of([&](File& file) { put(file.of(F::levels).bytes, 4, edge); });
+  }
+  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 8, std::int32_t{-4}); });              // scale of x
+  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 12, std::uint8_t{63}); });             // its fraction
+  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 13, std::int64_t{1} << 62); });        // its offset
+  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 71 + 6, std::uint8_t{63}); });         // a shift
+  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 71, (std::int32_t{1} << 30) + 1); });  // a mean
+  (void)error_of([](File& file) { file.of(F::levels).bytes.push_back(std::byte{0}); });
+  (void)error_of([](File& file) { put(file.of(F::prior).bytes, 0, std::uint8_t{0}); });
+  (void)error_of([](File& file) { put(file.of(F::prior).bytes, 0, std::uint8_t{65}); });
+  // A prior that leaves nothing for the escape.
+  IntegerContextGs full;
+  full.channels = 3;
+  full.prior.assign(3 * HyperpriorFormat::slots, 65'000);
+  CHECK(error_of([&](File& file) { file.of(F::prior).bytes = detail::encode_prior(full); }).problem.find("escape") !=
+        std::string::npos);
+  for (std::uint32_t level = 0; level < 3; ++level) {
+    (void)error_of([&](File& file) { put(file.of(F::context, level).bytes, 0, 0u); });
+    (void)error_of([&](File& file) { put(file.of(F::context, level).bytes, 4, std::int8_t{-3}); });
+    CHECK(error_of([&](File& file) {
+            put(file.of(F::context, level).bytes, 4 + 5, 0x7FFFFFFF);
+          }).problem.find("overflow") != std::string::npos);
+  }
+}
+
+TEST_CASE("codec/context_gs_damage: missing, superfluous and unknown sections") {
+  for (const std::uint32_t kind : F::known) {
+    (void)error_of([&](File& file) {
+      const auto at = std::find_if(file.sections.begin(), file.sections.end(),
+                                   [&](const Section& section) { return section.entry.kind == kind; });
+      file.sections.erase(at);
+    });
+  }
+  (void)error_of([](File& file) { file.of(F::context, 2).entry.part = 3; });
+  (void)error_of([](File& file) { file.of(F::levels).entry.part = 1; });
+  (void)error_of([](File& file) { file.of(F::mask, 0, 1).entry.chunk = 70; });
+  (void)error_of([](File& file) {  // a level's chunks under another level's name
+    std::swap(file.of(F::stream, 0, 0).entry.part, file.of(F::stream, 1, 0).entry.part);
+  });
+  Section unknown;
+  unknown.entry.kind = four_characters("HASH");  // of HAC
+  unknown.bytes = std::vector<std::byte>(9, std::byte{42});
+  CHECK(error_of([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
+  unknown.entry.flags = 0;
+  File file = opened(good_bytes());
+  file.sections.push_back(unknown);
+  const auto read = decode(file.bytes());
+  REQUIRE(read.ok());
+  CHECK(read->verified);
+  SerialExecutor executor;
+  const auto again = encode_cmk(read->model, {}, executor);
+  REQUIRE(again.ok());
+  CHECK(again->bytes == file.bytes());
+}
+
+TEST_CASE(
+    "codec/context_gs_damage: salvage leaves out a damaged chunk and every chunk with an anchor that it predicts") {
+  const std::vector<std::byte>& good = good_bytes();
+  const auto whole = decode(good);
+  REQUIRE(whole.ok());
+  const CodecModel& model = whole->model;
+  // Who is whose child, by the levels alone.
+  std::vector<Voxel> curve = model.voxels;
+  const std::vector<std::uint32_t> along = morton_order(curve, voxel_range(curve));
+  for (std::size_t i = 0; i < along.size(); ++i) curve[i] = model.voxels[along[i]];
+  const detail::ContextGsOrder order = detail::context_gs_order(curve, model.context_gs->cells);
+  const std::vector<detail::ChunkPlace> places = detail::chunk_places(order.ranges(), 16);
+  const auto container = parse_container(good, "");
+  REQUIRE(container.ok());
+  REQUIRE(places.size() > 6);
+  std::size_t most = 0, least = 1000;
+  for (const std::uint32_t kind : F::chunked) {
+    for (std::size_t hit = 0; hit < places.size(); ++hit) {
+      std::set<std::size_t> expected{hit};
+      for (std::size_t c = 0; c < places.size(); ++c) {  // parents come before children
+        for (std::size_t i = places[c].begin; i < places[c].end; ++i) {
+          if (order.parent[i] == AnchorLevels::none) continue;
+          for (const std::size_t lost : std::set<std::size_t>(expected)) {
+            if (order.parent[i] >= places[lost].begin && order.parent[i] < places[lost].end) expected.insert(c);
+          }
+        }
+      }
+      const SectionEntry* entry = container->find(kind, places[hit].part, places[hit].chunk);
+      REQUIRE(entry != nullptr);
+      std::vector<std::byte> bytes = good;
+      bytes[static_cast<std::size_t>(entry->offset)] ^= std::byte{16};
+      const auto refused = decode(bytes);
+      REQUIRE(!refused.ok());
+      CHECK(refused.error().problem.find("checksum") != std::string::npos);
+      const auto rescued = decode(bytes, {.salvage = true});
+      REQUIRE(rescued.ok());
+      CHECK(!rescued->verified);
+      std::set<std::size_t> lost;
+      for (const auto& [chunk, error] : rescued->damaged) lost.insert(chunk);
+      CHECK(lost == expected);
+      most = std::max(most, lost.size());
+      least = std::min(least, lost.size());
+      // What is left is what it was, in its order.
+      std::size_t at = 0;
+      for (std::size_t c = 0; c < places.size(); ++c) {
+        for (std::size_t i = places[c].begin; lost.count(c) == 0 && i < places[c].end; ++i, ++at) {
+          REQUIRE(rescued->model.voxels[at] == model.voxels[i]);
+          REQUIRE(std::equal(model.feature.begin() + static_cast<std::ptrdiff_t>(4 * i),
+                             model.feature.begin() + static_cast<std::ptrdiff_t>(4 * i + 4),
+                             rescued->model.feature.begin() + static_cast<std::ptrdiff_t>(4 * at)));
+        }
+      }
+      CHECK(at == rescued->model.anchors());
+      CHECK(rescued->lost_anchors == model.anchors() - at);
+      SerialExecutor executor;
+      const auto again = encode_cmk(rescued->model, {}, executor);
+      REQUIRE(again.ok());
+      CHECK(decode(again->bytes).ok());
+    }
+  }
+  CHECK(least == 1);
+  CHECK(most > 3);
+}
+
+TEST_CASE("codec/context_gs_damage: a stream that does not end as it must, exchanged chunks: desynchronised") {
+  for (const std::uint32_t kind : F::chunked) {
+    (void)error_of([&](File& file) { file.of(kind, 1).bytes.push_back(std::byte{0}); });
+    (void)error_of([&](File& file) { file.of(kind, 1).bytes.clear(); });
+    (void)error_of([&](File& file) { std::swap(file.of(kind, 0, 0).bytes, file.of(kind, 0, 1).bytes); });
+  }
+  (void)error_of([](File& file) { file.of(F::prior).bytes.push_back(std::byte{0}); });
+  (void)error_of([](File& file) { file.of(F::context, 1).bytes.push_back(std::byte{0}); });
+  // Other symbols of z, as whole as they were: the networks that read them predict another stream.
+  const Error error = error_of([](File& file) {
+    const auto whole = decode(good_bytes());
+    REQUIRE(whole.ok());
+    const std::size_t begin = static_cast<std::size_t>(file.of(F::mask, 2).entry.items);
+    std::vector<std::int32_t> z(whole->model.hyperprior.begin() + static_cast<std::ptrdiff_t>(3 * begin),
+                                whole->model.hyperprior.begin() + static_cast<std::ptrdiff_t>(3 * (begin + 16)));
+    z[5] += 3;
+    const HyperpriorTables tables(whole->model.context_gs->prior);
+    (void)detail::encode_hyperprior(tables, z, file.of(F::hyperprior, 1).bytes);
+  });
+  CHECK(error.field.find("chunk") != std::string::npos);
+  // … and a symbol beyond the greatest.
+  CHECK(error_of([](File& file) {
+          const auto whole = decode(good_bytes());
+          const HyperpriorTables tables(whole->model.context_gs->prior);
+          std::vector<std::int32_t> z(static_cast<std::size_t>(3 * file.of(F::mask, 2).entry.items), 0);
+          z[1] = HyperpriorFormat::greatest + 1;
+          (void)detail::encode_hyperprior(tables, z, file.of(F::hyperprior, 2).bytes);
+        }).problem.find("greatest") != std::string::npos);
+}
+
+TEST_CASE(
+    "codec/context_gs_damage: whole bytes that decode to another model are a fault of the codec, and said to be one") {
+  Error error = error_of([](File& file) { file.of(F::digests).bytes[2] ^= std::byte{1}; });
+  CHECK(error.problem.find("whole") != std::string::npos);
+  error = error_of([](File& file) { file.of(F::digests).bytes.back() ^= std::byte{1}; });
+  CHECK(error.problem.find("whole") != std::string::npos);
+  // A scale that is another, by so little that no symbol changes: the digest of the model sees the bytes.
+  error = error_of([](File& file) { file.header.digest ^= 1; });
+  CHECK(error.field == "DIGS");
+}
+
+}  // namespace
