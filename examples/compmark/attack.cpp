@@ -12,6 +12,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "commands.hpp"
@@ -94,9 +95,12 @@ Command add_attack(CLI::App& app) {
   app.add_flag("--keep-networks", options->keep_networks, "leave weights of networks as they are");
   app.add_option("--json", options->json, "write the errors to this file");
   return [options]() -> int {
-    for (const std::filesystem::path* output : {&options->out, &options->json}) {
-      if (const Result<Done> kept = keep_inputs(*output, {options->model}); !kept) return fail(kept.error());
+    std::error_code none;
+    if (std::filesystem::equivalent(options->out, options->model, none)) {
+      return fail({ErrorKind::invalid, options->out.string(), "--out", "is the model that is read", "choose another"});
     }
+    if (const Result<Done> kept = keep_inputs(options->json, {options->model, options->out}); !kept)
+      return fail(kept.error());
     const Result<ModelSource> source = ModelSource::open(options->model);
     if (!source) return fail(source.error());
     return with_any_recipe(
