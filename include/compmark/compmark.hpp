@@ -262,6 +262,7 @@
 #include "compmark/pipeline/contributions.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/model_file.hpp"
+#include "compmark/pipeline/model_info.hpp"
 #include "compmark/pipeline/observer.hpp"
 #include "compmark/pipeline/pipeline.hpp"
 #include "compmark/pipeline/rate_phases.hpp"

@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -21,6 +22,12 @@
 #include "compmark/io/atomic_file.hpp"
 
 namespace compmark::inline v0 {
+
+/// Parses a text; a discarded value if it is not JSON. All of the library parses from one type of pointer, so that a program has one parser.
+template <class Json = nlohmann::json>
+[[nodiscard]] Json json_from(std::string_view text) {
+  return Json::parse(text.data(), text.data() + text.size(), nullptr, false);
+}
 
 /// Parses a whole JSON file (at most 1 GiB). The error names line and column.
 template <class Json = nlohmann::json>

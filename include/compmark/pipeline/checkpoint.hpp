@@ -19,6 +19,7 @@
 
 #include "compmark/core/absent.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/pipeline/settings.hpp"
@@ -146,7 +147,7 @@ template <class State, class Json = nlohmann::json>
   progress["seconds"] = seconds;
   writer.metadata = {{"format", "compmark.checkpoint"},
                      {"version", "1"},
-                     {"info", detail::info_json(state.model, info).dump()},
+                     {"info", detail::info_text(detail::numbers_of(state.model), info)},
                      {"settings", settings_json<Json>(settings).dump()},
                      {"progress", progress.dump()}};
   detail::add_block_tensors(writer, state.model.arena);
@@ -206,8 +207,8 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
     return refuse("__metadata__.format", "is \"" + *format + "\", not a checkpoint");
   const Result<std::string> settings_text = file->text_of("settings");
   if (!settings_text) return settings_text.error();
-  const Json stored = Json::parse(*settings_text, nullptr, false);
-  const Json wanted = Json::parse(settings_json<Json>(settings).dump());
+  const Json stored = json_from<Json>(*settings_text);
+  const Json wanted = json_from<Json>(settings_json<Json>(settings).dump());
   if (!stored.is_object()) return refuse("__metadata__.settings", "is not a JSON object");
   for (const auto& [key, value] : wanted.items()) {
     if (key == "effects" || key == "mark") continue;  // below, with fewer words
@@ -248,7 +249,7 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
   checkpoint.state.model = std::move(model->model);
   const Result<std::string> progress_text = file->text_of("progress");
   if (!progress_text) return progress_text.error();
-  const Json progress = Json::parse(*progress_text, nullptr, false);
+  const Json progress = json_from<Json>(*progress_text);
   if (!progress.is_object() || !progress.value("iteration", Json()).is_number_integer() ||
       !progress.value("seconds", Json()).is_number()) {
     return refuse("__metadata__.progress", "lacks iteration or seconds");

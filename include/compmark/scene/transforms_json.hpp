@@ -57,7 +57,7 @@ template <class Json = nlohmann::json>
   if (bytes.empty()) return Error{ErrorKind::truncated, name, "", "the file is empty", "create the dataset again"};
   const std::string text = without_nan(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   try {
-    return Json::parse(text);
+    return Json::parse(text.data(), text.data() + text.size());
   } catch (const typename Json::exception& mistake) {
     std::string reason = mistake.what();
     if (const std::size_t end = reason.find("] "); end != std::string::npos) reason.erase(0, end + 2);
