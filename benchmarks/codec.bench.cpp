@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The HAC codec at the published sizes (D = 50, K = 10, context 96 -> 100 -> 175) on synthetic models: whole files both ways by threads, the
-// integer context by itself, the octree, and the checks (CRC-32C, SHA-256). `symbols/s` counts all scalars of a file over the whole of
+// The codecs at the published sizes (D = 50, K = 10, HAC's context 96 -> 100 -> 175, ContextGS' three networks) on synthetic models: whole files
+// both ways by threads, the integer contexts by themselves, the octree, and the checks (CRC-32C, SHA-256). `symbols/s` counts all scalars of a file over the whole of
 // its coding, context included; `bits` are those of a scalar. Published coders need seconds of a GPU for larger scenes.
 #include <benchmark/benchmark.h>
 
@@ -14,9 +14,10 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/codec/hac.hpp"
+#include "compmark/codec/cmk.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "support/codec_model.hpp"
+#include "support/context_gs_model.hpp"
 
 namespace {
 
@@ -73,6 +74,62 @@ void decode(benchmark::State& state) {
   }
   count(state, file.report);
 }
+const CodecEncoded& context_gs_file(std::size_t anchors) {
+  static std::map<std::size_t, CodecEncoded> files;
+  auto found = files.find(anchors);
+  if (found == files.end()) {
+    ThreadExecutor executor(0);
+    auto encoded =
+        encode_context_gs(testing::make_context_gs_model(1, testing::full_codec_model(anchors)), {}, executor);
+    if (!encoded) std::abort();
+    found = files.emplace(anchors, std::move(*encoded)).first;
+  }
+  return found->second;
+}
+/// Without the search for the bits of the weights, which is `context_gs_search`.
+void context_gs_encode(benchmark::State& state) {
+  const CodecEncoded& file = context_gs_file(static_cast<std::size_t>(state.range(0)));
+  ThreadExecutor executor(static_cast<std::size_t>(state.range(1)));
+  for (auto _ : state) {
+    const auto encoded = encode_context_gs(file.model, {}, executor);
+    benchmark::DoNotOptimize(encoded.ok());
+  }
+  count(state, file.report);
+}
+void context_gs_decode(benchmark::State& state) {
+  const CodecEncoded& file = context_gs_file(static_cast<std::size_t>(state.range(0)));
+  ThreadExecutor executor(static_cast<std::size_t>(state.range(1)));
+  for (auto _ : state) {
+    const auto decoded = decode_context_gs(file.bytes, "", {}, executor);
+    if (!decoded) std::abort();
+    benchmark::DoNotOptimize(decoded->verified);
+  }
+  count(state, file.report);
+  state.counters["bits_z"] = file.report.hyperprior_bits / static_cast<double>(file.report.hyperprior_symbols);
+}
+void context_gs_search(benchmark::State& state) {
+  const CodecModel model = testing::make_context_gs_model(1, testing::full_codec_model(20'000));
+  ThreadExecutor executor(2);
+  for (auto _ : state) benchmark::DoNotOptimize(encode_context_gs(model, {}, executor).ok());
+}
+/// Levels, parents and the order of coding, from voxels.
+void context_gs_levels(benchmark::State& state) {
+  const CodecModel& model = file_of(20'000).model;
+  const AnchorCells cells = choose_anchor_cells(model.voxels);
+  for (auto _ : state) benchmark::DoNotOptimize(detail::context_gs_order(model.voxels, cells).row.data());
+  state.counters["us_anchor"] =
+      benchmark::Counter(static_cast<double>(model.anchors()) * 1e-6,
+                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+BENCHMARK(context_gs_encode)->Args({20'000, 1})->Args({20'000, 2})->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(context_gs_decode)
+    ->Args({20'000, 1})
+    ->Args({20'000, 2})
+    ->Args({400'000, 2})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK(context_gs_search)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(context_gs_levels)->Unit(benchmark::kMillisecond);
 BENCHMARK(encode)->Args({20'000, 1})->Args({20'000, 2})->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(decode)
     ->Args({20'000, 1})

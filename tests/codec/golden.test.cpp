@@ -12,10 +12,11 @@
 #include <string>
 #include <vector>
 
-#include "compmark/codec/hac.hpp"
+#include "compmark/codec/cmk.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/sha256.hpp"
 #include "support/codec_model.hpp"
+#include "support/context_gs_model.hpp"
 
 namespace {
 
@@ -27,10 +28,18 @@ struct Golden {
   testing::CodecModelShape shape;
   std::size_t anchors;
   const char* sha256;
+  bool context_gs = false;
 };
 
 std::vector<Golden> golden_files() {
-  testing::CodecModelShape small, published = testing::full_codec_model(120), wide;
+  testing::CodecModelShape small, published = testing::full_codec_model(120), wide, attributes = published, levels;
+  attributes.anchors = 400;
+  attributes.chunk_anchors = 64;
+  attributes.hidden = 40;
+  levels.anchors = 900;
+  levels.feature_dim = 3;
+  levels.offset_count = 32;
+  levels.networks = false;
   published.chunk_anchors = 64;
   wide.feature_dim = 1;
   wide.offset_count = 32;
@@ -39,7 +48,13 @@ std::vector<Golden> golden_files() {
   return {{"hac_small.cmk", 101, small, 243, "37a7748f87da924791a1dd6801b2cf100e193f4e5689a62a17d34d8b27faa022"},
           {"hac_published_sizes.cmk", 102, published, 119,
            "27436a6668ba8cb491acabd23bff619db8bcba7109e2a17c393faaae66bddb3d"},
-          {"hac_32_offsets.cmk", 103, wide, 300, "663c63a2613a82b67d26fcd3f50bb1159f9bee0fc06b2f8445984cb751f92f61"}};
+          {"hac_32_offsets.cmk", 103, wide, 300, "663c63a2613a82b67d26fcd3f50bb1159f9bee0fc06b2f8445984cb751f92f61"},
+          {"context_gs_small.cmk", 104, small, 249, "820da9000c94cf0115f32167588ce92789df7e9680fc7e5ebe8abb2880d92e94",
+           true},
+          {"context_gs_published_attributes.cmk", 105, attributes, 391,
+           "49ccd62f8f2bbeb6776c99be88b111640922b9b67addb140ea2ebbd03d900c5e", true},
+          {"context_gs_levels.cmk", 106, levels, 900,
+           "41fa22f29fef9402756e3c841ea560d022869d201b9410e6046534cedeb827f1", true}};
 }
 
 std::string digest(const CodecModel& model) {
@@ -47,6 +62,7 @@ std::string digest(const CodecModel& model) {
   hash.update(std::as_bytes(std::span(model.voxels))).update(std::as_bytes(std::span(model.mask)));
   hash.update(std::as_bytes(std::span(model.feature))).update(std::as_bytes(std::span(model.extent)));
   hash.update(std::as_bytes(std::span(model.offset)));
+  hash.update(std::as_bytes(std::span(model.hyperprior)));
   for (const CodecTensor& tensor : model.networks) {
     hash.update(std::as_bytes(std::span(tensor.name.data(), tensor.name.size())));
     hash.update(std::as_bytes(std::span(tensor.values)));
@@ -63,8 +79,10 @@ TEST_CASE(
     CAPTURE(name);
     if (const char* write = std::getenv("COMPMARK_WRITE_GOLDEN"); write != nullptr) {
       SerialExecutor executor;
-      const auto written = write_hac(std::filesystem::path(write) / golden.name,
-                                     testing::make_codec_model(golden.seed, golden.shape), {}, executor);
+      const auto written = write_cmk(std::filesystem::path(write) / golden.name,
+                                     golden.context_gs ? testing::make_context_gs_model(golden.seed, golden.shape)
+                                                       : testing::make_codec_model(golden.seed, golden.shape),
+                                     {}, executor);
       REQUIRE(written.ok());
       MESSAGE(std::string(golden.name), ": ", written->bytes.size(), " bytes, ", written->model.anchors(), " anchors, ",
               digest(written->model));
@@ -75,12 +93,13 @@ TEST_CASE(
     CHECK(bytes->size() < 50'000);
     for (const std::size_t threads : {1u, 2u, 8u}) {
       ThreadExecutor executor(threads);
-      const auto decoded = decode_hac(*bytes, golden.name, {}, executor);
+      const auto decoded = decode_cmk(*bytes, golden.name, {}, executor);
       REQUIRE_MESSAGE(decoded.ok(), (decoded.ok() ? "" : decoded.error().line()));
       CHECK(decoded->verified);
+      CHECK((decoded->model.profile() == ContainerProfile::context_gs) == golden.context_gs);
       CHECK(decoded->model.anchors() == golden.anchors);
       CHECK(digest(decoded->model) == golden.sha256);
-      const auto again = encode_hac(decoded->model, {}, executor);
+      const auto again = encode_cmk(decoded->model, {}, executor);
       REQUIRE(again.ok());
       CHECK(again->bytes == *bytes);
     }

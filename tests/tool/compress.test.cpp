@@ -159,3 +159,48 @@ TEST_CASE("tool: what cannot be compressed is refused in one line, and nothing i
                 {"--codec", "compmark-host"});
   CHECK(json_of(at("run/results.json"))["compressed"]["bytes"] == fs::file_size(small()));
 }
+
+TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvaged by chunks") {
+  done("scene --out " + at("scene") + " --width 96 --height 80 --train 12 --test 4");
+  done("train --codec context_gs --effects none --iterations 400 --data " + at("scene") + " --out " + at("gs"));
+  const nlohmann::json run = json_of(at("gs/results.json"));
+  CHECK(run["recipe"] == "context_gs");
+  const nlohmann::json& compressed = run["compressed"];
+  CHECK(compressed["codec"] == "context_gs");
+  CHECK(compressed["bytes"] == fs::file_size(at("gs/model.cmk")));
+  std::size_t sum = 0;
+  for (const auto& [name, bytes] : compressed["sections"].items()) sum += bytes.get<std::size_t>();
+  CHECK(sum == compressed["bytes"]);
+  MESSAGE("PSNR ", run["test"]["psnr"].get<double>(), " dB, compressed ", compressed["test"]["psnr"].get<double>(),
+          " dB in ", compressed["bytes"].get<int>(), " bytes of ", fs::file_size(at("gs/model.safetensors")));
+  CHECK(compressed["test"]["psnr"].get<double>() > run["test"]["psnr"].get<double>() - 1);
+  const std::vector<std::byte> expected = bytes_of(at("gs/model.cmk"));
+  done("compress --model " + at("gs/model.safetensors") + " --out " + at("gs_again.cmk") + " --threads 5");
+  CHECK(bytes_of(at("gs_again.cmk")) == expected);
+  const Outcome info = done("info " + at("gs/model.cmk"));
+  for (const char* word : {"context_gs", "LVLS", "HYPR", "verified"}) {
+    INFO(word);
+    CHECK(info.text.find(word) != std::string::npos);
+  }
+  done("decompress --model " + at("gs/model.cmk") + " --out " + at("gs_back.safetensors"));
+  for (const std::string& model : {at("gs/model.cmk"), at("gs_back.safetensors")}) {
+    done("evaluate --model " + model + " --data " + at("scene") + " --json " + at("gs_evaluate.json"));
+    CHECK(json_of(at("gs_evaluate.json"))["psnr"] == compressed["test"]["psnr"]);
+  }
+  done("export --model " + at("gs/model.cmk") + " --out " + at("gs.ply") + " --sh-degree 0 --compare 0");
+  // A byte of the last z: a chunk of level 0.
+  const Result<Container> container = parse_container(expected, "whole");
+  REQUIRE(container.ok());
+  std::vector<std::byte> flipped = expected;
+  const SectionEntry last = container->all(four_characters("HYPR")).back();
+  flipped[last.offset + last.size / 2] ^= std::byte{4};
+  REQUIRE(write_file(at("gs_damaged.cmk"), flipped));
+  check_refused(tool("info " + at("gs_damaged.cmk")), {"gs_damaged.cmk", "HYPR"});
+  const Outcome salvage =
+      tool("decompress --salvage --model " + at("gs_damaged.cmk") + " --out " + at("kept.safetensors"));
+  INFO(salvage.text);
+  CHECK(salvage.code == 4);
+  CHECK(salvage.text.find("is lost") != std::string::npos);
+  check_refused(tool("train --codec hac --recipe context_gs --data " + at("scene") + " --out " + at("no")),
+                {"--codec", "context_gs"});
+}
