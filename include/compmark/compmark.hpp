@@ -257,6 +257,7 @@
 
 #include "compmark/pipeline/bake.hpp"
 #include "compmark/pipeline/checkpoint.hpp"
+#include "compmark/pipeline/coded_context.hpp"
 #include "compmark/pipeline/coded_model.hpp"
 #include "compmark/pipeline/coded_views.hpp"
 #include "compmark/pipeline/contributions.hpp"
