@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What accuracy costs in time, third part: bits a scalar against symbols a second, for every knob of the coding side turned away from what is
-// shipped: precision of the frequencies, grids of deviation and mean, tables against erfc, symbols a chunk; and of whole files, context
+// shipped: precision of the frequencies and their floor, grids of deviation and mean, tables against erfc, symbols a chunk; and of whole files, context
 // included: bits of the context network's weights, anchors a chunk, threads.
 //
 //   accuracy_vs_time_codec [MODEL.safetensors] [--symbols N] [--anchors N] [--repetitions N] [--json FILE] [--html FILE] [--svg FILE]
@@ -294,8 +294,8 @@ std::vector<tool::Plot> plots_of(const std::vector<Case>& cases) {
   // What is cheaper than its Gaussian, as trained symbols are, has no place on a logarithmic axis.
   symbols.log_y = std::none_of(cases.begin(), cases.end(), [](const Case& one) { return one.excess() <= 0; });
   int color = 0;
-  for (const char* group : {"precision", "deviation", "mean", "erfc", "chunk", "weights"}) {
-    tool::PlotSeries series{.label = group, .points = {}, .names = {}, .color = color++, .line = true, .dots = true};
+  for (const char* group : {"precision", "deviation", "mean", "erfc", "chunk", "floor", "weights"}) {
+    tool::PlotSeries series{.label = group, .points = {}, .names = {}, .color = color++ % 6, .line = true, .dots = true};
     tool::Plot& plot = std::string_view(group) == "weights" ? weights : symbols;
     series.line = std::string_view(group) != "erfc";
     for (const Case& one : cases) {
@@ -345,6 +345,10 @@ int main(int argc, char** argv) {
   for (const int phases : {1, 2, 4, 8, 16, 32}) {
     cases.push_back(any_case("mean", phases == 1 ? "mean to 1 bin" : "to 1/" + std::to_string(phases) + " bin", set,
                              GridModel<16>(set, 8, phases)));
+  }
+  for (const int floor : {4, 16, 64}) {
+    cases.push_back(
+        any_case("floor", "least frequency " + std::to_string(floor), set, GridModel<16>(set, 8, 32, floor)));
   }
   cases.push_back(any_case("erfc", "erfc in float, no tables", set, ErfcModel<float>(set)));
   cases.push_back(any_case("erfc", "erfc in double, no tables", set, ErfcModel<double>(set)));

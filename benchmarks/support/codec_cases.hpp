@@ -122,7 +122,8 @@ template <int bits_>
 class GridModel {
  public:
   static constexpr int bits = bits_;
-  GridModel(const SymbolSet& set, int per_octave, int phases) : phases_(phases) {
+  /// `floor`: the least frequency of a slot, 1 in files.
+  GridModel(const SymbolSet& set, int per_octave, int phases, int floor = 1) : phases_(phases) {
     const NormalIntegral phi;
     const int step = 16 / per_octave, least = -(50 / step), greatest = 112 / step;
     std::vector<std::uint32_t> bounds;
@@ -131,6 +132,7 @@ class GridModel {
       bounds.resize(static_cast<std::size_t>(2 * window + 2));
       for (int phase = 0; phase <= phases / 2; ++phase) {
         detail::gaussian_bounds(phi, level * step, phase * (32 / phases), window, bits, bounds);
+        raise(bounds, floor);
         add(bounds, window);
       }
     }
@@ -179,6 +181,16 @@ class GridModel {
     std::uint32_t table;
     std::int32_t mean;
   };
+  /// Gives every slot `floor` numbers before the rest is shared out, where there are so many.
+  static void raise(std::span<std::uint32_t> bounds, int floor) {
+    const auto slots = static_cast<std::int64_t>(bounds.size()), least = std::int64_t{floor};
+    const std::int64_t spread = (std::int64_t{1} << bits) - slots, left = (std::int64_t{1} << bits) - least * slots;
+    if (least == 1 || left < spread / 2) return;
+    for (std::int64_t i = 0; i < slots; ++i) {
+      std::uint32_t& bound = bounds[static_cast<std::size_t>(i)];
+      bound = static_cast<std::uint32_t>(least * (i + 1) - 1 + ((bound - i) * left + spread / 2) / spread);
+    }
+  }
   void add(std::span<const std::uint32_t> bounds, int window) {
     const int search = std::min(bits, std::max(4, static_cast<int>(std::bit_width(static_cast<unsigned>(window))) + 1));
     Row row{static_cast<std::uint32_t>(numbers_.size()), 0, static_cast<std::uint32_t>(bits - search), window};
