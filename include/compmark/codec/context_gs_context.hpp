@@ -30,7 +30,8 @@ namespace compmark::inline v0::detail {
 }
 
 /// The trained context in whole numbers, but for its networks.
-[[nodiscard]] inline Result<IntegerContextGs> trained_levels(const CodecModel& model) {
+template <class Model>
+[[nodiscard]] Result<IntegerContextGs> trained_levels(const Model& model) {
   if (!model.trained_gs) return no_context_gs("the model has none");
   const TrainedContextGs& trained = *model.trained_gs;
   IntegerContextGs context;
@@ -65,7 +66,8 @@ namespace compmark::inline v0::detail {
   const TrainedContextGs::Network& n = trained.network[level];
   return {inputs, trained.hidden, n.weight1, n.bias1, n.weight2, n.bias2, trained.statistics};
 }
-[[nodiscard]] inline IntegerNetworkSettings context_gs_network_settings(const CodecModel& model) {
+template <class Model>
+[[nodiscard]] IntegerNetworkSettings context_gs_network_settings(const Model& model) {
   IntegerNetworkSettings settings;
   settings.base_step = model.base_step;
   settings.input_bits = IntegerContextGs::input_bits;
@@ -74,8 +76,8 @@ namespace compmark::inline v0::detail {
   return settings;
 }
 /// All networks in integers of these bits.
-[[nodiscard]] inline Result<Done> quantize_levels(const CodecModel& model, const WeightBits& bits,
-                                                  IntegerContextGs& context) {
+template <class Model>
+[[nodiscard]] Result<Done> quantize_levels(const Model& model, const WeightBits& bits, IntegerContextGs& context) {
   IntegerNetworkSettings settings = context_gs_network_settings(model);
   settings.bits = bits;
   for (std::size_t level = 0; level < IntegerContextGs::levels; ++level) {
@@ -86,7 +88,8 @@ namespace compmark::inline v0::detail {
   }
   return Done{};
 }
-[[nodiscard]] inline Result<Done> check_context(const IntegerContextGs& context, const CodecModel& model) {
+template <class Model>
+[[nodiscard]] Result<Done> check_context(const IntegerContextGs& context, const Model& model) {
   if (context.heads.outputs() != model.heads().outputs() || context.heads.feature != model.feature_dim)
     return no_context_gs("it is that of other attributes");
   if (model.hyperprior.size() != model.anchors() * context.channels)
@@ -95,7 +98,8 @@ namespace compmark::inline v0::detail {
 }
 
 /// The context of a model: the one it has, or its trained one with networks of `bits`.
-[[nodiscard]] inline Result<IntegerContextGs> context_gs_of(const CodecModel& model, const WeightBits& bits) {
+template <class Model>
+[[nodiscard]] Result<IntegerContextGs> context_gs_of(const Model& model, const WeightBits& bits) {
   Result<IntegerContextGs> context =
       model.context_gs ? Result<IntegerContextGs>(*model.context_gs) : trained_levels(model);
   if (!context) return context;
@@ -107,7 +111,8 @@ namespace compmark::inline v0::detail {
   if (!checked) return checked.error();
   return context;
 }
-[[nodiscard]] inline ContextGsEvaluator::Packed pack_networks(const IntegerContextGs& context) {
+template <class Context>
+[[nodiscard]] ContextGsEvaluator::Packed pack_networks(const Context& context) {
   return {context.network[0].pack(), context.network[1].pack(), context.network[2].pack()};
 }
 

@@ -43,7 +43,8 @@ using LevelCounts = std::array<std::uint64_t, 3>;  ///< anchors of levels 0, 1, 
 
 /// LVLS: i32 edges of fine and coarse cells; of each axis i32 scale, u8 fraction bits, i64 offset; u64 anchors of levels 2, 1, 0; of
 /// each feature and extent i32 mean, u16 factor, u8 shift.
-[[nodiscard]] inline std::vector<std::byte> encode_levels(const IntegerContextGs& context, const LevelCounts& counts) {
+template <class Context>
+[[nodiscard]] std::vector<std::byte> encode_levels(const Context& context, const LevelCounts& counts) {
   ByteWriter writer;
   writer.put(context.cells.fine).put(context.cells.coarse);
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -56,8 +57,9 @@ using LevelCounts = std::array<std::uint64_t, 3>;  ///< anchors of levels 0, 1, 
   return writer.take();
 }
 /// `anchors` are all levels' together.
-[[nodiscard]] inline Result<LevelCounts> decode_levels(std::span<const std::byte> payload, std::uint64_t anchors,
-                                                       IntegerContextGs& context) {
+template <class Context>
+[[nodiscard]] Result<LevelCounts> decode_levels(std::span<const std::byte> payload, std::uint64_t anchors,
+                                                Context& context) {
   ByteReader reader(payload);
   context.cells.fine = reader.get<std::int32_t>();
   context.cells.coarse = reader.get<std::int32_t>();
@@ -98,13 +100,15 @@ void code_prior(Bits& bits, std::span<std::uint16_t> prior) {
   }
 }
 /// PRIO: u8 channels; the frequencies of -15 … 15 of each.
-[[nodiscard]] inline std::vector<std::byte> encode_prior(const IntegerContextGs& context) {
+template <class Context>
+[[nodiscard]] std::vector<std::byte> encode_prior(const Context& context) {
   std::vector<std::uint16_t> prior = context.prior;
   BitsOut bits;
   code_prior(bits, std::span<std::uint16_t>(prior));
   return ByteWriter().put(static_cast<std::uint8_t>(context.channels)).put(bits.finish()).take();
 }
-[[nodiscard]] inline Result<Done> decode_prior(std::span<const std::byte> payload, IntegerContextGs& context) {
+template <class Context>
+[[nodiscard]] Result<Done> decode_prior(std::span<const std::byte> payload, Context& context) {
   ByteReader reader(payload);
   context.channels = reader.get<std::uint8_t>();
   if (context.channels < 1 || context.channels > HyperpriorFormat::most_channels)
@@ -123,8 +127,9 @@ void code_prior(Bits& bits, std::span<std::uint16_t> prior) {
   return models;
 }
 /// HYPR: one stream of symbols. Returns what the tables say they cost.
-[[nodiscard]] inline double encode_hyperprior(const HyperpriorTables& tables, std::span<const std::int32_t> symbols,
-                                              std::vector<std::byte>& bytes) {
+template <class Tables>
+[[nodiscard]] double encode_hyperprior(const Tables& tables, std::span<const std::int32_t> symbols,
+                                       std::vector<std::byte>& bytes) {
   const std::vector<SymbolModel> models = hyperprior_models(tables.channels(), symbols.size());
   std::vector<std::uint8_t> stream;
   encode_symbols(tables, models, symbols, stream);
@@ -134,8 +139,9 @@ void code_prior(Bits& bits, std::span<std::uint16_t> prior) {
   for (std::size_t i = 0; i < symbols.size(); ++i) bits += ideal_bits(tables, models[i], symbols[i]);
   return bits;
 }
-[[nodiscard]] inline Result<Done> decode_hyperprior(const HyperpriorTables& tables, std::span<const std::byte> payload,
-                                                    std::span<std::int32_t> symbols) {
+template <class Tables>
+[[nodiscard]] Result<Done> decode_hyperprior(const Tables& tables, std::span<const std::byte> payload,
+                                             std::span<std::int32_t> symbols) {
   Result<Done> decoded =
       decode_symbols(tables, hyperprior_models(tables.channels(), symbols.size()), octets(payload), symbols);
   if (!decoded) {
@@ -161,7 +167,8 @@ struct ContextGsOrder {
             {0, static_cast<std::size_t>(counts[0])}};
   }
 };
-[[nodiscard]] inline ContextGsOrder context_gs_order(std::span<const Voxel> voxels, AnchorCells cells) {
+template <class Cells>
+[[nodiscard]] ContextGsOrder context_gs_order(std::span<const Voxel> voxels, const Cells& cells) {
   AnchorLevels levels;
   levels.sort(voxels, cells);
   levels.assign();

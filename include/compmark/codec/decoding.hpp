@@ -83,11 +83,12 @@ namespace detail {
   return Done{};
 }
 
-/// The sections of a file on their way to a model.
+/// The sections of a file on their way to a model. A template, so that who includes this without decoding does not pay for it.
+template <class Settings>
 class FileReader {
  public:
   /// All must outlive this.
-  FileReader(const Container& file, const CodecSections& format, const CodecDecodeSettings& settings)
+  FileReader(const Container& file, const CodecSections& format, const Settings& settings)
       : format_(format),
         settings_(settings),
         file_(file) {}
@@ -281,7 +282,7 @@ class FileReader {
 
  private:
   const CodecSections& format_;
-  const CodecDecodeSettings& settings_;
+  const Settings& settings_;
   const Container& file_;
   std::vector<std::uint8_t> intact_;
   std::uint64_t anchors_ = 0;

@@ -84,7 +84,8 @@ struct ChunkPlace {
   std::size_t begin = 0, end = 0;
 };
 /// Chunks of levels that follow one another.
-[[nodiscard]] inline std::vector<ChunkPlace> chunk_places(std::span<const LevelRange> levels, std::size_t grain) {
+template <class Levels>
+[[nodiscard]] std::vector<ChunkPlace> chunk_places(const Levels& levels, std::size_t grain) {
   std::vector<ChunkPlace> places;
   std::size_t first = 0;
   for (const LevelRange& level : levels) {
@@ -108,8 +109,8 @@ void for_part(std::span<const ChunkPlace> places, std::uint32_t part, E& executo
 }
 
 /// Rows of the anchors that are coded, along the Morton curve; counts the others.
-[[nodiscard]] inline std::vector<std::uint32_t> coded_rows(const CodecModel& model, VoxelRange& range,
-                                                           CodecReport& report) {
+template <class Model>
+[[nodiscard]] std::vector<std::uint32_t> coded_rows(const Model& model, VoxelRange& range, CodecReport& report) {
   std::vector<Voxel> survivors;
   std::vector<std::uint32_t> rows;
   for (std::size_t i = 0; i < model.anchors(); ++i) {
@@ -127,8 +128,9 @@ void for_part(std::span<const ChunkPlace> places, std::uint32_t part, E& executo
 }
 
 /// These rows of a model, in this order, with all that is not of anchors but the context.
-[[nodiscard]] inline CodecModel take_rows(const CodecModel& model, std::span<const std::uint32_t> rows) {
-  CodecModel result;
+template <class Model>
+[[nodiscard]] Model take_rows(const Model& model, std::span<const std::uint32_t> rows) {
+  Model result;
   result.voxel_size = model.voxel_size;
   result.feature_dim = model.feature_dim;
   result.offset_count = model.offset_count;
@@ -153,11 +155,12 @@ void for_part(std::span<const ChunkPlace> places, std::uint32_t part, E& executo
   return result;
 }
 
-/// The sections of a file on their way.
+/// The sections of a file on their way. A template, so that who includes this without encoding does not pay for it.
+template <class Model>
 class FileWriter {
  public:
   /// `places` and `model` (in the order of coding) must outlive this.
-  FileWriter(const CodecSections& format, const CodecModel& model, std::span<const ChunkPlace> places)
+  FileWriter(const CodecSections& format, const Model& model, std::span<const ChunkPlace> places)
       : format_(format),
         model_(model),
         places_(places) {}
@@ -258,7 +261,7 @@ class FileWriter {
 
  private:
   const CodecSections& format_;
-  const CodecModel& model_;
+  const Model& model_;
   std::span<const ChunkPlace> places_;
   std::vector<Section> sections_;
   std::vector<std::size_t> named_;

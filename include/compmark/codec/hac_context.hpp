@@ -46,14 +46,16 @@ class HacPredictor : public ContextEvaluator {
           trained.bias2,
           trained.statistics};
 }
-[[nodiscard]] inline Result<Done> check_context(const IntegerContext& context, const CodecModel& model) {
+template <class Model>
+[[nodiscard]] Result<Done> check_context(const IntegerContext& context, const Model& model) {
   if (context.heads.outputs() != model.heads().outputs() || context.heads.feature != model.feature_dim) {
     return no_context("it is that of other attributes");
   }
   return context.check();
 }
 /// The trained context in whole numbers, but for its network.
-[[nodiscard]] inline Result<IntegerContext> trained_grid(const CodecModel& model) {
+template <class Model>
+[[nodiscard]] Result<IntegerContext> trained_grid(const Model& model) {
   if (!model.trained) return no_context("the model has none");
   const TrainedContext& trained = *model.trained;
   if (!trained.shape.valid()) return no_context("the hash grid's shape is not valid");
@@ -69,7 +71,8 @@ class HacPredictor : public ContextEvaluator {
 }
 
 /// The integer context of a model: the one it has, or its trained one in integers of these bits.
-[[nodiscard]] inline Result<IntegerContext> context_of(const CodecModel& model, const WeightBits& bits) {
+template <class Model>
+[[nodiscard]] Result<IntegerContext> context_of(const Model& model, const WeightBits& bits) {
   Result<IntegerContext> context = model.context ? Result<IntegerContext>(*model.context) : trained_grid(model);
   if (!context) return context;
   if (!model.context) {

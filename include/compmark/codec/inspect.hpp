@@ -37,14 +37,15 @@ struct CodecInfo {
 };
 
 /// `path` is for messages. A file whose META is damaged has no information to give and is an error.
-[[nodiscard]] inline Result<CodecInfo> inspect_cmk(std::span<const std::byte> bytes, const std::string& path) {
+template <class Info = CodecInfo>  // a template, so that who does not call it does not pay for it
+[[nodiscard]] Result<Info> inspect_cmk(std::span<const std::byte> bytes, const std::string& path) {
   const Result<Container> file = parse_container(bytes, path);
   if (!file) return file.error();
   const bool context_gs = file->header.profile == ContainerProfile::context_gs;
   const Result<Done> promised =
       detail::check_sections(*file, context_gs ? ContextGsFormat::sections : HacFormat::sections);
   if (!promised) return promised.error();
-  CodecInfo info;
+  Info info;
   info.header = file->header;
   info.sections = file->sections;
   info.file_bytes = bytes.size();

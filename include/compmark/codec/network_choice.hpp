@@ -34,7 +34,8 @@ struct NetworkSample {
 };
 
 /// Adds rows [first, first + count) of `model`, all that coding looks at.
-inline void add_rows(const CodecModel& model, std::size_t first, std::size_t count, CodecModel& rows) {
+template <class Model>
+void add_rows(const Model& model, std::size_t first, std::size_t count, Model& rows) {
   const auto d = static_cast<std::size_t>(model.feature_dim), k3 = 3 * static_cast<std::size_t>(model.offset_count);
   rows.feature_dim = model.feature_dim;
   rows.offset_count = model.offset_count;
@@ -114,8 +115,9 @@ template <class Predictor, class Steps>
 }
 
 /// Sums of the network's outputs over a sample, by row.
-[[nodiscard]] inline std::vector<double> output_sums(const IntegerNetwork& network, const ContextHeads& heads,
-                                                     const NetworkSample& sample) {
+template <class Network>
+[[nodiscard]] std::vector<double> output_sums(const Network& network, const ContextHeads& heads,
+                                              const NetworkSample& sample) {
   const IntegerNetwork::Packed packed = network.pack();
   SamplePredictor predictor(network, packed, heads, sample);
   std::vector<double> sums(heads.outputs(), 0);
@@ -131,8 +133,9 @@ template <class Predictor, class Steps>
 
 /// Moves the biases of the coarse network's second layer so that on the sample each output is what the fine network's is in the mean: what
 /// rounding a few thousand weights shifts is the same for all anchors, and would make all steps a little larger or smaller.
-inline void match_means(const IntegerNetwork& fine, const ContextHeads& heads, const NetworkSample& sample,
-                        std::int64_t most_input, IntegerNetwork& coarse) {
+template <class Network>
+void match_means(const Network& fine, const ContextHeads& heads, const NetworkSample& sample, std::int64_t most_input,
+                 Network& coarse) {
   const std::vector<double> wanted = output_sums(fine, heads, sample), found = output_sums(coarse, heads, sample);
   const std::vector<std::int32_t> before = coarse.output.bias;
   for (std::size_t row = 0; row < wanted.size(); ++row) {
