@@ -27,7 +27,7 @@ struct FloatContext {
   std::span<const float> weight1, bias1, weight2, bias2, statistics;
 };
 
-/// Bits of weights, sign included, 4 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of extents, which need 13
+/// Bits of weights, sign included, 2 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of extents, which need 13
 /// (codec/network_choice.hpp finds out). The three rows of the steps always have at least 12.
 struct WeightBits {
   int hidden = 12;                      ///< first layer
@@ -36,9 +36,9 @@ struct WeightBits {
 
   [[nodiscard]] static constexpr WeightBits all(int bits) { return {bits, {bits, bits, bits}, {bits, bits, bits}}; }
   [[nodiscard]] constexpr bool valid() const {
-    bool good = hidden >= 4 && hidden <= 16;
+    bool good = hidden >= 2 && hidden <= 16;
     for (std::size_t g = 0; g < 3; ++g)
-      good = good && mean[g] >= 4 && mean[g] <= 16 && deviation[g] >= 4 && deviation[g] <= 16;
+      good = good && mean[g] >= 2 && mean[g] <= 16 && deviation[g] >= 2 && deviation[g] <= 16;
     return good;
   }
 };
@@ -88,7 +88,7 @@ namespace detail {
     return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), "train the context again"};
   };
   const std::size_t inputs = context.inputs, hidden = context.hidden, channels = heads.channels();
-  if (!settings.bits.valid()) return fail("bits", "must be 4 to 16");
+  if (!settings.bits.valid()) return fail("bits", "must be 2 to 16");
   if (context.weight1.size() != hidden * inputs || context.bias1.size() != hidden ||
       context.weight2.size() != heads.outputs() * hidden || context.bias2.size() != heads.outputs() ||
       context.statistics.size() != 2 * channels) {
