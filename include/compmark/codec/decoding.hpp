@@ -93,7 +93,6 @@ class FileReader {
         settings_(settings),
         file_(file) {}
 
-  [[nodiscard]] const Container& file() const { return file_; }
   [[nodiscard]] const GaussianTables& tables() const { return *tables_; }
   [[nodiscard]] Error located(Error error) const {
     error.file = file_.path;
