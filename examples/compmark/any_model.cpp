@@ -44,6 +44,22 @@ class RecipeModel final : public AnyModel {
     const ForwardReport report = pipeline_.forward(model_, at, unseen_view, context_, executor);
     return RenderedView{context_.image, report.gaussians};
   }
+  ParameterArena<float>& arena() override { return model_.arena; }
+  [[nodiscard]] std::size_t anchor_count() const override { return model_.anchor_count(); }
+  [[nodiscard]] Result<Done> write(const std::filesystem::path& path) const override {
+    return write_model(path, model_, info);
+  }
+  [[nodiscard]] Result<CodecModel> coded(const CodedModelSettings& settings) const override {
+    if constexpr (present<typename R::EntropyModel>) {
+      return coded_model(model_, info, settings);
+    } else {
+      return Error{ErrorKind::unsupported,
+                   {},
+                   "recipe",
+                   "\"" + info.recipe + "\" has no entropy model, so nothing is known of how its numbers are coded",
+                   "train with --codec hac or context_gs"};
+    }
+  }
 
  private:
   Model<R> model_;
@@ -72,7 +88,9 @@ struct Load {
 Loaded load_model(const std::filesystem::path& path) {
   const Result<ModelSource> source = ModelSource::open(path);
   if (!source) return source.error();
-  return with_any_recipe(source->recipe, Load{*source});
+  return load_model(*source);
 }
+
+Loaded load_model(const ModelSource& source) { return with_reading_recipe(source.recipe, Load{source}); }
 
 }  // namespace tool

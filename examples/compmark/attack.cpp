@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <compmark/attack/quantize_model.hpp>
 #include <compmark/io/json_file.hpp>
-#include <compmark/pipeline/model_file.hpp>
 #include <compmark/quant/int8_quantizer.hpp>
 #include <cstdio>
 #include <filesystem>
@@ -15,11 +14,10 @@
 #include <system_error>
 #include <vector>
 
+#include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
-#include "model_source.hpp"
 #include "reading.hpp"
-#include "recipe_list.hpp"
 
 namespace tool {
 namespace {
@@ -36,11 +34,11 @@ struct AttackOptions {
   bool keep_networks = false;
 };
 
-template <class R>
-int attack(const AttackOptions& options, const ModelSource& source) {
-  using Quantizer = Int8Quantizer<typename R::Scalar>;
-  Result<LoadedModel<R>> loaded = source.load<R>();
+int attack(const AttackOptions& options) {
+  using Quantizer = Int8Quantizer<float>;
+  Result<std::unique_ptr<AnyModel>> loaded = load_model(options.model);
   if (!loaded) return fail(loaded.error());
+  AnyModel& model = **loaded;
   const Int8Scheme scheme = options.symmetric ? Int8Scheme::symmetric : Int8Scheme::affine;
   const bool channels = options.int8 == "channel";
   const Result<Quantizer> anchors =
@@ -49,14 +47,13 @@ int attack(const AttackOptions& options, const ModelSource& source) {
   if (!anchors) return fail(anchors.error());
   if (!networks) return fail(networks.error());
   const Result<std::vector<QuantizedBlock>> blocks =
-      quantize_model(loaded->model.arena, *anchors, *networks, {!options.keep_positions, !options.keep_networks});
+      quantize_model(model.arena(), *anchors, *networks, {!options.keep_positions, !options.keep_networks});
   if (!blocks) {
     Error error = blocks.error();
     error.file = options.model.string();
     return fail(error);
   }
-  if (Result<Done> written = write_model(options.out, loaded->model, loaded->info); !written)
-    return fail(written.error());
+  if (Result<Done> written = model.write(options.out); !written) return fail(written.error());
   nlohmann::ordered_json json{{"schema", "compmark.attack.1"},
                               {"attack", "int8"},
                               {"channels", options.int8},
@@ -73,7 +70,7 @@ int attack(const AttackOptions& options, const ModelSource& source) {
                                {"rms_error", block.rms_error},
                                {"largest_error", block.largest_error}});
   }
-  std::printf("%s: %zu anchors\n", options.out.string().c_str(), loaded->model.anchor_count());
+  std::printf("%s: %zu anchors\n", options.out.string().c_str(), model.anchor_count());
   if (options.json.empty()) return success;
   if (Result<Done> written = write_file(options.json, json.dump(2) + "\n"); !written) return fail(written.error());
   return success;
@@ -101,10 +98,7 @@ Command add_attack(CLI::App& app) {
     }
     if (const Result<Done> kept = keep_inputs(options->json, {options->model, options->out}); !kept)
       return fail(kept.error());
-    const Result<ModelSource> source = ModelSource::open(options->model);
-    if (!source) return fail(source.error());
-    return with_any_recipe(
-        source->recipe, ExitCode([&](auto tag) { return attack<typename decltype(tag)::Recipe>(*options, *source); }));
+    return attack(*options);
   };
 }
 

@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <chrono>
-#include <compmark/codec/cmk.hpp>
+#include <compmark/codec/context_gs_format.hpp>
+#include <compmark/codec/hac_format.hpp>
 #include <cstdio>
 #include <memory>
+
+#include "codec_file.hpp"
 
 namespace tool {
 namespace {
@@ -92,7 +95,7 @@ nlohmann::ordered_json coded_json(const CodecReport& report) {
   }
   if (report.hyperprior_symbols != 0)
     bits["hyperprior"] = report.hyperprior_bits / static_cast<double>(report.hyperprior_symbols);
-  return {{"codec", codec_name(report.profile)},
+  return {{"codec", codec_file_name(report.profile)},
           {"bytes", report.total_bytes},
           {"estimated_bytes", report.estimated_bytes()},
           {"anchors", report.anchors},
@@ -108,7 +111,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
                                    ThreadExecutor& executor) {
   CodedRun run;
   const auto encoding = Clock::now();
-  const Result<CodecEncoded> encoded = write_cmk(file, model, CodecEncodeSettings{}, executor);
+  const Result<CodecEncoded> encoded = write_codec_file(file, model, executor);
   if (!encoded) return encoded.error();
   run.metrics.encode_seconds = since(encoding);
   const auto decoding = Clock::now();
@@ -120,7 +123,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
                      [](std::size_t, const ViewResult&, ImageView<const float>, ImageView<const float>) {});
   if (!evaluation) return evaluation.error();
   const CodecReport& report = encoded->report;
-  run.metrics.codec = codec_name(report.profile);
+  run.metrics.codec = codec_file_name(report.profile);
   run.metrics.bytes = report.total_bytes;
   run.metrics.anchors = report.anchors;
   run.metrics.sections = coded_sections(report);
@@ -132,14 +135,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
   if (mark != nullptr) {
     const Result<MarkMeasurement> found = measure_mark(**decoded, *mark, measured, executor);
     if (!found) return found.error();
-    const BitAccuracy accuracy = bit_accuracy(found->report.verification);
-    WatermarkMetrics metrics;
-    metrics.mean = accuracy.mean;
-    metrics.min = accuracy.min;
-    metrics.views = static_cast<int>(accuracy.views);
-    metrics.p_value = found->report.verification.evidence.p_value;
-    metrics.largest_view_p_value = accuracy.largest_p;
-    run.metrics.watermark = metrics;
+    run.metrics.watermark = watermark_metrics(found->report.verification);
   }
   run.table.heading = "Compressed";
   run.table.rows = {{"codec", run.metrics.codec},

@@ -2,19 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark compress: a model that was trained for it, as one small file. compmark decompress: the way back, damaged files included.
-#include <compmark/codec/cmk.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/pipeline/coded_model.hpp>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <utility>
 
+#include "any_model.hpp"
+#include "codec_file.hpp"
 #include "coded_run.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 #include "model_source.hpp"
-#include "recipe_list.hpp"
 
 namespace tool {
 namespace {
@@ -27,23 +28,22 @@ struct CompressOptions {
   std::size_t threads = 0;
 };
 
-template <class R>
 int compress(const CompressOptions& options) {
-  const Result<LoadedModel<R>> loaded = read_model<R>(options.model);
+  const Result<std::unique_ptr<AnyModel>> loaded = load_model(options.model);
   if (!loaded) return fail(loaded.error());
   CodedModelSettings settings;
   settings.networks = options.networks == "single" ? TensorStorage::single : TensorStorage::half;
   settings.cameras = options.cameras == "none"  ? StoredCameras::none
                      : options.cameras == "all" ? StoredCameras::all
                                                 : StoredCameras::test;
-  Result<CodecModel> model = coded_model(loaded->model, loaded->info, settings);
+  Result<CodecModel> model = (*loaded)->coded(settings);
   if (!model) {
     Error error = model.error();
     error.file = options.model.string();
     return fail(error);
   }
   ThreadExecutor executor(options.threads);
-  const Result<CodecEncoded> encoded = write_cmk(options.out, *model, CodecEncodeSettings{}, executor);
+  const Result<CodecEncoded> encoded = write_codec_file(options.out, *model, executor);
   if (!encoded) return fail(encoded.error());
   std::printf("%s: %s", options.out.string().c_str(), coded_text(encoded->report).c_str());
   if (options.json.empty()) return success;
@@ -57,17 +57,14 @@ struct DecompressOptions {
   std::size_t threads = 0;
 };
 
-template <class R>
-int decompress(const DecompressOptions& options, const CodecDecoded& decoded) {
-  Result<LoadedModel<R>> loaded = model_from<R>(decoded.model);
-  if (!loaded) {
-    Error error = loaded.error();
-    error.file = options.model.string();
-    return fail(error);
-  }
-  if (Result<Done> written = write_model(options.out, loaded->model, loaded->info); !written)
-    return fail(written.error());
-  std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), loaded->model.anchor_count(),
+int decompress(const DecompressOptions& options, CodecDecoded decoded) {
+  const Result<std::string> recipe = model_recipe(decoded.model);
+  if (!recipe) return fail(recipe.error());
+  const Result<std::unique_ptr<AnyModel>> loaded =
+      load_model(ModelSource{options.model, *recipe, std::move(decoded.model)});
+  if (!loaded) return fail(loaded.error());
+  if (Result<Done> written = (*loaded)->write(options.out); !written) return fail(written.error());
+  std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), (*loaded)->anchor_count(),
               decoded.verified ? ", verified" : "");
   for (const std::string& section : decoded.lost_sections)
     std::fprintf(stderr, "compmark: warning: section %s is lost\n", section.c_str());
@@ -99,15 +96,7 @@ Command add_compress(CLI::App& app) {
     if (is_coded_file(options->model)) {
       return fail({ErrorKind::invalid, options->model.string(), {}, "is compressed already", "copy the file"});
     }
-    const Result<ModelSource> source = ModelSource::open(options->model);
-    if (!source) return fail(source.error());
-    if (!is_coded_recipe(source->recipe)) {
-      return fail({ErrorKind::unsupported, options->model.string(), "recipe",
-                   "\"" + source->recipe + "\" has no entropy model, so nothing is known of how its numbers are coded",
-                   "train with --codec hac or context_gs"});
-    }
-    return with_coded_recipe(source->recipe,
-                             ExitCode([&](auto tag) { return compress<typename decltype(tag)::Recipe>(*options); }));
+    return compress(*options);
   };
 }
 
@@ -122,12 +111,9 @@ Command add_decompress(CLI::App& app) {
     ThreadExecutor executor(options->threads);
     CodecDecodeSettings settings;
     settings.salvage = options->salvage;
-    const Result<CodecDecoded> decoded = read_cmk(options->model, settings, executor);
+    Result<CodecDecoded> decoded = read_codec_file(options->model, settings, executor);
     if (!decoded) return fail(decoded.error());
-    const Result<std::string> recipe = model_recipe(decoded->model);
-    if (!recipe) return fail(recipe.error());
-    return with_coded_recipe(
-        *recipe, ExitCode([&](auto tag) { return decompress<typename decltype(tag)::Recipe>(*options, *decoded); }));
+    return decompress(*options, std::move(*decoded));
   };
 }
 

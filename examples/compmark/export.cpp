@@ -234,8 +234,8 @@ Command add_export(CLI::App& app) {
   return [options]() -> int {
     const Result<ModelSource> source = ModelSource::open(options->model);
     if (!source) return fail(source.error());
-    return with_any_recipe(source->recipe,
-                           ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *source); }));
+    return with_reading_recipe(
+        source->recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *source); }));
   };
 }
 

@@ -3,7 +3,6 @@
 //
 // compmark info: what a model file holds, and the digest that names it.
 #include <bit>
-#include <compmark/codec/cmk.hpp>
 #include <compmark/codec/container.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
@@ -15,6 +14,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "codec_file.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 #include "model_source.hpp"
@@ -31,7 +31,7 @@ int info_of_coded(const std::filesystem::path& path) {
   const Result<Container> container = parse_container(*bytes, path.string());
   if (!container) return fail(container.error());
   ThreadExecutor executor(0);
-  const Result<CodecDecoded> decoded = decode_cmk(*bytes, path.string(), CodecDecodeSettings{}, executor);
+  const Result<CodecDecoded> decoded = decode_codec_file(*bytes, path.string(), executor);
   if (!decoded) return fail(decoded.error());
   const Result<std::string> digest = file_sha256(path);
   if (!digest) return fail(digest.error());
@@ -44,7 +44,7 @@ int info_of_coded(const std::filesystem::path& path) {
       "%s\n  sha256      %s\n  codec       %s, %zu bytes, every section and the decoded model verified\n"
       "  recipe      %s (profile %s, %lld iterations, seed %llu)\n  anchors     %zu with %zu live offsets\n"
       "  cell size   %g\n  views       %zu stored\n  sections\n",
-      path.string().c_str(), digest->c_str(), codec_name(model.profile()), bytes->size(), info->recipe.c_str(),
+      path.string().c_str(), digest->c_str(), codec_file_name(model.profile()), bytes->size(), info->recipe.c_str(),
       info->profile.c_str(), static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed),
       model.anchors(), live, model.voxel_size, info->views.size());
   std::map<std::string, std::pair<std::size_t, std::uint64_t>> sections;

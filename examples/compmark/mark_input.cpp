@@ -125,4 +125,15 @@ Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, Dat
   return found;
 }
 
+WatermarkMetrics watermark_metrics(const Verification& verification) {
+  const BitAccuracy accuracy = bit_accuracy(verification);
+  WatermarkMetrics metrics;
+  metrics.mean = accuracy.mean;
+  metrics.min = accuracy.min;
+  metrics.views = static_cast<int>(accuracy.views);
+  metrics.p_value = verification.evidence.p_value;
+  metrics.largest_view_p_value = accuracy.largest_p;
+  return metrics;
+}
+
 }  // namespace tool

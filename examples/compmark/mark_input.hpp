@@ -19,6 +19,7 @@
 #include "any_model.hpp"
 #include "common.hpp"
 #include "reading.hpp"
+#include "results.hpp"
 
 namespace tool {
 
@@ -61,5 +62,8 @@ struct MarkMeasurement {
 /// Reads the message from every view of a marked model, as whoever checks it does: from renders rounded to 8 bits.
 compmark::Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, DatasetViews views,
                                                compmark::ThreadExecutor& executor);
+
+/// What of it results.json says.
+WatermarkMetrics watermark_metrics(const compmark::Verification& verification);
 
 }  // namespace tool

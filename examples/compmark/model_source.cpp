@@ -3,11 +3,15 @@
 #include "model_source.hpp"
 
 #include <array>
-#include <compmark/codec/cmk.hpp>
+#include <compmark/codec/container.hpp>
 #include <compmark/core/thread_executor.hpp>
+#include <compmark/pipeline/coded_model.hpp>
 #include <cstddef>
 #include <fstream>
 #include <utility>
+
+#include "codec_file.hpp"
+#include "recipe_list.hpp"
 
 namespace tool {
 
@@ -29,7 +33,7 @@ Result<ModelSource> ModelSource::open(const std::filesystem::path& path) {
   source.path = path;
   if (is_coded_file(path)) {
     ThreadExecutor executor(0);
-    Result<CodecDecoded> decoded = read_cmk(path, {}, executor);
+    Result<CodecDecoded> decoded = read_codec_file(path, {}, executor);
     if (!decoded) return decoded.error();
     Result<std::string> recipe = model_recipe(decoded->model);
     if (!recipe) {
@@ -48,5 +52,37 @@ Result<ModelSource> ModelSource::open(const std::filesystem::path& path) {
   source.recipe = std::move(*recipe);
   return source;
 }
+
+template <class R>
+Result<LoadedModel<R>> ModelSource::load() const {
+  if (!coded) return read_model<R>(path);
+  if constexpr (present<typename R::EntropyModel>) {
+    Result<LoadedModel<R>> loaded = model_from<R>(*coded);
+    if (loaded) return loaded;
+    Error error = loaded.error();
+    error.file = path.string();
+    return error;
+  } else {
+    return Error{ErrorKind::malformed, path.string(), "META.recipe",
+                 "is " + recipe + ", which no compressed model is trained with", "encode the model again"};
+  }
+}
+
+// Every recipe of with_reading_recipe: one that is missing here does not link.
+#define COMPMARK_TOOL_LOADS(name) template Result<LoadedModel<recipes::name>> ModelSource::load<recipes::name>() const
+COMPMARK_TOOL_LOADS(Scaffold);
+COMPMARK_TOOL_LOADS(ScaffoldAntiAliased);
+COMPMARK_TOOL_LOADS(ScaffoldLens);
+COMPMARK_TOOL_LOADS(ScaffoldFisheye);
+COMPMARK_TOOL_LOADS(ScaffoldExposure);
+COMPMARK_TOOL_LOADS(ScaffoldFarField);
+COMPMARK_TOOL_LOADS(ScaffoldFarFieldExposure);
+COMPMARK_TOOL_LOADS(CompMarkHost);
+COMPMARK_TOOL_LOADS(CompMarkPaperHost);
+COMPMARK_TOOL_LOADS(HacScaffold);
+COMPMARK_TOOL_LOADS(HacExposure);
+COMPMARK_TOOL_LOADS(ContextGsScaffold);
+COMPMARK_TOOL_LOADS(ContextGsExposure);
+#undef COMPMARK_TOOL_LOADS
 
 }  // namespace tool

@@ -26,20 +26,9 @@ struct ModelSource {
 
   static compmark::Result<ModelSource> open(const std::filesystem::path& path);
 
+  /// R is one of with_reading_recipe (recipe_list.hpp); compiled once, in model_source.cpp, for all commands.
   template <class R>
-  [[nodiscard]] compmark::Result<compmark::LoadedModel<R>> load() const {
-    if (!coded) return compmark::read_model<R>(path);
-    if constexpr (compmark::present<typename R::EntropyModel>) {
-      compmark::Result<compmark::LoadedModel<R>> loaded = compmark::model_from<R>(*coded);
-      if (loaded) return loaded;
-      compmark::Error error = loaded.error();
-      error.file = path.string();
-      return error;
-    } else {
-      return compmark::Error{compmark::ErrorKind::malformed, path.string(), "META.recipe",
-                             "is " + recipe + ", which no compressed model is trained with", "encode the model again"};
-    }
-  }
+  [[nodiscard]] compmark::Result<compmark::LoadedModel<R>> load() const;
 };
 
 }  // namespace tool

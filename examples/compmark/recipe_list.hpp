@@ -21,6 +21,25 @@ template <class R>
 struct Tag {
   using Recipe = R;
 };
+/// The Error of a name that is in no list.
+inline compmark::Error unknown_recipe(std::string_view name) {
+  return {compmark::ErrorKind::invalid,
+          {},
+          "recipe",
+          "unknown recipe \"" + std::string(name) + "\"",
+          "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +antialiasing+mask, "
+          "+alpha+antialiasing, +lens, +fisheye, +exposure, +exposure+mask, +farfield or +exposure+farfield, "
+          "compmark-host and compmark-paper-host"};
+}
+/// The Error of a name that is none of a recipe that trains for compression.
+inline compmark::Error not_coded(std::string_view name) {
+  return {compmark::ErrorKind::invalid,
+          {},
+          "recipe",
+          "\"" + std::string(name) + "\" is not trained for compression",
+          "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure"};
+}
+
 template <class F>
 auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::Scaffold>{})) {
   if (name == "scaffold") return f(Tag<compmark::recipes::Scaffold>{});
@@ -37,14 +56,7 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recip
   if (name == "scaffold+exposure+farfield") return f(Tag<compmark::recipes::ScaffoldFarFieldExposure>{});
   if (name == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
   if (name == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
-  return f.unknown(compmark::Error{
-      compmark::ErrorKind::invalid,
-      {},
-      "recipe",
-      "unknown recipe \"" + std::string(name) + "\"",
-      "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +antialiasing+mask, +alpha+antialiasing, "
-      "+lens, +fisheye, +exposure, +exposure+mask, +farfield or +exposure+farfield, compmark-host and "
-      "compmark-paper-host"});
+  return f.unknown(unknown_recipe(name));
 }
 
 /// Recipes that train for compression, which are the ones a .cmk holds; `f` as above.
@@ -54,12 +66,7 @@ auto with_hac_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::r
   if (name == "hac+mask") return f(Tag<compmark::recipes::HacMasked>{});
   if (name == "hac+alpha") return f(Tag<compmark::recipes::HacAlpha>{});
   if (name == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
-  return f.unknown(
-      compmark::Error{compmark::ErrorKind::invalid,
-                      {},
-                      "recipe",
-                      "\"" + std::string(name) + "\" is not trained for compression",
-                      "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure"});
+  return f.unknown(not_coded(name));
 }
 template <class F>
 auto with_context_gs_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::ContextGsScaffold>{})) {
@@ -67,12 +74,7 @@ auto with_context_gs_recipe(std::string_view name, F&& f) -> decltype(f(Tag<comp
   if (name == "context_gs+mask") return f(Tag<compmark::recipes::ContextGsMasked>{});
   if (name == "context_gs+alpha") return f(Tag<compmark::recipes::ContextGsAlpha>{});
   if (name == "context_gs+exposure") return f(Tag<compmark::recipes::ContextGsExposure>{});
-  return f.unknown(
-      compmark::Error{compmark::ErrorKind::invalid,
-                      {},
-                      "recipe",
-                      "\"" + std::string(name) + "\" is not trained for compression",
-                      "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure"});
+  return f.unknown(not_coded(name));
 }
 /// The codec that a recipe trains for; "none" for the others.
 inline const char* recipe_codec(std::string_view name) {
@@ -80,15 +82,38 @@ inline const char* recipe_codec(std::string_view name) {
   return head == "hac" ? "hac" : head == "context_gs" ? "context_gs" : "none";
 }
 inline bool is_coded_recipe(std::string_view name) { return std::string_view(recipe_codec(name)) != "none"; }
-template <class F>
-auto with_coded_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {
-  return recipe_codec(name) == std::string_view("context_gs") ? with_context_gs_recipe(name, f)
-                                                              : with_hac_recipe(name, f);
+/// The recipe that a trained model of another one is read as: masks and the loss on alpha are of training alone, and leave nothing in a
+/// model. Its ModelInfo keeps the name.
+inline std::string reading_recipe(std::string name) {
+  for (const std::string_view effect : {"+mask", "+alpha"}) {
+    if (const std::size_t at = name.find(effect); at != std::string::npos) name.erase(at, effect.size());
+  }
+  return name;
 }
-/// Any list.
+/// For commands that only read models: `f` is compiled for every recipe that renders otherwise than the others.
 template <class F>
-auto with_any_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::Scaffold>{})) {
-  return is_coded_recipe(name) ? with_coded_recipe(name, f) : with_recipe(name, f);
+auto with_coded_reading_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {
+  const std::string plain = reading_recipe(std::string(name));
+  if (plain == "hac") return f(Tag<compmark::recipes::HacScaffold>{});
+  if (plain == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
+  if (plain == "context_gs") return f(Tag<compmark::recipes::ContextGsScaffold>{});
+  if (plain == "context_gs+exposure") return f(Tag<compmark::recipes::ContextGsExposure>{});
+  return f.unknown(not_coded(name));
+}
+template <class F>
+auto with_reading_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::Scaffold>{})) {
+  if (is_coded_recipe(name)) return with_coded_reading_recipe(name, f);
+  const std::string plain = reading_recipe(std::string(name));
+  if (plain == "scaffold") return f(Tag<compmark::recipes::Scaffold>{});
+  if (plain == "scaffold+antialiasing") return f(Tag<compmark::recipes::ScaffoldAntiAliased>{});
+  if (plain == "scaffold+lens") return f(Tag<compmark::recipes::ScaffoldLens>{});
+  if (plain == "scaffold+fisheye") return f(Tag<compmark::recipes::ScaffoldFisheye>{});
+  if (plain == "scaffold+exposure") return f(Tag<compmark::recipes::ScaffoldExposure>{});
+  if (plain == "scaffold+farfield") return f(Tag<compmark::recipes::ScaffoldFarField>{});
+  if (plain == "scaffold+exposure+farfield") return f(Tag<compmark::recipes::ScaffoldFarFieldExposure>{});
+  if (plain == "compmark-host") return f(Tag<compmark::recipes::CompMarkHost>{});
+  if (plain == "compmark-paper-host") return f(Tag<compmark::recipes::CompMarkPaperHost>{});
+  return f.unknown(unknown_recipe(name));
 }
 
 /// A generic lambda and what to return for a name that is in no list.

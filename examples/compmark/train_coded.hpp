@@ -12,7 +12,7 @@ namespace tool {
 
 struct TrainOptions;
 
-/// Trains options.recipe, one of with_coded_recipe, and writes the compressed file too. `mark` may be null. Returns the exit code.
+/// Trains options.recipe, one that trains for a codec, and writes the compressed file too. `mark` may be null. Returns the exit code.
 int train_coded(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput* mark);
 /// Those of one codec, each compiled by itself.
 int train_hac(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput* mark);

@@ -396,13 +396,7 @@ int run(const TrainOptions& options, TrainSettings settings, const MarkInput* ma
   results.effects = info.effects;
   if (coded) results.compressed = coded->metrics;
   if (measured_mark) {
-    const BitAccuracy accuracy = bit_accuracy(measured_mark->report.verification);
-    WatermarkMetrics metrics;
-    metrics.mean = accuracy.mean;
-    metrics.min = accuracy.min;
-    metrics.views = static_cast<int>(accuracy.views);
-    metrics.p_value = measured_mark->report.verification.evidence.p_value;
-    metrics.largest_view_p_value = accuracy.largest_p;
+    WatermarkMetrics metrics = watermark_metrics(measured_mark->report.verification);
     if (measured_mark->unmarked_psnr) metrics.psnr_cost_vs_unmarked = *measured_mark->unmarked_psnr - mean_psnr;
     metrics.psnr_marked_vs_unmarked = measured_mark->psnr_marked_vs_unmarked;
     results.watermark = metrics;
