@@ -295,7 +295,8 @@ std::vector<tool::Plot> plots_of(const std::vector<Case>& cases) {
   symbols.log_y = std::none_of(cases.begin(), cases.end(), [](const Case& one) { return one.excess() <= 0; });
   int color = 0;
   for (const char* group : {"precision", "deviation", "mean", "erfc", "chunk", "floor", "weights"}) {
-    tool::PlotSeries series{.label = group, .points = {}, .names = {}, .color = color++ % 6, .line = true, .dots = true};
+    tool::PlotSeries series{
+        .label = group, .points = {}, .names = {}, .color = color++ % 6, .line = true, .dots = true};
     tool::Plot& plot = std::string_view(group) == "weights" ? weights : symbols;
     series.line = std::string_view(group) != "erfc";
     for (const Case& one : cases) {

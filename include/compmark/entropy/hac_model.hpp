@@ -35,6 +35,7 @@
 #include "compmark/entropy/hac_entries.hpp"
 #include "compmark/entropy/hac_parameters.hpp"
 #include "compmark/entropy/hash_grid.hpp"
+#include "compmark/entropy/mask_penalty.hpp"
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/entropy/rate.hpp"
 
@@ -185,7 +186,7 @@ class HacModel {
                           full_panel(arena, handles, context.entries.first_full + begin, box, position, random,
                                      {feature, scaling, offset}, raw, context.scratch[worker], context);
                         });
-    total(arena, handles, rows.size(), position.rows, context, report, executor);
+    total(arena, handles, rows.size(), context, report, executor);
     return report;
   }
 
@@ -256,13 +257,7 @@ class HacModel {
                    executor);
     if (!context.phase.counts) return;
     Grid::bits_backward(context.grid, context.hash_weight, d_table, executor);
-    const T weight = static_cast<T>(settings_.mask_weight / static_cast<double>(std::max<std::size_t>(1, mask.size())));
-    executor.for_chunks(mask.size(), 4096, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for_probabilities(mask.data, begin, end, [&](std::size_t i, auto p, auto lanes) {
-        using P = decltype(p);
-        fma(P(weight) * p, P(T(1)) - p, P::load(d_mask.data + i, lanes)).store(d_mask.data + i, lanes);
-      });
-    });
+    mask_penalty_backward<T>(mask, settings_.mask_weight, d_mask, executor);
   }
 
   [[nodiscard]] const Settings& settings() const { return settings_; }
@@ -392,8 +387,8 @@ class HacModel {
 
   /// The report from the panels' sums, and the masks' part of the loss.
   template <Executor E>
-  void total(const ParameterArena<T>& arena, const Handles& handles, std::size_t listed, std::size_t anchors,
-             Context& context, RateReport& report, E& executor) const {
+  void total(const ParameterArena<T>& arena, const Handles& handles, std::size_t listed, Context& context,
+             RateReport& report, E& executor) const {
     std::array<double, partials> sums{};
     for (std::size_t p = 0; p < context.entries.capacity / panel; ++p) {
       for (std::size_t i = 0; i < partials; ++i) sums[i] += context.partial[p * partials + i];
@@ -411,34 +406,11 @@ class HacModel {
     const double bits = sums[0] + sums[1] + sums[2];
     report.bits_per_scalar = bits / (sampled * static_cast<double>(scalars));
     report.hash_bits = context.grid.bits;
-    const MatrixView<const T> mask = arena.values(handles.mask);
-    constexpr std::size_t grain = 4096;
-    context.partial.resize(chunk_count(mask.size(), grain));
-    const double alive = ordered_sum<double>(
-        executor, mask.size(), grain, context.partial.span(), [&](std::size_t begin, std::size_t end) {
-          double sum = 0;
-          for_probabilities(mask.data, begin, end,
-                            [&](std::size_t, auto p, auto) { sum += static_cast<double>(reduce_add(p)); });
-          return sum;
-        });
-    const double cells = static_cast<double>(std::max<std::size_t>(1, mask.size()));
-    static_cast<void>(anchors);
+    const double penalty = mask_penalty<T>(arena.values(handles.mask), context.partial, executor);
     // Contracted by hand: a compiler may do it for one executor and not for another.
-    report.loss = std::fma(settings_.mask_weight, alive / cells,
-                           std::fma(context.hash_weight, context.grid.bits, context.unit * bits));
+    report.loss =
+        std::fma(settings_.mask_weight, penalty, std::fma(context.hash_weight, context.grid.bits, context.unit * bits));
   }
-  /// body(index, sigmoid of the logits from there, lanes that exist); the others, and those of a NaN, are 0.
-  template <class Body>
-  static void for_probabilities(const T* stored, std::size_t begin, std::size_t end, const Body& body) {
-    constexpr int W = native_width<T>;
-    using P = Pack<T, W>;
-    for (std::size_t i = begin; i < end; i += static_cast<std::size_t>(W)) {
-      const auto lanes = P::MaskType::first(static_cast<std::ptrdiff_t>(end - i));
-      const P p = sigmoid(P::load(stored + i, lanes) + P(T(1)));
-      body(i, keep(lanes & (p == p), p), lanes);
-    }
-  }
-
   /// One entry's gradients, in place; returns those by its steps.
   static std::array<T, 3> pull_back(std::size_t entry, const T* rate, const AnchorTables<T>& d,
                                     const Context& context) {
