@@ -24,10 +24,11 @@ struct Outcome {
   std::string text;  ///< stdout and stderr
 };
 
-/// Runs `program` with these arguments through the shell.
-inline Outcome run_tool(const std::string& program, const std::string& arguments) {
+/// Runs `program` with these arguments through the shell; `before` and `after` are words of the shell around the command.
+inline Outcome run_tool(const std::string& program, const std::string& arguments, const std::string& before = {},
+                        const std::string& after = {}) {
   Outcome outcome;
-  const std::string command = "\"" + program + "\" " + arguments + " 2>&1";
+  const std::string command = before + "\"" + program + "\" " + arguments + " 2>&1 " + after;
   std::FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe != nullptr);
   std::array<char, 4096> buffer{};

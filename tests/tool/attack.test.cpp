@@ -18,53 +18,30 @@
 #include <utility>
 #include <vector>
 
-#include "support/tool.hpp"
+#include "tool/running.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
 using testing::check_refused;
+using testing::done;
+using testing::json_of;
 using testing::Outcome;
+using testing::tool;
 
 const fs::path& scratch() {
   static const testing::ScratchFolder folder("compmark-attack-test");
   return folder.path;
 }
 std::string at(const std::string& name) { return (scratch() / name).string(); }
-Outcome tool(const std::string& arguments) { return testing::run_tool(COMPMARK_TOOL, arguments); }
-Outcome done(const std::string& arguments) {
-  const Outcome outcome = tool(arguments);
-  INFO(arguments, "\n", outcome.text);
-  REQUIRE(outcome.code == 0);
-  return outcome;
-}
-nlohmann::json json_of(const std::string& path) {
-  const Result<nlohmann::json> json = read_json(path);
-  REQUIRE(json.ok());
-  return *json;
-}
 
 /// The built-in scene, small, with a message of 24 bits in it, and the decoder that reads it: untrained, so that seconds do.
 const std::string& marked() {
   static const std::string model = [] {
     done("scene --out " + at("scene") + " --width 96 --height 80 --train 12 --test 4");
-    Digest256 secret{};
-    secret[0] = std::byte{1};
-    const Result<OwnerKey> key = make_key(secret, "2026-01-01T00:00:00Z", 24);
-    REQUIRE(key.ok());
-    REQUIRE(write_key(at("owner.key"), *key).ok());
-    LatticeSettings settings;
-    settings.bits = 24;
-    settings.features = 64;
-    settings.sigma = {1.5, 3, 6};
-    LatticeWeights<float> weights(settings);
-    const Random random(3, 0, random_stage("test/tool decoder"));
-    std::uint64_t n = 0;
-    for (float& value : weights.frequency) value = static_cast<float>(2 * random.normal(n++));
-    for (std::vector<float>* part : {&weights.phase, &weights.head})
-      for (float& value : *part) value = static_cast<float>(random.normal(n++));
-    REQUIRE(write_lattice<SafetensorsWriter>(LatticeDecoder<float>(settings, weights), "a test",
+    REQUIRE(write_key(at("owner.key"), testing::fixed_key(1, 24)).ok());
+    REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_lattice(24, 64, 2), "a test",
                                              fs::path(at("decoder.safetensors")))
                 .ok());
     done("train --effects none --iterations 600 --message-weight 0.1 --data " + at("scene") + " --out " + at("run") +

@@ -14,37 +14,24 @@
 #include <string>
 #include <vector>
 
-#include "support/tool.hpp"
+#include "tool/running.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
 using testing::check_refused;
+using testing::done;
+using testing::file_bytes;
+using testing::json_of;
 using testing::Outcome;
+using testing::tool;
 
 const fs::path& scratch() {
   static const testing::ScratchFolder folder("compmark-compress-test");
   return folder.path;
 }
 std::string at(const std::string& name) { return (scratch() / name).string(); }
-Outcome tool(const std::string& arguments) { return testing::run_tool(COMPMARK_TOOL, arguments); }
-Outcome done(const std::string& arguments) {
-  const Outcome outcome = tool(arguments);
-  INFO(arguments, "\n", outcome.text);
-  REQUIRE(outcome.code == 0);
-  return outcome;
-}
-nlohmann::json json_of(const std::string& path) {
-  const Result<nlohmann::json> json = read_json(path);
-  REQUIRE(json.ok());
-  return *json;
-}
-std::vector<std::byte> bytes_of(const std::string& path) {
-  Result<std::vector<std::byte>> bytes = read_file(path);
-  REQUIRE(bytes.ok());
-  return *bytes;
-}
 
 /// The built-in scene, small, trained for compression.
 const nlohmann::json& results() {
@@ -79,10 +66,10 @@ TEST_CASE("tool: train --codec writes a small file beside the model, and says wh
 }
 
 TEST_CASE("tool: compress makes the file of the run again, to the byte, at any thread count") {
-  const std::vector<std::byte> expected = bytes_of(small());
+  const std::vector<std::byte> expected = file_bytes(small());
   for (const char* threads : {"1", "2", "5"}) {
     done("compress --model " + at("run/model.safetensors") + " --out " + at("again.cmk") + " --threads " + threads);
-    CHECK(bytes_of(at("again.cmk")) == expected);
+    CHECK(file_bytes(at("again.cmk")) == expected);
   }
   const Outcome less = done("compress --cameras none --networks single --model " + at("run/model.safetensors") +
                             " --out " + at("single.cmk") + " --json " + at("sizes.json"));
@@ -117,7 +104,7 @@ TEST_CASE("tool: every command that reads a model reads a compressed one, in a p
 }
 
 TEST_CASE("tool: a damaged file is refused with its name, and salvaged when that is asked") {
-  const std::vector<std::byte> whole = bytes_of(small());
+  const std::vector<std::byte> whole = file_bytes(small());
   const auto write = [&](const std::vector<std::byte>& bytes) {
     REQUIRE(write_file(at("damaged.cmk"), bytes));
     return at("damaged.cmk");
@@ -174,9 +161,9 @@ TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvag
   MESSAGE("PSNR ", run["test"]["psnr"].get<double>(), " dB, compressed ", compressed["test"]["psnr"].get<double>(),
           " dB in ", compressed["bytes"].get<int>(), " bytes of ", fs::file_size(at("gs/model.safetensors")));
   CHECK(compressed["test"]["psnr"].get<double>() > run["test"]["psnr"].get<double>() - 1);
-  const std::vector<std::byte> expected = bytes_of(at("gs/model.cmk"));
+  const std::vector<std::byte> expected = file_bytes(at("gs/model.cmk"));
   done("compress --model " + at("gs/model.safetensors") + " --out " + at("gs_again.cmk") + " --threads 5");
-  CHECK(bytes_of(at("gs_again.cmk")) == expected);
+  CHECK(file_bytes(at("gs_again.cmk")) == expected);
   const Outcome info = done("info " + at("gs/model.cmk"));
   for (const char* word : {"context_gs", "LVLS", "HYPR", "verified"}) {
     INFO(word);

@@ -5,11 +5,6 @@
 // any number of threads, and one error line for every bad input, with nothing overwritten.
 #include <doctest/doctest.h>
 
-#include <sys/wait.h>
-
-#include <unistd.h>
-#include <algorithm>
-#include <array>
 #include <compmark/core/buffer.hpp>
 #include <compmark/core/views.hpp>
 #include <compmark/io/atomic_file.hpp>
@@ -17,45 +12,28 @@
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/pretrain/dead_leaves.hpp>
 #include <compmark/mark/stored_decoder.hpp>
-#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <system_error>
 #include <vector>
+
+#include "tool/running.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
+using testing::check_refused;
+using testing::file_bytes;
+using testing::json_of;
+using testing::Outcome;
+using testing::tool;
 
-struct Outcome {
-  int code = -1;
-  std::string text;  ///< stdout and stderr
-};
-
-Outcome pretrain(const std::string& arguments, const std::string& after = "") {
-  Outcome outcome;
-  std::FILE* pipe = popen(("\"" COMPMARK_TOOL "\" pretrain " + arguments + " 2>&1 " + after).c_str(), "r");
-  REQUIRE(pipe != nullptr);
-  std::array<char, 4096> buffer{};
-  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
-    outcome.text.append(buffer.data(), n);
-  const int status = pclose(pipe);
-  outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return outcome;
+Outcome pretrain(const std::string& arguments, const std::string& after = {}) {
+  return tool("pretrain " + arguments, {}, after);
 }
-
-struct Scratch {
-  fs::path path = fs::temp_directory_path() / ("compmark-pretrain-test-" + std::to_string(::getpid()));
-  Scratch() { fs::create_directories(path); }
-  ~Scratch() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-};
 std::string at(const std::string& name) {
-  static const Scratch scratch;
+  static const testing::ScratchFolder scratch("compmark-pretrain-test");
   return (scratch.path / name).string();
 }
 
@@ -78,20 +56,6 @@ const std::string& photographs() {
   return path;
 }
 
-std::string bytes_of(const std::string& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path);
-  REQUIRE(bytes.ok());
-  return {reinterpret_cast<const char*>(bytes->data()), bytes->size()};
-}
-
-void check_refused(const Outcome& outcome, const std::vector<std::string>& pieces) {
-  INFO(outcome.text);
-  CHECK(outcome.code == 2);
-  CHECK(std::count(outcome.text.begin(), outcome.text.end(), '\n') == 1);
-  CHECK(outcome.text.rfind("compmark: error: ", 0) == 0);
-  for (const std::string& piece : pieces) CHECK(outcome.text.find(piece) != std::string::npos);
-}
-
 }  // namespace
 
 TEST_CASE("tool/pretrain: a tiny run on photographs writes a decoder that loads, and what was measured") {
@@ -103,7 +67,7 @@ TEST_CASE("tool/pretrain: a tiny run on photographs writes a decoder that loads,
   const auto decoder = StoredDecoder<>::read(*file);
   REQUIRE(decoder.ok());
   CHECK(decoder->bits() == 16);
-  const nlohmann::json json = nlohmann::json::parse(bytes_of(at("a.json")));
+  const nlohmann::json json = json_of(at("a.json"));
   CHECK(json["training_images"] == "6 photographs");  // both pieces of one of four are held out
   CHECK(json["measured_images"] == "2 photographs");
   CHECK(json["bit_accuracy"]["none"]["mean"].get<double>() > 0.8);  // chance is 0.5; 20 steps of embedding
@@ -116,11 +80,11 @@ TEST_CASE("tool/pretrain: a tiny run on photographs writes a decoder that loads,
 TEST_CASE("tool/pretrain: the same file for any number of threads and after an interruption, without any photographs") {
   const std::string run = "--bits 16 --features 24 --steps 300 --crop 32 --measure 1 --measure-steps 2 ";
   REQUIRE(pretrain(run + "--threads 1 --out " + at("one.safetensors")).code == 0);
-  const std::string one = bytes_of(at("one.safetensors"));
+  const std::vector<std::byte> one = file_bytes(at("one.safetensors"));
   REQUIRE(pretrain(run + "--threads 3 --out " + at("three.safetensors")).code == 0);
-  CHECK(bytes_of(at("three.safetensors")) == one);
+  CHECK(file_bytes(at("three.safetensors")) == one);
   REQUIRE(pretrain(run + "--seed 2 --out " + at("seed.safetensors")).code == 0);
-  CHECK(bytes_of(at("seed.safetensors")) != one);
+  CHECK(file_bytes(at("seed.safetensors")) != one);
 
   const std::string killed = run + "--checkpoint-every 1 --out " + at("killed.safetensors");
   const Outcome stopped = pretrain(killed, "& pid=$!; while [ ! -f " + at("killed.safetensors.checkpoint") +
@@ -136,7 +100,7 @@ TEST_CASE("tool/pretrain: the same file for any number of threads and after an i
     MESSAGE("the run was over before the signal came");
   }
   REQUIRE(pretrain(killed + " --resume").code == 0);
-  CHECK(bytes_of(at("killed.safetensors")) == one);
+  CHECK(file_bytes(at("killed.safetensors")) == one);
 }
 
 TEST_CASE("tool/pretrain: bad input is one error line, and nothing is overwritten") {
@@ -161,6 +125,7 @@ TEST_CASE("tool/pretrain: bad input is one error line, and nothing is overwritte
   fs::create_directories(at("broken"));
   REQUIRE(write_file(at("broken/x.png"), std::string_view("no image")).ok());
   check_refused(pretrain("--images " + at("broken") + out), {"x.png"});
-  CHECK(bytes_of(kept) == "kept");
+  CHECK(fs::file_size(kept) == 4);
+  CHECK(file_bytes(kept)[0] == std::byte{'k'});
   CHECK(!fs::exists(kept + ".partial"));
 }

@@ -5,18 +5,11 @@
 // kill, and for every bad input one line that names file, field and remedy, exit code 2, and nothing touched.
 #include <doctest/doctest.h>
 
-#include <sys/wait.h>
-
-#include <unistd.h>
-#include <algorithm>
-#include <array>
 #include <compmark/core/buffer.hpp>
 #include <compmark/core/views.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/scene/procedural_write.hpp>
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -24,44 +17,22 @@
 #include <utility>
 #include <vector>
 
+#include "tool/running.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
+using testing::check_refused;
+using testing::json_of;
+using testing::Outcome;
+using testing::tool;
 
-struct Outcome {
-  int code = -1;
-  std::string text;  ///< stdout and stderr
-};
-
-/// Runs the tool with these arguments through the shell.
-Outcome tool(const std::string& arguments, const std::string& prefix = "") {
-  Outcome outcome;
-  const std::string command = prefix + "\"" COMPMARK_TOOL "\" " + arguments + " 2>&1";
-  std::FILE* pipe = popen(command.c_str(), "r");
-  REQUIRE(pipe != nullptr);
-  std::array<char, 4096> buffer{};
-  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
-    outcome.text.append(buffer.data(), n);
-  const int status = pclose(pipe);
-  outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return outcome;
+const fs::path& scratch() {
+  static const testing::ScratchFolder folder("compmark-tool-test");
+  return folder.path;
 }
-
-/// A folder of this test run, removed at exit.
-struct Scratch {
-  fs::path path = fs::temp_directory_path() / ("compmark-tool-test-" + std::to_string(::getpid()));
-  Scratch() { fs::create_directories(path); }
-  ~Scratch() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-};
-const Scratch& scratch() {
-  static const Scratch instance;
-  return instance;
-}
-std::string at(const std::string& name) { return (scratch().path / name).string(); }
+std::string at(const std::string& name) { return (scratch() / name).string(); }
 
 /// The built-in scene, small, written once.
 const std::string& scene() {
@@ -74,27 +45,11 @@ const std::string& scene() {
   return path;
 }
 
-nlohmann::json json_of(const std::string& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path);
-  REQUIRE(bytes.ok());
-  return nlohmann::json::parse(reinterpret_cast<const char*>(bytes->data()),
-                               reinterpret_cast<const char*>(bytes->data()) + bytes->size());
-}
-
 std::string train(const std::string& out, const std::string& options = "") {
   const Outcome outcome = tool("train --data " + scene() + " --out " + at(out) + " --iterations 120 " + options);
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
   return json_of(at(out) + "/results.json")["model_sha256"].get<std::string>();
-}
-
-/// One error line, of a known beginning, with every piece in it; exit code 2.
-void check_refused(const Outcome& outcome, const std::vector<std::string>& pieces) {
-  INFO(outcome.text);
-  CHECK(outcome.code == 2);
-  CHECK(std::count(outcome.text.begin(), outcome.text.end(), '\n') == 1);
-  CHECK(outcome.text.rfind("compmark: error: ", 0) == 0);
-  for (const std::string& piece : pieces) CHECK(outcome.text.find(piece) != std::string::npos);
 }
 
 /// A copy of the scene to damage.

@@ -28,44 +28,27 @@
 #include <utility>
 #include <vector>
 
-#include "support/tool.hpp"
+#include "tool/running.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
 using testing::check_refused;
+using testing::json_of;
 using testing::Outcome;
+using testing::tool;
 
 const fs::path& scratch() {
   static const testing::ScratchFolder folder("compmark-verify-test");
   return folder.path;
 }
 std::string at(const std::string& name) { return (scratch() / name).string(); }
-Outcome tool(const std::string& arguments) { return testing::run_tool(COMPMARK_TOOL, arguments); }
-
-nlohmann::json json_of(const std::string& path) {
-  const Result<nlohmann::json> json = read_json(path);
-  REQUIRE(json.ok());
-  return *json;
-}
 
 constexpr int side = 96;
 
 /// A lattice that nobody trained, of 48 bits, whose waves are short against the picture below.
-LatticeDecoder<float> lattice(int bits = 48) {
-  LatticeSettings settings;
-  settings.bits = bits;
-  settings.features = 96;
-  settings.sigma = {1.5, 3, 6};
-  LatticeWeights<float> weights(settings);
-  const Random random(3, 0, random_stage("test/tool decoder"));
-  std::uint64_t n = 0;
-  for (float& value : weights.frequency) value = static_cast<float>(14 * random.normal(n++));
-  for (std::vector<float>* part : {&weights.phase, &weights.head})
-    for (float& value : *part) value = static_cast<float>(random.normal(n++));
-  return {settings, weights};
-}
+LatticeDecoder<float> lattice(int bits = 48) { return testing::untrained_lattice(bits, 96, 14); }
 
 std::vector<float> picture(std::uint64_t seed) {
   const Random random(seed, 0, random_stage("test/tool picture"));

@@ -17,26 +17,22 @@
 #include <string>
 #include <utility>
 
-#include "support/tool.hpp"
+#include "tool/running.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
 using testing::check_refused;
+using testing::json_of;
 using testing::Outcome;
+using testing::tool;
 
 const fs::path& scratch() {
   static const testing::ScratchFolder folder("compmark-watermark-test");
   return folder.path;
 }
 std::string at(const std::string& name) { return (scratch() / name).string(); }
-Outcome tool(const std::string& arguments) { return testing::run_tool(COMPMARK_TOOL, arguments); }
-nlohmann::json json_of(const std::string& path) {
-  const Result<nlohmann::json> json = read_json(path);
-  REQUIRE(json.ok());
-  return *json;
-}
 
 /// The built-in scene, small; a key of 24 bits, another, and a decoder that nobody trained: seconds must do.
 struct Setting {
@@ -45,24 +41,9 @@ struct Setting {
     REQUIRE(tool("scene --out " + scene + " --width 96 --height 80 --train 12 --test 4").code == 0);
     // Fixed keys: whether a decoder that nobody whitened can carry a message in seconds depends on the message.
     for (const auto& [path, number] : {std::pair(&key, 1), std::pair(&other, 2)}) {
-      Digest256 secret{};
-      secret[0] = static_cast<std::byte>(number);
-      const Result<OwnerKey> made = make_key(secret, "2026-01-01T00:00:00Z", 24);
-      REQUIRE(made.ok());
-      REQUIRE(write_key(*path, *made).ok());
+      REQUIRE(write_key(*path, testing::fixed_key(number, 24)).ok());
     }
-    LatticeSettings settings;
-    settings.bits = 24;
-    settings.features = 64;
-    settings.sigma = {1.5, 3, 6};
-    LatticeWeights<float> weights(settings);
-    const Random random(3, 0, random_stage("test/tool decoder"));
-    std::uint64_t n = 0;
-    for (float& value : weights.frequency) value = static_cast<float>(2 * random.normal(n++));
-    for (std::vector<float>* part : {&weights.phase, &weights.head})
-      for (float& value : *part) value = static_cast<float>(random.normal(n++));
-    REQUIRE(
-        write_lattice<SafetensorsWriter>(LatticeDecoder<float>(settings, weights), "a test", fs::path(decoder)).ok());
+    REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_lattice(24, 64, 2), "a test", fs::path(decoder)).ok());
   }
   [[nodiscard]] std::string mark() const { return " --key " + key + " --decoder " + decoder; }
 };

@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What every test of the tool does: run it, read what it wrote, and have a key and a decoder at hand.
+#pragma once
+
+#include <doctest/doctest.h>
+
+#include <compmark/core/random.hpp>
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/io/json_file.hpp>
+#include <compmark/io/owner_key.hpp>
+#include <compmark/mark/lattice_decoder.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "support/tool.hpp"
+
+namespace compmark::testing {
+
+/// `before` and `after` are words of the shell around the command.
+inline Outcome tool(const std::string& arguments, const std::string& before = {}, const std::string& after = {}) {
+  return run_tool(COMPMARK_TOOL, arguments, before, after);
+}
+/// A command that must succeed.
+inline Outcome done(const std::string& arguments) {
+  const Outcome outcome = tool(arguments);
+  INFO(arguments, "\n", outcome.text);
+  REQUIRE(outcome.code == 0);
+  return outcome;
+}
+inline nlohmann::json json_of(const std::filesystem::path& path) {
+  const Result<nlohmann::json> json = read_json(path);
+  REQUIRE(json.ok());
+  return *json;
+}
+inline std::vector<std::byte> file_bytes(const std::filesystem::path& path) {
+  Result<std::vector<std::byte>> bytes = read_file(path);
+  REQUIRE(bytes.ok());
+  return *bytes;
+}
+
+/// A key that is the same in every run.
+inline OwnerKey fixed_key(int number, std::size_t bits) {
+  Digest256 secret{};
+  secret[0] = static_cast<std::byte>(number);
+  const Result<OwnerKey> key = make_key(secret, "2026-01-01T00:00:00Z", bits);
+  REQUIRE(key.ok());
+  return *key;
+}
+
+/// A lattice that nobody trained, so that seconds do; `frequency` is the deviation of its waves' phases over the range of a colour.
+inline LatticeDecoder<float> untrained_lattice(int bits, int features, double frequency) {
+  LatticeSettings settings;
+  settings.bits = bits;
+  settings.features = features;
+  settings.sigma = {1.5, 3, 6};
+  LatticeWeights<float> weights(settings);
+  const Random random(3, 0, random_stage("test/tool decoder"));
+  std::uint64_t n = 0;
+  for (float& value : weights.frequency) value = static_cast<float>(frequency * random.normal(n++));
+  for (std::vector<float>* part : {&weights.phase, &weights.head})
+    for (float& value : *part) value = static_cast<float>(random.normal(n++));
+  return {settings, weights};
+}
+
+}  // namespace compmark::testing
