@@ -9,7 +9,7 @@
 
 #include "commands.hpp"
 #include "train_marked.hpp"
-#include "train_run.hpp"
+#include "train_recipe.hpp"
 
 namespace tool {
 namespace {

@@ -13,7 +13,7 @@
 #include "recipe_list.hpp"
 #include "train_coded.hpp"
 #include "train_marked.hpp"
-#include "train_run.hpp"
+#include "train_recipe.hpp"
 
 namespace tool {
 namespace {

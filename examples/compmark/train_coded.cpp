@@ -3,7 +3,7 @@
 #include "train_coded.hpp"
 
 #include "recipe_list.hpp"
-#include "train_run.hpp"
+#include "train_recipe.hpp"
 
 namespace tool {
 

@@ -6,7 +6,7 @@
 #include <compmark/recipes/marked.hpp>
 #include <compmark/recipes/scaffold.hpp>
 
-#include "train_run.hpp"
+#include "train_recipe.hpp"
 
 namespace tool {
 

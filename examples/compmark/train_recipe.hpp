@@ -1,0 +1,243 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A training run of one recipe: the part of train_run.hpp that is compiled for each, about ten seconds of a compiler apiece. Include it
+// where recipes are compiled.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/pipeline/coded_model.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <compmark/pipeline/trainer.hpp>
+#include <compmark/recipes/marked.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "common.hpp"
+#include "evaluation.hpp"
+#include "mark_input.hpp"
+#include "progress.hpp"
+#include "train_run.hpp"
+
+namespace tool {
+
+using namespace compmark;  // who includes this page does nothing but train
+
+/// Shows progress, writes checkpoints, listens to Ctrl-C.
+struct TrainObserver {
+  Progress* progress = nullptr;
+  const ModelInfo* info = nullptr;
+  std::int64_t checkpoint_every = 1000;
+  std::filesystem::path checkpoint;
+  double seconds_before = 0;
+  std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
+  std::optional<Error> failure;
+  double last_psnr = 0;
+
+  [[nodiscard]] double seconds() const {
+    return seconds_before + std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+
+  template <class TrainerType>
+  bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
+    // The PSNR of a training view costs a pass over the image: measured for every tenth iteration, the rate of the log.
+    if (report.iteration % 10 == 1 || report.iteration == report.total)
+      last_psnr = counted_psnr(trainer.image(), trainer.target(), trainer.weight());
+    ProgressLine line;
+    line.iteration = report.iteration;
+    line.total = report.total;
+    line.loss = report.loss.total;
+    line.l1 = report.loss.l1;
+    line.ssim = report.loss.ssim;
+    line.psnr = last_psnr;
+    line.anchors = report.anchors;
+    line.gaussians = report.forward.gaussians;
+    if constexpr (requires { trainer.rate_report(); }) {
+      if (const auto& rate = trainer.rate_report(); rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
+    }
+    if constexpr (requires { trainer.between_report(); }) {
+      if (const MarkReport& mark = trainer.mark_report(); mark.bits != 0)
+        line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
+    }
+    progress->show(line);
+    if (report.skipped_blocks != 0) {
+      progress->note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
+                     " parameter blocks had a gradient that is not finite; their step was skipped");
+    }
+    const bool stop = interrupted();
+    if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
+      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds());
+          !written) {
+        failure = written.error();
+        return false;
+      }
+    }
+    return !stop;
+  }
+};
+
+/// The views of a dataset with cameras as the recipe wants them, lenses included.
+template <class R>
+struct RecipeViews : DatasetViews {
+  std::vector<ViewCamera<R>> cameras;
+  [[nodiscard]] ViewCamera<R> camera(std::size_t i) const { return cameras[i]; }
+};
+template <class R>
+Result<RecipeViews<R>> recipe_views(DatasetViews views) {
+  RecipeViews<R> result{std::move(views), {}};
+  Lens last;
+  std::optional<RecipeLens<R>> policy = lens_policy<RecipeLens<R>>(last);
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    const Lens lens = result.lens(i);
+    if (!(lens == last)) {  // finding where a lens ends takes half a millisecond
+      last = lens;
+      policy = lens_policy<RecipeLens<R>>(lens);
+    }
+    if (!is_pinhole(lens) && !policy) {
+      return Error{ErrorKind::unsupported, result.dataset->root.string(), "lens",
+                   "of view \"" + result.dataset->views[result.index[i]].name + "\" is not of the " +
+                       lens_family<RecipeLens<R>> + " family, which is what this recipe projects through",
+                   "take the lens out of the images with --lens undistort"};
+    }
+    ViewCamera<R> camera(result.dataset->views[result.index[i]].camera);
+    if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
+      if (!is_pinhole(lens)) camera.lens = *policy;
+    }
+    result.cameras.push_back(camera);
+  }
+  return result;
+}
+
+/// The recipe of the model that is written: the mark is baked in.
+template <class R>
+struct StoredRecipe {
+  using Type = R;
+};
+template <class R>
+  requires present<typename R::MessageDecoder>
+struct StoredRecipe<R> {
+  using Type = typename R::Host;
+};
+
+/// Trains and measures. `mark` is for recipes with a message decoder, null for all others.
+template <class R>
+int run(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark = nullptr) {
+  using Stored = typename StoredRecipe<R>::Type;
+  constexpr bool is_marked = present<typename R::MessageDecoder>;
+  ThreadExecutor executor(options.threads);
+
+  TrainSettings wanted = settings;
+  std::optional<LoadedModel<Stored>> loaded;  // of embed
+  SourceModel source;
+  if (!options.model.empty()) {
+    Result<LoadedModel<Stored>> read = read_model<Stored>(options.model);
+    if (!read) return fail(read.error());
+    loaded = std::move(*read);
+    source = {&loaded->info, loaded->model.train_views};
+    for (std::size_t c = 0; c < 3; ++c) wanted.background[c] = static_cast<float>(loaded->model.render.background[c]);
+  }
+  constexpr RunNeeds needs{present<typename R::Space>,
+                           present<typename R::Background> || present<typename R::AlphaLoss>};
+  Result<std::unique_ptr<RunData>> opened = open_run(options, std::move(wanted), needs, source, mark);
+  if (!opened) return fail(opened.error());
+  RunData& data = **opened;
+  Result<RecipeViews<R>> with_cameras = recipe_views<R>(data.train);
+  if (!with_cameras) return fail(with_cameras.error());
+  RecipeViews<R>& train = *with_cameras;
+  if (Result<Done> usable = check_run(options, data, source, mark); !usable) return fail(usable.error());
+
+  Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
+  if constexpr (is_marked) trainer.set_watermark(mark->decoder, mark->bits);
+  double seconds_before = 0;
+  if (options.resume && std::filesystem::exists(data.checkpoint)) {
+    Result<Checkpoint<R, ThreadExecutor>> restored =
+        read_checkpoint<R, ThreadExecutor>(data.checkpoint, data.settings, data.info);
+    if (!restored) return fail(restored.error());
+    seconds_before = restored->seconds;
+    trainer.restore(std::move(restored->state));
+    std::fprintf(stderr, "compmark: resuming after iteration %lld\n",
+                 static_cast<long long>(trainer.state().iteration));
+  } else {
+    if (!options.resume && std::filesystem::exists(data.checkpoint)) {
+      return fail({ErrorKind::invalid,
+                   data.checkpoint.string(),
+                   {},
+                   "an unfinished run is in this folder",
+                   "continue it with --resume, or remove the file to start over"});
+    }
+    if (loaded) {
+      if constexpr (is_marked) trainer.start_from(with_room_for_mark<R>(loaded->model, data.settings.seed));
+    } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position); !ready) {
+      return fail(ready.error());
+    }
+  }
+
+  ProgressSettings progress_settings;
+  progress_settings.json_log = data.json_log;
+  progress_settings.append = options.resume;
+  Result<Progress> progress = Progress::open(progress_settings);
+  if (!progress) return fail(progress.error());
+  for (const std::string& note : options.notes) std::fprintf(stderr, "compmark: %s\n", note.c_str());
+  watch_interrupt();
+  TrainObserver observer;
+  observer.progress = &*progress;
+  observer.info = &data.info;
+  observer.checkpoint_every = options.checkpoint_every;
+  observer.checkpoint = data.checkpoint;
+  observer.seconds_before = seconds_before;
+  const Result<Done> done = trainer.run(train, observer);
+  progress->finish();
+  if (!done) return fail(done.error());
+  if (observer.failure) return fail(*observer.failure);
+  if (!trainer.finished()) {
+    std::fprintf(stderr, "compmark: interrupted after iteration %lld; continue with --resume\n",
+                 static_cast<long long>(trainer.state().iteration));
+    return interrupted_exit;
+  }
+  RunEnd end;
+  end.train_seconds = observer.seconds();
+  end.peak_memory_mb = peak_memory_mb();
+  end.anchors = trainer.model().anchor_count();
+  end.voxel_size = trainer.model().voxel_size;
+  const auto keep = [&](const auto& model) -> Result<Done> {
+    if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
+    if constexpr (present<typename R::EntropyModel>) {
+      Result<CodecModel> coded = coded_model(model, data.info);
+      if (!coded) return coded.error();
+      end.coded = std::move(*coded);
+    }
+    return Done{};
+  };
+  const Result<Done> kept = [&] {
+    if constexpr (is_marked) return keep(unmarked_host(trainer.model()));
+    if constexpr (!is_marked) return keep(trainer.model());
+  }();
+  if (!kept) return fail(kept.error());
+  return finish_run(options, data, end, mark, executor);
+}
+
+/// A run of a recipe for compression, with a message or without.
+template <class R>
+int run_coded(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark) {
+  if (mark == nullptr) return run<R>(options, settings);
+  if constexpr (present<typename R::Exposure>) {
+    return fail({ErrorKind::unsupported,
+                 {},
+                 "--recipe",
+                 "\"" + options.recipe + "\" is not built with a message",
+                 "choose " + options.codec + ", " + options.codec + "+mask or " + options.codec + "+alpha"});
+  } else {
+    return run<recipes::Marked<R, Decoder>>(options, settings, mark);
+  }
+}
+
+}  // namespace tool

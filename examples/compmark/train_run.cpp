@@ -1,0 +1,280 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "train_run.hpp"
+
+#include <algorithm>
+#include <compmark/core/buffer.hpp>
+#include <compmark/io/json_file.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/scene/far_field.hpp>
+#include <compmark/scene/open.hpp>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "coded_run.hpp"
+#include "common.hpp"
+#include "effects.hpp"
+#include "progress.hpp"
+#include "report.hpp"
+#include "results.hpp"
+
+namespace tool {
+
+using namespace compmark;
+
+namespace {
+
+std::string base_name(const std::filesystem::path& path) {
+  std::filesystem::path clean = path.lexically_normal();
+  if (!clean.has_filename()) clean = clean.parent_path();
+  return clean.filename().string();
+}
+LensTreatment lens_treatment(const TrainOptions& options) {
+  if (options.lens == "ignore") return LensTreatment::ignore;
+  return options.lens == "project" ? LensTreatment::keep : LensTreatment::undistort;
+}
+std::string rounded(double value, int digits) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f", digits, value);
+  return text;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSettings settings, const RunNeeds& needs,
+                                          const SourceModel& source, const MarkInput* mark) {
+  auto run = std::make_unique<RunData>();
+  run->model = options.out / "model.safetensors";
+  run->checkpoint = options.out / "checkpoint.safetensors";
+  run->json_log = options.json_log.empty() ? options.out / "log.jsonl" : options.json_log;
+  if (std::error_code none; mark != nullptr && std::filesystem::equivalent(mark->twin, run->model, none)) {
+    return Error{ErrorKind::invalid, mark->twin.string(), "--twin", "would be replaced by the marked model",
+                 "choose another --out, the unmarked model is worth keeping"};
+  }
+  DatasetSettings& data_settings = run->data_settings;
+  data_settings.downscale = options.downscale;
+  data_settings.background = settings.background;
+  data_settings.seed = settings.seed;
+  data_settings.lens = source.info != nullptr ? settings_of(*source.info).lens : lens_treatment(options);
+  Result<Dataset> opened = open_dataset(options.data, data_settings);
+  if (!opened) return opened.error();
+  run->dataset = std::move(*opened);
+  const Dataset& dataset = run->dataset;
+  if (needs.ball) {
+    const CameraBall ball = camera_ball(dataset);
+    settings.effects.space_origin = ball.origin;
+    settings.effects.space_radius = ball.radius;
+  }
+  for (const std::string& warning : dataset.warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
+  if (dataset.kind == "blender")
+    settings.init_factor = 4;  // as all published scripts do for these scenes (method sheet, section 3.5)
+  if (Result<Done> folder = make_folder(options.out); !folder) return folder.error();
+
+  ImageStoreSettings store_settings;
+  store_settings.keep_alpha = needs.alpha;
+  if (options.memory_budget_mb != 0) store_settings.memory_budget_bytes = options.memory_budget_mb << 20;
+  run->store = std::make_unique<ImageStore>(dataset, data_settings, store_settings);
+  run->train = {&dataset, run->store.get(), dataset.indices(Split::train)};
+  run->test = {&dataset, run->store.get(), dataset.indices(Split::test)};
+  run->extent = scene_extent(dataset);
+
+  ModelInfo& info = run->info;
+  info.recipe = options.recipe;
+  info.effects = source.info != nullptr ? source.info->effects : options.simulated;
+  info.profile = settings.profile;
+  info.iterations = settings.iterations;
+  info.seed = settings.seed;
+  info.origin = dataset.origin;
+  info.base_step = {settings.rate.feature_step, settings.rate.scaling_step, settings.rate.offset_step};
+  for (const View& view : dataset.views) info.views.push_back(stored_view(view));
+  run->settings = std::move(settings);
+  return run;
+}
+
+Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceModel& source, const MarkInput* mark) {
+  if (run.train.size() == 0) {
+    return Error{ErrorKind::invalid, options.data.string(), "train split", "holds no view",
+                 "give at least one training image"};
+  }
+  for (std::size_t i = 0; i < run.train.size(); ++i) {
+    const Camera<double> camera = run.train.camera(i);
+    if (mark != nullptr && std::min(camera.width, camera.height) < mark->decoder.minimum_size()) {
+      return Error{
+          ErrorKind::invalid, options.data.string(), "image size",
+          "of view " + run.dataset.views[run.train.index[i]].name + " is " + std::to_string(camera.width) + " x " +
+              std::to_string(camera.height),
+          "the decoder reads images of at least " + std::to_string(mark->decoder.minimum_size()) + " pixels a side"};
+    }
+    Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+    if (Result<Done> loaded = run.train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
+      return loaded.error();
+  }
+  if (source.info == nullptr) return Done{};
+  const auto foreign = [&](std::string field, std::string problem) {
+    return Error{ErrorKind::invalid, options.model.string(), std::move(field), std::move(problem),
+                 "give the data that it was trained on, as large as then (--downscale)"};
+  };
+  if (source.info->views.size() != run.info.views.size() || source.train_views != run.train.size()) {
+    return foreign("views", "are " + std::to_string(source.info->views.size()) + ", of them " +
+                                std::to_string(source.train_views) + " trained with; the data have " +
+                                std::to_string(run.info.views.size()) + " and " + std::to_string(run.train.size()));
+  }
+  if (const std::optional<OtherView> other = other_view(source.info->views, run.info.views))
+    return foreign(other->field, "of view " + other->name + " is another one in the data");
+  if (source.info->origin != run.dataset.origin) return foreign("origin", "of the scene is another one in the data");
+  return Done{};
+}
+
+int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, const MarkInput* mark,
+               ThreadExecutor& executor) {
+  const TrainSettings& settings = run.settings;
+  Result<std::string> digest = file_sha256(run.model);
+  if (!digest) return fail(digest.error());
+
+  const bool has_test = run.test.size() != 0;
+  const DatasetViews& measured = has_test ? run.test : run.train;
+  const std::size_t shown = std::min<std::size_t>(3, measured.size());
+  ReportInput report;
+  Result<std::unique_ptr<AnyModel>> model = load_model(run.model);  // what was written is what is measured
+  if (!model) return fail(model.error());
+  Result<Evaluation> evaluation = evaluate_views(
+      **model, measured, options.lpips, executor,
+      [&](std::size_t i, const ViewResult& view, ImageView<const float> render, ImageView<const float> truth) {
+        for (std::size_t s = 0; s < shown; ++s) {
+          if (i != s * measured.size() / shown) continue;
+          report.views.push_back(
+              {view.name, make_report_image(truth), make_report_image(render), view.psnr, view.ssim, view.lpips_alex});
+        }
+      });
+  if (!evaluation) return fail(evaluation.error());
+  const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
+  const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
+  const double milliseconds = evaluation->mean([](const ViewResult& v) { return v.milliseconds; });
+
+  std::optional<CodedRun> coded;
+  if (end.coded) {
+    Result<CodedRun> written =
+        write_and_measure(*end.coded, options.out / "model.cmk", measured, options.lpips, mark, executor);
+    if (!written) return fail(written.error());
+    coded = std::move(*written);
+  }
+
+  std::optional<MarkMeasurement> measured_mark;
+  if (mark != nullptr) {
+    Result<MarkMeasurement> found = measure_mark(**model, *mark, measured, executor);
+    if (!found) return fail(found.error());
+    measured_mark = std::move(*found);
+    measured_mark->report.sources.model = run.model.filename().string();
+    measured_mark->report.sources.model_sha256 = *digest;
+  }
+
+  Results results;
+  results.dataset = base_name(options.data);
+  results.recipe = options.recipe;
+  results.profile = settings.profile;
+  results.iterations = settings.iterations;
+  results.seed = settings.seed;
+  results.threads = static_cast<int>(executor.concurrency());
+  results.anchors = end.anchors;
+  results.gaussians_per_view = evaluation->mean([](const ViewResult& v) { return static_cast<double>(v.gaussians); });
+  results.train_seconds = end.train_seconds;
+  results.peak_memory_mb = end.peak_memory_mb;
+  if (has_test) {
+    TestMetrics metrics{mean_psnr, mean_ssim, {}, static_cast<int>(measured.size())};
+    if (!options.lpips.alex.empty())
+      metrics.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
+    results.test = metrics;
+  }
+  results.model_sha256 = *digest;
+  results.effects = run.info.effects;
+  if (coded) results.compressed = coded->metrics;
+  if (measured_mark) {
+    WatermarkMetrics metrics = watermark_metrics(measured_mark->report.verification);
+    if (measured_mark->unmarked_psnr) metrics.psnr_cost_vs_unmarked = *measured_mark->unmarked_psnr - mean_psnr;
+    metrics.psnr_marked_vs_unmarked = measured_mark->psnr_marked_vs_unmarked;
+    results.watermark = metrics;
+    nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(measured_mark->report);
+    if (mark->key.corrects != 0)
+      json["payload"] = payload_text(mark->key, measured_mark->report.verification.read).json;
+    if (Result<Done> written = write_json(options.out / "verification.json", json); !written)
+      return fail(written.error());
+  }
+  if (Result<Done> written = write_results(options.out / "results.json", results); !written)
+    return fail(written.error());
+
+  const char* split = has_test ? "test" : "training";
+  report.title = results.dataset;
+  report.subtitle = "recipe " + options.recipe + ", profile " + settings.profile + ", " +
+                    std::to_string(settings.iterations) + " iterations";
+  report.headline = {{rounded(mean_psnr, 2) + " dB", std::string("PSNR, mean over the ") + split + " views"},
+                     {rounded(mean_ssim, 4), "SSIM"},
+                     {std::to_string(results.anchors), "anchors"},
+                     {format_duration(end.train_seconds), "training time"},
+                     {rounded(milliseconds, 1) + " ms", "render of a view"}};
+  if (Result<std::vector<ProgressLine>> log = read_progress_log(run.json_log); log) report.curve = std::move(*log);
+  report.tables = {machine_table(static_cast<int>(executor.concurrency())),
+                   {"Settings",
+                    {{"seed", std::to_string(settings.seed)},
+                     {"lambda (1 - SSIM)", rounded(settings.lambda_dssim, 3)},
+                     {"voxel size", rounded(end.voxel_size, 6)},
+                     {"growing threshold", rounded(settings.gradient_threshold, 6)},
+                     {"scene extent", rounded(run.extent.radius, 4)},
+                     {"background", options.background.empty() ? "black" : options.background},
+                     {"model sha256", *digest}}}};
+  if (coded) {
+    report.headline.push_back({rounded(static_cast<double>(coded->metrics.bytes) / 1024, 0) + " KiB", "compressed"});
+    report.headline.push_back({rounded(coded->metrics.test.psnr, 2) + " dB", "PSNR of the compressed file"});
+    report.tables.push_back(coded->table);
+  }
+  if (results.watermark) {
+    const WatermarkMetrics& m = *results.watermark;
+    report.headline.push_back(
+        {rounded(100 * m.mean, 1) + " %", "of " + std::to_string(mark->bits.size()) + " bits read"});
+    ReportTable table{"Watermark",
+                      {{"key id", mark->sources.key_id},
+                       {"decoder sha256", mark->sources.decoder_sha256},
+                       {"bits", std::to_string(mark->bits.size())},
+                       {"bit accuracy, mean and worst view", rounded(m.mean, 4) + ", " + rounded(m.min, 4)},
+                       {"p-value of all views together", detail::short_number(m.p_value)},
+                       {"p-value of the worst view", detail::short_number(m.largest_view_p_value)}}};
+    if (m.psnr_cost_vs_unmarked)
+      table.rows.push_back({"PSNR lost to the twin", rounded(*m.psnr_cost_vs_unmarked, 2) + " dB"});
+    if (m.psnr_marked_vs_unmarked)
+      table.rows.push_back({"PSNR of marked against unmarked", rounded(*m.psnr_marked_vs_unmarked, 2) + " dB"});
+    report.tables.push_back(std::move(table));
+  }
+  ReportGrid grid{std::string("Every ") + split + " view", {"view", "PSNR dB", "SSIM", "ms", "Gaussians"}, {}};
+  for (const ViewResult& view : evaluation->views) {
+    grid.rows.push_back({view.name, rounded(view.psnr, 2), rounded(view.ssim, 4), rounded(view.milliseconds, 1),
+                         std::to_string(view.gaussians)});
+  }
+  report.grids.push_back(std::move(grid));
+  if (Result<Done> written = write_report(options.out / "report.html", report); !written) return fail(written.error());
+  std::error_code ignored;
+  std::filesystem::remove(run.checkpoint, ignored);
+
+  std::printf(
+      "%s: %lld iterations in %.0f s, %zu anchors, %s PSNR %.2f dB, SSIM %.4f over %zu views\nmodel %s\nsha256 "
+      "%s\nreport %s\n",
+      results.dataset.c_str(), static_cast<long long>(settings.iterations), end.train_seconds, end.anchors, split,
+      mean_psnr, mean_ssim, measured.size(), run.model.string().c_str(), digest->c_str(),
+      (options.out / "report.html").string().c_str());
+  if (coded) {
+    std::printf("compressed %s: %llu bytes, PSNR %.2f dB, SSIM %.4f\n", (options.out / "model.cmk").string().c_str(),
+                static_cast<unsigned long long>(coded->metrics.bytes), coded->metrics.test.psnr,
+                coded->metrics.test.ssim);
+  }
+  if (measured_mark) {
+    std::printf("bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s", 100 * results.watermark->mean,
+                100 * results.watermark->min, report_text(measured_mark->report.verification).c_str());
+    if (results.watermark->psnr_marked_vs_unmarked) {
+      std::printf("against the unmarked twin: %.2f dB lost, %.2f dB between the renders\n",
+                  *results.watermark->psnr_cost_vs_unmarked, *results.watermark->psnr_marked_vs_unmarked);
+    }
+  }
+  return success;
+}
+
+}  // namespace tool
