@@ -92,10 +92,8 @@ Command add_attack(CLI::App& app) {
   app.add_flag("--keep-networks", options->keep_networks, "leave weights of networks as they are");
   app.add_option("--json", options->json, "write the errors to this file");
   return [options]() -> int {
-    std::error_code none;
-    if (std::filesystem::equivalent(options->out, options->model, none)) {
-      return fail({ErrorKind::invalid, options->out.string(), "--out", "is the model that is read", "choose another"});
-    }
+    if (const Result<Done> kept = keep_inputs(options->out, {options->model}, "--out"); !kept)
+      return fail(kept.error());
     if (const Result<Done> kept = keep_inputs(options->json, {options->model, options->out}); !kept)
       return fail(kept.error());
     return attack(*options);

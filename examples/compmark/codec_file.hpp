@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The codecs, compiled once for all commands: the library's functions of the same names (codec/cmk.hpp) on this tool's executor.
+// The codecs, compiled once for all commands: codec/cmk.hpp on this tool's executor.
 #pragma once
 
 #include <compmark/codec/decoding.hpp>

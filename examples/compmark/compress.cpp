@@ -16,6 +16,7 @@
 #include "commands.hpp"
 #include "common.hpp"
 #include "model_source.hpp"
+#include "reading.hpp"
 
 namespace tool {
 namespace {
@@ -93,6 +94,10 @@ Command add_compress(CLI::App& app) {
   app.add_option("--threads", options->threads, "0: all; the file is the same for any number")->capture_default_str();
   app.add_option("--json", options->json, "write the sizes to this file");
   return [options]() -> int {
+    if (const Result<Done> kept = keep_inputs(options->out, {options->model}, "--out"); !kept)
+      return fail(kept.error());
+    if (const Result<Done> kept = keep_inputs(options->json, {options->model, options->out}); !kept)
+      return fail(kept.error());
     if (is_coded_file(options->model)) {
       return fail({ErrorKind::invalid, options->model.string(), {}, "is compressed already", "copy the file"});
     }
@@ -108,6 +113,8 @@ Command add_decompress(CLI::App& app) {
                "decode what is not damaged and leave out the rest (exit code 4 if anything was)");
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   return [options]() -> int {
+    if (const Result<Done> kept = keep_inputs(options->out, {options->model}, "--out"); !kept)
+      return fail(kept.error());
     ThreadExecutor executor(options->threads);
     CodecDecodeSettings settings;
     settings.salvage = options->salvage;

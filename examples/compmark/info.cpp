@@ -24,8 +24,15 @@ namespace {
 
 using namespace compmark;
 
+void print_views(const ModelInfo& info) {
+  for (const StoredView& view : info.views) {
+    std::printf("    %-24s %-5s %d x %d, f = %.1f\n", view.name.c_str(), view.test ? "test" : "train",
+                view.camera.width, view.camera.height, view.camera.fx);
+  }
+}
+
 /// Header, sections and what is stored beside the anchors; the file is decoded, so what is printed was checked.
-int info_of_coded(const std::filesystem::path& path) {
+int info_of_coded(const std::filesystem::path& path, bool views) {
   const Result<std::vector<std::byte>> bytes = read_file(path);
   if (!bytes) return fail(bytes.error());
   const Result<Container> container = parse_container(*bytes, path.string());
@@ -37,7 +44,11 @@ int info_of_coded(const std::filesystem::path& path) {
   if (!digest) return fail(digest.error());
   const CodecModel& model = decoded->model;
   const Result<ModelInfo> info = model_info(model);
-  if (!info) return fail(info.error());
+  if (!info) {
+    Error error = info.error();
+    error.file = path.string();
+    return fail(error);
+  }
   std::size_t live = 0;
   for (const std::uint32_t mask : model.mask) live += static_cast<std::size_t>(std::popcount(mask));
   std::printf(
@@ -56,6 +67,7 @@ int info_of_coded(const std::filesystem::path& path) {
   for (const auto& [name, found] : sections) {
     std::printf("    %s %6zu %10llu bytes\n", name.c_str(), found.first, static_cast<unsigned long long>(found.second));
   }
+  if (views) print_views(*info);
   return success;
 }
 
@@ -70,7 +82,7 @@ Command add_info(CLI::App& app) {
   app.add_option("model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
   app.add_flag("--views", options->views, "list the stored cameras");
   return [options]() -> int {
-    if (is_coded_file(options->model)) return info_of_coded(options->model);
+    if (is_coded_file(options->model)) return info_of_coded(options->model, options->views);
     Result<SafetensorsFile> file = read_safetensors(options->model);
     if (!file) return fail(file.error());
     Result<std::string> recipe = model_recipe(*file);
@@ -96,12 +108,7 @@ Command add_info(CLI::App& app) {
       for (const std::int64_t extent : tensor.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(extent);
       std::printf("    %-28s %-4s %s\n", name.c_str(), tensor.dtype.c_str(), shape.c_str());
     }
-    if (options->views) {
-      for (const StoredView& view : info->views) {
-        std::printf("    %-24s %-5s %d x %d, f = %.1f\n", view.name.c_str(), view.test ? "test" : "train",
-                    view.camera.width, view.camera.height, view.camera.fx);
-      }
-    }
+    if (options->views) print_views(*info);
     return success;
   };
 }

@@ -156,11 +156,16 @@ std::string pixels_sha256(ImageView<const float> image) {
   return Sha256{}.update(std::as_bytes(std::span<const std::uint8_t>(bytes.pixels))).hex();
 }
 
-Result<Done> keep_inputs(const fs::path& output, std::initializer_list<fs::path> inputs) {
-  for (const fs::path& input : inputs) {
-    if (std::error_code none; !output.empty() && fs::equivalent(output, input, none))
-      return Error{ErrorKind::invalid, output.string(), "--json", "is one of the files that are read",
+Result<Done> keep_inputs(const fs::path& output, std::initializer_list<fs::path> others, const char* option) {
+  for (const fs::path& other : others) {
+    if (output.empty() || other.empty()) continue;
+    std::error_code none;
+    const bool same_file = fs::equivalent(output, other, none);
+    const fs::path a = fs::weakly_canonical(output, none), b = fs::weakly_canonical(other, none);
+    if (same_file || (!a.empty() && a == b)) {
+      return Error{ErrorKind::invalid, output.string(), option, "is one of the files that are read or written",
                    "choose another"};
+    }
   }
   return Done{};
 }

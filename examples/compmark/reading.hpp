@@ -26,9 +26,11 @@ using Decoder = compmark::StoredDecoder<float, compmark::WinogradOrDirect>;
 
 /// SHA-256 of a render's pixels in 8 bits, row by row.
 std::string pixels_sha256(compmark::ImageView<const float> image);
-/// An error if `output` is one of the files that are read: a key that is replaced by a report cannot be made again.
+/// An error if `output`, what is given by `option`, is another file of the same command, there or not yet: a key that is replaced by a
+/// report cannot be made again, nor a model by what was made of it. Empty paths are none.
 compmark::Result<compmark::Done> keep_inputs(const std::filesystem::path& output,
-                                             std::initializer_list<std::filesystem::path> inputs);
+                                             std::initializer_list<std::filesystem::path> others,
+                                             const char* option = "--json");
 
 /// Reads a key file and checks its payload; warns on stderr if others may read it.
 compmark::Result<compmark::OwnerKey> load_key(const std::filesystem::path& path);

@@ -29,7 +29,7 @@ inline compmark::Error unknown_recipe(std::string_view name) {
           "unknown recipe \"" + std::string(name) + "\"",
           "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +antialiasing+mask, "
           "+alpha+antialiasing, +lens, +fisheye, +exposure, +exposure+mask, +farfield or +exposure+farfield, "
-          "compmark-host and compmark-paper-host"};
+          "compmark-host, compmark-paper-host, and hac or context_gs, alone or with +mask, +alpha or +exposure"};
 }
 /// The Error of a name that is none of a recipe that trains for compression.
 inline compmark::Error not_coded(std::string_view name) {

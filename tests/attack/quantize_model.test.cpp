@@ -95,6 +95,8 @@ TEST_CASE("attack/quantize_model: settings keep positions or networks; a scale a
   REQUIRE(coarse);
   REQUIRE(nearer);
   // Columns differ a hundredfold. What is large keeps its error; that of the rest falls to a tenth and a hundredth: rms to sqrt(1/3).
+  REQUIRE(coarse->size() == nearer->size());
+  REQUIRE(coarse->size() >= 4);
   for (std::size_t i = 0; i < coarse->size(); ++i) {
     CAPTURE((*coarse)[i].name);
     if ((*coarse)[i].name.starts_with("anchor")) CHECK((*nearer)[i].rms_error < 0.65 * (*coarse)[i].rms_error);

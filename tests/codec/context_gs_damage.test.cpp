@@ -333,7 +333,7 @@ TEST_CASE(
   CHECK(error.problem.find("whole") != std::string::npos);
   error = error_of([](File& file) { file.of(F::digests).bytes.back() ^= std::byte{1}; });
   CHECK(error.problem.find("whole") != std::string::npos);
-  // A scale that is another, by so little that no symbol changes: the digest of the model sees the bytes.
+  // Nothing but the header's word for the model is another.
   error = error_of([](File& file) { file.header.digest ^= 1; });
   CHECK(error.field == "DIGS");
 }

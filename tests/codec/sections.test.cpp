@@ -114,7 +114,7 @@ TEST_CASE(
   CHECK(grid.entries()[7] == 0);
 }
 
-TEST_CASE("codec/hac_info: a file is described without being decoded, damaged sections are named") {
+TEST_CASE("codec/inspect: a file is described without being decoded, damaged sections are named") {
   SerialExecutor executor;
   const auto file = encode_hac(testing::make_codec_model(31), {}, executor);
   REQUIRE(file.ok());
@@ -134,3 +134,24 @@ TEST_CASE("codec/hac_info: a file is described without being decoded, damaged se
 }
 
 }  // namespace
+
+TEST_CASE(
+    "codec/network_coding: a network of more weights than its bytes hold is refused before they are made room for") {
+  ByteWriter writer;
+  writer.put(std::uint32_t{4096});
+  for (int i = 0; i < 5 * (4096 + 4096); ++i) writer.put(std::uint8_t{0});
+  const Result<IntegerNetwork> network = decode_context_network(writer.bytes(), 4096, 4096);  // 64 MiB from 41 KB
+  REQUIRE_FALSE(network);
+  CHECK(network.error().problem.find("weights are more than its bytes hold") != std::string::npos);
+}
+
+TEST_CASE("codec/codec_model: a hyperprior without anchors is refused, not divided by") {
+  CodecModel model = testing::make_codec_model(1);
+  CHECK(detail::check_codec_model(model).ok());
+  model.voxels.clear();
+  model.mask.clear();
+  for (std::vector<float>* part : {&model.feature, &model.extent, &model.offset}) part->clear();
+  CHECK(detail::check_codec_model(model).ok());
+  model.hyperprior = {1};
+  CHECK_FALSE(detail::check_codec_model(model).ok());
+}

@@ -250,12 +250,12 @@ TEST_CASE("entropy/adaptive_binary: streams that no encoder writes are not valid
   const Random random(31, 0, 1);
   std::size_t valid = 0;
   for (std::uint64_t trial = 0; trial < 20000; ++trial) {
-    Bytes stream(4 + random.below(1000 * trial, 6), 0);
-    for (std::size_t i = 0; i < stream.size(); ++i) {
-      stream[i] = i < trial % 5 ? 0xff : static_cast<std::uint8_t>(random.below(1000 * trial + 1 + i, 256));
+    const std::uint64_t size = 4 + random.below(1000 * trial, 6), zeros = std::min(size, trial % 4);
+    Bytes stream;
+    for (std::uint64_t i = 0; i < size; ++i) {
+      const std::uint64_t byte = i < trial % 5 ? 0xff : random.below(1000 * trial + 1 + i, 256);
+      stream.push_back(i + zeros < size ? static_cast<std::uint8_t>(byte) : std::uint8_t{0});
     }
-    for (std::size_t i = stream.size() - std::min<std::size_t>(stream.size(), trial % 4); i < stream.size(); ++i)
-      stream[i] = 0;
     if (!reads(stream, again)) continue;
     ++valid;
     CHECK(again == stream);

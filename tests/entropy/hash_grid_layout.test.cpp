@@ -63,3 +63,12 @@ TEST_CASE("entropy/hash_grid_layout: hashed entries are those of the published h
   CHECK(level.clamped(513) == 512);
   CHECK(level.clamped(7) == 7);
 }
+
+TEST_CASE("entropy/hash_grid_layout: a grid that a few bytes of a file name takes no gigabyte") {
+  HashGridShape shape;
+  CHECK(shape.valid());
+  shape.volume_cap_log2 = 24;
+  for (int& resolution : shape.volume_resolution) resolution = 60'000;
+  CHECK(shape.entries() > std::size_t{1} << 26);
+  CHECK_FALSE(shape.valid());
+}

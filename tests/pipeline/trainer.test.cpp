@@ -181,6 +181,15 @@ TEST_CASE("pipeline/checkpoint: other settings and broken files are refused with
   const auto refused = read_checkpoint<Small, SerialExecutor>(path, other, info);
   REQUIRE(!refused.ok());
   CHECK(refused.error().problem.find("lambda_dssim") != std::string::npos);
+  // Numbers that are the profile's own are not in the file, and those of a run with others must not become them.
+  TrainSettings coded = run.settings;
+  coded.rate.lambda *= 4;
+  REQUIRE(write_checkpoint(path, run.trainer.state(), coded, info, 0).ok());
+  const auto another_rate = read_checkpoint<Small, SerialExecutor>(path, run.settings, info);
+  REQUIRE(!another_rate.ok());
+  CHECK(another_rate.error().problem.find("lambda") != std::string::npos);
+  CHECK(read_checkpoint<Small, SerialExecutor>(path, coded, info).ok());
+  REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
   const std::vector<std::byte> bytes = *read_file(path);
   for (std::size_t size = 0; size < bytes.size(); size += bytes.size() / 60) {
     REQUIRE(write_file(path, std::span<const std::byte>(bytes).first(size)).ok());

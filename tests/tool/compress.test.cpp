@@ -65,6 +65,20 @@ TEST_CASE("tool: train --codec writes a small file beside the model, and says wh
   CHECK(compressed["test"]["psnr"].get<double>() > run["test"]["psnr"].get<double>() - 1);
 }
 
+TEST_CASE("tool: compress and decompress do not replace what they read") {
+  static_cast<void>(small());
+  const std::string model = at("run/model.safetensors"), file = at("run/model.cmk");
+  const std::vector<std::byte> before = file_bytes(model), before_file = file_bytes(file);
+  check_refused(tool("compress --model " + model + " --out " + model), {"--out", "choose another"});
+  check_refused(tool("compress --model " + model + " --out " + at("x.cmk") + " --json " + model), {"--json"});
+  check_refused(tool("compress --model " + model + " --out " + at("x.cmk") + " --json " + at("run/../x.cmk")),
+                {"--json"});
+  check_refused(tool("decompress --model " + file + " --out " + file), {"--out", "choose another"});
+  CHECK(file_bytes(model) == before);
+  CHECK(file_bytes(file) == before_file);
+  CHECK(!fs::exists(at("x.cmk")));
+}
+
 TEST_CASE("tool: compress makes the file of the run again, to the byte, at any thread count") {
   const std::vector<std::byte> expected = file_bytes(small());
   for (const char* threads : {"1", "2", "5"}) {

@@ -144,7 +144,7 @@ namespace detail {
                     k = static_cast<std::size_t>(model.offset_count);
   if (n > CodecLimits::anchors) return fail("anchors", std::to_string(n) + " are more than 2^28");
   if (model.mask.size() != n || model.feature.size() != n * d || model.extent.size() != 6 * n ||
-      model.offset.size() != 3 * k * n || (n > 0 && model.hyperprior.size() % n != 0)) {
+      model.offset.size() != 3 * k * n || (n > 0 ? model.hyperprior.size() % n != 0 : !model.hyperprior.empty())) {
     return fail("anchors", "the attributes are not those of " + std::to_string(n) + " anchors");
   }
   for (std::size_t i = 0; i < n; ++i) {
@@ -187,7 +187,8 @@ namespace detail {
   for (const auto& [key, value] : model.metadata) {
     const auto* text = std::get_if<std::string>(&value);
     if (key.empty() || key.size() > 255 || (text != nullptr && text->size() > 1u << 20)) {
-      return fail("metadata", "a key or a text is empty or too long");
+      return Error{ErrorKind::invalid, "", "metadata." + key, "its key is empty, or key or text are too long",
+                   "leave it out (cameras: store fewer of them)"};
     }
   }
   return Done{};

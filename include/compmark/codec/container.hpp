@@ -50,7 +50,7 @@ struct ContainerFormat {
   static constexpr std::uint16_t major = 1, minor = 0;
   static constexpr std::size_t header_size = 64, entry_size = 48;
   static constexpr std::uint32_t section_limit = 65'536;
-  static constexpr std::uint32_t flag_progressive = 1, flag_networks = 2, flag_salvageable = 4;
+  static constexpr std::uint32_t flag_reserved_progressive = 1, flag_networks = 2, flag_salvageable = 4;
 };
 
 /// What stands in the header and is not about bytes.

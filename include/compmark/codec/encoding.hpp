@@ -245,6 +245,12 @@ class FileWriter {
         return Error{ErrorKind::invalid, "", section.entry.name(),
                      "cannot be kept: it is critical or has a name of the codec's own", "remove it"};
       }
+      for (const Section& other : sections_) {
+        if (other.entry.kind == section.entry.kind && other.entry.part == section.entry.part &&
+            other.entry.chunk == section.entry.chunk) {
+          return Error{ErrorKind::invalid, "", section.entry.name(), "is there twice", "remove one"};
+        }
+      }
       sections_.push_back(section);
       report.extra_bytes += section.bytes.size();
     }

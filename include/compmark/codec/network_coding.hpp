@@ -147,9 +147,13 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
                                                                    std::size_t inputs, std::size_t outputs) {
   ByteReader reader(payload);
   const std::uint32_t hidden = reader.get<std::uint32_t>();
-  if (hidden == 0 || hidden > 4096)
+  if (hidden == 0 || hidden > IntegerNetwork::most_hidden_units)
     return detail::bad_network("NETC", std::to_string(hidden) + " hidden units are not 1 to 4096");
   if (reader.left() < 5 * (std::uint64_t{hidden} + outputs)) return detail::bad_network("NETC", "ends in its biases");
+  if (const std::uint64_t weights = std::uint64_t{hidden} * (inputs + outputs);
+      weights > (std::uint64_t{1} << 21) + 64 * reader.left()) {
+    return detail::bad_network("NETC", std::to_string(weights) + " weights are more than its bytes hold");
+  }
   IntegerNetwork network;
   network.hidden.inputs = inputs;
   network.hidden.outputs = network.output.inputs = hidden;

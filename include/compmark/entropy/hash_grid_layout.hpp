@@ -52,13 +52,15 @@ struct HashGridShape {
 
   [[nodiscard]] constexpr int levels() const { return volume_levels + planes * plane_levels; }
   [[nodiscard]] constexpr int channels() const { return features * levels(); }
+  /// A file of a few bytes can name any grid: twenty times the published one, 32 MiB when decoded, is the largest there is.
+  static constexpr std::size_t most_entries = std::size_t{1} << 25;
   [[nodiscard]] constexpr bool valid() const {
     bool good = volume_levels >= 0 && volume_levels <= 12 && plane_levels >= 0 && plane_levels <= 4 && levels() > 0;
     good = good && volume_cap_log2 >= 3 && volume_cap_log2 <= 24 && plane_cap_log2 >= 3 && plane_cap_log2 <= 24;
     for (int i = 0; good && i < volume_levels; ++i) good = resolution(i) >= 3 && resolution(i) <= 1 << 16;
     for (int i = 0; good && i < plane_levels; ++i)
       good = resolution(volume_levels + i) >= 3 && resolution(volume_levels + i) <= 1 << 16;
-    return good;
+    return good && entries() <= most_entries;
   }
   [[nodiscard]] constexpr int resolution(int level) const {
     if (level < volume_levels) return volume_resolution[static_cast<std::size_t>(level)];

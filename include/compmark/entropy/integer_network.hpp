@@ -54,6 +54,7 @@ class IntegerNetwork {
  public:
   static constexpr int mean_bits = 12, sigma_bits = 8, r_bits = StepGrid::r_bits;  ///< fraction bits of the outputs
   static constexpr std::int32_t greatest_hidden = std::numeric_limits<std::int16_t>::max();
+  static constexpr std::size_t most_hidden_units = 4096;
 
   IntegerLayer hidden, output;
 
@@ -67,6 +68,7 @@ class IntegerNetwork {
         output.outputs != heads.outputs()) {
       return fail("the network's layers do not fit what they read or the attributes");
     }
+    if (hidden.outputs > most_hidden_units) return fail("more hidden units than a file has room for");
     for (const IntegerLayer* layer : {&hidden, &output}) {
       if (layer->weight.size() != layer->inputs * layer->outputs || layer->bias.size() != layer->outputs ||
           layer->shift.size() != layer->outputs) {

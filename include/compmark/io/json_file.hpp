@@ -59,33 +59,33 @@ template <class Json>
 }
 
 /// Field `key` of an object as T (a finite number, a string, a bool); `file` and `where` (path of the object) are for the message.
-template <class T>
-[[nodiscard]] Result<T> json_field(const nlohmann::json& object, const std::string& key, const std::string& file,
+template <class T, class Json>
+[[nodiscard]] Result<T> json_field(const Json& object, const std::string& key, const std::string& file,
                                    const std::string& where = {}) {
   const std::string field = where.empty() ? key : where + "." + key;
   const auto fail = [&](ErrorKind kind, std::string problem, std::string remedy) {
     return Error{kind, file, field, std::move(problem), std::move(remedy)};
   };
   if (!object.is_object() || !object.contains(key)) return fail(ErrorKind::malformed, "is missing", "add it");
-  const nlohmann::json& value = object[key];
+  const Json& value = object[key];
   if constexpr (std::is_same_v<T, bool>) {
     if (!value.is_boolean()) return fail(ErrorKind::malformed, "is not true or false", "correct it");
-    return value.get<bool>();
+    return value.template get<bool>();
   } else if constexpr (std::is_integral_v<T>) {
     const bool fits = value.is_number_integer() && (std::is_signed_v<T> || value.is_number_unsigned());
     if (!fits) return fail(ErrorKind::malformed, "is not a whole number", "correct it");
-    const bool in_range = value.is_number_unsigned() ? std::in_range<T>(value.get<std::uint64_t>())
-                                                     : std::in_range<T>(value.get<std::int64_t>());
+    const bool in_range = value.is_number_unsigned() ? std::in_range<T>(value.template get<std::uint64_t>())
+                                                     : std::in_range<T>(value.template get<std::int64_t>());
     if (!in_range) return fail(ErrorKind::invalid, "is out of range", "correct it");
-    return value.get<T>();
+    return value.template get<T>();
   } else if constexpr (std::is_floating_point_v<T>) {
     if (!value.is_number()) return fail(ErrorKind::malformed, "is not a number", "correct it");
-    const T number = value.get<T>();
+    const T number = value.template get<T>();
     if (!std::isfinite(number)) return fail(ErrorKind::invalid, "is not finite", "correct it");
     return number;
   } else {
     if (!value.is_string()) return fail(ErrorKind::malformed, "is not a string", "correct it");
-    return value.get<std::string>();
+    return value.template get<std::string>();
   }
 }
 

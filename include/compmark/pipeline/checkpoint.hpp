@@ -211,7 +211,7 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
   const Json wanted = json_from<Json>(settings_json<Json>(settings).dump());
   if (!stored.is_object()) return refuse("__metadata__.settings", "is not a JSON object");
   for (const auto& [key, value] : wanted.items()) {
-    if (key == "effects" || key == "mark") continue;  // below, with fewer words
+    if (key == "effects" || key == "mark" || key == "rate") continue;  // below, with fewer words
     const Json found = stored.value(key, Json());
     if (found != value)
       return refuse("settings", key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
@@ -220,6 +220,8 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
     return refuse("settings", "the numbers of effects are others in the checkpoint");
   if (stored.value("mark", Json()) != wanted.value("mark", Json()))
     return refuse("settings", "the watermark (its message, decoder or numbers) is another one in the checkpoint");
+  if (stored.value("rate", Json()) != wanted.value("rate", Json()))
+    return refuse("settings", "the rate's numbers (lambda and its phases) are others in the checkpoint");
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
   if (model->info.effects != info.effects) {

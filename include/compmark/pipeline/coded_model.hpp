@@ -149,7 +149,7 @@ template <class Json = nlohmann::json>
   if (!get("seed", seed)) return fail("seed");
   if (!get("effects", effects)) return fail("effects");
   info.seed = static_cast<std::uint64_t>(seed);
-  const Json list = Json::parse(effects, nullptr, false);
+  const Json list = json_from<Json>(effects);
   if (!list.is_array()) return fail("effects");
   for (const Json& effect : list) {
     if (!effect.is_string()) return fail("effects");

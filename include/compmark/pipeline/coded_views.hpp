@@ -20,7 +20,8 @@
 
 #include "compmark/codec/codec_model.hpp"
 #include "compmark/core/result.hpp"
-#include "compmark/pipeline/model_file.hpp"
+#include "compmark/io/json_file.hpp"
+#include "compmark/pipeline/model_info.hpp"
 #include "compmark/scene/lens_model.hpp"
 
 namespace compmark::inline v0 {
@@ -101,7 +102,7 @@ template <class Json = nlohmann::json>
     return coded_error("META.views", std::move(problem),
                        "the file was not written by this tool; encode the model again");
   };
-  const Json json = Json::parse(*names, nullptr, false);
+  const Json json = json_from<Json>(*names);
   if (!json.is_array() || plain == nullptr) return fail("names and cameras do not belong together");
   const std::vector<double> numbers = unpacked_doubles(*plain);
   const std::size_t width = camera_numbers + (with_lens != nullptr ? lens_numbers : 0);
