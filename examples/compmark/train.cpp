@@ -4,12 +4,14 @@
 // compmark train: a dataset in, a model, its measurements and a page to look at out, with a message in it if a key and a decoder are given.
 // Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
 #include <algorithm>
+#include <compmark/scene/open.hpp>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "commands.hpp"
+#include "effects.hpp"
 #include "recipe_list.hpp"
 #include "train_coded.hpp"
 #include "train_marked.hpp"

@@ -31,10 +31,6 @@ std::string base_name(const std::filesystem::path& path) {
   if (!clean.has_filename()) clean = clean.parent_path();
   return clean.filename().string();
 }
-LensTreatment lens_treatment(const TrainOptions& options) {
-  if (options.lens == "ignore") return LensTreatment::ignore;
-  return options.lens == "project" ? LensTreatment::keep : LensTreatment::undistort;
-}
 std::string rounded(double value, int digits) {
   char text[64];
   std::snprintf(text, sizeof text, "%.*f", digits, value);
@@ -42,6 +38,11 @@ std::string rounded(double value, int digits) {
 }
 
 }  // namespace
+
+LensTreatment lens_treatment(const TrainOptions& options) {
+  if (options.lens == "ignore") return LensTreatment::ignore;
+  return options.lens == "project" ? LensTreatment::keep : LensTreatment::undistort;
+}
 
 Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSettings settings, const RunNeeds& needs,
                                           const SourceModel& source, const MarkInput* mark) {

@@ -55,6 +55,9 @@ struct TrainOptions {
   double rate_lambda = 0.001;   ///< loss of one bit more a scalar
 };
 
+/// What --lens says.
+compmark::LensTreatment lens_treatment(const TrainOptions& options);
+
 /// What a recipe wants of the data.
 struct RunNeeds {
   bool ball = false;   ///< the ball of the cameras, beyond which cells grow
