@@ -96,7 +96,7 @@ TEST_CASE_TEMPLATE("quant/uniform: packs give what one value gives, whatever the
       std::vector<T> out(n, T(-7)), plain(n);
       REQUIRE(quantizer->forward(x, out));
       for (std::size_t i = 0; i < n; ++i) plain[i] = UniformQuantizer<T>::value(x[i], quantizer->step());
-      CHECK(std::memcmp(out.data(), plain.data(), n * sizeof(T)) == 0);
+      CHECK((n == 0 || std::memcmp(out.data(), plain.data(), n * sizeof(T)) == 0));
     }
     std::vector<T> out = all, again(all.size());
     REQUIRE(quantizer->forward(out, out));
