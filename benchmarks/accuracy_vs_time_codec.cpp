@@ -27,7 +27,8 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/codec/hac.hpp"
+#include "compmark/codec/hac_decoder.hpp"
+#include "compmark/codec/hac_encoder.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/pipeline/coded_model.hpp"

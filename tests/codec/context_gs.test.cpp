@@ -1,52 +1,22 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/codec/context_gs.hpp"
-
 #include <doctest/doctest.h>
 
 #include <cmath>
 #include <cstdint>
-#include <cstring>
-#include <filesystem>
 #include <limits>
-#include <span>
 #include <vector>
 
-#include "compmark/codec/cmk.hpp"
-#include "compmark/codec/inspect.hpp"
-#include "compmark/core/thread_executor.hpp"
+#include "support/cmk_file.hpp"
 #include "support/context_gs_model.hpp"
 
 namespace {
 
 using namespace compmark;
-using testing::CodecModelShape;
+using testing::decoded;
+using testing::encoded;
 using testing::make_context_gs_model;
-
-CodecEncoded encoded(const CodecModel& model, const CodecEncodeSettings& settings = {}) {
-  SerialExecutor executor;
-  auto result = encode_context_gs(model, settings, executor);
-  REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
-  return std::move(*result);
-}
-CodecDecoded decoded(std::span<const std::byte> bytes) {
-  SerialExecutor executor;
-  auto result = decode_context_gs(bytes, "a.cmk", {}, executor);
-  REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
-  return std::move(*result);
-}
-
-/// Bits, so that -0 is not 0.
-bool same(const std::vector<float>& a, const std::vector<float>& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), 4 * a.size()) == 0);
-}
-bool same(const CodecModel& a, const CodecModel& b) {
-  return a.voxel_size == b.voxel_size && a.feature_dim == b.feature_dim && a.offset_count == b.offset_count &&
-         a.base_step == b.base_step && a.chunk_anchors == b.chunk_anchors && a.voxels == b.voxels && a.mask == b.mask &&
-         same(a.feature, b.feature) && same(a.extent, b.extent) && same(a.offset, b.offset) &&
-         a.hyperprior == b.hyperprior && a.networks == b.networks && a.metadata == b.metadata &&
-         a.context_gs == b.context_gs;
-}
+using testing::same;
 
 TEST_CASE("codec/context_gs: a file decodes to the encoder's own quantised model, to the last bit") {
   const CodecModel model = make_context_gs_model(1);
@@ -103,31 +73,14 @@ TEST_CASE("codec/context_gs: a file decodes to the encoder's own quantised model
 
 TEST_CASE("codec/context_gs: encoding what was decoded gives the same bytes") {
   for (const std::uint64_t seed : {2u, 3u, 4u}) {
-    CodecModelShape shape;
-    shape.anchors = 150 * seed;
-    CodecModel model = make_context_gs_model(seed, shape);
+    CodecModel model = make_context_gs_model(seed, {.anchors = 150 * seed});
     for (std::size_t i = 10; i < 40; ++i) model.voxels[i] = model.voxels[9];  // several in one voxel
-    const CodecEncoded file = encoded(model);
-    const CodecDecoded back = decoded(file.bytes);
-    CHECK(same(back.model, file.model));
-    const CodecEncoded again = encoded(back.model);
-    CHECK(again.bytes == file.bytes);
-    CHECK(same(again.model, back.model));
+    testing::check_round_trip(model);
   }
 }
 
 TEST_CASE("codec/context_gs: bytes and model are the same at any number of threads") {
-  const CodecModel model = make_context_gs_model(5, {.anchors = 700});
-  const CodecEncoded file = encoded(model);
-  for (const std::size_t threads : {2u, 3u, 8u}) {
-    ThreadExecutor executor(threads);
-    const auto other = encode_context_gs(model, {}, executor);
-    REQUIRE(other.ok());
-    CHECK(other->bytes == file.bytes);
-    const auto back = decode_context_gs(file.bytes, "a.cmk", {}, executor);
-    REQUIRE(back.ok());
-    CHECK(same(back->model, file.model));
-  }
+  testing::check_any_threads(make_context_gs_model(5, {.anchors = 700}));
 }
 
 TEST_CASE("codec/context_gs: the file is as large as its tables say, and the report counts every byte") {
@@ -246,34 +199,6 @@ TEST_CASE("codec/context_gs: what cannot be coded is refused in a sentence") {
   CHECK(changed([&](CodecModel& m) { std::fill_n(m.trained_gs->prior.begin(), 31, 0.5); }));
   CHECK(changed([&](CodecModel& m) { m.trained_gs->prior.pop_back(); }));
   CHECK(changed([&](CodecModel& m) { m.networks[0].values[0] = nan; }));
-}
-
-TEST_CASE("codec/cmk: the codec is that of the model, and that of the file; on disk, replaced whole") {
-  const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark_context_gs.cmk";
-  SerialExecutor executor;
-  const CodecModel gs = make_context_gs_model(13), hac = testing::make_codec_model(13);
-  for (const CodecModel* model : {&gs, &hac}) {
-    const auto written = write_cmk(path, *model, {}, executor);
-    REQUIRE(written.ok());
-    CHECK(written->report.profile == model->profile());
-    CHECK(std::filesystem::file_size(path) == written->bytes.size());
-    const auto back = read_cmk(path, {}, executor);
-    REQUIRE(back.ok());
-    CHECK(same(back->model, written->model));
-    CHECK(back->model.profile() == model->profile());
-    const auto info = inspect_cmk(written->bytes, "a.cmk");
-    REQUIRE(info.ok());
-    CHECK(info->header.profile == model->profile());
-    CHECK(info->anchors == written->report.anchors);
-    CHECK(info->damaged.empty());
-    const auto again = read_context_gs(path, {}, executor);
-    CHECK(again.ok() == (model == &gs));
-    if (!again) CHECK(again.error().problem.find("ContextGS") != std::string::npos);
-  }
-  const auto bad = write_context_gs(path, CodecModel{}, {}, executor);
-  CHECK(!bad.ok());
-  std::filesystem::remove(path);
-  CHECK(read_cmk(path, {}, executor).error().kind == ErrorKind::not_found);
 }
 
 }  // namespace

@@ -8,20 +8,22 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <limits>
 #include <set>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "compmark/codec/cmk.hpp"
+#include "support/cmk_file.hpp"
 #include "support/context_gs_model.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::decode;
+using testing::put;
 using F = ContextGsFormat;
+using File = testing::CmkFile;
 
 /// Levels of 8 to 60 anchors, chunks of 16.
 CodecModel tiny_model() {
@@ -36,113 +38,25 @@ CodecModel tiny_model() {
   return model;
 }
 
-struct File {
-  ContainerHeader header;
-  std::vector<Section> sections;
-
-  [[nodiscard]] std::vector<std::byte> bytes() const { return write_container(header, sections); }
-  [[nodiscard]] Section& of(std::uint32_t kind, std::uint32_t part = 0, std::uint32_t chunk = 0) {
-    for (Section& section : sections) {
-      if (section.entry.kind == kind && section.entry.part == part && section.entry.chunk == chunk) return section;
-    }
-    FAIL("no such section");
-    return sections[0];
-  }
-};
-
 const std::vector<std::byte>& good_bytes() {
-  static const std::vector<std::byte> bytes = [] {
-    SerialExecutor executor;
-    auto file = encode_context_gs(tiny_model(), {}, executor);
-    REQUIRE(file.ok());
-    return file->bytes;
-  }();
+  static const std::vector<std::byte> bytes = testing::encoded(tiny_model()).bytes;
   return bytes;
 }
-File opened(const std::vector<std::byte>& bytes) {
-  const auto container = parse_container(bytes, "");
-  REQUIRE(container.ok());
-  File file{container->header, {}};
-  for (const SectionEntry& entry : container->sections) {
-    const auto raw = container->raw(entry);
-    file.sections.push_back({entry, {raw.begin(), raw.end()}});
-  }
-  return file;
-}
-Result<CodecDecoded> decode(const std::vector<std::byte>& bytes, CodecDecodeSettings settings = {}) {
-  static const GaussianTables tables;
-  settings.tables = &tables;
-  SerialExecutor executor;
-  return decode_cmk(bytes, "a.cmk", settings, executor);
-}
-/// The error of a forged file; it names file and remedy.
-Error error_of(const std::function<void(File&)>& change, const CodecDecodeSettings& settings = {}) {
-  File file = opened(good_bytes());
-  change(file);
-  const auto result = decode(file.bytes(), settings);
-  REQUIRE(!result.ok());
-  CHECK(result.error().file == "a.cmk");
-  CHECK(!result.error().problem.empty());
-  CHECK(!result.error().remedy.empty());
-  return result.error();
-}
-template <class T>
-void put(std::vector<std::byte>& bytes, std::size_t offset, T value) {
-  REQUIRE(offset + sizeof(T) <= bytes.size());
-  std::memcpy(bytes.data() + offset, &value, sizeof(T));
+template <class Change>
+Error error_of(const Change& change) {
+  return testing::error_of_forged(good_bytes(), change);
 }
 
 TEST_CASE("codec/context_gs_damage: every flipped bit of a file is found, with and without salvage") {
-  const std::vector<std::byte>& good = good_bytes();
-  REQUIRE(decode(good).ok());
-  MESSAGE("the file has ", good.size(), " bytes");
-  CHECK(good.size() < 10'000);
-  std::size_t salvaged = 0;
-  for (std::size_t i = 0; i < good.size(); ++i) {
-    for (int bit = 0; bit < 8; ++bit) {
-      std::vector<std::byte> damaged = good;
-      damaged[i] ^= static_cast<std::byte>(1 << bit);
-      REQUIRE(!decode(damaged).ok());
-      if (bit != 3 || i % 19 != 0) continue;  // salvaging reads the rest, a millisecond each
-      const auto rescued = decode(damaged, {.salvage = true});
-      if (!rescued) continue;
-      ++salvaged;
-      REQUIRE(!rescued->verified);
-      REQUIRE(!rescued->damaged.empty());
-      REQUIRE(rescued->lost_anchors > 0);
-    }
-  }
-  CHECK(salvaged > 20);
+  testing::check_flipped_bits(good_bytes(), 19);
 }
 
 TEST_CASE("codec/context_gs_damage: every truncation and every appended byte is found") {
-  std::vector<std::byte> bytes = good_bytes();
-  for (std::size_t n = 0; n < bytes.size(); ++n) {
-    const std::vector<std::byte> cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
-    REQUIRE(!decode(cut).ok());
-    REQUIRE(!decode(cut, {.salvage = true}).ok());
-  }
-  bytes.push_back(std::byte{0});
-  CHECK(!decode(bytes).ok());
+  testing::check_truncations(good_bytes());
 }
 
 TEST_CASE("codec/context_gs_damage: random bytes in place of a payload, checksums right: an error, never a model") {
-  const std::vector<std::byte>& good = good_bytes();
-  const std::size_t sections = opened(good).sections.size();
-  for (std::uint64_t i = 0; i < 300; ++i) {
-    const Random random(3, i, random_stage("context gs damage"));
-    File file = opened(good);
-    Section& section = file.sections[i % sections];
-    std::vector<std::byte>& bytes = section.bytes;
-    if (i % 3 == 0) bytes.resize(random.bits(0) % 200);
-    for (std::size_t b = 0; b < bytes.size(); ++b) {
-      if (i % 3 == 0 || random.bits(b + 1) % bytes.size() < 4)
-        bytes[b] = static_cast<std::byte>(random.bits(b + 1000) & 255u);
-    }
-    if (bytes == opened(good).sections[i % sections].bytes) continue;
-    REQUIRE(!decode(file.bytes()).ok());
-    (void)decode(file.bytes(), {.salvage = true});
-  }
+  testing::check_random_payloads(good_bytes(), 300);
 }
 
 TEST_CASE("codec/context_gs_damage: another profile, numeric specification or version is refused") {
@@ -222,7 +136,7 @@ TEST_CASE("codec/context_gs_damage: missing, superfluous and unknown sections") 
   unknown.bytes = std::vector<std::byte>(9, std::byte{42});
   CHECK(error_of([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
   unknown.entry.flags = 0;
-  File file = opened(good_bytes());
+  File file(good_bytes());
   file.sections.push_back(unknown);
   const auto read = decode(file.bytes());
   REQUIRE(read.ok());
@@ -329,13 +243,7 @@ TEST_CASE("codec/context_gs_damage: a stream that does not end as it must, excha
 
 TEST_CASE(
     "codec/context_gs_damage: whole bytes that decode to another model are a fault of the codec, and said to be one") {
-  Error error = error_of([](File& file) { file.of(F::digests).bytes[2] ^= std::byte{1}; });
-  CHECK(error.problem.find("whole") != std::string::npos);
-  error = error_of([](File& file) { file.of(F::digests).bytes.back() ^= std::byte{1}; });
-  CHECK(error.problem.find("whole") != std::string::npos);
-  // Nothing but the header's word for the model is another.
-  error = error_of([](File& file) { file.header.digest ^= 1; });
-  CHECK(error.field == "DIGS");
+  testing::check_digests(good_bytes());
 }
 
 }  // namespace

@@ -1,49 +1,22 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/codec/hac.hpp"
-
 #include <doctest/doctest.h>
 
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
-#include <span>
 #include <vector>
 
-#include "compmark/core/thread_executor.hpp"
+#include "support/cmk_file.hpp"
 #include "support/codec_model.hpp"
 
 namespace {
 
 using namespace compmark;
-using testing::CodecModelShape;
+using testing::decoded;
+using testing::encoded;
 using testing::make_codec_model;
-
-CodecEncoded encoded(const CodecModel& model) {
-  SerialExecutor executor;
-  auto result = encode_hac(model, {}, executor);
-  REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
-  return std::move(*result);
-}
-CodecDecoded decoded(std::span<const std::byte> bytes) {
-  SerialExecutor executor;
-  auto result = decode_hac(bytes, "a.cmk", {}, executor);
-  REQUIRE_MESSAGE(result.ok(), (result.ok() ? "" : result.error().line()));
-  return std::move(*result);
-}
-
-/// Bits, so that -0 is not 0.
-bool same(const std::vector<float>& a, const std::vector<float>& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), 4 * a.size()) == 0);
-}
-bool same(const CodecModel& a, const CodecModel& b) {
-  return a.voxel_size == b.voxel_size && a.feature_dim == b.feature_dim && a.offset_count == b.offset_count &&
-         a.base_step == b.base_step && a.chunk_anchors == b.chunk_anchors && a.voxels == b.voxels && a.mask == b.mask &&
-         same(a.feature, b.feature) && same(a.extent, b.extent) && same(a.offset, b.offset) &&
-         a.networks == b.networks && a.metadata == b.metadata && a.context.has_value() == b.context.has_value() &&
-         (!a.context || a.context->network == b.context->network);
-}
+using testing::same;
 
 TEST_CASE("codec/hac: a file decodes to the encoder's own quantised model, to the last bit") {
   const CodecModel model = make_codec_model(1);
@@ -84,29 +57,12 @@ TEST_CASE("codec/hac: a file decodes to the encoder's own quantised model, to th
 }
 
 TEST_CASE("codec/hac: encoding what was decoded gives the same bytes") {
-  for (const std::uint64_t seed : {2u, 3u, 4u}) {
-    CodecModelShape shape;
-    shape.anchors = 150 * seed;
-    const CodecEncoded file = encoded(make_codec_model(seed, shape));
-    const CodecDecoded back = decoded(file.bytes);
-    const CodecEncoded again = encoded(back.model);
-    CHECK(again.bytes == file.bytes);
-    CHECK(same(again.model, back.model));
-  }
+  for (const std::uint64_t seed : {2u, 3u, 4u})
+    testing::check_round_trip(make_codec_model(seed, {.anchors = 150 * seed}));
 }
 
 TEST_CASE("codec/hac: bytes and model are the same at any number of threads") {
-  const CodecModel model = make_codec_model(5, {.anchors = 700});
-  const CodecEncoded file = encoded(model);
-  for (const std::size_t threads : {2u, 3u, 8u}) {
-    ThreadExecutor executor(threads);
-    const auto other = encode_hac(model, {}, executor);
-    REQUIRE(other.ok());
-    CHECK(other->bytes == file.bytes);
-    const auto back = decode_hac(file.bytes, "a.cmk", {}, executor);
-    REQUIRE(back.ok());
-    CHECK(same(back->model, file.model));
-  }
+  testing::check_any_threads(make_codec_model(5, {.anchors = 700}));
 }
 
 TEST_CASE("codec/hac: the file is as large as its tables say, and the report counts every byte") {
@@ -233,23 +189,6 @@ TEST_CASE("codec/hac: what cannot be coded is refused in a sentence") {
   model.mask[live] = 1;
   model.offset[9 * live + 8] = nan;
   CHECK(!refused(model));
-}
-
-TEST_CASE("codec/hac: on disk, replaced whole") {
-  const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark_hac.cmk";
-  SerialExecutor executor;
-  const CodecModel model = make_codec_model(13);
-  const auto written = write_hac(path, model, {}, executor);
-  REQUIRE(written.ok());
-  CHECK(std::filesystem::file_size(path) == written->bytes.size());
-  const auto back = read_hac(path, {}, executor);
-  REQUIRE(back.ok());
-  CHECK(same(back->model, written->model));
-  const auto bad = write_hac(path, CodecModel{}, {}, executor);
-  CHECK(!bad.ok());
-  CHECK(std::filesystem::file_size(path) == written->bytes.size());
-  std::filesystem::remove(path);
-  CHECK(read_hac(path, {}, executor).error().kind == ErrorKind::not_found);
 }
 
 }  // namespace

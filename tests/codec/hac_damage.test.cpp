@@ -1,133 +1,49 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the codec does with files that are not as they were written (compression sheet, 6.6, case by case). Forged files have right checksums:
-// they stand for a program that writes nonsense, which no checksum finds.
+// What the codec does with files that are not as they were written (compression sheet, 6.6, case by case).
 #include <doctest/doctest.h>
 
 #include <cstdint>
-#include <cstring>
-#include <functional>
 #include <limits>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "compmark/codec/hac.hpp"
+#include "support/cmk_file.hpp"
 #include "support/codec_model.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::decode;
 using testing::make_codec_model;
+using testing::put;
+using File = testing::CmkFile;
 
 const testing::CodecModelShape tiny{
     60,  4, 2, 16, 5, HashGridShape{.volume_levels = 1, .volume_cap_log2 = 5, .plane_levels = 1, .plane_cap_log2 = 6},
     true};
 
-struct File {
-  ContainerHeader header;
-  std::vector<Section> sections;
-
-  [[nodiscard]] std::vector<std::byte> bytes() const { return write_container(header, sections); }
-  [[nodiscard]] Section& of(std::uint32_t kind, std::uint32_t chunk = 0) {
-    for (Section& section : sections) {
-      if (section.entry.kind == kind && section.entry.chunk == chunk) return section;
-    }
-    FAIL("no such section");
-    return sections[0];
-  }
-};
-
-std::vector<std::byte> good_bytes(const testing::CodecModelShape& shape = tiny) {
-  SerialExecutor executor;
-  auto file = encode_hac(make_codec_model(21, shape), {}, executor);
-  REQUIRE(file.ok());
-  return file->bytes;
+const std::vector<std::byte>& good_bytes() {
+  static const std::vector<std::byte> bytes = testing::encoded(make_codec_model(21, tiny)).bytes;
+  return bytes;
 }
-File opened(const std::vector<std::byte>& bytes) {
-  const auto container = parse_container(bytes, "");
-  REQUIRE(container.ok());
-  File file{container->header, {}};
-  for (const SectionEntry& entry : container->sections) {
-    const auto raw = container->raw(entry);
-    file.sections.push_back({entry, {raw.begin(), raw.end()}});
-  }
-  return file;
-}
-Result<CodecDecoded> decode(const std::vector<std::byte>& bytes, CodecDecodeSettings settings = {}) {
-  static const GaussianTables tables;
-  settings.tables = &tables;
-  SerialExecutor executor;
-  return decode_hac(bytes, "a.cmk", settings, executor);
-}
-/// The error of a forged file; it names file and remedy.
-Error error_of(const std::function<void(File&)>& change, const CodecDecodeSettings& settings = {}) {
-  File file = opened(good_bytes());
-  change(file);
-  const auto result = decode(file.bytes(), settings);
-  REQUIRE(!result.ok());
-  CHECK(result.error().file == "a.cmk");
-  CHECK(!result.error().problem.empty());
-  CHECK(!result.error().remedy.empty());
-  return result.error();
-}
-template <class T>
-void put(std::vector<std::byte>& bytes, std::size_t offset, T value) {
-  REQUIRE(offset + sizeof(T) <= bytes.size());
-  std::memcpy(bytes.data() + offset, &value, sizeof(T));
+template <class Change>
+Error error_of(const Change& change) {
+  return testing::error_of_forged(good_bytes(), change);
 }
 
 TEST_CASE("codec/hac_damage: every flipped bit of a file is found, with and without salvage") {
-  const std::vector<std::byte> good = good_bytes();
-  REQUIRE(decode(good).ok());
-  MESSAGE("the file has ", good.size(), " bytes");
-  std::size_t salvaged = 0;
-  for (std::size_t i = 0; i < good.size(); ++i) {
-    for (int bit = 0; bit < 8; ++bit) {
-      std::vector<std::byte> damaged = good;
-      damaged[i] ^= static_cast<std::byte>(1 << bit);
-      REQUIRE(!decode(damaged).ok());
-      if (bit != 3 || i % 9 != 0) continue;  // salvaging reads the rest, a millisecond each
-      const auto rescued = decode(damaged, {.salvage = true});
-      if (!rescued) continue;
-      ++salvaged;
-      REQUIRE(!rescued->verified);
-      REQUIRE(rescued->damaged.size() == 1);
-      REQUIRE(rescued->lost_anchors > 0);
-    }
-  }
-  CHECK(salvaged > 20);
+  testing::check_flipped_bits(good_bytes(), 9);
 }
 
 TEST_CASE("codec/hac_damage: every truncation and every appended byte is found") {
-  std::vector<std::byte> bytes = good_bytes();
-  for (std::size_t n = 0; n < bytes.size(); ++n) {
-    const std::vector<std::byte> cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
-    REQUIRE(!decode(cut).ok());
-    REQUIRE(!decode(cut, {.salvage = true}).ok());
-  }
-  bytes.push_back(std::byte{0});
-  CHECK(!decode(bytes).ok());
+  testing::check_truncations(good_bytes());
 }
 
 TEST_CASE("codec/hac_damage: random bytes in place of a payload, checksums right: an error, never a model") {
-  const std::vector<std::byte> good = good_bytes();
-  const std::size_t sections = opened(good).sections.size();
-  for (std::uint64_t i = 0; i < 150; ++i) {
-    const Random random(3, i, random_stage("hac damage"));
-    File file = opened(good);
-    Section& section = file.sections[i % sections];
-    std::vector<std::byte>& bytes = section.bytes;
-    if (i % 3 == 0) bytes.resize(random.bits(0) % 200);
-    for (std::size_t b = 0; b < bytes.size(); ++b) {
-      if (i % 3 == 0 || random.bits(b + 1) % bytes.size() < 4)
-        bytes[b] = static_cast<std::byte>(random.bits(b + 1000) & 255u);
-    }
-    if (bytes == opened(good).sections[i % sections].bytes) continue;
-    REQUIRE(!decode(file.bytes()).ok());
-    (void)decode(file.bytes(), {.salvage = true});
-  }
+  testing::check_random_payloads(good_bytes(), 150);
 }
 
 TEST_CASE("codec/hac_damage: another profile, numeric specification or table is refused, and both sides are named") {
@@ -179,11 +95,11 @@ TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
     });
   }
   (void)error_of([](File& file) {
-    Section more = file.of(HacFormat::stream, 2);
+    Section more = file.of(HacFormat::stream, 0, 2);
     more.entry.chunk = 3;
     file.sections.push_back(more);
   });
-  (void)error_of([](File& file) { file.of(HacFormat::mask, 2).entry.chunk = 7; });
+  (void)error_of([](File& file) { file.of(HacFormat::mask, 0, 2).entry.chunk = 7; });
   (void)error_of([](File& file) { file.of(HacFormat::meta).entry.part = 1; });
   Section unknown;
   unknown.entry.kind = four_characters("XTRA");
@@ -191,7 +107,7 @@ TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
   CHECK(error_of([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
   // Not critical: skipped, and kept when the model is written again.
   unknown.entry.flags = 0;
-  File file = opened(good_bytes());
+  File file(good_bytes());
   file.sections.push_back(unknown);
   const std::vector<std::byte> bytes = file.bytes();
   const auto read = decode(bytes);
@@ -199,7 +115,7 @@ TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
   CHECK(read->verified);
   REQUIRE(read->model.extra.size() == 1);
   SerialExecutor executor;
-  const auto again = encode_hac(read->model, {}, executor);
+  const auto again = encode_cmk(read->model, {}, executor);
   REQUIRE(again.ok());
   CHECK(again->bytes == bytes);
   // Damaged: refused, or left out and named.
@@ -219,7 +135,7 @@ TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
 TEST_CASE("codec/hac_damage: more symbols than a chunk's bytes can hold are refused before there is memory for them") {
   for (const std::uint64_t items :
        {std::uint64_t{0}, std::uint64_t{1} << 40, std::numeric_limits<std::uint64_t>::max()}) {
-    CHECK(error_of([&](File& file) { file.of(HacFormat::stream, 1).entry.items = items; }).field.find("STRM") !=
+    CHECK(error_of([&](File& file) { file.of(HacFormat::stream, 0, 1).entry.items = items; }).field.find("STRM") !=
           std::string::npos);
   }
 }
@@ -254,7 +170,7 @@ TEST_CASE("codec/hac_damage: a damaged chunk costs its anchors with salvage, and
     CHECK(std::equal(a.offset.begin() + 96, a.offset.end(), b.offset.begin() + 192));
     CHECK(std::equal(a.voxels.begin() + 16, a.voxels.end(), b.voxels.begin() + 32));
     SerialExecutor executor;
-    CHECK(encode_hac(a, {}, executor).ok());
+    CHECK(encode_cmk(a, {}, executor).ok());
   }
 }
 
@@ -268,17 +184,12 @@ TEST_CASE(
   (void)error_of([](File& file) { file.of(HacFormat::context).bytes.push_back(std::byte{0}); });
   (void)error_of([](File& file) { file.of(HacFormat::networks).bytes.push_back(std::byte{0}); });
   (void)error_of(
-      [](File& file) { std::swap(file.of(HacFormat::stream, 0).bytes, file.of(HacFormat::stream, 1).bytes); });
+      [](File& file) { std::swap(file.of(HacFormat::stream, 0, 0).bytes, file.of(HacFormat::stream, 0, 1).bytes); });
   (void)error_of([](File& file) { file.of(HacFormat::stream).bytes.clear(); });
 }
 
 TEST_CASE("codec/hac_damage: whole bytes that decode to another model are a fault of the codec, and said to be one") {
-  Error error = error_of([](File& file) { file.of(HacFormat::digests).bytes[2] ^= std::byte{1}; });
-  CHECK(error.problem.find("whole") != std::string::npos);
-  error = error_of([](File& file) { file.of(HacFormat::digests).bytes.back() ^= std::byte{1}; });
-  CHECK(error.problem.find("whole") != std::string::npos);
-  error = error_of([](File& file) { file.header.digest ^= 1; });
-  CHECK(error.field == "DIGS");
+  testing::check_digests(good_bytes());
 }
 
 TEST_CASE("codec/hac_damage: networks that could overflow, have no units or are no numbers are refused at load") {
@@ -297,7 +208,7 @@ TEST_CASE("codec/hac_damage: networks that could overflow, have no units or are 
 TEST_CASE(
     "codec/hac_damage: a symbol that would make an extent negative is refused, and so is one beyond the greatest") {
   // Encode such symbols by hand, with the model's own context.
-  File file = opened(good_bytes());
+  File file(good_bytes());
   const auto whole = decode(good_bytes());
   REQUIRE(whole.ok());
   const IntegerContext& context = *whole->model.context;

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any `.cmk` file: the codec is the one that the model was trained for, or the one that the file's header names.
+// Any `.cmk` file, as bytes or on disk, replaced whole or not at all: the codec is the one that the model was trained for, or the one that the
+// file's header names. A program that knows its codec includes that codec's encoder or decoder alone.
 #pragma once
 
 #include <cstddef>
@@ -11,8 +12,11 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/codec/context_gs.hpp"
-#include "compmark/codec/hac.hpp"
+#include "compmark/codec/context_gs_decoder.hpp"
+#include "compmark/codec/context_gs_encoder.hpp"
+#include "compmark/codec/hac_decoder.hpp"
+#include "compmark/codec/hac_encoder.hpp"
+#include "compmark/io/atomic_file.hpp"
 
 namespace compmark::inline v0 {
 
