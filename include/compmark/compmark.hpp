@@ -79,6 +79,7 @@
 #include "compmark/io/safetensors_writer.hpp"
 #include "compmark/io/sha256.hpp"
 #include "compmark/io/splat_ply.hpp"
+#include "compmark/io/utf8.hpp"
 
 #include "compmark/scene/between.hpp"
 #include "compmark/scene/camera.hpp"
@@ -272,6 +273,7 @@
 #include "compmark/pipeline/splat_refine.hpp"
 #include "compmark/pipeline/trainer.hpp"
 #include "compmark/pipeline/training_views.hpp"
+#include "compmark/pipeline/view_row.hpp"
 
 #include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/far_field.hpp"

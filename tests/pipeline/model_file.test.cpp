@@ -96,6 +96,17 @@ TEST_CASE(
   std::filesystem::remove(path);
 }
 
+TEST_CASE("pipeline/model_file: a name that is no UTF-8 loses its wrong bytes, not the model") {
+  const std::filesystem::path path = temporary("f.safetensors");
+  ModelInfo info = example_info();
+  info.views[1].name = "caf\xE9";
+  REQUIRE(write_model(path, example(), info).ok());
+  const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
+  REQUIRE(loaded.ok());
+  CHECK(loaded->info.views[1].name == "caf\xEF\xBF\xBD");
+  std::filesystem::remove(path);
+}
+
 TEST_CASE("pipeline/model_file: every truncation of a file is an error with the file's name, and no crash") {
   const std::filesystem::path path = temporary("c.safetensors");
   REQUIRE(write_model(path, example(), example_info()).ok());

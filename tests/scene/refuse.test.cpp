@@ -79,3 +79,20 @@ TEST_CASE("scene/refuse: references in circles are missing files") {
   std::filesystem::create_symlink(folder.path(), folder.path() / "sparse");  // a folder that contains itself
   CHECK(!open_dataset(folder.path(), {}).ok());
 }
+
+TEST_CASE("scene/refuse: a photograph whose name is no text, before there is a report to write it into") {
+  const TemporaryFolder folder;
+  ColmapModel model = small_colmap_model();
+  model.images.begin()->second.name = "caf\xE9.png";  // Latin-1
+  put_colmap_binary(folder.path() / "sparse/0", model);
+  put_colmap_images(folder.path() / "images", model);
+  const Result<Dataset> dataset = open_dataset(folder.path(), {});
+  REQUIRE(!dataset.ok());
+  CHECK(names(dataset.error(), folder.path().filename().string(), "images", "rename it"));
+  CHECK(dataset.error().problem.find("caf?.png") != std::string::npos);
+  std::filesystem::remove_all(folder.path() / "images");
+  model.images.begin()->second.name = "caf\xC3\xA9.png";
+  put_colmap_binary(folder.path() / "sparse/0", model);
+  put_colmap_images(folder.path() / "images", model);
+  CHECK(open_dataset(folder.path(), {}).ok());
+}

@@ -5,10 +5,7 @@
 // so that who receives it renders the owner's views to the bit. Every number is checked before it is believed.
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <bit>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -22,6 +19,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/pipeline/model_info.hpp"
+#include "compmark/pipeline/view_row.hpp"
 #include "compmark/scene/lens_model.hpp"
 
 namespace compmark::inline v0 {
@@ -57,11 +55,8 @@ namespace detail {
 /// A list of names as a text.
 template <class Json = nlohmann::json>
 [[nodiscard]] std::string names_text(const std::vector<std::string>& names) {
-  return Json(names).dump();
+  return Json(names).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
-
-/// A view's camera and lens in numbers: width, height, fx, fy, cx, cy, rotation[9], center[3], then lens model and parameters[16].
-inline constexpr std::size_t camera_numbers = 18, lens_numbers = 17;
 
 template <class Json = nlohmann::json>
 void store_views(const ModelInfo& info, StoredCameras which, CodecModel& coded) {
@@ -73,17 +68,11 @@ void store_views(const ModelInfo& info, StoredCameras which, CodecModel& coded) 
   for (const StoredView& view : info.views) {
     if (which == StoredCameras::test && !view.test) continue;
     names.push_back({view.name, view.test ? 1 : 0});
-    const Camera<double>& c = view.camera;
-    numbers.insert(numbers.end(),
-                   {static_cast<double>(c.width), static_cast<double>(c.height), c.fx, c.fy, c.cx, c.cy});
-    numbers.insert(numbers.end(), c.rotation_camera_world.begin(), c.rotation_camera_world.end());
-    numbers.insert(numbers.end(), c.center_world.begin(), c.center_world.end());
-    if (!lenses) continue;
-    numbers.push_back(static_cast<double>(view.lens.model));
-    numbers.insert(numbers.end(), view.lens.parameters.begin(), view.lens.parameters.end());
+    append_camera_row(view.camera, numbers);
+    if (lenses) append_lens_row(view.lens, numbers);
   }
   if (names.empty()) return;
-  coded.metadata["views"] = names.dump();
+  coded.metadata["views"] = names.dump(-1, ' ', false, Json::error_handler_t::replace);
   coded.metadata[lenses ? "cameras.lens" : "cameras"] = packed_doubles(numbers);
 }
 
@@ -114,27 +103,11 @@ template <class Json = nlohmann::json>
     StoredView view;
     view.name = json[i][0].template get<std::string>();
     view.test = json[i][1].template get<int>() != 0;
-    const double* const row = numbers.data() + i * width;
-    if (!std::all_of(row, row + width, [](double x) { return std::isfinite(x); }) ||
-        !(row[0] >= 1 && row[0] <= 65536 && row[1] >= 1 && row[1] <= 65536 && row[2] > 0 && row[3] > 0)) {
+    const std::span<const double> row = std::span(numbers).subspan(i * width, width);
+    if (!read_camera_row(row.first<camera_numbers>(), view.camera))
       return fail("view " + view.name + " has an impossible camera");
-    }
-    Camera<double>& camera = view.camera;
-    camera.width = static_cast<int>(row[0]);
-    camera.height = static_cast<int>(row[1]);
-    camera.fx = row[2];
-    camera.fy = row[3];
-    camera.cx = row[4];
-    camera.cy = row[5];
-    std::copy_n(row + 6, 9, camera.rotation_camera_world.begin());
-    std::copy_n(row + 15, 3, camera.center_world.begin());
-    if (with_lens != nullptr) {
-      if (!(row[18] >= 0 && row[18] < static_cast<double>(lens_model_count)) || row[18] != std::floor(row[18])) {
-        return fail("view " + view.name + " has an impossible lens");
-      }
-      view.lens.model = static_cast<LensModel>(static_cast<int>(row[18]));
-      std::copy_n(row + 19, 16, view.lens.parameters.begin());
-    }
+    if (with_lens != nullptr && !read_lens_row(row.last<lens_numbers>(), view.lens))
+      return fail("view " + view.name + " has an impossible lens");
     views.push_back(std::move(view));
   }
   return views;

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,19 +22,10 @@
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/pipeline/model.hpp"
-#include "compmark/scene/camera.hpp"
+#include "compmark/pipeline/view_row.hpp"
 #include "compmark/scene/lens_model.hpp"
 
 namespace compmark::inline v0 {
-
-/// A view that the model knows: enough to render it again without the dataset.
-struct StoredView {
-  std::string name;
-  bool test = false;
-  Camera<double> camera;
-  Lens
-      lens{};  ///< that the model is rendered through; a pinhole where the images were undistorted, or the lens ignored
-};
 
 /// Where a model comes from.
 struct ModelInfo {
@@ -72,6 +64,7 @@ struct ModelNumbers {
   bool coded = false;  ///< the recipe has an entropy model, so ModelInfo::base_step counts
 };
 
+/// Bytes of a name that are no UTF-8 become U+FFFD; open_dataset refuses such names.
 template <class Json = nlohmann::json>
 [[nodiscard]] std::string info_text(const ModelNumbers& model, const ModelInfo& info) {
   Json views = Json::array();
@@ -96,26 +89,20 @@ template <class Json = nlohmann::json>
   json["views"] = views;
   if (info.origin != std::array<double, 3>{0, 0, 0}) json["origin"] = info.origin;
   if (model.coded) json["base_step"] = info.base_step;
-  return json.dump();
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<StoredView>& views) {
   if (views.empty()) return;
-  std::vector<double> table;  // width height fx fy cx cy, rotation[9], center[3]
+  std::vector<double> table, lenses;
   for (const StoredView& view : views) {
-    const Camera<double>& c = view.camera;
-    table.insert(table.end(), {static_cast<double>(c.width), static_cast<double>(c.height), c.fx, c.fy, c.cx, c.cy});
-    table.insert(table.end(), c.rotation_camera_world.begin(), c.rotation_camera_world.end());
-    table.insert(table.end(), c.center_world.begin(), c.center_world.end());
+    append_camera_row(view.camera, table);
+    append_lens_row(view.lens, lenses);
   }
-  writer.add_copy<double>("camera.table", {static_cast<std::int64_t>(views.size()), 18}, table);
+  const auto rows = static_cast<std::int64_t>(views.size());
+  writer.add_copy<double>("camera.table", {rows, static_cast<std::int64_t>(camera_numbers)}, table);
   if (std::all_of(views.begin(), views.end(), [](const StoredView& view) { return is_pinhole(view.lens); })) return;
-  std::vector<double> lenses;  // model, parameters[16]
-  for (const StoredView& view : views) {
-    lenses.push_back(static_cast<double>(view.lens.model));
-    lenses.insert(lenses.end(), view.lens.parameters.begin(), view.lens.parameters.end());
-  }
-  writer.add_copy<double>("camera.lens", {static_cast<std::int64_t>(views.size()), 17}, lenses);
+  writer.add_copy<double>("camera.lens", {rows, static_cast<std::int64_t>(lens_numbers)}, lenses);
 }
 
 [[nodiscard]] inline Error model_error(const SafetensorsFile& file, std::string field, std::string problem) {
@@ -123,20 +110,27 @@ inline void add_camera_tensors(SafetensorsWriter& writer, const std::vector<Stor
           "check that this is a model file written by this version or an older one"};
 }
 
-/// Lenses of the views, where the file has any.
-[[nodiscard]] inline Result<Done> read_lenses(const SafetensorsFile& file, std::vector<StoredView>& views) {
-  if (!file.has("camera.lens")) return Done{};
-  const Result<std::vector<double>> table = file.values<double>("camera.lens");
+/// Numbers of the views' cameras, and of their lenses where the file has any.
+[[nodiscard]] inline Result<Done> read_camera_tensors(const SafetensorsFile& file, std::vector<StoredView>& views) {
+  if (views.empty()) return Done{};
+  const Result<std::vector<double>> table = file.values<double>("camera.table");
   if (!table) return table.error();
-  if (table->size() != views.size() * 17) return model_error(file, "camera.lens", "does not have 17 numbers a view");
+  if (table->size() != views.size() * camera_numbers)
+    return model_error(file, "camera.table", "does not have 18 numbers a view");
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const double* row = table->data() + 17 * i;
-    if (!std::all_of(row, row + 17, [](double x) { return std::isfinite(x); }) ||
-        !(row[0] >= 0 && row[0] < static_cast<double>(lens_model_count)) || row[0] != std::floor(row[0])) {
+    const auto row = std::span(*table).subspan(camera_numbers * i).first<camera_numbers>();
+    if (!read_camera_row(row, views[i].camera))
+      return model_error(file, "camera.table", "view " + views[i].name + " has an impossible camera");
+  }
+  if (!file.has("camera.lens")) return Done{};
+  const Result<std::vector<double>> lenses = file.values<double>("camera.lens");
+  if (!lenses) return lenses.error();
+  if (lenses->size() != views.size() * lens_numbers)
+    return model_error(file, "camera.lens", "does not have 17 numbers a view");
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto row = std::span(*lenses).subspan(lens_numbers * i).first<lens_numbers>();
+    if (!read_lens_row(row, views[i].lens))
       return model_error(file, "camera.lens", "view " + views[i].name + " has an impossible lens");
-    }
-    views[i].lens.model = static_cast<LensModel>(static_cast<int>(row[0]));
-    std::copy(row + 1, row + 17, views[i].lens.parameters.begin());
   }
   return Done{};
 }
@@ -168,32 +162,7 @@ template <class Json>
   for (const double step : info.base_step) {
     if (!(step > 0)) return model_error(file, "__metadata__.info.base_step", "is not positive");
   }
-  if (info.views.empty()) return info;
-  const Result<std::vector<double>> table = file.values<double>("camera.table");
-  if (!table) return table.error();
-  if (table->size() != info.views.size() * 18)
-    return model_error(file, "camera.table", "does not have 18 numbers a view");
-  for (std::size_t i = 0; i < info.views.size(); ++i) {
-    const double* row = table->data() + 18 * i;
-    for (std::size_t j = 0; j < 18; ++j) {
-      if (!std::isfinite(row[j]))
-        return model_error(file, "camera.table", "view " + info.views[i].name + " has a number that is not finite");
-    }
-    if (!(row[0] >= 1 && row[0] <= 65536 && row[1] >= 1 && row[1] <= 65536 && row[2] > 0 && row[3] > 0)) {
-      return model_error(file, "camera.table",
-                         "view " + info.views[i].name + " has an impossible size or focal length");
-    }
-    Camera<double>& camera = info.views[i].camera;
-    camera.width = static_cast<int>(row[0]);
-    camera.height = static_cast<int>(row[1]);
-    camera.fx = row[2];
-    camera.fy = row[3];
-    camera.cx = row[4];
-    camera.cy = row[5];
-    for (std::size_t j = 0; j < 9; ++j) camera.rotation_camera_world[j] = row[6 + j];
-    for (std::size_t j = 0; j < 3; ++j) camera.center_world[j] = row[15 + j];
-  }
-  if (Result<Done> lenses = read_lenses(file, info.views); !lenses) return lenses.error();
+  if (Result<Done> cameras = read_camera_tensors(file, info.views); !cameras) return cameras.error();
   return info;
 }
 

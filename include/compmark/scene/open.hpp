@@ -6,6 +6,7 @@
 // A transforms file may also be named itself.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <string>
@@ -13,6 +14,7 @@
 #include <utility>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/utf8.hpp"
 #include "compmark/scene/colmap.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/llff.hpp"
@@ -20,9 +22,24 @@
 
 namespace compmark::inline v0 {
 
-/// Opens the dataset in a folder. Every image file is looked at (header only), no pixel is decoded. Cost: reading the files once.
-template <class Json = nlohmann::json>
-[[nodiscard]] Result<Dataset> open_dataset(const std::filesystem::path& folder, const DatasetSettings& settings) {
+namespace detail {
+
+/// The names of views go into model files and reports, which are JSON.
+[[nodiscard]] inline Result<Dataset> with_names_checked(Result<Dataset> dataset) {
+  if (!dataset) return dataset;
+  for (const View& view : dataset->views) {
+    if (is_utf8(view.name)) continue;
+    std::string shown = view.name;
+    std::replace_if(
+        shown.begin(), shown.end(), [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
+    return Error{ErrorKind::unsupported, dataset->root.string(), "images",
+                 "the name of image \"" + shown + "\" is not UTF-8", "rename it, in the folder and in the model"};
+  }
+  return dataset;
+}
+
+template <class Json>
+[[nodiscard]] Result<Dataset> open_by_kind(const std::filesystem::path& folder, const DatasetSettings& settings) {
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return Error{kind, folder.string(), std::move(field), std::move(problem), std::move(remedy)};
   };
@@ -52,6 +69,14 @@ template <class Json = nlohmann::json>
       "holds neither a COLMAP model (sparse/0/images.bin or .txt) nor transforms_train.json, transforms.json or "
       "poses_bounds.npy",
       "give the folder that contains one of them");
+}
+
+}  // namespace detail
+
+/// Opens the dataset in a folder. Every image file is looked at (header only), no pixel is decoded. Cost: reading the files once.
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Dataset> open_dataset(const std::filesystem::path& folder, const DatasetSettings& settings) {
+  return detail::with_names_checked(detail::open_by_kind<Json>(folder, settings));
 }
 
 }  // namespace compmark::inline v0
