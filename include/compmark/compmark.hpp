@@ -186,6 +186,7 @@
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/entropy/rans.hpp"
 #include "compmark/entropy/rate.hpp"
+#include "compmark/entropy/slot_tables.hpp"
 #include "compmark/entropy/symbol_coder.hpp"
 #include "compmark/entropy/varint.hpp"
 

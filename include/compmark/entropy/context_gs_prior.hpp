@@ -16,6 +16,7 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/gaussian_tables.hpp"
+#include "compmark/entropy/slot_tables.hpp"
 
 namespace compmark::inline v0 {
 
@@ -46,65 +47,31 @@ struct HyperpriorFormat {
   return frequency;
 }
 
-class HyperpriorTables {
+class HyperpriorTables : private SlotTables {
  public:
+  using SlotTables::interval, SlotTables::slot_of;
+
   HyperpriorTables() = default;
   /// `frequencies` [channels][31], each at least 1, each channel's sum below 2^16.
   explicit HyperpriorTables(std::span<const std::uint16_t> frequencies) {
+    constexpr int search_bits = 8;
     for (std::size_t at = 0; at + HyperpriorFormat::slots <= frequencies.size(); at += HyperpriorFormat::slots) {
-      add(frequencies.subspan(at, HyperpriorFormat::slots));
+      std::array<std::uint32_t, HyperpriorFormat::slots + 1> bounds{};
+      std::uint32_t reached = 0;
+      for (std::size_t i = 0; i < HyperpriorFormat::slots; ++i) bounds[i] = (reached += frequencies[at + i]) - 1;
+      bounds.back() = HyperpriorFormat::total - 1;
+      append(bounds, HyperpriorFormat::window, search_bits);
     }
   }
 
-  [[nodiscard]] std::size_t channels() const { return tables_.size(); }
-  [[nodiscard]] GaussianTables::Place place(const SymbolModel& model) const {
-    return {tables_.data() + std::min<std::size_t>(model.sigma_index, tables_.size() - 1), 0, 0};
-  }
-  [[nodiscard]] GaussianTables::Interval interval(const GaussianTables::Table& table, std::uint32_t slot) const {
-    const std::uint16_t* bounds = numbers_.data() + table.bounds;
-    const auto start = static_cast<std::uint16_t>(bounds[static_cast<std::ptrdiff_t>(slot) - 1] + 1);
-    return {start, static_cast<std::uint32_t>(bounds[slot] - start + 1)};
-  }
-  [[nodiscard]] std::uint32_t slot_of(const GaussianTables::Table& table, std::uint32_t number) const {
-    const std::uint16_t* bounds = numbers_.data() + table.bounds;
-    std::uint32_t slot = numbers_[table.first + (number >> table.shift)];
-    while (bounds[slot] < number) ++slot;
-    return slot;
+  [[nodiscard]] std::size_t channels() const { return tables().size(); }
+  [[nodiscard]] Place place(const SymbolModel& model) const {
+    return {tables().data() + std::min<std::size_t>(model.sigma_index, tables().size() - 1), 0, 0};
   }
   [[nodiscard]] double slot_bits(const SymbolModel& model, std::int32_t symbol) const {
-    const GaussianTables::Place at = place(model);
-    return GaussianTables::precision -
-           std::log2(static_cast<double>(interval(*at.table, GaussianTables::slot_at(at, symbol)).frequency));
+    const Place at = place(model);
+    return precision - std::log2(static_cast<double>(interval(*at.table, slot_at(at, symbol)).frequency));
   }
-
- private:
-  static constexpr int search_bits = 8;
-
-  void add(std::span<const std::uint16_t> frequency) {
-    std::array<std::uint16_t, HyperpriorFormat::slots + 1> bounds{};
-    std::uint32_t reached = 0;
-    for (std::size_t i = 0; i < frequency.size(); ++i) {
-      reached += frequency[i];
-      bounds[i] = static_cast<std::uint16_t>(reached - 1);
-    }
-    bounds.back() = 0xffff;
-    GaussianTables::Table table{};
-    table.window = HyperpriorFormat::window;
-    table.shift = GaussianTables::precision - search_bits;
-    table.first = static_cast<std::uint32_t>(numbers_.size());
-    std::uint16_t slot = 0;
-    for (std::uint32_t bucket = 0; bucket < 1u << search_bits; ++bucket) {
-      while (bounds[slot] < bucket << table.shift) ++slot;
-      numbers_.push_back(slot);
-    }
-    numbers_.push_back(0xffff);
-    table.bounds = static_cast<std::uint32_t>(numbers_.size());
-    numbers_.insert(numbers_.end(), bounds.begin(), bounds.end());
-    tables_.push_back(table);
-  }
-
-  std::vector<GaussianTables::Table> tables_;
-  std::vector<std::uint16_t> numbers_;
 };
 
 }  // namespace compmark::inline v0

@@ -19,6 +19,7 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/entropy/normal_integral.hpp"
+#include "compmark/entropy/slot_tables.hpp"
 
 namespace compmark::inline v0 {
 
@@ -73,32 +74,14 @@ inline void gaussian_bounds(const NormalIntegral& phi, int sixteenths, int phase
 
 }  // namespace detail
 
-class GaussianTables {
+class GaussianTables : private SlotTables {
  public:
-  static constexpr int precision = 16;         ///< bits of a frequency
+  using SlotTables::Interval, SlotTables::Place, SlotTables::Table;
+  using SlotTables::interval, SlotTables::precision, SlotTables::slot_at, SlotTables::slot_of, SlotTables::tables;
   static constexpr int levels_per_octave = 8;  ///< of the standard deviation
   static constexpr int least_level = -25;      ///< 2^(-25 / 8) = 0.1146 bins, the first above the floor of 0.11
   static constexpr int levels = 82;
   static constexpr int phases = 32;  ///< positions of a mean in its bin, in the unit of SymbolModel::mean
-
-  /// One row of slots. Slot numbers run from 0 to 2 window + 1; the last is the escape.
-  struct Table {
-    std::uint32_t first;  ///< of the search: entry [x >> shift] is a slot at or before that of the number x
-    std::uint32_t
-        bounds;  ///< entry [i] is the last number of slot i; entry [-1] is 2^16 - 1, which wraps to 0 when 1 is added
-    std::int32_t window;
-    std::uint32_t shift;
-  };
-  /// What a SymbolModel means: symbol = centre + (k ^ mirror) - mirror for the bin k = slot - window of the table.
-  struct Place {
-    const Table* table;
-    std::int64_t centre;
-    std::int64_t mirror;  ///< 0, or -1 where the mean lies below the centre of its bin
-  };
-  struct Interval {
-    std::uint32_t start;
-    std::uint32_t frequency;
-  };
 
   GaussianTables() {
     const NormalIntegral phi;
@@ -106,12 +89,13 @@ class GaussianTables {
     for (int index = 0; index < levels; ++index) {
       const int sixteenths = 2 * (index + least_level), window = detail::window_of(sixteenths);
       Level& level = levels_[static_cast<std::size_t>(index)];
-      level.table = static_cast<std::uint32_t>(tables_.size());
+      level.table = static_cast<std::uint32_t>(tables().size());
       level.shift = phase_shift(sixteenths);
       bounds.resize(static_cast<std::size_t>(2 * window + 2));
+      const int search_bits = std::max(4, static_cast<int>(std::bit_width(static_cast<unsigned>(window))) + 1);
       for (int phase = 0; phase <= phases / 2; phase += 1 << level.shift) {
         detail::gaussian_bounds(phi, sixteenths, phase, window, precision, bounds);
-        add(bounds, window);
+        append(bounds, window, search_bits);
       }
     }
   }
@@ -123,23 +107,7 @@ class GaussianTables {
     const std::int64_t mirror = above >> 63;
     const auto distance = static_cast<std::uint32_t>((above ^ mirror) - mirror);
     const std::uint32_t phase = (distance + ((1u << level.shift) >> 1)) >> level.shift;
-    return {tables_.data() + level.table + phase, centre, mirror};
-  }
-
-  [[nodiscard]] Interval interval(const Table& table, std::uint32_t slot) const {
-    const std::uint16_t* bounds = numbers_.data() + table.bounds;
-    const auto start = static_cast<std::uint16_t>(bounds[static_cast<std::ptrdiff_t>(slot) - 1] + 1);
-    return {start, static_cast<std::uint32_t>(bounds[slot] - start + 1)};
-  }
-
-  /// The slot of a number below 2^16: a look-up, two steps without a branch, and seldom more.
-  [[nodiscard]] std::uint32_t slot_of(const Table& table, std::uint32_t number) const {
-    const std::uint16_t* bounds = numbers_.data() + table.bounds;
-    std::uint32_t slot = numbers_[table.first + (number >> table.shift)];
-    slot += bounds[slot] < number;
-    slot += bounds[slot] < number;
-    while (bounds[slot] < number) ++slot;
-    return slot;
+    return {tables().data() + level.table + phase, centre, mirror};
   }
 
   /// What the slot of a symbol costs, in bits; an escaped symbol's own bytes are not in it.
@@ -148,14 +116,6 @@ class GaussianTables {
     return precision - std::log2(static_cast<double>(interval(*at.table, slot_at(at, symbol)).frequency));
   }
 
-  /// The slot that a symbol falls into; 2 window + 1 outside the window.
-  [[nodiscard]] static std::uint32_t slot_at(const Place& at, std::int32_t symbol) {
-    const std::int64_t bin = ((symbol - at.centre) ^ at.mirror) - at.mirror + at.table->window;
-    const auto escape = static_cast<std::uint64_t>(2 * at.table->window + 1);
-    return static_cast<std::uint32_t>(std::min(static_cast<std::uint64_t>(bin), escape));
-  }
-
-  [[nodiscard]] std::span<const Table> tables() const { return tables_; }
   /// The step between two tables of one deviation, in the unit of SymbolModel::mean.
   [[nodiscard]] std::uint32_t phase_step(int index) const {
     return 1u << levels_[static_cast<std::size_t>(index)].shift;
@@ -163,10 +123,10 @@ class GaussianTables {
 
   /// Names the numbers of all tables: decoders of one specification agree in it (the container stores it).
   [[nodiscard]] std::uint64_t fingerprint() const {
-    std::uint64_t hash = tables_.size();
-    for (const Table& table : tables_) {
+    std::uint64_t hash = tables().size();
+    for (const Table& table : tables()) {
       for (int i = 0; i < 2 * table.window + 2; ++i) {
-        hash = mix_bits(hash ^ numbers_[table.bounds + static_cast<std::uint32_t>(i)]);
+        hash = mix_bits(hash ^ bound(table, static_cast<std::uint32_t>(i)));
       }
     }
     return hash;
@@ -183,26 +143,7 @@ class GaussianTables {
     return static_cast<std::uint32_t>(std::clamp((sixteenths >> 4) + 1, 0, 3));
   }
 
-  void add(std::span<const std::uint32_t> bounds, int window) {
-    const int search_bits = std::max(4, static_cast<int>(std::bit_width(static_cast<unsigned>(window))) + 1);
-    Table table{};
-    table.window = window;
-    table.shift = static_cast<std::uint32_t>(precision - search_bits);
-    table.first = static_cast<std::uint32_t>(numbers_.size());
-    std::uint16_t slot = 0;
-    for (std::uint32_t bucket = 0; bucket < 1u << search_bits; ++bucket) {
-      while (bounds[slot] < bucket << table.shift) ++slot;
-      numbers_.push_back(slot);
-    }
-    numbers_.push_back(0xffff);
-    table.bounds = static_cast<std::uint32_t>(numbers_.size());
-    for (const std::uint32_t bound : bounds) numbers_.push_back(static_cast<std::uint16_t>(bound));
-    tables_.push_back(table);
-  }
-
   std::array<Level, levels> levels_{};
-  std::vector<Table> tables_;
-  std::vector<std::uint16_t> numbers_;
 };
 
 }  // namespace compmark::inline v0

@@ -32,6 +32,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/gaussian_tables.hpp"
 #include "compmark/entropy/rans.hpp"
+#include "compmark/entropy/slot_tables.hpp"
 #include "compmark/entropy/varint.hpp"
 
 namespace compmark::inline v0 {
@@ -78,11 +79,11 @@ inline constexpr std::uint8_t chunk_format = 1;
 }
 
 /// How far outside the window, from -1 and 1 on as -1 and 0: zigzag of it is 0 for the nearest symbol above, 1 for that below.
-[[nodiscard]] inline std::uint64_t escape_code(const GaussianTables::Place& at, std::int32_t symbol) {
+[[nodiscard]] inline std::uint64_t escape_code(const SlotTables::Place& at, std::int32_t symbol) {
   const std::int64_t bin = ((symbol - at.centre) ^ at.mirror) - at.mirror;
   return zigzag(bin < 0 ? bin + at.table->window : bin - at.table->window - 1);
 }
-[[nodiscard]] inline std::optional<std::int32_t> escaped_symbol(const GaussianTables::Place& at, std::uint64_t code) {
+[[nodiscard]] inline std::optional<std::int32_t> escaped_symbol(const SlotTables::Place& at, std::uint64_t code) {
   if (code >> 34 != 0) return std::nullopt;  // no two symbols are so far apart
   const std::int64_t beyond = unzigzag(code);
   const std::int64_t bin = beyond < 0 ? beyond - at.table->window : beyond + at.table->window + 1;
@@ -147,8 +148,8 @@ struct ChunkParts {
 /// What `symbol` costs under `model`, in bits, an escape included: the sum over a chunk is its size but for 25 bytes.
 template <class Tables>
 [[nodiscard]] double ideal_bits(const Tables& tables, const SymbolModel& model, std::int32_t symbol) {
-  const GaussianTables::Place at = tables.place(model);
-  const bool escaped = GaussianTables::slot_at(at, symbol) == static_cast<std::uint32_t>(2 * at.table->window + 1);
+  const SlotTables::Place at = tables.place(model);
+  const bool escaped = SlotTables::slot_at(at, symbol) == static_cast<std::uint32_t>(2 * at.table->window + 1);
   return tables.slot_bits(model, symbol) + (escaped ? 8 * varint_size(detail::escape_code(at, symbol)) : 0);
 }
 
@@ -165,9 +166,9 @@ void encode_symbols(const Tables& tables, std::span<const SymbolModel> models, s
   std::vector<std::uint64_t> escapes;  // the last first
   std::array<std::uint64_t, detail::rans_states> states = detail::first_states(symbols);
   const auto put = [&](std::size_t i, std::uint64_t& state) {
-    const GaussianTables::Place at = tables.place(models[i]);
-    const std::uint32_t slot = GaussianTables::slot_at(at, symbols[i]);
-    const GaussianTables::Interval interval = tables.interval(*at.table, slot);
+    const SlotTables::Place at = tables.place(models[i]);
+    const std::uint32_t slot = SlotTables::slot_at(at, symbols[i]);
+    const SlotTables::Interval interval = tables.interval(*at.table, slot);
     rans_put(state, first_word, interval.start, interval.frequency);
     if (slot > static_cast<std::uint32_t>(2 * at.table->window)) {
       escapes.push_back(detail::escape_code(at, symbols[i]));
@@ -228,9 +229,9 @@ template <class Tables>
   std::span<const std::uint8_t> escapes = read->escapes;
   bool whole = true;
   const auto take = [&](std::size_t i, std::uint64_t& state) {
-    const GaussianTables::Place at = tables.place(models[i]);
+    const SlotTables::Place at = tables.place(models[i]);
     const std::uint32_t number = rans_number(state), slot = tables.slot_of(*at.table, number);
-    const GaussianTables::Interval interval = tables.interval(*at.table, slot);
+    const SlotTables::Interval interval = tables.interval(*at.table, slot);
     state = rans_take(state, interval.start, interval.frequency);
     const std::int64_t bin = static_cast<std::int64_t>(slot) - at.table->window;
     symbols[i] = static_cast<std::int32_t>(at.centre + (bin ^ at.mirror) - at.mirror);
