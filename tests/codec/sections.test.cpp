@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <numeric>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "compmark/codec/hac_format.hpp"
@@ -68,6 +69,33 @@ TEST_CASE("codec/network_coding: tensors come back as they are stored, and then 
   REQUIRE(wider.ok());
   CHECK((*wider)[0].storage == TensorStorage::single);
   CHECK((*wider)[0].values == huge.values);
+}
+
+TEST_CASE("codec/network_coding: bits that no writer writes, and weights that do not fit in theirs, are refused") {
+  const CodecTensor tensor{"w", {2, 2}, {127, -127, 1, 0}, TensorStorage::integer, 8};
+  const std::vector<std::byte> good = encode_networks(std::span(&tensor, 1));
+  const std::size_t bits = 4 + 1 + 1 + 1;  // number of tensors, length of the name, the name, storage
+  REQUIRE(good[bits] == std::byte{8});
+  REQUIRE(decode_networks(good).ok());
+  for (const int wrong : {0, 1, 17, 255, 7}) {  // in 7 bits 127 does not fit
+    std::vector<std::byte> bytes = good;
+    bytes[bits] = static_cast<std::byte>(wrong);
+    const auto refused = decode_networks(bytes);
+    REQUIRE(!refused.ok());
+    CHECK(refused.error().field == "NETR");
+    CHECK(refused.error().problem.find("bits") != std::string::npos);
+  }
+}
+
+TEST_CASE("codec/file_format: a text longer than a writer writes is refused, the longest is read") {
+  CodecModel model = testing::make_codec_model(3, {.anchors = 1});
+  model.metadata["note"] = std::string(CodecLimits::text, 'x');
+  CodecModel back;
+  CHECK(detail::decode_meta(detail::encode_meta(model, 1), back).ok());
+  model.metadata["note"] = std::string(CodecLimits::text + 1, 'x');
+  const auto refused = detail::decode_meta(detail::encode_meta(model, 1), back);
+  REQUIRE(!refused.ok());
+  CHECK(refused.error().problem.find("2^20") != std::string::npos);
 }
 
 TEST_CASE("codec/network_coding: weights take less than their bits") {

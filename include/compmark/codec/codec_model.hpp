@@ -101,6 +101,7 @@ struct CodecLimits {
   static constexpr int feature_dim = 4096, offset_count = 32;
   static constexpr int least_chunk = 16, greatest_chunk = 65'536;
   static constexpr std::uint64_t anchors = std::uint64_t{1} << 28;
+  static constexpr std::uint32_t text = 1u << 20;  ///< bytes of a metadata text
   static constexpr double least_step = 1e-12, greatest_step = 1e9;
   static constexpr double least_voxel = 1e-20, greatest_voxel = 1e20;
 };
@@ -186,7 +187,7 @@ namespace detail {
   }
   for (const auto& [key, value] : model.metadata) {
     const auto* text = std::get_if<std::string>(&value);
-    if (key.empty() || key.size() > 255 || (text != nullptr && text->size() > 1u << 20)) {
+    if (key.empty() || key.size() > 255 || (text != nullptr && text->size() > CodecLimits::text)) {
       return Error{ErrorKind::invalid, "", "metadata." + key, "its key is empty, or key or text are too long",
                    "leave it out (cameras: store fewer of them)"};
     }

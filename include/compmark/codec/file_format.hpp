@@ -102,7 +102,9 @@ namespace detail {
     } else if (type == 2) {
       value = reader.get<double>();
     } else if (type == 3) {
-      value = reader.text(reader.get<std::uint32_t>());
+      const auto length = reader.get<std::uint32_t>();
+      if (length > CodecLimits::text) return bad_section("META", "a text is longer than 2^20 bytes");
+      value = reader.text(length);
     } else {
       return bad_section("META", "a value has the unknown type " + std::to_string(type));
     }

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <limits>
 #include <optional>
 #include <span>
@@ -226,6 +227,9 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
     const auto storage = reader.get<std::uint8_t>();
     tensor.bits = reader.get<std::uint8_t>();
     const auto rank = reader.get<std::uint8_t>();
+    if (reader.failed()) break;
+    if (tensor.bits < 2 || tensor.bits > 16)
+      return detail::bad_network("NETR", tensor.name + " has " + std::to_string(tensor.bits) + " bits, not 2 to 16");
     if (rank > 8) return detail::bad_network("NETR", "a tensor has " + std::to_string(rank) + " dimensions");
     std::uint64_t values = 1;
     for (std::uint8_t d = 0; d < rank; ++d) {
@@ -264,7 +268,10 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
       detail::BitsIn bits(source.take(source.left()));
       detail::code_integers(bits, std::span<std::int16_t>(integers), static_cast<std::size_t>(columns));
       if (!bits.complete()) return detail::bad_network("NETR", tensor.name + " does not end where its bytes do");
+      const int greatest = (1 << (tensor.bits - 1)) - 1;
       for (std::size_t i = 0; i < integers.size(); ++i) {
+        if (std::abs(int{integers[i]}) > greatest)
+          return detail::bad_network("NETR", tensor.name + " holds a weight that its bits do not");
         tensor.values.push_back(
             static_cast<float>(std::ldexp(static_cast<double>(integers[i]), -exponents[i / columns])));
       }
