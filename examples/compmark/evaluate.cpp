@@ -68,12 +68,18 @@ int run(const EvaluateOptions& options) {
     json["lpips_squeeze"] = evaluation->mean([](const ViewResult& v) { return *v.lpips_squeeze; });
     std::printf("  LPIPS-squeeze %.4f", json["lpips_squeeze"].get<double>());
   }
+  const std::optional<double> fitted = evaluation->colour_fitted();
+  if (fitted) {
+    json["psnr_colour_fitted"] = *fitted;
+    std::printf("  (PSNR %.3f dB with colours fitted)", *fitted);
+  }
   std::printf("\n");
   if (options.json.empty()) return success;
   json["views"] = nlohmann::ordered_json::array();
   for (const ViewResult& view : evaluation->views) {
     nlohmann::ordered_json entry{
         {"name", view.name}, {"psnr", view.psnr}, {"ssim", view.ssim}, {"milliseconds", view.milliseconds}};
+    if (view.psnr_colour_fitted) entry["psnr_colour_fitted"] = *view.psnr_colour_fitted;
     if (view.lpips_alex) entry["lpips_alex"] = *view.lpips_alex;
     if (view.lpips_squeeze) entry["lpips_squeeze"] = *view.lpips_squeeze;
     json["views"].push_back(std::move(entry));

@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "evaluation.hpp"
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
 #include <compmark/io/safetensors.hpp>
+#include <compmark/metric/colour_fit.hpp>
 #include <compmark/metric/lpips.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
@@ -77,6 +79,9 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
     return Done{};
   };
 
+  // The gauge of an exposure is free: what the photograph's own exposure costs is told apart.
+  const std::vector<std::string>& effects = model.info.effects;
+  const bool exposure = std::find(effects.begin(), effects.end(), "exposure") != effects.end();
   Evaluation evaluation;
   Buffer<float> truth_storage, weight_storage;
   const std::array<float, 3> background{static_cast<float>(model.render_settings.background[0]),
@@ -107,6 +112,7 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
     result.name = views.dataset->views[views.index[i]].name;
     result.psnr = psnr(rendered.image, truth) + 10 * std::log10(counted);
     result.ssim = ssim(rendered.image, truth);
+    if (exposure) result.psnr_colour_fitted = psnr_colour_fitted(rendered.image, truth, weight_storage.span());
     if (Result<Done> r = measure(alex, rendered.image, truth, result.lpips_alex); !r) return r.error();
     if (Result<Done> r = measure(squeeze, rendered.image, truth, result.lpips_squeeze); !r) return r.error();
     result.milliseconds = std::chrono::duration<double, std::milli>(end - begin).count();

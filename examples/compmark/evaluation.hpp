@@ -29,6 +29,7 @@ struct ViewResult {
   std::string name;
   double psnr = 0;
   double ssim = 0;
+  std::optional<double> psnr_colour_fitted;  ///< after the best affine map of colours; of models with an exposure
   std::optional<double> lpips_alex;
   std::optional<double> lpips_squeeze;
   double milliseconds = 0;
@@ -43,6 +44,11 @@ struct Evaluation {
     double sum = 0;
     for (const ViewResult& view : views) sum += member(view);
     return views.empty() ? 0 : sum / static_cast<double>(views.size());
+  }
+  /// Mean over the views; nothing for models without an exposure.
+  [[nodiscard]] std::optional<double> colour_fitted() const {
+    if (views.empty() || !views[0].psnr_colour_fitted) return std::nullopt;
+    return mean([](const ViewResult& view) { return *view.psnr_colour_fitted; });
   }
 };
 

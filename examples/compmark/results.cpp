@@ -24,6 +24,7 @@ Result<Done> write_results(const std::filesystem::path& path, const Results& res
     test["lpips_alex"] =
         results.test->lpips_alex ? nlohmann::ordered_json(*results.test->lpips_alex) : nlohmann::ordered_json(nullptr);
     test["views"] = results.test->views;
+    if (results.test->psnr_colour_fitted) test["psnr_colour_fitted"] = *results.test->psnr_colour_fitted;
   }
   nlohmann::ordered_json json{{"schema", results_schema},
                               {"dataset", results.dataset},
@@ -118,6 +119,11 @@ Result<Results> read_results(const std::filesystem::path& path) {
       double lpips = 0;
       read(object, "lpips_alex", lpips, "test");
       test.lpips_alex = lpips;
+    }
+    if (object.is_object() && object.contains("psnr_colour_fitted")) {
+      double fitted = 0;
+      read(object, "psnr_colour_fitted", fitted, "test");
+      test.psnr_colour_fitted = fitted;
     }
     results.test = test;
   }

@@ -24,6 +24,7 @@ struct TestMetrics {
   double ssim = 0;
   std::optional<double> lpips_alex;  ///< null in the file when no weights were given
   int views = 0;
+  std::optional<double> psnr_colour_fitted{};  ///< dB; only of models with an exposure
 };
 
 /// What was read from the renders of a marked model.

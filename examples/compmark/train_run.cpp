@@ -183,9 +183,10 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   results.train_seconds = end.train_seconds;
   results.peak_memory_mb = end.peak_memory_mb;
   if (has_test) {
-    TestMetrics metrics{mean_psnr, mean_ssim, {}, static_cast<int>(measured.size())};
+    TestMetrics metrics{mean_psnr, mean_ssim, {}, static_cast<int>(measured.size()), {}};
     if (!options.lpips.alex.empty())
       metrics.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
+    metrics.psnr_colour_fitted = evaluation->colour_fitted();
     results.test = metrics;
   }
   results.model_sha256 = *digest;

@@ -217,6 +217,7 @@
 #include "compmark/optim/reference_adam.hpp"
 #include "compmark/optim/schedule.hpp"
 
+#include "compmark/metric/colour_fit.hpp"
 #include "compmark/metric/lpips.hpp"
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/rounding.hpp"
