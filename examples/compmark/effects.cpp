@@ -44,8 +44,10 @@ EffectChoice choose_recipe(const Names& effects, LensTreatment lens) {
   EffectChoice choice;
   Names needed;  // of a recipe
   for (const std::string& effect : effects) {
-    if (effect == "principal_point") {
-      choice.simulated.push_back(effect);  // every camera has one: no recipe needed
+    if (effect == "principal_point" || effect == "constant_background") {
+      choice.simulated.push_back(effect);  // every camera and every render has one: no recipe needed
+    } else if (effect == "forward_facing") {
+      continue;  // says how far the cameras' rays reach, nothing that a render would have to do
     } else if (effect == "lens_distortion" || effect == "fisheye") {
       if (lens == LensTreatment::ignore) continue;
       if (lens == LensTreatment::keep) {  // a matter of the projection, and nothing is left empty

@@ -38,7 +38,9 @@ Command add_probe(CLI::App& app) {
                                   {"warnings", dataset->warnings},
                                   {"recipe", choice.recipe},
                                   {"left_out", choice.left_out},
+                                  {"not_measured", nlohmann::ordered_json::array()},
                                   {"effects", nlohmann::ordered_json::array()}};
+      for (const SceneEffect effect : unmeasured_effects(*dataset)) json["not_measured"].push_back(effect_name(effect));
       for (const ProbedEffect& effect : *effects) {
         json["effects"].push_back({{"name", effect_name(effect.effect)},
                                    {"value", effect.value},
@@ -58,6 +60,10 @@ Command add_probe(CLI::App& app) {
     for (const ProbedEffect& effect : *effects) {
       std::printf("  %-20s %10.4g  (limit %g)  %s\n", effect_name(effect.effect), effect.value, effect.limit,
                   effect.evidence.c_str());
+    }
+    for (const SceneEffect effect : unmeasured_effects(*dataset)) {
+      std::printf("  %-20s cannot be measured without %s\n", effect_name(effect),
+                  effect == SceneEffect::exposure ? "COLMAP's features" : "a point cloud");
     }
     std::printf("  recipe: %s\n", choice.recipe.c_str());
     for (const std::string& name : choice.left_out) {

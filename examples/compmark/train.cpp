@@ -20,7 +20,8 @@
 namespace tool {
 namespace {
 
-/// Settles options.recipe and options.simulated. An explicit --recipe is taken as it is; the hosts of the other profiles have no effects.
+/// Settles options.recipe, options.simulated and the probed background, and says why in options.notes. An explicit --recipe is taken as it is; the
+/// hosts of the other profiles have no effects.
 Result<Done> choose_effects(TrainOptions& options) {
   DatasetSettings settings;
   const bool recipe_given = !options.recipe.empty();
@@ -30,14 +31,32 @@ Result<Done> choose_effects(TrainOptions& options) {
   settings.downscale = options.downscale;
   Result<Dataset> dataset = open_dataset(options.data, settings);
   if (!dataset) return dataset.error();
+  const char* const background = effect_name(SceneEffect::constant_background);
+  const bool probes = options.effects == "auto";
   std::vector<ProbedEffect> probed;
-  if (options.effects == "auto") {
+  if (probes || options.effects.find(background) != std::string::npos) {  // its colour is in the photographs
     Result<std::vector<ProbedEffect>> found = probe_scene(*dataset);
     if (!found) return found.error();
     probed = std::move(*found);
   }
-  const Result<std::vector<std::string>> wanted = wanted_effects(options.effects, probed);
+  Result<std::vector<std::string>> wanted = wanted_effects(options.effects, probed);
   if (!wanted) return wanted.error();
+  if (std::find(wanted->begin(), wanted->end(), background) != wanted->end()) {
+    const auto found = std::find_if(probed.begin(), probed.end(), [](const ProbedEffect& effect) {
+      return effect.effect == SceneEffect::constant_background;
+    });
+    if (!options.background.empty()) {
+      std::erase(*wanted, background);  // overruled
+    } else if (found != probed.end()) {
+      options.probed_background = found->color;
+    } else {
+      return Error{ErrorKind::invalid,
+                   {},
+                   "--effects",
+                   std::string(background) + ": the borders of these photographs have no common colour",
+                   "leave it out, or name the colour with --background"};
+    }
+  }
   EffectChoice choice = choose_recipe(*wanted, settings.lens);
   // What the readers do is recorded as it is, whatever was asked for.
   std::erase_if(choice.simulated,
@@ -49,28 +68,32 @@ Result<Done> choose_effects(TrainOptions& options) {
   }
   if (settings.lens == LensTreatment::ignore && any([](const View& v) { return !is_pinhole(v.lens); }))
     choice.simulated.emplace_back(lens_ignored);
-  if (options.effects != "auto" && (recipe_given || options.recipe != "scaffold")) {
+  if (!probes && (recipe_given || options.recipe != "scaffold")) {
     return Error{ErrorKind::invalid,
                  {},
                  "--effects",
                  "chooses among the scaffold recipes, but the recipe is " + options.recipe,
                  "leave out --effects, or --recipe and --profile"};
   }
+  if (probes) {
+    for (const ProbedEffect& effect : probed)
+      options.notes.push_back(std::string("effect ") + effect_name(effect.effect) + ": " + effect.evidence);
+  }
   if (recipe_given || options.recipe != "scaffold") {
     options.simulated.clear();
-    for (const std::string& name : choice.simulated) {  // what the readers do, whatever the recipe
-      if (name == "principal_point" || name == "lens_distortion" || name == "fisheye" || name == lens_ignored)
+    for (const std::string& name : choice.simulated) {  // what needs no recipe
+      if (name == "principal_point" || name == background || name == "lens_distortion" || name == "fisheye" ||
+          name == lens_ignored)
         options.simulated.push_back(name);
     }
+    if (recipe_given && choice.recipe != options.recipe)
+      options.notes.push_back("recipe " + options.recipe + " as told; the effects call for " + choice.recipe);
     return Done{};
   }
   options.recipe = choice.recipe;
   options.simulated = choice.simulated;
   if (options.lens == "project" && !projects_lens(options.recipe))
     options.lens = "undistort";  // there is no lens to speak of
-  for (const ProbedEffect& effect : probed) {
-    options.notes.push_back(std::string("effect ") + effect_name(effect.effect) + ": " + effect.evidence);
-  }
   for (const std::string& name : choice.left_out)
     options.notes.push_back("effect " + name + " is left out: no recipe of this tool has it beside the others");
   options.notes.push_back("recipe " + options.recipe);
@@ -213,6 +236,9 @@ Command add_train(CLI::App& app) {
                    "--background",
                    "unknown colour \"" + options->background + "\"",
                    "choose black or white"});
+    } else if (options->probed_background) {
+      for (std::size_t c = 0; c < 3; ++c)
+        settings->background[c] = static_cast<float>((*options->probed_background)[c]);
     }
     if (options->recipe.find("+antialiasing") != std::string::npos)
       settings->blur_variance = recipes::antialiasing_blur_variance;

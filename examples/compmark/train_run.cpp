@@ -128,6 +128,17 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
   return Done{};
 }
 
+namespace {
+
+std::string background_name(const TrainOptions& options) {
+  if (!options.background.empty()) return options.background;
+  if (!options.probed_background) return "black";
+  const std::array<double, 3>& color = *options.probed_background;
+  return rounded(255 * color[0], 0) + " " + rounded(255 * color[1], 0) + " " + rounded(255 * color[2], 0) + " (probed)";
+}
+
+}  // namespace
+
 int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, const MarkInput* mark,
                ThreadExecutor& executor) {
   const TrainSettings& settings = run.settings;
@@ -223,7 +234,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
                      {"voxel size", rounded(end.voxel_size, 6)},
                      {"growing threshold", rounded(settings.gradient_threshold, 6)},
                      {"scene extent", rounded(run.extent.radius, 4)},
-                     {"background", options.background.empty() ? "black" : options.background},
+                     {"background", background_name(options)},
                      {"model sha256", *digest}}}};
   if (coded) {
     report.headline.push_back({rounded(static_cast<double>(coded->metrics.bytes) / 1024, 0) + " KiB", "compressed"});

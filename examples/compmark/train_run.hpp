@@ -41,7 +41,8 @@ struct TrainOptions {
   std::int64_t checkpoint_every = 1000;
   double voxel_size = 0;
   bool voxel_size_given = false;
-  std::string background;
+  std::string background;                                  ///< as told; empty: black, or what was probed
+  std::optional<std::array<double, 3>> probed_background;  ///< one colour around opaque photographs, in [0, 1]
   std::string lens = "undistort";
   std::string effects = "auto";
   std::vector<std::string> simulated;  ///< effects of the chosen recipe

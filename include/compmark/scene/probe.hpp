@@ -145,6 +145,15 @@ struct GeometryEvidence {
 
 }  // namespace detail
 
+/// The effects of which this kind of dataset says nothing, so that their absence from a probe's answer means nothing: exposure is measured
+/// on the features of COLMAP, scales and depths on points that are not random.
+[[nodiscard]] inline std::vector<SceneEffect> unmeasured_effects(const Dataset& dataset) {
+  std::vector<SceneEffect> effects;
+  if (dataset.kind != "colmap") effects.push_back(SceneEffect::exposure);
+  if (dataset.points_are_random) effects.push_back(SceneEffect::far_field);
+  return effects;
+}
+
 /// The effects a dataset calls for, in the order of SceneEffect.
 [[nodiscard]] inline Result<std::vector<ProbedEffect>> probe_scene(const Dataset& dataset,
                                                                    const ProbeSettings& settings = {}) {

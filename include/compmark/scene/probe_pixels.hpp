@@ -77,9 +77,24 @@ struct PointBrightness {
   return count < 2 ? 0 : std::sqrt(std::fmax(0, square / count - mean * mean / (count * count)));
 }
 
+/// The photographs that are looked at: all of 32, else 16 pairs of neighbours over the whole capture. Pairs, as neighbours see the same points
+/// however long the capture is, and as a fixed stride would be blind to what alternates from photograph to photograph.
+[[nodiscard]] inline std::vector<std::size_t> sampled_views(std::size_t count) {
+  std::vector<std::size_t> views;
+  if (count <= 32) {
+    for (std::size_t i = 0; i < count; ++i) views.push_back(i);
+    return views;
+  }
+  for (std::size_t pair = 0; pair < 16; ++pair) {
+    const std::size_t first = pair * (count - 2) / 15;  // 31 / 15 > 2: pairs do not overlap
+    views.push_back(first);
+    views.push_back(first + 1);
+  }
+  return views;
+}
+
 [[nodiscard]] inline Result<PixelEvidence> look_at_pixels(const Dataset& dataset, const Sightings& sightings) {
   PixelEvidence evidence;
-  const std::size_t step = 1 + (dataset.views.size() - 1) / 32;
   std::vector<std::vector<const Sighting*>> seen(dataset.views.size());
   if (sightings.are_features) {
     for (const Sighting& s : sightings.list) seen[s.view].push_back(&s);
@@ -87,7 +102,7 @@ struct PointBrightness {
   std::vector<PointBrightness> brightness;
   std::array<double, 3> border_sum{}, border_square{};
   double pixels = 0, transparent = 0, worst = 0;
-  for (std::size_t i = 0; i < dataset.views.size(); i += step) {
+  for (const std::size_t i : sampled_views(dataset.views.size())) {
     Result<ImageBytes> file = read_image(dataset.views[i].image_path);
     if (!file) return file.error();
     const ImageBytes image = turned(std::move(*file), dataset.views[i].orientation);
