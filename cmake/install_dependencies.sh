@@ -7,7 +7,7 @@ set -eu
 
 needed="g++ cmake ninja-build pkg-config git libeigen3-dev libstb-dev nlohmann-json3-dev libnanoflann-dev libcli11-dev doctest-dev libbenchmark-dev"
 if [ "${1:-}" = ci ]; then
-  needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev libxtensor-dev ccache"
+  needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev libxtensor-dev ccache valgrind"
 fi
 
 if ! command -v dpkg-query >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>&1; then

@@ -3,6 +3,8 @@
 //
 // One training iteration of a recipe, for effects_free.sh. EFFECT_RECIPE is the recipe; with EFFECT_BY_HAND the road is written out here
 // stage by stage, as it is without effects, and the recipe is plain. One thread; as many iterations as the argument says.
+#include <array>
+#include <bit>
 #include <compmark/core/executor.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/captures.hpp>
@@ -15,11 +17,15 @@
 namespace {
 
 using namespace compmark;
+using namespace compmark::recipes;
+
+/// The one effect of a capture that is in no recipe of the library: a shape of the decoder, which belongs to a trained model.
+struct ScaffoldAppearance : DefaultRecipe<float, DecoderShape{.appearance_dim = 32}> {};
 
 #ifdef EFFECT_BY_HAND
-struct R : recipes::Scaffold {};
+struct R : Scaffold {};
 #else
-struct R : recipes::EFFECT_RECIPE {};
+struct R : EFFECT_RECIPE {};
 #endif
 
 constexpr int width = 96, height = 64;
@@ -102,13 +108,16 @@ void iterate(Model<R>& model, const Camera<double>& camera, ImageView<const floa
 
 }  // namespace
 
-#ifdef EFFECT_TRAINER  // effects of the anchors' cells are in no iteration, but in how anchors begin and grow
+#ifdef EFFECT_TRAINER  // the anchors' cells are in no iteration, but in how anchors begin and grow; backgrounds are drawn before one
 template class compmark::Trainer<R, SerialExecutor>;
 void grow(Trainer<R, SerialExecutor>& trainer) {
   struct Views {
     [[nodiscard]] std::size_t size() const { return 1; }
     [[nodiscard]] Camera<double> camera(std::size_t) const { return {}; }
     [[nodiscard]] Result<Done> load(std::size_t, ImageView<float>) const { return Done{}; }
+    [[nodiscard]] Result<Done> load_planes(std::size_t, std::array<float, 3>, TargetPlanes<float>) const {
+      return Done{};
+    }
   };
   const Views views;
   static_cast<void>(trainer.step(views));
