@@ -99,13 +99,13 @@ TEST_CASE("scene/probe: a plain capture calls for nothing") { CHECK(probe_with({
 TEST_CASE("scene/probe: the sample of a long capture covers it, and sees what alternates") {
   for (std::size_t count = 1; count < 2000; ++count) {
     const std::vector<std::size_t> views = detail::sampled_views(count);
-    REQUIRE(views.size() == std::min<std::size_t>(count, 32));
+    REQUIRE(views.size() == std::min<std::size_t>(count, 128));
     REQUIRE(views.front() == 0);
     REQUIRE(views.back() == count - 1);
     std::size_t odd = 0;
     for (std::size_t i = 0; i < views.size(); ++i) {
       REQUIRE((i == 0 || views[i] > views[i - 1]));
-      REQUIRE((i == 0 || views[i] - views[i - 1] <= 1 + count / 15));
+      REQUIRE((i == 0 || views[i] - views[i - 1] <= 1 + count / 63));
       odd += views[i] % 2;
     }
     REQUIRE(odd == views.size() / 2);
@@ -146,7 +146,7 @@ TEST_CASE("scene/probe: exactly the effect that was planted is called for") {
             p.images[k] = Plant::photograph(k % 2 == 0 ? 110 : 130, 3, 255);
         }) == "exposure");  // half the photographs brighter by 18 %: a deviation of 0.083
   for (const int copies :
-       {3, 4, 21}) {  // 36, 48 and 252 photographs, of which 32 are looked at: no stride may hide every second one
+       {3, 4, 21}) {  // 36, 48 and 252 photographs, of which 128 are looked at: no stride may hide every second one
     CHECK(probe_with(
               [copies](Plant& p) {
                 for (int i = 12; i < 12 * copies; ++i) {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What a capture calls for: each effect with the number that was measured, the limit it was held against, and a sentence (numerics sheet,
-// section 3). An effect that is not called for is not in the list, so that a recipe without it can be chosen. Cost: decodes 32 photographs at
+// section 3). An effect that is not called for is not in the list, so that a recipe without it can be chosen. Cost: decodes 128 photographs at
 // most and goes once through the features.
 #pragma once
 

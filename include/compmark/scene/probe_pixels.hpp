@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What a sample of a dataset's photographs tells, for scene/probe.hpp: transparency, a constant border, drift of exposure. Cost: decodes the
-// sample once, 32 photographs at most.
+// sample once, 128 photographs at most.
 #pragma once
 
 #include <algorithm>
@@ -77,16 +77,17 @@ struct PointBrightness {
   return count < 2 ? 0 : std::sqrt(std::fmax(0, square / count - mean * mean / (count * count)));
 }
 
-/// The photographs that are looked at: all of 32, else 16 pairs of neighbours over the whole capture. Pairs, as neighbours see the same points
-/// however long the capture is, and as a fixed stride would be blind to what alternates from photograph to photograph.
+/// The photographs that are looked at: all of 128, else 64 pairs of neighbours over the whole capture. Pairs, as neighbours see the same points
+/// however long the capture is, and as a fixed stride would be blind to what alternates from photograph to photograph. (A sample of 26 of a real
+/// capture's 77 gave a drift of 0.044 or 0.069, by which it began with; all of them, 0.060.)
 [[nodiscard]] inline std::vector<std::size_t> sampled_views(std::size_t count) {
   std::vector<std::size_t> views;
-  if (count <= 32) {
+  if (count <= 128) {
     for (std::size_t i = 0; i < count; ++i) views.push_back(i);
     return views;
   }
-  for (std::size_t pair = 0; pair < 16; ++pair) {
-    const std::size_t first = pair * (count - 2) / 15;  // 31 / 15 > 2: pairs do not overlap
+  for (std::size_t pair = 0; pair < 64; ++pair) {
+    const std::size_t first = pair * (count - 2) / 63;  // 127 / 63 > 2: pairs do not overlap
     views.push_back(first);
     views.push_back(first + 1);
   }
