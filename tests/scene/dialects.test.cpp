@@ -30,7 +30,7 @@ double camera_difference(const Dataset& dataset, const CubeCapture& capture) {
     for (std::size_t k = 0; k < 9; ++k)
       worst = std::fmax(worst, std::abs(a.rotation_camera_world[k] - b.rotation_camera_world[k]));
     for (std::size_t k = 0; k < 3; ++k)
-      worst = std::fmax(worst, std::abs(a.center_world[k] + dataset.origin[k] - b.center_world[k]));
+      worst = std::fmax(worst, std::abs(a.center_world[k] * dataset.unit + dataset.origin[k] - b.center_world[k]));
   }
   return worst;
 }
@@ -227,13 +227,14 @@ TEST_CASE("scene/dialects: a scene far from the origin, large or small loads to 
     const Dataset dataset = open(folder.path());
     const bool far = c.center[0] != 0;
     CHECK((dataset.origin != std::array<double, 3>{0, 0, 0}) == far);
+    CHECK(dataset.unit == (c.scale == 1 ? 1 : c.scale < 1 ? 0x1p-10 : 0x1p+9));  // of radius 4, 0.004 and 4,000
     CHECK(camera_difference(dataset, capture) < 1e-5 * c.scale + 1e-9);
     if (plain_radius == 0) plain_radius = scene_extent(dataset).radius;
-    CHECK(scene_extent(dataset).radius == doctest::Approx(c.scale * plain_radius).epsilon(1e-6));
+    CHECK(scene_extent(dataset).radius * dataset.unit == doctest::Approx(c.scale * plain_radius).epsilon(1e-6));
     REQUIRE(dataset.points.size() == 8);
     for (std::size_t i = 0; i < 8; ++i) {
       for (std::size_t k = 0; k < 3; ++k) {
-        const double point = static_cast<double>(dataset.points.position[i][k]) + dataset.origin[k];
+        const double point = static_cast<double>(dataset.points.position[i][k]) * dataset.unit + dataset.origin[k];
         // Doubles at 1e5 with a scene of 1e-3: 1e-11 / 1e-3. Floats of the scene's size: 1e-7.
         CHECK(std::abs((point - c.center[k]) / c.scale - plain.points[i][k]) < 1e-6);
       }

@@ -93,6 +93,120 @@ TEST_CASE("scene/finish: ten thousand kilometres away a millimetre is a millimet
   CHECK(rounded(0) == rounded(39));
 }
 
+TEST_CASE("scene/finish: a scene of size 0.1 to 100 keeps its unit, others are brought to 4 ... 8 (case PR8)") {
+  const auto finished = [](double radius, const std::vector<std::array<double, 3>>& points) {
+    Dataset dataset = cross_of_cameras({0, 0, 0}, radius);
+    detail::finish_dataset(dataset, points_at(points), {});
+    CHECK(says(dataset, "lengths are counted in units of") == (dataset.unit != 1));
+    CHECK(dataset.views[0].camera.center_world[0] * dataset.unit == radius);
+    return dataset;
+  };
+  const auto unit = [&](double radius, double distance) {
+    return finished(radius, {{0, 0, distance}, {0, 0, -distance}}).unit;
+  };
+  CHECK(unit(0.1, 0.01) == 1);
+  CHECK(unit(std::nextafter(0.1, 0.0), 0.01) == 0x1p-6);  // 0.1 = 6.4 / 64
+  CHECK(unit(100, 1) == 1);
+  CHECK(unit(std::nextafter(100.0, 1e3), 1) == 16);
+  CHECK(unit(0.01, 0.1) == 1);  // the larger one of the two says
+  CHECK(unit(0.01, 0.09) == 0x1p-6);
+  CHECK(unit(1, 128) == 32);
+  CHECK(unit(1, std::nextafter(128.0, 0.0)) == 16);
+  CHECK(unit(4 * 0x1p-40, 0x1p-40) == 0x1p-40);
+  CHECK(finished(4096, {{0, 512, 1024}}).points.position[0] == std::array<float, 3>{0, 0.5f, 1});
+  // One place: what is seen from there says; where nothing is, nothing does.
+  CHECK(unit(0, 0.002) == 0x1p-11);
+  CHECK(finished(0, {}).unit == 1);
+  CHECK(!says(finished(4, {}), "units"));
+}
+
+TEST_CASE("scene/finish: without points a small baseline in front of something far is no small scene") {
+  const auto finished = [](double scale, double distance) {
+    Dataset dataset = cross_of_cameras({0, 0, 0}, 0.0625 * scale);
+    for (View& view : dataset.views) {  // towards a point `distance` in front
+      const auto& p = view.camera.center_world;
+      const double x = -p[0] / scale, y = -p[1] / scale, norm = std::hypot(x, y, distance);
+      view.camera.rotation_camera_world = {1, 0, 0, 0, 1, 0, x / norm, y / norm, distance / norm};
+    }
+    detail::finish_dataset(dataset, {}, {});
+    return dataset;
+  };
+  CHECK(look_at(finished(1, 0.5)).distance == doctest::Approx(0.5).epsilon(0.1));
+  CHECK(finished(1, 0.5).unit == 1);
+  CHECK(finished(1, 0.0625).unit == 0x1p-6);  // as small as their circle: 0.09 away
+  // Copies of one scene are one scene, too small or too large.
+  const Dataset small = finished(0x1p-10, 0.5), large = finished(0x1p+12, 0.5);
+  CHECK(small.unit != 1);
+  CHECK(large.unit == small.unit * 0x1p+22);
+  CHECK(large.views[1].camera.center_world == small.views[1].camera.center_world);
+  CHECK(large.points.position == small.points.position);
+}
+
+TEST_CASE("scene/finish: a scene in other units that are powers of two is the same scene, to the bit") {
+  const auto finished = [](double scale, double away) {
+    Dataset dataset = cross_of_cameras({0, 0, 0}, 3.7);
+    std::vector<std::array<double, 3>> points;
+    for (int i = 1; i < 60; ++i)
+      points.push_back({std::sin(3.0 * i), std::cos(5.0 * i) / 3, std::sin(7.0 * i) / 7 - 4});
+    for (View& view : dataset.views) {
+      for (double& x : view.camera.center_world) x = scale * (x / 3 + away);
+    }
+    for (auto& p : points) {
+      for (double& x : p) x = scale * (x + away);
+    }
+    detail::finish_dataset(dataset, points_at(points), {});
+    return dataset;
+  };
+  for (const double away : {0.0, 1e4 / 3}) {
+    CAPTURE(away);
+    const Dataset plain = finished(1, away);
+    CHECK(plain.unit == 1);
+    for (const int power : {-60, -10, -7, 7, 10, 60}) {
+      CAPTURE(power);
+      const double scale = std::ldexp(1.0, power);
+      const Dataset copy = finished(scale, away);
+      CHECK(copy.unit == scale);  // of size 4.0: nothing is left of the other unit
+      for (std::size_t c = 0; c < 3; ++c) CHECK(copy.origin[c] == scale * plain.origin[c]);
+      for (std::size_t i = 0; i < 4; ++i)
+        CHECK(copy.views[i].camera.center_world == plain.views[i].camera.center_world);
+      CHECK(copy.points.position == plain.points.position);
+    }
+    // Other factors cost the rounding of doubles, and another binade where the size comes to lie in one.
+    const Dataset thousandth = finished(1e-3, away);
+    CHECK(thousandth.unit == 0x1p-10);
+    for (std::size_t i = 0; i < 59; ++i) {
+      for (std::size_t c = 0; c < 3; ++c)
+        CHECK(static_cast<double>(thousandth.points.position[i][c]) ==
+              doctest::Approx(1.024 * static_cast<double>(plain.points.position[i][c])).epsilon(1e-6));
+    }
+  }
+}
+
+TEST_CASE("scene/dataset: another unit or origin leaves everything at its place in the files") {
+  Dataset dataset = cross_of_cameras({4096, 0, 512}, 1024);
+  detail::finish_dataset(dataset, points_at({{4096, 256, 640}, {4000, 0, 512}}), {});
+  CHECK(dataset.unit == 256);
+  const auto check = [&](double unit, const std::array<double, 3>& origin) {
+    CHECK(dataset.unit == unit);
+    CHECK(dataset.origin == origin);
+    for (std::size_t c = 0; c < 3; ++c) {
+      CHECK(dataset.views[0].camera.center_world[c] * unit + origin[c] == std::array<double, 3>{5120, 0, 512}[c]);
+      CHECK(static_cast<double>(dataset.points.position[0][c]) * unit + origin[c] ==
+            std::array<double, 3>{4096, 256, 640}[c]);
+    }
+    CHECK(place_in(dataset, {5120, 0, 512}) == dataset.views[0].camera.center_world);
+  };
+  check(256, {0, 0, 0});
+  change_unit(dataset, 0.5);
+  check(0.5, {0, 0, 0});
+  move_origin(dataset, {1024, -64, 3});
+  check(0.5, {1024, -64, 3});
+  change_unit(dataset, 1);
+  move_origin(dataset, {0, 0, 0});
+  check(1, {0, 0, 0});
+  CHECK(dataset.points.position[1] == std::array<float, 3>{4000, 0, 512});
+}
+
 TEST_CASE("scene/finish: points that no camera can use are left out and counted, colours stay with their points") {
   const double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
   Dataset dataset = cross_of_cameras({0, 0, 0});

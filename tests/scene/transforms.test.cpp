@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 
+#include "scene/cube_dialects.hpp"
 #include "support/scene_files.hpp"
 
 using namespace compmark;
@@ -109,6 +110,44 @@ TEST_CASE("scene/transforms: random points fill the cube, depend on the seed alo
   for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
     files.insert(entry.path().filename().string());
   CHECK(files == std::set<std::string>{"train", "test", "transforms_train.json", "transforms_test.json"});
+}
+
+TEST_CASE(
+    "scene/transforms: a Blender scene in another unit starts with points around what its cameras look at (case PR8)") {
+  const auto opened = [](double scale, std::array<double, 3> center) {
+    const TemporaryFolder folder;
+    const CubeCapture capture = cube_capture(scale, center);
+    put_cube_images(folder.path(), capture);
+    put(folder.path() / "transforms_train.json",
+        cube_transforms(capture, "\"camera_angle_x\": 0.7", [](std::size_t i) { return cube_image(i); }));
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    CHECK(dataset->points_are_random);
+    CHECK(dataset->points.size() == 10000);
+    return *dataset;
+  };
+  // Share of the random points that the first camera sees, and the largest distance from the middle of the cube along an axis.
+  const auto spread = [](const Dataset& dataset, const std::array<double, 3>& center) {
+    double largest = 0;
+    for (const auto& p : dataset.points.position) {
+      for (std::size_t c = 0; c < 3; ++c)
+        largest = std::max(largest, std::abs(static_cast<double>(p[c]) - place_in(dataset, center)[c]));
+    }
+    return largest;
+  };
+  const Dataset plain = opened(1, {0, 0, 0});
+  CHECK(plain.unit == 1);
+  CHECK(spread(plain, {0, 0, 0}) <= 1.3f);
+  const Dataset small = opened(0x1p-10, {0, 0, 0}), large = opened(0x1p+10, {0, 0, 0});
+  CHECK(small.unit == 0x1p-10);
+  CHECK(large.unit == 0x1p+10);
+  CHECK(small.points.position == large.points.position);
+  for (std::size_t i = 0; i < 12; ++i) CHECK(small.views[i].camera.center_world == plain.views[i].camera.center_world);
+  // Cameras at 4.27: the published 1.3 of 4.03 is 1.378 of them. Their circle is not quite flat, which moves what they look at by 0.01.
+  CHECK(spread(small, {0, 0, 0}) == doctest::Approx(1.378).epsilon(0.01));
+  // Where the object is not in the middle of its coordinates, the points are around it all the same.
+  const std::array<double, 3> place{3000, -2000, 5000};
+  CHECK(spread(opened(0x1p+10, place), place) == doctest::Approx(1.378).epsilon(0.01));
 }
 
 TEST_CASE("scene/transforms: downscaling follows the true size ratio (case CA1)") {

@@ -56,8 +56,10 @@ struct Dataset {
   std::vector<View> views;     ///< a deterministic order: the file's own (Blender), by name (the others)
   PointCloud points;
   bool points_are_random = false;
-  std::vector<std::string> warnings;      ///< one complete sentence each, for the user
-  std::array<double, 3> origin{0, 0, 0};  ///< plus a position here is the position in the files' coordinates
+  std::vector<std::string> warnings;  ///< one complete sentence each, for the user
+  std::array<double, 3> origin{0, 0,
+                               0};  ///< plus `unit` times a position here is the position in the files' coordinates
+  double unit = 1;                  ///< length in the files' coordinates of a length of 1 here
 
   [[nodiscard]] std::vector<std::size_t> indices(Split split) const {
     std::vector<std::size_t> result;
@@ -68,10 +70,28 @@ struct Dataset {
   }
 };
 
+/// Where a place of the files' coordinates is in a dataset.
+[[nodiscard]] inline std::array<double, 3> place_in(const Dataset& dataset, std::array<double, 3> place) {
+  for (std::size_t c = 0; c < 3; ++c) place[c] = (place[c] - dataset.origin[c]) / dataset.unit;
+  return place;
+}
+
+/// Counts a dataset's lengths in `unit`, which is positive: everything keeps its place in the files' coordinates.
+inline void change_unit(Dataset& dataset, double unit) {
+  const double factor = dataset.unit / unit;
+  for (View& view : dataset.views) {
+    for (double& x : view.camera.center_world) x *= factor;
+  }
+  for (std::array<float, 3>& p : dataset.points.position) {
+    for (float& x : p) x = static_cast<float>(static_cast<double>(x) * factor);
+  }
+  dataset.unit = unit;
+}
+
 /// Moves a dataset so that its origin is `origin`: everything keeps its place in the files' coordinates.
 inline void move_origin(Dataset& dataset, const std::array<double, 3>& origin) {
   std::array<double, 3> shift{};
-  for (std::size_t c = 0; c < 3; ++c) shift[c] = dataset.origin[c] - origin[c];
+  for (std::size_t c = 0; c < 3; ++c) shift[c] = (dataset.origin[c] - origin[c]) / dataset.unit;
   for (View& view : dataset.views) {
     for (std::size_t c = 0; c < 3; ++c) view.camera.center_world[c] += shift[c];
   }

@@ -2,24 +2,28 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // How large the scene is, as its training cameras see it: the scale of position learning rates and growing thresholds in the published
-// family (ecosystem sheet, section 2.2). Test cameras do not count.
+// family (ecosystem sheet, section 2.2). Test cameras do not count. That rule gives 0 for one training camera, or several in one place, and no
+// offset would ever move; there the extent is what cameras around what is seen from that place would have. Cost: O(cameras + points).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 #include "compmark/scene/dataset.hpp"
+#include "compmark/scene/random_points.hpp"
 
 namespace compmark::inline v0 {
 
 struct SceneExtent {
   std::array<double, 3> center{0, 0, 0};  ///< mean of the training cameras' centres
-  double radius = 0;                      ///< 1.1 times their largest distance from it; 0 for fewer than two places
+  double radius = 0;                      ///< 1.1 times their largest distance from it
 };
 
-[[nodiscard]] inline SceneExtent scene_extent(const Dataset& dataset) {
+/// 0 for fewer than two places.
+[[nodiscard]] inline SceneExtent camera_extent(const Dataset& dataset) {
   SceneExtent extent;
   double count = 0;
   for (const View& view : dataset.views) {
@@ -34,6 +38,37 @@ struct SceneExtent {
                                                        view.camera.center_world[2] - extent.center[2]));
   }
   extent.radius *= 1.1;
+  return extent;
+}
+
+namespace detail {
+
+/// Distance of the middle point from a place: the scale of a scene whose cameras stand in one place; 0 without finite points.
+template <class Points>
+[[nodiscard]] double median_distance(const Points& points, const std::array<double, 3>& from) {
+  std::vector<double> distance;
+  distance.reserve(points.position.size());
+  for (const auto& p : points.position) {
+    const double d = std::hypot(static_cast<double>(p[0]) - from[0], static_cast<double>(p[1]) - from[1],
+                                static_cast<double>(p[2]) - from[2]);
+    if (std::isfinite(d)) distance.push_back(d);
+  }
+  if (distance.empty()) return 0;
+  const auto middle = distance.begin() + static_cast<std::ptrdiff_t>(distance.size() / 2);
+  std::nth_element(distance.begin(), middle, distance.end());
+  return *middle;
+}
+
+}  // namespace detail
+
+/// The cameras' extent; where they stand in one place, to a millionth of what they see, 1.1 times the distance of the middle point instead, or
+/// without points of what they look at. 0 without training views.
+[[nodiscard]] inline SceneExtent scene_extent(const Dataset& dataset) {
+  SceneExtent extent = camera_extent(dataset);
+  if (dataset.indices(Split::train).empty()) return extent;
+  const double points = detail::median_distance(dataset.points, extent.center);
+  const double seen = 1.1 * (points > 0 ? points : look_at(dataset).distance);
+  if (!(extent.radius > 1e-6 * seen)) extent.radius = seen;
   return extent;
 }
 

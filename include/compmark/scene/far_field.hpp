@@ -26,7 +26,7 @@ struct CameraBall {
   double radius = 1;
 };
 [[nodiscard]] inline CameraBall camera_ball(const Dataset& dataset) {
-  const SceneExtent extent = scene_extent(dataset);
+  const SceneExtent extent = camera_extent(dataset);
   const double radius = extent.radius > 0 ? extent.radius : 0.5 * look_at(dataset).distance;
   return {extent.center, radius > 0 ? radius : 1};
 }

@@ -2,19 +2,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The last steps of every reader. A scene far from the origin of its coordinates is moved to it in double, before points become floats
-// (numerics case PR7). Points that are not finite or lie in the centre of a camera (a failed triangulation, and no direction to look along:
-// case PR9) are dropped. Without points, random ones are drawn. Cost: O((points + cameras) log cameras).
+// (numerics case PR7). A very small or very large one is counted in another unit (case PR8): near plane, voxel size, volume loss and learning
+// rates of the published training are lengths of scenes whose cameras stand about 4 from what they see. Points that are not finite or lie in
+// the centre of a camera (a failed triangulation, and no direction to look along: case PR9) are dropped. Without points, random ones are
+// drawn. Cost: O((points + cameras) log cameras).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "compmark/scene/dataset.hpp"
+#include "compmark/scene/extent.hpp"
 #include "compmark/scene/point_file.hpp"
 #include "compmark/scene/random_points.hpp"
 #include "compmark/scene/view_reader.hpp"
@@ -42,19 +46,6 @@ struct CameraSpread {
   return spread;
 }
 
-/// Distance of the middle point from a place: the scale of a scene whose cameras stand in one place.
-[[nodiscard]] inline double median_distance(const PrecisePoints& points, const std::array<double, 3>& from) {
-  std::vector<double> distance;
-  for (const auto& p : points.position) {
-    const double d = std::hypot(p[0] - from[0], p[1] - from[1], p[2] - from[2]);
-    if (std::isfinite(d)) distance.push_back(d);
-  }
-  if (distance.empty()) return 0;
-  const auto middle = distance.begin() + static_cast<std::ptrdiff_t>(distance.size() / 2);
-  std::nth_element(distance.begin(), middle, distance.end());
-  return *middle;
-}
-
 /// Moves cameras and points so that the cameras' mean is at the origin, where it was more than 100 times the scene's size away from it.
 inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
   const CameraSpread spread = camera_spread(dataset);
@@ -70,6 +61,32 @@ inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
   }
   dataset.warnings.push_back(dataset.root.string() + ": the scene lies " + two_digits(away / size) +
                              " times its size from the origin of its coordinates and is moved to it");
+}
+
+/// Sizes within which a scene keeps its unit; others are brought to 4 … 8, where the cameras of the published scenes and of ordinary captures
+/// are. A power of two, so that the same scene in other units that are powers of two is the same scene to the bit.
+inline constexpr double least_scene_size = 0.1, greatest_scene_size = 100;
+
+inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
+  const CameraSpread spread = camera_spread(dataset);
+  const double around = median_distance(points, spread.mean);
+  if (!(std::fmax(spread.radius, around) > 0)) return;  // one place, and nothing says how far anything is from it
+  // Without points a small baseline is no small scene: it may look at something far.
+  const double size = std::fmax(spread.radius, around > 0 ? around : look_at(dataset).distance);
+  const bool small = size<least_scene_size, large = std::fmax(spread.radius, around)> greatest_scene_size;
+  if ((!small && !large) || !std::isfinite(size)) return;
+  dataset.unit = std::ldexp(1.0, std::ilogb(size) - 2);
+  for (View& view : dataset.views) {
+    for (double& x : view.camera.center_world) x /= dataset.unit;
+  }
+  for (std::array<double, 3>& p : points.position) {
+    for (double& x : p) x /= dataset.unit;
+  }
+  std::ostringstream text;
+  text << dataset.root.string() << ": the scene measures " << size
+       << " in its coordinates, so lengths are counted in units of " << dataset.unit << " (2^"
+       << std::ilogb(dataset.unit) << "), settings in world units among them";
+  dataset.warnings.push_back(text.str());
 }
 
 /// Points as floats, without those that no camera can use.
@@ -112,6 +129,7 @@ inline void take_points(Dataset& dataset, PrecisePoints points) {
 /// Everything after the views are there. Without usable points, random ones around what the cameras look at.
 inline void finish_dataset(Dataset& dataset, PrecisePoints points, const DatasetSettings& settings) {
   move_to_origin(dataset, points);
+  fit_unit(dataset, points);
   const bool had_points = !points.position.empty();
   take_points(dataset, std::move(points));
   if (dataset.points.size() > 0) return;

@@ -61,8 +61,7 @@ struct Sightings {
   for (const auto& [id, track] : tracks) {
     const auto point = model->points.find(id);
     if (point == model->points.end() || track.size() < 2) continue;
-    std::array<double, 3> position = point->second.position;
-    for (std::size_t c = 0; c < 3; ++c) position[c] -= dataset.origin[c];
+    const std::array<double, 3> position = place_in(dataset, point->second.position);
     if (!std::isfinite(position[0] + position[1] + position[2])) continue;
     for (Sighting sighting : track) {
       sighting.point = result.points.size();

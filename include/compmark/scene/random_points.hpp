@@ -3,7 +3,8 @@
 //
 // Points to start from where a dataset has none: uniform in a cube, from (seed, index). The cube is the published [-1.3, 1.3]^3 for the
 // Blender scenes (method sheet, section 3.5); elsewhere it is set around what the cameras look at: the point nearest to all optical axes,
-// which is least squares, held towards a place in front of the cameras where the axes are nearly parallel.
+// which is least squares, held towards a place in front of the cameras where the axes are nearly parallel. So it is for Blender scenes too that
+// are counted in another unit than their own (Dataset::unit), in the published proportion to the cameras' distance.
 #pragma once
 
 #include <array>
@@ -84,13 +85,17 @@ struct LookAt {
   return result;
 }
 
-/// Random points in the cube around what the cameras look at, as far as the cameras are.
-[[nodiscard]] inline PointCloud random_points(const Dataset& dataset, std::size_t count, std::uint64_t seed) {
+/// Half of the published cube's edge, and the same as a share of the distance at which the cameras of those scenes stand.
+inline constexpr double published_cube = 1.3, published_reach = published_cube / 4.03;
+
+/// Random points in the cube around what the cameras look at, whose half edge is `reach` of their distance from there.
+[[nodiscard]] inline PointCloud random_points(const Dataset& dataset, std::size_t count, std::uint64_t seed,
+                                              double reach = 1) {
   const LookAt at = look_at(dataset);
   PointCloud points = random_points(count, 1, seed);
   for (std::array<float, 3>& p : points.position) {
     for (std::size_t c = 0; c < 3; ++c)
-      p[c] = static_cast<float>(at.center[c] + at.distance * static_cast<double>(p[c]));
+      p[c] = static_cast<float>(at.center[c] + reach * at.distance * static_cast<double>(p[c]));
   }
   return points;
 }

@@ -261,8 +261,11 @@ template <class Json = nlohmann::json>
   }
   if (blender && points.position.empty()) {
     detail::move_to_origin(dataset, points);
-    if (dataset.origin == std::array<double, 3>{0, 0, 0}) {
-      dataset.points = random_points(settings.random_points, 1.3, settings.seed);
+    detail::fit_unit(dataset, points);
+    if (dataset.unit != 1 || dataset.origin == std::array<double, 3>{0, 0, 0}) {
+      dataset.points = dataset.unit != 1
+                           ? random_points(dataset, settings.random_points, settings.seed, published_reach)
+                           : random_points(settings.random_points, published_cube, settings.seed);
       dataset.points_are_random = true;
       return dataset;
     }
