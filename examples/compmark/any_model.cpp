@@ -85,8 +85,8 @@ struct Load {
 
 }  // namespace
 
-Loaded load_model(const std::filesystem::path& path) {
-  const Result<ModelSource> source = ModelSource::open(path);
+Loaded load_model(const std::filesystem::path& path, std::size_t threads) {
+  const Result<ModelSource> source = ModelSource::open(path, threads);
   if (!source) return source.error();
   return load_model(*source);
 }

@@ -46,7 +46,7 @@ class AnyModel {
 };
 
 /// Reads a model file; the recipe's name in it chooses the type.
-compmark::Result<std::unique_ptr<AnyModel>> load_model(const std::filesystem::path& path);
+compmark::Result<std::unique_ptr<AnyModel>> load_model(const std::filesystem::path& path, std::size_t threads = 0);
 compmark::Result<std::unique_ptr<AnyModel>> load_model(const ModelSource& source);
 
 }  // namespace tool

@@ -30,7 +30,7 @@ struct CompressOptions {
 };
 
 int compress(const CompressOptions& options) {
-  const Result<std::unique_ptr<AnyModel>> loaded = load_model(options.model);
+  const Result<std::unique_ptr<AnyModel>> loaded = load_model(options.model, options.threads);
   if (!loaded) return fail(loaded.error());
   CodedModelSettings settings;
   settings.networks = options.networks == "single" ? TensorStorage::single : TensorStorage::half;

@@ -30,7 +30,7 @@ struct EvaluateOptions {
 };
 
 int run(const EvaluateOptions& options) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(options.model);
+  Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
   if (!model) return fail(model.error());
   DatasetSettings settings = settings_of((*model)->info);
   settings.downscale = options.downscale;

@@ -28,11 +28,11 @@ bool is_coded_file(const std::filesystem::path& path) {
   return true;
 }
 
-Result<ModelSource> ModelSource::open(const std::filesystem::path& path) {
+Result<ModelSource> ModelSource::open(const std::filesystem::path& path, std::size_t threads) {
   ModelSource source;
   source.path = path;
   if (is_coded_file(path)) {
-    ThreadExecutor executor(0);
+    ThreadExecutor executor(threads);
     Result<CodecDecoded> decoded = read_codec_file(path, {}, executor);
     if (!decoded) return decoded.error();
     Result<std::string> recipe = model_recipe(decoded->model);

@@ -24,7 +24,7 @@ struct ModelSource {
   std::string recipe;
   std::optional<compmark::CodecModel> coded;  ///< decoded, of a .cmk
 
-  static compmark::Result<ModelSource> open(const std::filesystem::path& path);
+  static compmark::Result<ModelSource> open(const std::filesystem::path& path, std::size_t threads = 0);
 
   /// R is one of with_reading_recipe (recipe_list.hpp); compiled once, in model_source.cpp, for all commands.
   template <class R>

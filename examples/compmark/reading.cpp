@@ -90,7 +90,7 @@ Result<Done> read_images(const ReadingOptions& options, const Decoder& decoder, 
 
 Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder, ThreadExecutor& executor,
                           Reading& reading) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(options.model);
+  Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
   if (!model) return model.error();
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return digest.error();

@@ -44,7 +44,7 @@ std::string file_name(std::string name) {
 }
 
 int run(const RenderOptions& options) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(options.model);
+  Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
   if (!model) return fail(model.error());
   std::vector<StoredView> views = (*model)->info.views;
   if (!options.data.empty()) {
