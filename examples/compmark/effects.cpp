@@ -97,6 +97,7 @@ StoredView stored_view(const View& view) {
 Result<Dataset> open_for(const ModelInfo& info, const std::filesystem::path& data, const DatasetSettings& settings) {
   Result<Dataset> dataset = open_dataset(data, settings);
   if (!dataset) return dataset.error();
+  if (dataset->unit != info.unit) change_unit(*dataset, info.unit);
   if (dataset->origin == info.origin) return dataset;
   // Models from before the origin was stored: their cameras are where this reader moves them.
   for (const StoredView& stored : info.views) {

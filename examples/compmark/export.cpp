@@ -4,6 +4,7 @@
 // compmark export: the anchors as the Scaffold family's PLY, or explicit Gaussians as the PLY every viewer opens - baked for one camera
 // (exact from there) or fitted with spherical harmonics over the training cameras - with what the bake loses, in dB.
 #include <algorithm>
+#include <cmath>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/anchor_ply.hpp>
 #include <compmark/io/atomic_file.hpp>
@@ -16,6 +17,7 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -81,6 +83,32 @@ std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo&
   return warnings;
 }
 
+/// A table with its lengths in the dataset's unit (ModelInfo::unit), as a file holds them.
+SplatTable in_unit(SplatTable table, double unit) {
+  const float stretch = static_cast<float>(std::log(unit));
+  for (std::vector<float>& column : table.mean) {
+    for (float& x : column) x = static_cast<float>(static_cast<double>(x) * unit);
+  }
+  for (std::vector<float>& column : table.log_scale) {
+    for (float& x : column) x += stretch;
+  }
+  return table;
+}
+
+/// Anchors with their lengths in the dataset's unit.
+Result<Done> write_anchors(const ExportOptions& options, AnchorColumns<const float> columns, double unit,
+                           std::span<const std::string> comments) {
+  std::vector<float> position(columns.position.data, columns.position.data + columns.position.size());
+  std::vector<float> scaling(columns.scaling.data, columns.scaling.data + columns.scaling.size());
+  if (unit != 1) {
+    for (float& x : position) x = static_cast<float>(static_cast<double>(x) * unit);
+    for (float& x : scaling) x += static_cast<float>(std::log(unit));
+    columns.position.data = position.data();
+    columns.scaling.data = scaling.data();
+  }
+  return write_anchor_ply(options.out, columns, comments);
+}
+
 template <class R>
 int run(const ExportOptions& options, const ModelSource& source) {
   Result<LoadedModel<R>> loaded = source.load<R>();
@@ -109,7 +137,7 @@ int run(const ExportOptions& options, const ModelSource& source) {
   };
   const std::vector<std::string> comments{"compmark " + options.kind + " export"};
   if (options.kind == "anchors") {
-    if (Result<Done> written = write_anchor_ply(options.out, model.columns(), comments); !written)
+    if (Result<Done> written = write_anchors(options, model.columns(), loaded->info.unit, comments); !written)
       return fail(written.error());
     std::printf("%s: %zu anchors in the layout of the Scaffold family (the networks stay in %s)\n",
                 options.out.string().c_str(), model.anchor_count(), options.model.string().c_str());
@@ -161,7 +189,10 @@ int run(const ExportOptions& options, const ModelSource& source) {
                   options.refine, refined.first_mse, refined.last_mse);
     }
   }
-  if (Result<Done> written = write_splat_ply(options.out, table); !written) return fail(written.error());
+  const double unit = loaded->info.unit;
+  const Result<Done> written =
+      unit == 1 ? write_splat_ply(options.out, table) : write_splat_ply(options.out, in_unit(table, unit));
+  if (!written) return fail(written.error());
   std::printf("%s: %zu Gaussians, SH degree %d\n", options.out.string().c_str(), static_cast<std::size_t>(table.count),
               options.view.empty() ? options.degree : 0);
 

@@ -88,6 +88,7 @@ Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSett
   info.iterations = settings.iterations;
   info.seed = settings.seed;
   info.origin = dataset.origin;
+  info.unit = dataset.unit;
   info.base_step = {settings.rate.feature_step, settings.rate.scaling_step, settings.rate.offset_step};
   for (const View& view : dataset.views) info.views.push_back(stored_view(view));
   run->settings = std::move(settings);
@@ -125,6 +126,7 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
   if (const std::optional<OtherView> other = other_view(source.info->views, run.info.views))
     return foreign(other->field, "of view " + other->name + " is another one in the data");
   if (source.info->origin != run.dataset.origin) return foreign("origin", "of the scene is another one in the data");
+  if (source.info->unit != run.dataset.unit) return foreign("unit", "of the scene is another one in the data");
   return Done{};
 }
 

@@ -145,6 +145,7 @@ TEST_CASE("pipeline/hac: a trained model goes through a file and renders the sam
   info.seed = 3;
   info.effects = {"alpha", "masks"};
   info.origin = {1e5, -2, 0.25};
+  info.unit = 1024;
   info.base_step = {1, 0.01, 0.2};
   for (std::size_t i = 0; i < 5; ++i) {
     StoredView view;
@@ -176,6 +177,7 @@ TEST_CASE("pipeline/hac: a trained model goes through a file and renders the sam
   CHECK(read.seed == 3);
   CHECK(read.effects == info.effects);
   CHECK(read.origin == info.origin);
+  CHECK(read.unit == 1024);
   CHECK(read.base_step == info.base_step);
   REQUIRE(read.views.size() == 2);  // the test views
   CHECK(read.views[0].name == "view 1");
@@ -255,6 +257,13 @@ TEST_CASE("pipeline/hac: what a file says of its model is checked before it is b
   refused([](CodecModel& m) { m.metadata["effects"] = "{"; }, "META.effects");
   refused([](CodecModel& m) { m.metadata["views"] = "[[\"a\",1]]"; }, "META.views");
   refused([](CodecModel& m) { m.metadata["origin"] = "12345678"; }, "META.origin");
+  CHECK(!coded->metadata.contains("unit"));  // as in files from before there was one: it is 1
+  CHECK(model_info(*coded)->unit == 1);
+  refused([](CodecModel& m) { m.metadata["unit"] = 0.0; }, "META.unit");
+  refused([](CodecModel& m) { m.metadata["unit"] = -2.0; }, "META.unit");
+  refused([](CodecModel& m) { m.metadata["unit"] = std::nan(""); }, "META.unit");
+  refused([](CodecModel& m) { m.metadata["unit"] = HUGE_VAL; }, "META.unit");
+  refused([](CodecModel& m) { m.metadata["unit"] = std::int64_t{2}; }, "META.unit");
   refused([](CodecModel& m) { m.networks.pop_back(); }, "NETR");
   refused([](CodecModel& m) { m.feature_dim = 9; }, "META.shape");
 }

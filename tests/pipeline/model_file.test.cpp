@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
@@ -65,7 +66,8 @@ TEST_CASE("pipeline/model_file: what is written is read back, bit for bit, and t
 }
 
 TEST_CASE(
-    "pipeline/model_file: lenses and the origin are kept where there are any, and take no byte where there are none") {
+    "pipeline/model_file: lenses, origin and unit are kept where there are any, and take no byte where there are "
+    "none") {
   const std::filesystem::path path = temporary("e.safetensors");
   const Model<Small> model = example();
   ModelInfo info = example_info();
@@ -74,18 +76,33 @@ TEST_CASE(
   REQUIRE(plain.ok());
   CHECK(!plain->has("camera.lens"));
   CHECK(plain->text_of("info")->find("origin") == std::string::npos);
+  CHECK(plain->text_of("info")->find("unit") == std::string::npos);
   const Result<LoadedModel<Small>> old = read_model<Small>(path);  // as files from before there was either
   REQUIRE(old.ok());
   CHECK(old->info.origin == std::array<double, 3>{0, 0, 0});
+  CHECK(old->info.unit == 1);
   CHECK(is_pinhole(old->info.views[1].lens));
 
   info.origin = {5e5, -1.0 / 3, 12};
+  info.unit = 0x1p-10;
   info.views[1].lens = {LensModel::opencv, {0.1, -0.2, 1e-3, 0.3}};
   REQUIRE(write_model(path, model, info).ok());
   const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
   REQUIRE(loaded.ok());
   CHECK(loaded->info.origin == info.origin);
+  CHECK(loaded->info.unit == 0x1p-10);
   for (std::size_t i = 0; i < 3; ++i) CHECK(loaded->info.views[i].lens == info.views[i].lens);
+
+  for (const double unit : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity()}) {
+    CAPTURE(unit);
+    info.unit = unit;
+    REQUIRE(write_model(path, model, info).ok());
+    const Result<LoadedModel<Small>> refused = read_model<Small>(path);
+    REQUIRE_FALSE(refused.ok());
+    // JSON has no number that is not finite: there it is of another type.
+    CHECK(refused.error().field == (std::isfinite(unit) ? "__metadata__.info.unit" : "__metadata__.info"));
+  }
+  info.unit = 1;
 
   info.views[2].lens.parameters[3] = std::numeric_limits<double>::infinity();
   REQUIRE(write_model(path, model, info).ok());

@@ -198,7 +198,8 @@ TEST_CASE("pipeline/checkpoint: other settings and broken files are refused with
   std::filesystem::remove(path);
 }
 
-TEST_CASE("pipeline/checkpoint: a run is resumed with the cameras, the lenses, the origin and the effects it had") {
+TEST_CASE(
+    "pipeline/checkpoint: a run is resumed with the cameras, the lenses, the origin, the unit and the effects it had") {
   const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark-checkpoint-views.safetensors";
   Run<SerialExecutor> run;
   REQUIRE(run.trainer.step(run.views).ok());
@@ -207,6 +208,7 @@ TEST_CASE("pipeline/checkpoint: a run is resumed with the cameras, the lenses, t
   info.recipe = "small";
   info.effects = {"lens_distortion"};
   info.origin = {5e5, 0.1, -2e5};
+  info.unit = 0.25;
   for (std::size_t i = 0; i < 3; ++i)
     info.views.push_back({"v" + std::to_string(i), i == 2, run.views.camera(i), phone});
   info.views[1].lens = {LensModel::simple_pinhole, {}};  // beside lenses a pinhole keeps its name, alone it does not
@@ -233,6 +235,9 @@ TEST_CASE("pipeline/checkpoint: a run is resumed with the cameras, the lenses, t
   other.origin[2] = std::nextafter(other.origin[2], 0.0);
   CHECK(field(other, "500000.0") == "origin");
   other = info;
+  other.unit = 0.5;
+  CHECK(field(other, "is 0.25 in the checkpoint and 0.5 now") == "unit");
+  other = info;
   other.views[2].test = false;
   CHECK(field(other, "view 2 (v2)") == "views");
   other = info;
@@ -245,6 +250,7 @@ TEST_CASE("pipeline/checkpoint: a run is resumed with the cameras, the lenses, t
   // Pinholes of either name, and a scene that was not moved, leave nothing in the file, and are what is read from it.
   for (StoredView& view : info.views) view.lens = {LensModel::simple_pinhole, {}};
   info.origin = {0, 0, 0};
+  info.unit = 1;
   REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
   CHECK(field(info, "").empty());
   info.views[0].lens = phone;

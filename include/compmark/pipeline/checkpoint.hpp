@@ -245,6 +245,10 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
     return refuse("origin", "is " + Json(model->info.origin).dump() + " in the checkpoint and " +
                                 Json(info.origin).dump() + " now: the same files give the same origin");
   }
+  if (model->info.unit != info.unit) {
+    return refuse("unit", "is " + Json(model->info.unit).dump() + " in the checkpoint and " + Json(info.unit).dump() +
+                              " now: the same files give the same unit");
+  }
 
   Checkpoint<R, E> checkpoint;
   checkpoint.info = std::move(model->info);

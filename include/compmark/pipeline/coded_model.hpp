@@ -114,6 +114,7 @@ template <Recipe R>
                     {"blur_variance", model.render.blur_variance},
                     {"background", detail::packed_doubles(model.render.background)}};
   if (info.origin != std::array<double, 3>{0, 0, 0}) coded.metadata["origin"] = detail::packed_doubles(info.origin);
+  if (info.unit != 1) coded.metadata["unit"] = info.unit;
   detail::store_views(info, settings.cameras, coded);
   return coded;
 }
@@ -160,6 +161,8 @@ template <class Json = nlohmann::json>
     if (numbers.size() != 3 || !std::isfinite(numbers[0] + numbers[1] + numbers[2])) return fail("origin");
     std::copy_n(numbers.begin(), 3, info.origin.begin());
   }
+  if (coded.metadata.contains("unit") && (!get("unit", info.unit) || !(info.unit > 0) || !std::isfinite(info.unit)))
+    return fail("unit");
   info.base_step = coded.base_step;
   Result<std::vector<StoredView>> views = detail::read_views<Json>(coded);
   if (!views) return views.error();

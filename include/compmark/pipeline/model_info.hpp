@@ -35,8 +35,9 @@ struct ModelInfo {
   std::uint64_t seed = 0;
   std::vector<std::string> effects;
   std::vector<StoredView> views;
-  std::array<double, 3> origin{0, 0,
-                               0};  ///< plus a position of the model is one in the dataset's files (Dataset::origin)
+  /// Plus `unit` times a position of the model is one in the dataset's files (Dataset::origin, Dataset::unit).
+  std::array<double, 3> origin{0, 0, 0};
+  double unit = 1;
   std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, extents and offsets, with an entropy model
 };
 
@@ -88,6 +89,7 @@ template <class Json = nlohmann::json>
   json["background"] = model.render.background;
   json["views"] = views;
   if (info.origin != std::array<double, 3>{0, 0, 0}) json["origin"] = info.origin;
+  if (info.unit != 1) json["unit"] = info.unit;
   if (model.coded) json["base_step"] = info.base_step;
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -146,6 +148,7 @@ template <class Json>
     info.seed = json.at("seed").template get<std::uint64_t>();
     info.effects = json.at("effects").template get<std::vector<std::string>>();
     if (json.contains("origin")) info.origin = json["origin"].template get<std::array<double, 3>>();
+    if (json.contains("unit")) info.unit = json["unit"].template get<double>();
     if (json.contains("base_step")) info.base_step = json["base_step"].template get<std::array<double, 3>>();
     for (const Json& view : json.at("views")) {
       StoredView stored;
@@ -159,6 +162,8 @@ template <class Json>
   for (const double x : info.origin) {
     if (!std::isfinite(x)) return model_error(file, "__metadata__.info.origin", "is not finite");
   }
+  if (!(info.unit > 0) || !std::isfinite(info.unit))
+    return model_error(file, "__metadata__.info.unit", "is not a positive number");
   for (const double step : info.base_step) {
     if (!(step > 0)) return model_error(file, "__metadata__.info.base_step", "is not positive");
   }
