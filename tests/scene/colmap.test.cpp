@@ -230,6 +230,56 @@ TEST_CASE("scene/colmap: without usable points random ones are drawn around what
   }
 }
 
+TEST_CASE("scene/colmap: a model without its file of points starts from random ones, or from points3D.ply") {
+  const ColmapModel model = small_colmap_model();
+  for (const bool binary : {true, false}) {
+    CAPTURE(binary);
+    const TemporaryFolder folder;
+    const std::filesystem::path sparse = folder.path() / "sparse/0";
+    put_colmap_images(folder.path() / "images", model);
+    binary ? put_colmap_binary(sparse, model) : put_colmap_text(sparse, model);
+    const std::string file = binary ? "points3D.bin" : "points3D.txt";
+    std::filesystem::remove(sparse / file);
+    CHECK(read_colmap_model(sparse, {true})->points.empty());
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    CHECK(dataset->views.size() == 9);
+    CHECK(dataset->points_are_random);
+    CHECK(dataset->points.size() == 10000);
+    REQUIRE(dataset->warnings.size() == 2);
+    CHECK(dataset->warnings[0].find(file + ": is not there") != std::string::npos);
+    CHECK(dataset->warnings[1].find("random ones are used") != std::string::npos);
+    put(sparse / "points3D.ply",
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nproperty uchar "
+        "red\nproperty uchar green\nproperty uchar blue\nend_header\n1 2 3 4 5 6\n");
+    const Result<Dataset> copied = open_dataset(folder.path(), {});
+    REQUIRE(copied.ok());
+    CHECK(!copied->points_are_random);
+    REQUIRE(copied->points.size() == 1);
+    CHECK(copied->points.color[0] == std::array<std::uint8_t, 3>{4, 5, 6});
+    REQUIRE(copied->warnings.size() == 1);
+    CHECK(copied->warnings[0].find("taken from points3D.ply") != std::string::npos);
+  }
+}
+
+TEST_CASE("scene/colmap: files whose extension has other capitals than the model's are found, exact names first") {
+  const TemporaryFolder folder;
+  ColmapModel model = small_colmap_model();
+  put_colmap_images(folder.path() / "images", model);
+  model.images[10].name = "view0.PNG";   // on the disk: view0.png
+  model.images[13].name = "other.jpeg";  // not there, in any capitals
+  put_colmap_binary(folder.path() / "sparse/0", model);
+  put_image(folder.path() / "images/view2.PNG", 16, 12);  // beside view2.png, which is the one
+  const Result<Dataset> dataset = open_dataset(folder.path(), {});
+  REQUIRE(dataset.ok());
+  REQUIRE(dataset->views.size() == 8);
+  CHECK(dataset->views[0].name == "view0.PNG");
+  CHECK(dataset->views[0].image_path == folder.path() / "images/view0.png");
+  CHECK(dataset->views[1].image_path == folder.path() / "images/view2.png");
+  REQUIRE(dataset->warnings.size() == 1);
+  CHECK(dataset->warnings[0].find("1 of 9 images are missing") != std::string::npos);
+}
+
 TEST_CASE("scene/colmap: the largest sub-model is taken and the others are named") {
   const TemporaryFolder folder;
   const ColmapModel model = small_colmap_model();

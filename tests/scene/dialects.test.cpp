@@ -177,6 +177,9 @@ TEST_CASE("scene/dialects: lenses of transforms files") {
         Lens{LensModel::opencv, {0.1, 0, 0.01, 0.02}});
   CHECK(with("\"k1\": 0.1, \"k3\": 0.3")->views[0].lens == Lens{LensModel::full_opencv, {0.1, 0, 0, 0, 0.3}});
   CHECK(with("\"camera_model\": \"PINHOLE\", \"k1\": 0")->views[0].lens == Lens{});
+  // nerfstudio undistorts by the coefficients whatever perspective name stands beside them.
+  CHECK(with("\"camera_model\": \"PINHOLE\", \"k1\": 0.1, \"p2\": 0.02")->views[0].lens ==
+        Lens{LensModel::opencv, {0.1, 0, 0, 0.02}});
   CHECK(names(with("\"k4\": 0.1").error(), "transforms.json", "k4", "OPENCV_FISHEYE"));
   CHECK(names(with("\"camera_model\": \"EQUIRECTANGULAR\"").error(), "transforms.json", "camera_model", "perspective"));
   CHECK(names(with("\"k1\": NaN").error(), "transforms.json", "k1", "finite"));

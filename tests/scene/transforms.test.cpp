@@ -184,6 +184,66 @@ TEST_CASE("scene/transforms: points3d.ply is used only if asked for") {
   CHECK(dataset->points.color[0] == std::array<std::uint8_t, 3>{4, 5, 6});
 }
 
+TEST_CASE("scene/transforms: a point file whose path was written with backslashes is found") {
+  const TemporaryFolder folder;
+  put_image(folder.path() / "images/a.png", 16, 12);
+  put(folder.path() / "sparse_pc/points.ply",
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double z\nend_header\n"
+      "1 2 3\n");
+  put(folder.path() / "transforms.json",
+      R"({"camera_angle_x": 0.8, "ply_file_path": ".\\sparse_pc\\points.ply", "frames": [)" + frame_text("images/a") +
+          "]}");
+  const Result<Dataset> dataset = open_dataset(folder.path(), {});
+  REQUIRE(dataset.ok());
+  CHECK(!dataset->points_are_random);
+  CHECK(dataset->points.size() == 1);
+}
+
+TEST_CASE("scene/transforms: pixels of images of which only smaller copies are there, with w and h missing") {
+  // The file is for 16 x 12 with a focal length of 20 pixels; what is there has 8 x 6 in images_2.
+  const TemporaryFolder folder;
+  put_image(folder.path() / "images_2/a.png", 8, 6);
+  const auto open = [&](const std::string& head) {
+    put(folder.path() / "transforms.json", "{" + head + ", \"frames\": [" + frame_text("images/a.png") + "]}");
+    return open_dataset(folder.path(), {});
+  };
+  const auto check = [&](const std::string& head, double focal, double center, const std::string& said) {
+    CAPTURE(head);
+    const Result<Dataset> dataset = open(head);
+    REQUIRE(dataset.ok());
+    const Camera<double>& camera = dataset->views[0].camera;
+    CHECK(camera.width == 8);
+    CHECK(camera.fx == doctest::Approx(focal).epsilon(1e-14));
+    CHECK(camera.fy == doctest::Approx(focal).epsilon(1e-14));
+    CHECK(camera.cx == doctest::Approx(center).epsilon(1e-14));
+    std::string all;
+    for (const std::string& warning : dataset->warnings) all += warning + "\n";
+    CHECK((said.empty() ? all.find("8 x 6") == std::string::npos : all.find(said) != std::string::npos));
+  };
+  check(R"("fl_x": 20, "w": 16, "h": 12)", 10, 4, "cameras for 16 x 12");  // nothing to guess
+  check(R"("fl_x": 20, "cx": 8.25, "cy": 6)", 10, 4.125, "taken to be for 16 x 12");
+  check(R"("fl_x": 20, "cy": 5.5)", 10, 4, "taken to be for 16 x 12");
+  check(R"("fl_x": 20, "w": 16)", 10, 4, "taken to be for 16 x 12");
+  // An angle and a length together give the size: 2 * 20 tan(a / 2) = 16.
+  check(R"("fl_x": 20, "camera_angle_x": 0.761)", 10, 4, "taken to be for 16 x 12");
+  // The intrinsics of the copies themselves, under the name of the folder that is not there.
+  check(R"("fl_x": 10, "cx": 4.125, "cy": 3)", 10, 4.125, "taken to be for 8 x 6");
+  // Angles are the same at any size; the principal point beside them is not.
+  check(R"("camera_angle_x": 0.761012822)", 4 / std::tan(0.380506411), 4, "");
+  check(R"("camera_angle_x": 0.761012822, "cx": 8.25)", 4 / std::tan(0.380506411), 4.125, "taken to be for 16 x 12");
+  // Nothing tells, or what there is disagrees: not guessed.
+  for (const char* head : {R"("fl_x": 20)", R"("fl_x": 20, "cx": 8, "cy": 3)", R"("fl_x": 20, "cx": 5.7)",
+                           R"("fl_x": 20, "cx": 30, "cy": 30)"}) {
+    CAPTURE(head);
+    const Result<Dataset> dataset = open(head);
+    REQUIRE(!dataset.ok());
+    CHECK(names(dataset.error(), "transforms.json", "w", "give w and h"));
+  }
+  // A file for images that are there counts their pixels, as ever.
+  put_image(folder.path() / "images/a.png", 8, 6);
+  check(R"("fl_x": 20)", 20, 4, "");
+}
+
 TEST_CASE("scene/transforms: bad input is named by file, field and remedy") {
   const TemporaryFolder folder;
   put_blender(folder.path());

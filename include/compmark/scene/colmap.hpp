@@ -4,7 +4,7 @@
 // COLMAP datasets: a sparse model (binary before text; the largest below sparse, sparse, or the folder itself) and a folder of images.
 // Files of rigs and frames are not needed: images have their poses. Views are sorted by the image's base name up to its first dot and every
 // n-th is a test view, as published (method sheet, section 3.5). Each image keeps the intrinsics of its own camera, scaled by the true
-// ratio of sizes where the files are smaller than what COLMAP saw (case CA1).
+// ratio of sizes where the files are smaller than what COLMAP saw (case CA1). A model without a file of points is read without points.
 #pragma once
 
 #include <algorithm>
@@ -24,6 +24,9 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/finish.hpp"
 #include "compmark/scene/image_folder.hpp"
+#include "compmark/scene/image_lookup.hpp"
+#include "compmark/scene/mask_lookup.hpp"
+#include "compmark/scene/point_file.hpp"
 #include "compmark/scene/pose.hpp"
 #include "compmark/scene/view_reader.hpp"
 
@@ -45,11 +48,9 @@ namespace detail {
   std::size_t missing = 0;
   const ColmapImage* first_missing = nullptr;
   for (const ColmapImage* image : images) {
-    paths.push_back(folder / image->name);
-    if (!file_exists(paths.back())) {
-      first_missing = missing++ == 0 ? image : first_missing;
-      paths.back().clear();
-    }
+    const std::filesystem::path path = folder / image->name;
+    paths.push_back(file_exists(path) ? path : find_image_file(path));
+    if (paths.back().empty()) first_missing = missing++ == 0 ? image : first_missing;
   }
   if (missing < images.size()) return paths;
   const std::vector<std::string> files = image_names(folder);
@@ -69,6 +70,26 @@ namespace detail {
       "add the images the model was made from"};
 }
 
+/// The points of a model, or of points3D.ply beside it where the model came without its file (a cached copy in the published format). Both
+/// missing is a model to be started from random points.
+[[nodiscard]] inline Result<PrecisePoints> colmap_points(const ColmapModel& model, const std::filesystem::path& folder,
+                                                         const std::string& suffix, Dataset& dataset) {
+  PrecisePoints points;
+  const std::filesystem::path file = folder / ("points3D" + suffix);
+  if (file_exists(file)) {
+    for (const auto& [id, point] : model.points) {
+      points.position.push_back(point.position);
+      points.color.push_back(point.color);
+    }
+    return points;
+  }
+  const std::filesystem::path copy = folder / "points3D.ply";
+  const bool copied = file_exists(copy);
+  dataset.warnings.push_back(file.string() + ": is not there" + (copied ? ", points are taken from points3D.ply" : ""));
+  if (!copied) return points;
+  return read_precise_points(copy);
+}
+
 }  // namespace detail
 
 /// True if the folder holds a dataset of this kind.
@@ -76,7 +97,7 @@ namespace detail {
   return !detail::find_colmap_folder(root).path.empty();
 }
 
-/// Reads a model from a folder with cameras, images and points3D, binary if there, else text.
+/// Reads a model from a folder with cameras, images and, if there, points3D; binary if there, else text.
 [[nodiscard]] inline Result<ColmapModel> read_colmap_model(const std::filesystem::path& folder,
                                                            const ColmapReadSettings& settings = {}) {
   return detail::has_binary(folder) ? read_colmap_binary(folder, settings) : read_colmap_text(folder, settings);
@@ -146,20 +167,14 @@ namespace detail {
     posed.rotation_camera_world = pose->rotation_camera_world;
     posed.center_world = pose->center_world;
     detail::place_camera(view, posed, intrinsics->lens, settings, notes);
-    if (settings.masks) {
-      view.mask_path = detail::find_mask(root, view.image_path);
-      ++(view.mask_path.empty() ? notes.masks_missing : notes.masks);
-    }
     dataset.views.push_back(std::move(view));
   }
   detail::split_views(dataset, settings.test_every);
   detail::say_notes(notes, cameras_file, settings.lens, dataset);
-  PrecisePoints points;
-  for (const auto& [id, point] : model->points) {
-    points.position.push_back(point.position);
-    points.color.push_back(point.color);
-  }
-  detail::finish_dataset(dataset, std::move(points), settings);
+  if (settings.masks) detail::find_masks(dataset, root);
+  Result<PrecisePoints> points = detail::colmap_points(*model, model_folder, suffix, dataset);
+  if (!points) return points.error();
+  detail::finish_dataset(dataset, std::move(*points), settings);
   return dataset;
 }
 

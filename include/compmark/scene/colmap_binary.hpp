@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -94,11 +95,20 @@ template <class Record>
     if (!done) {
       Error error = done.error();
       error.file = path.string();
-      error.field = "record " + std::to_string(i) + (error.field.empty() ? "" : ", " + error.field);
+      error.field = "record " + std::to_string(i) + " at " + where + (error.field.empty() ? "" : ", " + error.field);
       return error;
     }
   }
   return Done{};
+}
+
+/// What is said of an id that an earlier record has: which of the two is meant cannot be known.
+[[nodiscard]] inline Error repeated_id(const char* field, std::uint64_t id) {
+  return {ErrorKind::malformed,
+          {},
+          field,
+          "is " + std::to_string(id) + ", as in an earlier record",
+          "export the model again with colmap model_converter"};
 }
 
 }  // namespace detail
@@ -126,7 +136,7 @@ template <class Record>
         }
         for (std::size_t i = 0; i < colmap_models[static_cast<std::size_t>(camera.model)].parameters; ++i)
           camera.parameters[i] = cursor.take<double>();
-        model.cameras[id] = camera;
+        if (!model.cameras.emplace(id, camera).second) return detail::repeated_id("camera id", id);
         return Done{};
       });
   if (!done) return done.error();
@@ -149,7 +159,8 @@ template <class Record>
                                             observation.point_id = cursor.take<std::uint64_t>();
                                           }
                                         }
-                                        model.images[id] = std::move(image);
+                                        if (!model.images.emplace(id, std::move(image)).second)
+                                          return detail::repeated_id("image id", id);
                                         return Done{};
                                       });
   if (!done) return done.error();
@@ -162,19 +173,24 @@ template <class Record>
         static_cast<void>(
             cursor.take<double>());  // reprojection error, in pixels of the images the model was computed from
         cursor.skip(cursor.take<std::uint64_t>(), 8);
-        model.points[id] = point;
+        if (!model.points.emplace(id, point).second) return detail::repeated_id("point id", id);
         return Done{};
       });
   if (!done) return done.error();
   return model;
 }
 
-/// Reads the three files of a folder.
+/// Reads the files of a folder; without points3D.bin a model without points.
 [[nodiscard]] inline Result<ColmapModel> read_colmap_binary(const std::filesystem::path& folder,
                                                             const ColmapReadSettings& settings = {}) {
   std::array<std::vector<std::byte>, 3> contents;
   constexpr std::array<const char*, 3> names{"cameras.bin", "images.bin", "points3D.bin"};
   for (std::size_t i = 0; i < 3; ++i) {
+    std::error_code ignored;
+    if (i == 2 && !std::filesystem::exists(folder / names[i], ignored)) {
+      contents[i].resize(sizeof(std::uint64_t));  // a count of zero
+      continue;
+    }
     Result<std::vector<std::byte>> bytes = read_file(folder / names[i]);
     if (!bytes) return bytes.error();
     contents[i] = std::move(*bytes);

@@ -101,6 +101,10 @@ class LineReader {
     return {kind, name_, "line " + std::to_string(number_), std::move(problem),
             "correct the line or export the model again with colmap model_converter"};
   }
+  /// An id that an earlier line has: which of the two is meant cannot be known.
+  [[nodiscard]] Error repeated_id(const char* what, std::uint64_t id) const {
+    return error(ErrorKind::malformed, std::string(what) + " " + std::to_string(id) + " is there twice");
+  }
 
  private:
   std::string name_;
@@ -111,7 +115,7 @@ class LineReader {
 
 }  // namespace detail
 
-/// Reads the three files of a folder.
+/// Reads the files of a folder; without points3D.txt a model without points.
 [[nodiscard]] inline Result<ColmapModel> read_colmap_text(const std::filesystem::path& folder,
                                                           const ColmapReadSettings& settings = {}) {
   ColmapModel model;
@@ -135,7 +139,7 @@ class LineReader {
       camera.parameters[i] = cursor.number<double>();
     if (!cursor.good())
       return lines->error(ErrorKind::malformed, "a camera needs CAMERA_ID MODEL WIDTH HEIGHT PARAMS of its model");
-    model.cameras[id] = camera;
+    if (!model.cameras.emplace(id, camera).second) return lines->repeated_id("camera", id);
   }
 
   lines = detail::LineReader::open(folder / "images.txt");
@@ -150,6 +154,7 @@ class LineReader {
     image.name = cursor.rest();
     if (!cursor.good())
       return lines->error(ErrorKind::malformed, "an image needs IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME");
+    if (model.images.count(id) > 0) return lines->repeated_id("image", id);
     const std::optional<std::string_view> features = lines->next();  // may be empty, or missing after the last image
     detail::LineCursor feature(features.value_or(std::string_view()));
     while (settings.observations && !feature.at_end()) {
@@ -165,6 +170,7 @@ class LineReader {
     model.images[id] = std::move(image);
   }
 
+  if (std::error_code ignored; !std::filesystem::exists(folder / "points3D.txt", ignored)) return model;
   lines = detail::LineReader::open(folder / "points3D.txt");
   if (!lines) return lines.error();
   while (const std::optional<std::string_view> line = lines->next_record()) {
@@ -174,7 +180,7 @@ class LineReader {
     for (double& v : point.position) v = cursor.number<double>();
     for (std::uint8_t& v : point.color) v = cursor.number<std::uint8_t>();
     if (!cursor.good()) return lines->error(ErrorKind::malformed, "a point needs POINT3D_ID X Y Z R G B");
-    model.points[id] = point;
+    if (!model.points.emplace(id, point).second) return lines->repeated_id("point", id);
   }
   return model;
 }

@@ -22,6 +22,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/finish.hpp"
 #include "compmark/scene/image_folder.hpp"
+#include "compmark/scene/mask_lookup.hpp"
 #include "compmark/scene/pose.hpp"
 #include "compmark/scene/view_reader.hpp"
 
@@ -121,15 +122,12 @@ namespace detail {
     camera.rotation_camera_world = pose->rotation_camera_world;
     camera.center_world = pose->center_world;
     detail::place_camera(view, camera, {}, settings, notes);
-    if (settings.masks) {
-      view.mask_path = detail::find_mask(folder, view.image_path);
-      ++(view.mask_path.empty() ? notes.masks_missing : notes.masks);
-    }
     if (row[15] > 0 && row[16] > row[15]) bounds.push_back({row[15], row[16]});
     dataset.views.push_back(std::move(view));
   }
   detail::split_views(dataset, settings.test_every);
   detail::say_notes(notes, file.string(), settings.lens, dataset);
+  if (settings.masks) detail::find_masks(dataset, folder);
   PrecisePoints points;
   if (bounds.size() == dataset.views.size()) {
     points = detail::points_between(dataset, bounds, settings.random_points, settings.seed);

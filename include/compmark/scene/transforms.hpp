@@ -24,11 +24,14 @@
 #include "compmark/core/result.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/finish.hpp"
+#include "compmark/scene/image_lookup.hpp"
+#include "compmark/scene/mask_lookup.hpp"
 #include "compmark/scene/point_file.hpp"
 #include "compmark/scene/pose.hpp"
 #include "compmark/scene/random_points.hpp"
 #include "compmark/scene/transforms_camera.hpp"
 #include "compmark/scene/transforms_json.hpp"
+#include "compmark/scene/transforms_lens.hpp"
 #include "compmark/scene/view_reader.hpp"
 
 namespace compmark::inline v0 {
@@ -55,12 +58,6 @@ namespace detail {
     i = end_a, j = end_b;
   }
   return a.size() != b.size() ? a.size() < b.size() : a < b;
-}
-
-/// "./a\\b.png" as "a/b.png", to compare names.
-[[nodiscard]] inline std::string plain_name(std::string name) {
-  std::replace(name.begin(), name.end(), '\\', '/');
-  return std::filesystem::path(name).lexically_normal().generic_string();
 }
 
 /// Appends the frames of one file. `empty_is_fine`: a list of test frames may be empty.
@@ -106,7 +103,8 @@ template <class Json>
 
     View view;
     view.name = frame["file_path"].template get<std::string>();
-    view.image_path = resolve_image(file.parent_path(), view.name);
+    FoundImage found = find_image(file.parent_path(), view.name);
+    view.image_path = std::move(found.path);
     view.split = split;
     if (view.image_path.empty()) {
       // Checked with a made-up size: a bad focal length is an Error whether or not the image is there.
@@ -119,9 +117,17 @@ template <class Json>
     }
     const Result<ImageInfo> info = look_at_image(view, (*size)[0], (*size)[1], notes);
     if (!info) return info.error();
-    const bool sized = (*size)[0] > 0;
-    Result<Camera<double>> camera =
-        transforms_intrinsics(fields, sized ? (*size)[0] : info->width, sized ? (*size)[1] : info->height);
+    std::array<int, 2> pixels = *size;  // that the intrinsics count
+    if (pixels[0] == 0) {
+      pixels = {info->width, info->height};
+      if (found.reduction > 1 && counts_pixels(fields)) {
+        const Result<int> reduction = pixel_reduction(fields, info->width, info->height, found.reduction);
+        if (!reduction) return reduction.error();
+        for (int& side : pixels) side *= *reduction;
+        notes.assumed.insert({pixels[0], pixels[1], info->width, info->height});
+      }
+    }
+    Result<Camera<double>> camera = transforms_intrinsics(fields, pixels[0], pixels[1]);
     if (!camera) return camera.error();
     camera->rotation_camera_world = pose->rotation_camera_world;
     camera->center_world = pose->center_world;
@@ -132,15 +138,12 @@ template <class Json>
     if (settings.masks) {
       const Json* mask = fields.find("mask_path");
       if (mask != nullptr && mask->is_string()) {
-        view.mask_path = resolve_image(file.parent_path(), mask->template get<std::string>());
+        view.mask_path = find_image(file.parent_path(), mask->template get<std::string>()).path;
         if (view.mask_path.empty())
           return fail(ErrorKind::not_found, fields.field("mask_path"),
                       "names \"" + mask->template get<std::string>() + "\", but there is no such image",
                       "add the mask or remove the field");
-      } else {
-        view.mask_path = find_mask(file.parent_path(), view.image_path);
       }
-      ++(view.mask_path.empty() ? notes.masks_missing : notes.masks);
     }
     dataset.views.push_back(std::move(view));
   }
@@ -244,11 +247,12 @@ template <class Json = nlohmann::json>
     if (!lists) return lists.error();
     if (!*lists) detail::split_views(dataset, settings.test_every);
   }
+  if (settings.masks) detail::find_masks(dataset, folder);
 
   PrecisePoints points;
   std::filesystem::path point_file;
   if (json->contains("ply_file_path") && (*json)["ply_file_path"].is_string())
-    point_file = folder / (*json)["ply_file_path"].template get<std::string>();
+    point_file = folder / detail::plain_name((*json)["ply_file_path"].template get<std::string>());
   if (blender && settings.use_point_file && detail::file_exists(folder / "points3d.ply"))
     point_file = folder / "points3d.ply";
   if (!point_file.empty() && detail::file_exists(point_file)) {

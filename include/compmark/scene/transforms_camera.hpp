@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Intrinsics and lens of a frame of transforms*.json, in all dialects (ecosystem sheet, section 2.4). A frame's own values come before the
-// file's. Focal length, by the first that is there: x_fov y_fov (degrees), fl_x fl_y (pixels), camera_angle_x camera_angle_y (radians); y
-// falls back to x. The lens: k1 … k6 p1 p2, or distortion_params [k1 k2 k3 k4 p1 p2], of the camera_model (OPENCV if not named).
+// Intrinsics of a frame of transforms*.json, in all dialects (ecosystem sheet, section 2.4). A frame's own values come before the file's.
+// Focal length, by the first that is there: x_fov y_fov (degrees), fl_x fl_y (pixels), camera_angle_x camera_angle_y (radians); y falls back
+// to x. Pixels are those of the images of size w x h; where a file does not give them and only smaller copies of its images are there, what
+// else it says of the size must decide.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -14,12 +16,11 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "compmark/core/result.hpp"
 #include "compmark/scene/camera.hpp"
-#include "compmark/scene/lens_model.hpp"
 #include "compmark/scene/transforms_json.hpp"
-#include "compmark/scene/view_reader.hpp"
 
 namespace compmark::inline v0 {
 namespace detail {
@@ -40,6 +41,16 @@ class TransformsFields {
   }
   [[nodiscard]] std::string field(const char* key) const { return frame_.contains(key) ? where_ + "." + key : key; }
   [[nodiscard]] bool in_frame(const char* key) const { return frame_.contains(key); }
+  /// All keys that begin so, those of the frame first.
+  [[nodiscard]] std::vector<std::string> keys_from(const std::string& begin) const {
+    std::vector<std::string> keys;
+    for (const Json* object : {&frame_, &file_}) {
+      for (auto item = object->begin(); object->is_object() && item != object->end(); ++item) {
+        if (item.key().compare(0, begin.size(), begin) == 0) keys.push_back(item.key());
+      }
+    }
+    return keys;
+  }
 
   /// A number in (low, high), or nothing if the key is not there.
   [[nodiscard]] Result<std::optional<double>> number(const char* key, double low, double high, const char* what,
@@ -76,6 +87,69 @@ template <class Json>
   return size;
 }
 
+/// A pair of fields that give the focal length.
+struct FocalSource {
+  const char* x;
+  const char* y;
+  double unit;  ///< radians in one, 0: pixels
+  double high;
+  const char* what;
+  const char* remedy;
+};
+
+/// The fields to take: any focal length of the frame comes before those of the file. Null if there are none.
+template <class Json>
+[[nodiscard]] const FocalSource* focal_source(const TransformsFields<Json>& fields) {
+  static constexpr std::array<FocalSource, 3> sources{
+      {{"x_fov", "y_fov", std::numbers::pi / 180, 179.99, "is not an angle between 0 and 180 degrees",
+        "give the field of view in degrees"},
+       {"fl_x", "fl_y", 0, 1e12, "is not a positive focal length", "give the focal length in pixels"},
+       {"camera_angle_x", "camera_angle_y", 1, 3.14159, "is not an angle between 0 and pi",
+        "give the horizontal field of view in radians"}}};
+  for (const bool in_frame : {true, false}) {
+    for (const FocalSource& source : sources) {
+      if (fields.find(source.x) != nullptr && (!in_frame || fields.in_frame(source.x))) return &source;
+    }
+  }
+  return nullptr;
+}
+
+/// True if the intrinsics mean the pixels of images of one size; angles are the same at any size.
+template <class Json>
+[[nodiscard]] bool counts_pixels(const TransformsFields<Json>& fields) {
+  const FocalSource* source = focal_source(fields);
+  return (source != nullptr && source->unit == 0) || fields.find("cx") != nullptr || fields.find("cy") != nullptr;
+}
+
+/// How many times larger than the image found, a copy made smaller by `reduction`, the images are whose pixels the intrinsics count: 1 or
+/// `reduction`, whichever everything agrees with that tells of their size. Sizes of copies are rounded and principal points are not quite
+/// central, so the answer is one of the two and not the quotient. Asked only where w and h are missing.
+template <class Json>
+[[nodiscard]] Result<int> pixel_reduction(const TransformsFields<Json>& fields, int width, int height, int reduction) {
+  const auto number = [&](const char* key) {
+    const Json* value = fields.find(key);
+    return value == nullptr ? std::optional<double>() : finite_number(*value);
+  };
+  const std::optional<double> w = number("w"), h = number("h"), cx = number("cx"), cy = number("cy");
+  std::vector<double> ratios;
+  if (w) ratios.push_back(*w / width);
+  if (h) ratios.push_back(*h / height);
+  if (cx) ratios.push_back(2 * *cx / width);
+  if (cy) ratios.push_back(2 * *cy / height);
+  const std::optional<double> focal = number("fl_x"), angle = number("camera_angle_x");
+  if (focal && angle) ratios.push_back(2 * *focal * std::tan(*angle / 2) / width);
+  for (const int candidate : {reduction, 1}) {
+    // A quarter off: less than half the way to the other candidate, more than any principal point of an uncropped image.
+    const bool agrees = std::all_of(ratios.begin(), ratios.end(),
+                                    [&](double ratio) { return ratio < 1.25 * candidate && ratio > candidate / 1.25; });
+    if (agrees && !ratios.empty()) return candidate;
+  }
+  return fields.error(ErrorKind::malformed, "w",
+                      "is missing, and only a smaller copy (images_" + std::to_string(reduction) +
+                          ") of the image is there, so it is not known which pixels the intrinsics count",
+                      "give w and h of the images that the focal length is for, or add those images");
+}
+
 /// Camera without pose for images of width x height, which w and h are where the file has them.
 template <class Json>
 [[nodiscard]] Result<Camera<double>> transforms_intrinsics(const TransformsFields<Json>& fields, int width,
@@ -83,42 +157,22 @@ template <class Json>
   Camera<double> camera;
   camera.width = width;
   camera.height = height;
-  struct Source {
-    const char* x;
-    const char* y;
-    double unit;  // radians in one, 0: pixels
-    double high;
-    const char* what;
-    const char* remedy;
-  };
-  constexpr std::array<Source, 3> sources{
-      {{"x_fov", "y_fov", std::numbers::pi / 180, 179.99, "is not an angle between 0 and 180 degrees",
-        "give the field of view in degrees"},
-       {"fl_x", "fl_y", 0, 1e12, "is not a positive focal length", "give the focal length in pixels"},
-       {"camera_angle_x", "camera_angle_y", 1, 3.14159, "is not an angle between 0 and pi",
-        "give the horizontal field of view in radians"}}};
-  bool found = false;
-  for (const bool in_frame : {true, false}) {  // any focal length of the frame comes before those of the file
-    for (const Source& source : sources) {
-      if (found || fields.find(source.x) == nullptr || (in_frame && !fields.in_frame(source.x))) continue;
-      const auto x = fields.number(source.x, 0, source.high, source.what, source.remedy);
-      if (!x) return x.error();
-      const auto y = fields.number(source.y, 0, source.high, source.what, source.remedy);
-      if (!y) return y.error();
-      const auto focal = [&](double value, int side) {
-        return source.unit == 0   ? value
-               : source.unit == 1 ? side / (2 * std::tan(value / 2))
-                                  : side / (2 * std::tan(value * source.unit / 2));
-      };
-      camera.fx = focal(**x, width);
-      camera.fy = *y ? focal(**y, height) : camera.fx;
-      found = true;
-    }
-  }
-  if (!found) {
+  const FocalSource* source = focal_source(fields);
+  if (source == nullptr) {
     return fields.error(ErrorKind::malformed, "camera_angle_x", "is missing, so the focal length is not known",
                         "give the horizontal field of view in radians (or fl_x in pixels)");
   }
+  const auto x = fields.number(source->x, 0, source->high, source->what, source->remedy);
+  if (!x) return x.error();
+  const auto y = fields.number(source->y, 0, source->high, source->what, source->remedy);
+  if (!y) return y.error();
+  const auto focal = [&](double value, int side) {
+    return source->unit == 0   ? value
+           : source->unit == 1 ? side / (2 * std::tan(value / 2))
+                               : side / (2 * std::tan(value * source->unit / 2));
+  };
+  camera.fx = focal(**x, width);
+  camera.fy = *y ? focal(**y, height) : camera.fx;
   const auto cx = fields.number("cx", -1e6, 1e6, "is not a place in pixels", "give the principal point in pixels");
   if (!cx) return cx.error();
   const auto cy = fields.number("cy", -1e6, 1e6, "is not a place in pixels", "give the principal point in pixels");
@@ -126,59 +180,6 @@ template <class Json>
   camera.cx = *cx ? **cx : width / 2.0;
   camera.cy = *cy ? **cy : height / 2.0;
   return camera;
-}
-
-/// The lens of a frame.
-template <class Json>
-[[nodiscard]] Result<Lens> transforms_lens(const TransformsFields<Json>& fields) {
-  std::string model = "OPENCV";
-  const Json* named = fields.find("camera_model");
-  if (named != nullptr) {
-    if (!named->is_string())
-      return fields.error(ErrorKind::malformed, "camera_model", "is not a name",
-                          "use \"OPENCV\" or \"OPENCV_FISHEYE\"");
-    model = named->template get<std::string>();
-  }
-  const Json* flag = fields.find("is_fisheye");
-  if (flag != nullptr && flag->is_boolean() && flag->template get<bool>()) model = "OPENCV_FISHEYE";
-
-  // k1 … k6 and p1 p2 by name; distortion_params [k1 k2 k3 k4 p1 p2] where there are none.
-  constexpr std::array<const char*, 8> names{"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"};
-  constexpr std::array<std::size_t, 6> order{0, 1, 2, 3, 6, 7};
-  std::array<double, 8> k{};
-  if (const Json* list = fields.find("distortion_params"); list != nullptr && !list->is_null()) {
-    if (!list->is_array() || list->size() > order.size())
-      return fields.error(ErrorKind::malformed, "distortion_params", "is not a list of up to 6 numbers",
-                          "give [k1, k2, k3, k4, p1, p2]");
-    for (std::size_t i = 0; i < list->size(); ++i) {
-      const std::optional<double> value = finite_number((*list)[i]);
-      if (!value)
-        return fields.error(ErrorKind::invalid, "distortion_params", "holds something that is not a finite number",
-                            "give [k1, k2, k3, k4, p1, p2]");
-      k[order[i]] = *value;
-    }
-  }
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto value = fields.number(names[i], -1e6, 1e6, "is not a distortion coefficient", "give a finite number");
-    if (!value) return value.error();
-    if (*value) k[i] = **value;
-  }
-  if (model == "PINHOLE" || model == "SIMPLE_PINHOLE") return Lens{};
-  if (model == "OPENCV_FISHEYE" || model == "SIMPLE_RADIAL_FISHEYE" || model == "RADIAL_FISHEYE")
-    return Lens{LensModel::opencv_fisheye, {k[0], k[1], k[2], k[3]}};
-  if (model == "FULL_OPENCV") return Lens{LensModel::full_opencv, {k[0], k[1], k[6], k[7], k[2], k[3], k[4], k[5]}};
-  if (model == "OPENCV" || model == "PERSPECTIVE" || model == "SIMPLE_RADIAL" || model == "RADIAL") {
-    if (k[3] != 0 || k[4] != 0 || k[5] != 0) {
-      return fields.error(ErrorKind::unsupported, "k4", "is not a coefficient of the camera model " + model,
-                          "name the camera_model (OPENCV_FISHEYE or FULL_OPENCV), or undistort the images");
-    }
-    if (k[2] != 0) return Lens{LensModel::full_opencv, {k[0], k[1], k[6], k[7], k[2]}};
-    const Lens lens{LensModel::opencv, {k[0], k[1], k[6], k[7]}};
-    return is_pinhole(lens) ? Lens{} : lens;
-  }
-  return fields.error(ErrorKind::unsupported, "camera_model",
-                      "\"" + model + "\" is no lens that can be brought to a pinhole",
-                      "export perspective or fisheye images (cut panoramas into perspective views)");
 }
 
 }  // namespace detail

@@ -1,22 +1,19 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Parsing of transforms*.json: numbers that Python wrote as NaN, poses as 4 x 4 or 3 x 4 matrices, image paths with backslashes or without
-// their extension. Every Error names the field by its path in the file.
+// Parsing of transforms*.json: numbers that Python wrote as NaN, poses as 4 x 4 or 3 x 4 matrices. Every Error names the field by its path
+// in the file.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -81,6 +78,13 @@ template <class Json>
   return std::isfinite(number) ? std::optional<double>(number) : std::nullopt;
 }
 
+/// False, 0 or null: a field that says that there is nothing.
+template <class Json>
+[[nodiscard]] bool switched_off(const Json& value) {
+  if (value.is_boolean()) return !value.template get<bool>();
+  return value.is_null() || (value.is_number() && value.template get<double>() == 0);
+}
+
 /// Row-major 4 x 4 (a 3 x 4 is completed); the Error names the entry.
 template <class Json>
 [[nodiscard]] Result<std::array<double, 16>> read_matrix(const Json& frame, const std::string& file,
@@ -108,30 +112,6 @@ template <class Json>
     }
   }
   return matrix;
-}
-
-/// file_path relative to the JSON file, "\\" counts as "/"; where there is no such file also with an extension, and in the folders that hold
-/// smaller copies (images_2 for images). Empty if nothing is found.
-[[nodiscard]] inline std::filesystem::path resolve_image(const std::filesystem::path& folder, std::string file_path) {
-  std::replace(file_path.begin(), file_path.end(), '\\', '/');
-  const std::filesystem::path given = std::filesystem::path(file_path).lexically_normal();
-  std::vector<std::filesystem::path> places{given};
-  if (given.begin() != given.end() && std::next(given.begin()) != given.end()) {
-    for (const char* smaller : {"_2", "_4", "_8"}) {
-      std::filesystem::path place = given.begin()->string() + smaller;
-      for (auto part = std::next(given.begin()); part != given.end(); ++part) place /= *part;
-      places.push_back(place);
-    }
-  }
-  for (const std::filesystem::path& place : places) {
-    for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
-      std::filesystem::path candidate = (folder / place).lexically_normal();
-      candidate += extension;
-      std::error_code ignored;
-      if (std::filesystem::is_regular_file(candidate, ignored)) return candidate;
-    }
-  }
-  return {};
 }
 
 }  // namespace detail

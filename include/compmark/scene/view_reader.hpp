@@ -2,10 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What all readers do with one image: look at its header, decide how it is turned, bring the intrinsics of the file to its true size, say
-// what becomes of the lens, find its mask. And what they do at the end: split, say in one sentence each what was noticed.
+// what becomes of the lens. And what they do at the end: split, say in one sentence each what was noticed.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -55,11 +54,10 @@ struct ReaderNotes {
   std::size_t not_turned = 0;  ///< carry an orientation, but the camera is for the stored image
   std::size_t missing = 0;     ///< images of the file that are not there
   std::string first_missing;
-  std::size_t masks = 0;
-  std::size_t masks_missing = 0;
   double displacement = 0;  ///< largest of all lenses, delivered pixels
   std::size_t fisheyes = 0;
-  std::set<std::tuple<int, int, int, int>> scaled;  ///< camera size, image size
+  std::set<std::tuple<int, int, int, int>> scaled;   ///< camera size, image size
+  std::set<std::tuple<int, int, int, int>> assumed;  ///< the same where the file does not give the camera's size
 
   // The last lens measured: views that share a camera come one after the other as a rule.
   Lens last_lens;
@@ -125,31 +123,6 @@ inline void place_camera(View& view, const Camera<double>& intrinsics, const Len
   if (settings.lens != LensTreatment::undistort || notes.last_displacement > 0.25) view.lens_treatment = settings.lens;
 }
 
-/// The mask of an image in `root`/<folder>/<rest>: masks/<rest> with the image's name, that name and ".png", or its stem and ".png".
-/// A folder like images_4 looks into masks_4 first. Empty if there is none.
-[[nodiscard]] inline std::filesystem::path find_mask(const std::filesystem::path& root,
-                                                     const std::filesystem::path& image) {
-  const std::filesystem::path relative = image.lexically_relative(root);
-  if (relative.empty() || relative.begin() == relative.end()) return {};
-  const std::string first = relative.begin()->string();
-  std::filesystem::path rest;
-  for (auto part = std::next(relative.begin()); part != relative.end(); ++part) rest /= *part;
-  if (rest.empty()) rest = relative;
-  const std::size_t underscore = first.rfind('_');
-  const std::string suffix = underscore == std::string::npos ? "" : first.substr(underscore);
-  for (const std::string& folder : {"masks" + suffix, std::string("masks")}) {
-    if (!folder_exists(root / folder)) continue;
-    const std::filesystem::path base = root / folder / rest;
-    std::filesystem::path appended = base, replaced = base;
-    appended += ".png";
-    replaced.replace_extension(".png");
-    for (const std::filesystem::path& candidate : {appended, replaced, base}) {
-      if (file_exists(candidate)) return candidate;
-    }
-  }
-  return {};
-}
-
 /// Every n-th view is a test view. Where that would leave nothing to train on, all views train.
 inline void split_views(Dataset& dataset, int test_every) {
   for (std::size_t i = 0; i < dataset.views.size(); ++i) {
@@ -174,6 +147,11 @@ inline void say_notes(const ReaderNotes& notes, const std::string& source, LensT
     say("images of " + std::to_string(to_width) + " x " + std::to_string(to_height) + " pixels belong to cameras for " +
         std::to_string(width) + " x " + std::to_string(height) + "; intrinsics are scaled");
   }
+  for (const auto& [width, height, to_width, to_height] : notes.assumed) {
+    say("w and h are missing, and the images found are smaller copies of " + std::to_string(to_width) + " x " +
+        std::to_string(to_height) + " pixels; by what else the file says, the intrinsics are taken to be for " +
+        std::to_string(width) + " x " + std::to_string(height));
+  }
   if (notes.sixteen_bit > 0)
     say(std::to_string(notes.sixteen_bit) + of + "have 16 bits a channel, of which the upper 8 are used");
   if (notes.turned > 0)
@@ -182,8 +160,6 @@ inline void say_notes(const ReaderNotes& notes, const std::string& source, LensT
     say(std::to_string(notes.not_turned) + of +
         "carry an Exif orientation, but are used as stored, as their cameras are");
   }
-  if (notes.masks > 0 && notes.masks_missing > 0)
-    say(std::to_string(notes.masks_missing) + of + "have no mask and are used whole");
   if (notes.displacement > 0) {
     const std::string much = "the lens moves pixels by at most " + two_digits(notes.displacement);
     say(much + (treatment == LensTreatment::keep     ? "; images keep it"

@@ -1,0 +1,95 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/scene/mask_lookup.hpp"
+
+#include <doctest/doctest.h>
+#include <compmark/scene/open.hpp>
+
+#include <string>
+
+#include "support/scene_files.hpp"
+
+using namespace compmark;
+using namespace compmark::testing;
+
+TEST_CASE("scene/mask_lookup: the image's own folder below masks, then its name; full name, stem, other capitals") {
+  const TemporaryFolder folder;
+  const std::filesystem::path& root = folder.path();
+  const auto mask = [&](const std::string& image) {
+    const std::filesystem::path found = detail::find_mask(root, root / image);
+    return found.empty() ? std::string("none") : found.lexically_relative(root).generic_string();
+  };
+  CHECK(mask("images/a.JPG") == "none");
+  put(root / "masks/a.jpg.png", "x");
+  CHECK(mask("images/a.JPG") == "masks/a.jpg.png");  // a mask made before the image was renamed
+  put(root / "masks/a.JPG", "x");
+  CHECK(mask("images/a.JPG") == "masks/a.JPG");
+  put(root / "masks/a.PNG", "x");
+  CHECK(mask("images/a.JPG") == "masks/a.PNG");
+  put(root / "masks/a.JPG.png", "x");
+  CHECK(mask("images/a.JPG") == "masks/a.JPG.png");
+  CHECK(mask("images_4/a.JPG") == "masks/a.JPG.png");
+  put(root / "masks_4/a.png", "x");
+  CHECK(mask("images_4/a.JPG") == "masks_4/a.png");
+  CHECK(mask("images/a.JPG") == "masks/a.JPG.png");
+  put(root / "masks/images/a.png", "x");
+  CHECK(mask("images/a.JPG") == "masks/images/a.png");
+  put(root / "masks/left/b.png", "x");
+  CHECK(mask("images/left/b.jpg") == "masks/left/b.png");
+  CHECK(mask("images/right/b.jpg") == "none");
+  CHECK(mask("a.JPG") == "masks/a.JPG.png");  // images beside the file of cameras
+  // However the folder is written, and for images outside of it: never the image itself as its own mask.
+  CHECK(detail::find_mask(root / "." / "masks" / "..", root / "images/left/b.jpg").filename() == "b.png");
+  put(root / "scene/masks/c.png", "x");
+  put(root / "images/d.png", "x");
+  CHECK(detail::find_mask(root / "scene", root / "images/c.jpg") == root / "scene/masks/c.png");
+  CHECK(detail::find_mask(root / "scene", root / "images/d.png").empty());
+}
+
+TEST_CASE("scene/mask_lookup: a mask that two images could mean is nobody's, with a word; in its folder it is one's") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());  // train/a train/b test/a
+  put_image(folder.path() / "masks/a.png", 16, 12, 1);
+  put_image(folder.path() / "masks/b.png", 16, 12, 1);
+  const auto open = [&] {
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    REQUIRE(dataset->views.size() == 3);
+    return *dataset;
+  };
+  const Dataset undecided = open();
+  CHECK(undecided.views[0].mask_path.empty());
+  CHECK(undecided.views[1].mask_path == folder.path() / "masks/b.png");
+  CHECK(undecided.views[2].mask_path.empty());
+  REQUIRE(undecided.warnings.size() == 2);
+  CHECK(undecided.warnings[0].find("masks/a.png\" could be of \"./train/a\" and of \"./test/a\"") != std::string::npos);
+  CHECK(undecided.warnings[0].find("masks/train") != std::string::npos);
+  CHECK(undecided.warnings[1].find("2 of 3 images have no mask") != std::string::npos);
+  put_image(folder.path() / "masks/train/a.png", 16, 12, 1);
+  const Dataset decided = open();
+  CHECK(decided.views[0].mask_path == folder.path() / "masks/train/a.png");
+  CHECK(decided.views[2].mask_path == folder.path() / "masks/a.png");  // the only one left that it could mean
+  put_image(folder.path() / "masks/test/a.png", 16, 12, 1);
+  const Dataset both = open();
+  CHECK(both.views[2].mask_path == folder.path() / "masks/test/a.png");
+  CHECK(both.warnings.empty());
+}
+
+TEST_CASE("scene/mask_lookup: one image in two frames has one mask, and a mask that frames name is theirs") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  put_image(folder.path() / "masks/a.png", 16, 12, 1);
+  put(folder.path() / "transforms_test.json", transforms_text(frame_text("train\\\\a")));
+  const Result<Dataset> twice = open_dataset(folder.path(), {});
+  REQUIRE(twice.ok());
+  CHECK(twice->views[0].mask_path == folder.path() / "masks/a.png");
+  CHECK(twice->views[2].mask_path == folder.path() / "masks/a.png");
+  const std::string named = R"({"mask_path": "masks\\a.PNG", )";
+  put(folder.path() / "transforms_train.json",
+      transforms_text(named + frame_text("train/a").substr(1) + "," + named + frame_text("train/b").substr(1)));
+  put(folder.path() / "transforms_test.json", transforms_text(named + frame_text("test/a").substr(1)));
+  const Result<Dataset> explicitly = open_dataset(folder.path(), {});
+  REQUIRE(explicitly.ok());
+  for (const View& view : explicitly->views) CHECK(view.mask_path == folder.path() / "masks/a.png");
+  CHECK(explicitly->warnings.empty());
+}
