@@ -5,10 +5,15 @@
 // kill, and for every bad input one line that names file, field and remedy, exit code 2, and nothing touched.
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <compmark/core/buffer.hpp>
 #include <compmark/core/views.hpp>
+#include <compmark/io/anchor_ply.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/image_file.hpp>
+#include <compmark/io/safetensors.hpp>
+#include <compmark/io/splat_ply.hpp>
 #include <compmark/scene/procedural_write.hpp>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -255,6 +260,70 @@ TEST_CASE("tool: a scene far from the origin is rendered alike from every folder
     worst = std::max(worst, std::abs(static_cast<int>(a->pixels[i]) - static_cast<int>(b->pixels[i])));
   CHECK(worst <= 1);  // without the stored origin the two means are 1.5 apart and the pictures have nothing in common
   CHECK(std::any_of(a->pixels.begin(), a->pixels.end(), [](std::uint8_t x) { return x > 60; }));
+}
+
+TEST_CASE(
+    "tool: a scene in millimetres is rendered alike from every folder of the same world, and exported in millimetres") {
+  const auto scaled = [](const std::string& name, double factor, std::size_t keep) {
+    const std::string path = damaged(name);
+    for (const char* file : {"/transforms_train.json", "/transforms_test.json"}) {
+      nlohmann::json json = json_of(path + file);
+      for (auto& frame : json["frames"]) {
+        for (std::size_t row = 0; row < 3; ++row) {
+          double& entry = frame["transform_matrix"][row][3].get_ref<double&>();
+          entry *= factor;
+        }
+      }
+      if (std::string(file) == "/transforms_train.json")
+        json["frames"].erase(json["frames"].begin() + static_cast<std::ptrdiff_t>(keep), json["frames"].end());
+      write_text(path + file, json.dump());
+    }
+    return path;
+  };
+  const std::string large = scaled("large", 1024, 8), part = scaled("large-part", 1024, 1), plain = at("scene"),
+                    run = at("run-large"), model = " --model " + run + "/model.safetensors ";
+  const Outcome trained = tool("train --iterations 60 --effects none --data " + large + " --out " + run);
+  REQUIRE(trained.code == 0);
+  CHECK(trained.text.find("lengths are counted in units of") != std::string::npos);
+  for (const auto& [data, out] : {std::pair(large, "/whole"), std::pair(part, "/part"), std::pair(plain, "/plain")})
+    REQUIRE(tool("render" + model + "--out " + run + out + " --data " + data).code == 0);
+  const auto pixels = [&](const std::string& out) {
+    const Result<ImageBytes> image = read_image(run + out + "/test_r_000.png");
+    REQUIRE(image.ok());
+    return image->pixels;
+  };
+  const std::vector<std::uint8_t> whole = pixels("/whole");
+  CHECK(whole == pixels("/part"));   // whatever unit that folder would have by itself
+  CHECK(whole != pixels("/plain"));  // the control: there the cameras of another world stand, all in one place
+  CHECK(std::any_of(whole.begin(), whole.end(), [](std::uint8_t x) { return x > 60; }));
+
+  // Anchors and splats are in the coordinates of the files, in which cameras stand 4,000 away.
+  REQUIRE(tool("export" + model + "--format anchors --out " + run + "/anchors.ply").code == 0);
+  REQUIRE(tool("export" + model + "--sh-degree 0 --refine 0 --compare 0 --out " + run + "/splats.ply").code == 0);
+  const Result<SafetensorsFile> file = read_safetensors(run + "/model.safetensors");
+  const Result<AnchorPly> anchors = read_anchor_ply(run + "/anchors.ply");
+  const Result<SplatPly> splats = read_splat_ply(run + "/splats.ply");
+  REQUIRE(file.ok());
+  REQUIRE(anchors.ok());
+  REQUIRE(splats.ok());
+  const double unit = json_from<nlohmann::json>(*file->text_of("info"))["unit"].get<double>();
+  CHECK(unit == 1024);
+  const std::vector<float> position = *file->values<float>("anchor.position"),
+                           scaling = *file->values<float>("anchor.scaling");
+  REQUIRE(anchors->position.size() == position.size());
+  for (std::size_t i = 0; i < position.size(); ++i) CHECK(anchors->position[i] == 1024 * position[i]);
+  for (std::size_t i = 0; i < scaling.size(); ++i)
+    CHECK(anchors->scaling[i] == doctest::Approx(static_cast<double>(scaling[i]) + 10 * std::log(2.0)).epsilon(1e-6));
+  float widest = 0;
+  double scale = 0;
+  const SplatTable& table = splats->table;
+  for (std::size_t i = 0; i < table.count; ++i) {
+    widest = std::max(widest, std::abs(table.mean[0][i]));
+    scale += static_cast<double>(table.log_scale[0][i]) / static_cast<double>(table.count);
+  }
+  CHECK(widest > 512);
+  CHECK(widest < 8192);
+  CHECK(scale > 0);  // of anchors a few hundredths apart in units of 1,024; a splat of e^-3 would be a speck
 }
 
 TEST_CASE("tool: the same seed gives the same model_sha256 for 1, 2 and 4 threads, another seed another") {
