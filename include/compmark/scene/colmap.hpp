@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -47,9 +48,12 @@ namespace detail {
   std::vector<std::filesystem::path> paths;
   std::size_t missing = 0;
   const ColmapImage* first_missing = nullptr;
+  std::set<std::filesystem::path> named;
+  for (const ColmapImage* image : images) named.insert(folder / image->name);
   for (const ColmapImage* image : images) {
     const std::filesystem::path path = folder / image->name;
     paths.push_back(file_exists(path) ? path : find_image_file(path));
+    if (paths.back() != path && named.count(paths.back()) > 0) paths.back().clear();  // it is another image's own
     if (paths.back().empty()) first_missing = missing++ == 0 ? image : first_missing;
   }
   if (missing < images.size()) return paths;
