@@ -114,6 +114,10 @@ TEST_CASE("scene/finish: a scene of size 0.1 to 100 keeps its unit, others are b
   CHECK(unit(1, std::nextafter(128.0, 0.0)) == 16);
   CHECK(unit(4 * 0x1p-40, 0x1p-40) == 0x1p-40);
   CHECK(finished(4096, {{0, 512, 1024}}).points.position[0] == std::array<float, 3>{0, 0.5f, 1});
+  // The smallest numbers there are have a unit that can be divided by.
+  const Dataset least = finished(0x1p-1070, {{0, 0, 0x1p-1072}});
+  CHECK(least.unit == 0x1p-1021);
+  CHECK(least.views[0].camera.center_world[0] == 0x1p-49);
   // One place: what is seen from there says; where nothing is, nothing does.
   CHECK(unit(0, 0.002) == 0x1p-11);
   CHECK(finished(0, {}).unit == 1);

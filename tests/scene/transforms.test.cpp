@@ -126,7 +126,7 @@ TEST_CASE(
     CHECK(dataset->points.size() == 10000);
     return *dataset;
   };
-  // Share of the random points that the first camera sees, and the largest distance from the middle of the cube along an axis.
+  // The largest distance of a random point from a place of the files, along an axis.
   const auto spread = [](const Dataset& dataset, const std::array<double, 3>& center) {
     double largest = 0;
     for (const auto& p : dataset.points.position) {

@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -75,7 +76,7 @@ inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
   const double size = std::fmax(spread.radius, around > 0 ? around : look_at(dataset).distance);
   const bool small = size<least_scene_size, large = std::fmax(spread.radius, around)> greatest_scene_size;
   if ((!small && !large) || !std::isfinite(size)) return;
-  dataset.unit = std::ldexp(1.0, std::ilogb(size) - 2);
+  dataset.unit = std::ldexp(1.0, std::max(std::ilogb(size) - 2, std::numeric_limits<double>::min_exponent));
   for (View& view : dataset.views) {
     for (double& x : view.camera.center_world) x /= dataset.unit;
   }
