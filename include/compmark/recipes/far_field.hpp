@@ -2,8 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Recipes for unbounded scenes: cells of the anchors grow with the distance from the cameras, beyond the ball that they stand in. Origin and
-// radius of the ball go into TrainSettings::effects, and far points behind the scene into its point cloud (scene/far_field.hpp has both).
-// What it brings and costs is measured in docs/effects.md.
+// radius of the ball (scene/far_field.hpp) go into TrainSettings::effects. What it brings and costs is measured in docs/effects.md.
 #pragma once
 
 #include "compmark/anchor/contracted_space.hpp"
