@@ -93,7 +93,8 @@ int run(const EvaluateOptions& options) {
 Command add_evaluate(CLI::App& app) {
   auto options = std::make_shared<EvaluateOptions>();
   app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
-  app.add_option("--data", options->data, "dataset folder")->required();
+  app.add_option("--data", options->data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+      ->required();
   app.add_option("--split", options->split, "test or train")
       ->capture_default_str()
       ->check(CLI::IsMember({"test", "train"}));

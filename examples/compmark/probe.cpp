@@ -20,7 +20,8 @@ Command add_probe(CLI::App& app) {
     bool json = false;
   };
   auto options = std::make_shared<Options>();
-  app.add_option("--data", options->data, "dataset folder")->required();
+  app.add_option("--data", options->data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+      ->required();
   app.add_flag("--json", options->json, "one JSON object instead of text");
   return [options]() -> int {
     using namespace compmark;

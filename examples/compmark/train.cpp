@@ -155,7 +155,8 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
 
 Command add_train(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
-  app.add_option("--data", options->data, "dataset folder (Blender transforms or COLMAP)")->required();
+  app.add_option("--data", options->data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+      ->required();
   app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
   app.add_option("--recipe", options->recipe,
                  "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
