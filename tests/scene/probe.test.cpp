@@ -206,6 +206,24 @@ TEST_CASE("scene/probe: exactly the effect that was planted is called for") {
   CHECK(probe_with({}, [](Plant&, Folder folder) { put_image(folder.path() / "masks/03.png", 16, 12, 1); }) == "masks");
 }
 
+TEST_CASE("scene/probe: the unit of a capture and its place in the world change nothing") {
+  for (const double scale : {1e-3, 1.0, 1e3}) {
+    for (const double away : {0.0, 1e5}) {
+      CAPTURE(scale);
+      CAPTURE(away);
+      CHECK(probe_with([&](Plant& p) {
+              for (std::size_t k = 0; k < 12; k += 2) p.capture.cameras[k].fx = p.capture.cameras[k].fy = 60;
+              for (Camera<double>& camera : p.capture.cameras) {
+                for (double& x : camera.center_world) x = scale * (x + away);
+              }
+              for (auto& point : p.capture.points) {
+                for (auto& x : point) x = scale * (x + away);
+              }
+            }) == "anti_aliasing");
+    }
+  }
+}
+
 TEST_CASE("scene/probe: a screen behind opaque photographs is a background, with its colour") {
   const auto screen = [](std::array<int, 3> color,
                          int noise) {  // the subject fills the middle, levels scatter like those of a JPEG
