@@ -31,8 +31,8 @@ for package in $needed; do
   is_installed "$package" || missing="$missing $package"
 done
 wanted=""
-for package in $optional; do
-  is_installed "$package" || wanted="$wanted $package"
+for package in $optional; do # a package that this system does not know is not asked for
+  is_installed "$package" || ! apt-cache show "$package" >/dev/null 2>&1 || wanted="$wanted $package"
 done
 [ -z "$missing$wanted" ] && exit 0
 

@@ -115,7 +115,8 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
   if (!encoded) return encoded.error();
   run.metrics.encode_seconds = since(encoding);
   const auto decoding = Clock::now();
-  Result<std::unique_ptr<AnyModel>> decoded = load_model(file);  // what was written is what is measured
+  Result<std::unique_ptr<AnyModel>> decoded =
+      load_model(file, executor.concurrency());  // what was written is what is measured
   if (!decoded) return decoded.error();
   run.metrics.decode_seconds = since(decoding);
   const Result<Evaluation> evaluation =

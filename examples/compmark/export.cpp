@@ -263,7 +263,7 @@ Command add_export(CLI::App& app) {
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   app.add_option("--json", options->json, "write counts, figures and warnings to this file");
   return [options]() -> int {
-    const Result<ModelSource> source = ModelSource::open(options->model);
+    const Result<ModelSource> source = ModelSource::open(options->model, options->threads);
     if (!source) return fail(source.error());
     return with_reading_recipe(
         source->recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *source); }));

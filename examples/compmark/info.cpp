@@ -97,6 +97,7 @@ Command add_info(CLI::App& app) {
                 options->model.string().c_str(), digest->c_str(), info->recipe.c_str(), info->profile.c_str(),
                 static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed));
     for (const auto& [name, tensor] : file->tensors) bytes += tensor.data.size();
+    if (info->unit != 1) std::printf("  unit        %.10g of the dataset's lengths\n", info->unit);
     if (file->has("anchor.position"))
       std::printf("  anchors     %lld\n", static_cast<long long>(file->tensors.at("anchor.position").shape.at(0)));
     std::printf("  shape       %s\n  background  %s\n  views       %zu stored\n  tensors     %zu, %.2f MB\n",

@@ -47,10 +47,13 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (!key) return key.error();
   Result<Decoder> decoder = load_decoder(options.decoder, &*key);
   if (!decoder) return decoder.error();
-  if (!options.twin.empty()) {  // better now than after the training
-    if (const auto twin = load_model(options.twin); !twin) return twin.error();
-  }
   MarkInput input;
+  if (!options.twin.empty()) {  // better now than after the training
+    const auto twin = load_model(options.twin);
+    if (!twin) return twin.error();
+    input.twin_unit = (*twin)->info.unit;
+    input.twin_origin = (*twin)->info.origin;
+  }
   input.message = message_of(*key);
   if (options.bits != 0 && options.bits != input.message.size()) {
     return Error{ErrorKind::invalid, options.key.string(), "bits",

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <compmark/mark/message.hpp>
 #include <compmark/mark/report.hpp>
 #include <compmark/pipeline/settings.hpp>
@@ -48,6 +49,8 @@ struct MarkInput {
   std::vector<std::uint8_t> bits;  ///< the same, one a byte
   compmark::ReportSources sources;
   std::filesystem::path twin;
+  double twin_unit = 1;  ///< as in the twin's ModelInfo, likewise the origin
+  std::array<double, 3> twin_origin{0, 0, 0};
   bool for_compression = false;
 };
 /// Reads key and decoder, which must agree on the length, and writes what they say into the settings of the run.

@@ -4,8 +4,14 @@
 // compmark train: a dataset in, a model, its measurements and a page to look at out, with a message in it if a key and a decoder are given.
 // Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
 #include <algorithm>
+#include <array>
+#include <compmark/io/json_file.hpp>
+#include <compmark/io/safetensors.hpp>
+#include <compmark/pipeline/model_info.hpp>
 #include <compmark/scene/open.hpp>
+#include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -20,9 +26,45 @@
 namespace tool {
 namespace {
 
+/// A run that goes on has the recipe, the effects and the background that it began with, whatever a probe would say today. False where nothing was
+/// begun, or the command says otherwise.
+Result<bool> continue_begun(TrainOptions& options) {
+  const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
+  if (!options.resume || !options.recipe.empty() || options.effects != "auto" || !std::filesystem::exists(checkpoint))
+    return false;
+  const Result<SafetensorsFile> file = read_safetensors(checkpoint);
+  if (!file) return file.error();
+  const Result<std::string> text = file->text_of("info");
+  if (!text) return text.error();
+  const nlohmann::json json = json_from<nlohmann::json>(*text);
+  const Result<ModelInfo> info = detail::read_info(*file, json);
+  if (!info) return info.error();
+  if (is_coded_recipe(info->recipe) != (options.codec != "none")) return false;
+  options.recipe = info->recipe;
+  options.simulated = info->effects;
+  const nlohmann::json background = json.value("background", nlohmann::json());
+  if (options.background.empty() && background.is_array() && background.size() == 3) {
+    std::array<double, 3>& color = options.probed_background.emplace();
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (!background[c].is_number()) return false;  // the trainer says what is wrong with the file
+      color[c] = background[c].get<double>();
+    }
+  }
+  if (options.lens == "undistort") {
+    if (projects_lens(options.recipe)) options.lens = "project";
+    const auto& effects = options.simulated;
+    if (std::find(effects.begin(), effects.end(), lens_ignored) != effects.end()) options.lens = "ignore";
+  }
+  options.notes.push_back("recipe " + options.recipe + ", as the run began");
+  return true;
+}
+
 /// Settles options.recipe, options.simulated and the probed background, and says why in options.notes. An explicit --recipe is taken as it is; the
 /// hosts of the other profiles have no effects.
 Result<Done> choose_effects(TrainOptions& options) {
+  const Result<bool> begun = continue_begun(options);
+  if (!begun) return begun.error();
+  if (*begun) return Done{};
   DatasetSettings settings;
   const bool recipe_given = !options.recipe.empty();
   if (!recipe_given) options.recipe = default_recipe(options.profile);
@@ -190,8 +232,9 @@ Command add_train(CLI::App& app) {
   app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  app.add_option("--voxel-size", options->voxel_size,
-                 "world units; 0 or less: median nearest-neighbour distance (default: the profile's)")
+  app.add_option(
+         "--voxel-size", options->voxel_size,
+         "in the lengths of the dataset's files; 0 or less: median nearest-neighbour distance (default: the profile's)")
       ->each([options](const std::string&) { options->voxel_size_given = true; });
   app.add_option("--background", options->background, "black or white (default black), behind transparent images");
   app.add_option("--effects", options->effects,

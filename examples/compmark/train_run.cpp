@@ -59,10 +59,12 @@ Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSett
   data_settings.background = settings.background;
   data_settings.seed = settings.seed;
   data_settings.lens = source.info != nullptr ? settings_of(*source.info).lens : lens_treatment(options);
-  Result<Dataset> opened = open_dataset(options.data, data_settings);
+  Result<Dataset> opened = source.info != nullptr ? open_for(*source.info, options.data, data_settings)
+                                                  : open_dataset(options.data, data_settings);
   if (!opened) return opened.error();
   run->dataset = std::move(*opened);
   const Dataset& dataset = run->dataset;
+  if (options.voxel_size_given && settings.voxel_size > 0) settings.voxel_size /= dataset.unit;
   if (needs.ball) {
     const CameraBall ball = camera_ball(dataset);
     settings.effects.space_origin = ball.origin;
@@ -113,6 +115,12 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
     if (Result<Done> loaded = run.train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
       return loaded.error();
   }
+  if (mark != nullptr && !mark->twin.empty() &&
+      (mark->twin_unit != run.dataset.unit || mark->twin_origin != run.dataset.origin)) {
+    return Error{ErrorKind::invalid, mark->twin.string(), "--twin",
+                 "counts its lengths in another unit, or from another origin, than this version does for these data",
+                 "train the twin again"};
+  }
   if (source.info == nullptr) return Done{};
   const auto foreign = [&](std::string field, std::string problem) {
     return Error{ErrorKind::invalid, options.model.string(), std::move(field), std::move(problem),
@@ -136,7 +144,7 @@ std::string background_name(const TrainOptions& options) {
   if (!options.background.empty()) return options.background;
   if (!options.probed_background) return "black";
   const std::array<double, 3>& color = *options.probed_background;
-  return rounded(255 * color[0], 0) + " " + rounded(255 * color[1], 0) + " " + rounded(255 * color[2], 0) + " (probed)";
+  return rounded(255 * color[0], 0) + " " + rounded(255 * color[1], 0) + " " + rounded(255 * color[2], 0);
 }
 
 }  // namespace

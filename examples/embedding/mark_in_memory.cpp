@@ -50,6 +50,7 @@ class Team {
     size_ = n;
     grain_ = grain;
     next_ = 0;
+    failed_.clear();
     failure_ = nullptr;
     meet_.arrive_and_wait();
     work(0);
@@ -62,8 +63,7 @@ class Team {
     try {
       for (std::size_t begin = 0; (begin = next_.fetch_add(grain_)) < size_;) body_(begin, worker);
     } catch (...) {
-      if (!failed_.test_and_set()) failure_ = std::current_exception();
-      failed_.clear();
+      if (!failed_.test_and_set()) failure_ = std::current_exception();  // of the first who fails
     }
   }
 

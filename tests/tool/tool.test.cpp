@@ -350,6 +350,16 @@ TEST_CASE("tool: a run that is killed and resumed ends in the same model_sha256"
                 {"checkpoint.safetensors", "iterations is 120"});
   CHECK(train("killed", "--resume") == reference);
 
+  // What a run began with need not be told again, though a probe would choose another recipe for these data.
+  const std::string told = " --recipe scaffold --background white --checkpoint-every 10 ";
+  const std::string white = train("told", told);
+  CHECK(white != reference);
+  static_cast<void>(tool("train --data " + scene() + " --out " + at("told-killed") + " --iterations 120" + told +
+                         "2>&1 & pid=$!; while [ ! -f " + at("told-killed/checkpoint.safetensors") +
+                         " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -9 $pid; wait $pid #"));
+  REQUIRE(fs::exists(at("told-killed/checkpoint.safetensors")));
+  CHECK(train("told-killed", "--resume") == white);
+
   // Ctrl-C writes a checkpoint of the very iteration.
   const Outcome interrupted =
       tool("train --data " + scene() + " --out " + at("interrupted") +
