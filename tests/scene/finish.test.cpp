@@ -124,6 +124,33 @@ TEST_CASE("scene/finish: a scene of size 0.1 to 100 keeps its unit, others are b
   CHECK(!says(finished(4, {}), "units"));
 }
 
+TEST_CASE("scene/finish: one camera registered far away does not decide the unit") {
+  for (const std::array<double, 3>& lost : {std::array<double, 3>{1e4, 0, 0}, {0, -1e4, 3e3}, {6e3, 6e3, -6e3}}) {
+    for (const bool has_points : {true, false}) {
+      const auto unit = [&](double radius) {
+        Dataset dataset = cross_of_cameras({0, 0, 0}, radius);
+        dataset.views.push_back(dataset.views[0]);
+        dataset.views.back().camera.center_world = lost;
+        CHECK(detail::camera_spread(dataset).radius > 5000);  // what the mean says
+        detail::finish_dataset(
+            dataset, has_points ? points_at({{0, 0, radius / 2}, {0, radius / 2, 0}, {0, 0, 0}}) : PrecisePoints{}, {});
+        return dataset.unit;
+      };
+      CHECK(unit(5) == 1);
+      if (!has_points) continue;
+      CHECK(unit(400) == 64);
+      CHECK(unit(0.01) == 0x1p-9);
+    }
+  }
+  // Of two cameras the middle is between them, wherever they are: 60 apart from it is no large scene.
+  Dataset pair = cross_of_cameras({0, 0, 0}, 60);
+  pair.views = {pair.views[0], pair.views[2]};
+  pair.views[0].camera.center_world = {-40, -40, 0};
+  pair.views[1].camera.center_world = {40, 40, 0};
+  detail::finish_dataset(pair, points_at({{0, 0, 1}}), {});
+  CHECK(pair.unit == 1);
+}
+
 TEST_CASE("scene/finish: without points a small baseline in front of something far is no small scene") {
   const auto finished = [](double scale, double distance) {
     Dataset dataset = cross_of_cameras({0, 0, 0}, 0.0625 * scale);

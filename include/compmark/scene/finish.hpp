@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <numeric>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -27,7 +28,7 @@
 namespace compmark::inline v0 {
 namespace detail {
 
-/// Mean and largest distance from it of the cameras' centres.
+/// Mean and largest distance from it of the cameras' centres (middle_spread: medians of both).
 struct CameraSpread {
   std::array<double, 3> mean{0, 0, 0};
   double radius = 0;
@@ -68,8 +69,25 @@ inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
 /// are. A power of two, so that the same scene in other units that are powers of two is the same scene to the bit.
 inline constexpr double least_scene_size = 0.1, greatest_scene_size = 100;
 
+/// The median of the cameras' centres along each axis, and the middle camera's distance from it: one camera that was registered far away moves
+/// neither, as it would their mean and the largest distance.
+[[nodiscard]] inline CameraSpread middle_spread(const Dataset& dataset) {
+  CameraSpread spread;
+  PrecisePoints centers;
+  for (const View& view : dataset.views) centers.position.push_back(view.camera.center_world);
+  const std::size_t n = centers.position.size();
+  std::vector<double> x(n);
+  for (std::size_t c = 0; c < 3 && n > 0; ++c) {
+    for (std::size_t i = 0; i < n; ++i) x[i] = centers.position[i][c];
+    std::sort(x.begin(), x.end());
+    spread.mean[c] = std::midpoint(x[(n - 1) / 2], x[n / 2]);
+  }
+  spread.radius = median_distance(centers, spread.mean);
+  return spread;
+}
+
 inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
-  const CameraSpread spread = camera_spread(dataset);
+  const CameraSpread spread = middle_spread(dataset);
   const double around = median_distance(points, spread.mean);
   if (!(std::fmax(spread.radius, around) > 0)) return;  // one place, and nothing says how far anything is from it
   // Without points a small baseline is no small scene: it may look at something far.
