@@ -32,7 +32,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   Dataset dataset;
   const std::filesystem::path file = folder / "transforms.json";
-  const Result<Done> done = detail::append_frames(file, *json, Split::train, true, {}, dataset);
+  const Result<Done> done = detail::append_frames(file, *json, Split::train, true, {}, {}, dataset);
   if (!done) {
     if (done.error().line().empty()) std::abort();
     return 0;

@@ -199,6 +199,46 @@ TEST_CASE("scene/transforms: a point file whose path was written with backslashe
   CHECK(dataset->points.size() == 1);
 }
 
+TEST_CASE("scene/transforms: a missing image is never replaced by another frame's own") {
+  const TemporaryFolder folder;
+  const auto views = [&](const std::string& frames) {
+    put(folder.path() / "transforms.json", transforms_text(frames));
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    std::string names;
+    for (const View& view : dataset->views)
+      names += view.name + ">" + view.image_path.lexically_relative(folder.path()).generic_string() + " ";
+    return names;
+  };
+  put_image(folder.path() / "images/a.png", 16, 12);
+  put_image(folder.path() / "images_2/b.png", 8, 6);
+  // Before and after the frame whose file it is; a name without its extension is a name all the same.
+  CHECK(views(frame_text("images/a.PNG") + "," + frame_text("images/a.png")) == "images/a.png>images/a.png ");
+  CHECK(views(frame_text("images/a.png") + "," + frame_text("images/a.PNG")) == "images/a.png>images/a.png ");
+  CHECK(views(frame_text("images/a.PNG") + "," + frame_text("./images/a")) == "./images/a>images/a.png ");
+  CHECK(views(frame_text("images/b.png") + "," + frame_text("images_2/b.png")) == "images_2/b.png>images_2/b.png ");
+  // Nobody's: taken, as ever. One image named twice is two views of it.
+  CHECK(views(frame_text("images/a.PNG")) == "images/a.PNG>images/a.png ");
+  CHECK(views(frame_text("images/b.png")) == "images/b.png>images_2/b.png ");
+  CHECK(views(frame_text("images/a") + "," + frame_text("images/a.png")) ==
+        "images/a>images/a.png images/a.png>images/a.png ");
+}
+
+TEST_CASE("scene/transforms: a missing training image is not taken from the test images, nor the other way round") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  for (const bool test : {false, true}) {
+    put(folder.path() / "transforms_train.json",
+        transforms_text(frame_text("train/a") + (test ? "" : "," + frame_text("test/a.PNG"))));
+    put(folder.path() / "transforms_test.json",
+        transforms_text(frame_text("test/a") + (test ? "," + frame_text("train/a.PNG") : "")));
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    CHECK(dataset->indices(Split::train).size() == 1);
+    CHECK(dataset->indices(Split::test).size() == 1);
+  }
+}
+
 TEST_CASE("scene/transforms: pixels of images of which only smaller copies are there, with w and h missing") {
   // The file is for 16 x 12 with a focal length of 20 pixels; what is there has 8 x 6 in images_2.
   const TemporaryFolder folder;

@@ -58,6 +58,19 @@ namespace detail {
   return {};
 }
 
+/// The file of exactly that name, or of that name and an extension; empty if there is none.
+[[nodiscard]] inline std::filesystem::path own_image(const std::filesystem::path& folder,
+                                                     const std::string& file_path) {
+  const std::filesystem::path base = (folder / plain_name(file_path)).lexically_normal();
+  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
+    std::filesystem::path candidate = base;
+    candidate += extension;
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(candidate, ignored)) return candidate;
+  }
+  return {};
+}
+
 /// An image on the disk, and the folder of smaller copies that it was found in: 2 for images_2, 1 for the folder that was named.
 struct FoundImage {
   std::filesystem::path path;

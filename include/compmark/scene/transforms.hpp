@@ -4,7 +4,7 @@
 // Datasets described by transforms*.json: NeRF-synthetic ("Blender": transforms_train.json and transforms_test.json), instant-ngp and
 // nerfstudio (one transforms.json). Poses are OpenGL camera-to-world matrices and are taken as given: aabb_scale, scale, offset are
 // internal to instant-ngp, applied_transform and applied_scale are already in the poses and in the point file (ecosystem sheet, 2.4).
-// Images that are not there are counted and left out. Splits: the file's own, or every n-th image by name.
+// Images that are not there are counted and left out, and never replaced by what another frame names. Splits: the file's own, or every n-th image by name.
 #pragma once
 
 #include <algorithm>
@@ -16,6 +16,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -60,10 +61,21 @@ namespace detail {
   return a.size() != b.size() ? a.size() < b.size() : a < b;
 }
 
-/// Appends the frames of one file. `empty_is_fine`: a list of test frames may be empty.
+/// Adds the files that the frames name and that are there, so that no other frame is given one of them.
+template <class Json>
+void add_own_images(const std::filesystem::path& folder, const Json& json, std::set<std::filesystem::path>& own) {
+  if (!json.is_object() || !json.contains("frames") || !json["frames"].is_array()) return;
+  for (const Json& frame : json["frames"]) {
+    if (frame.is_object() && frame.contains("file_path") && frame["file_path"].is_string())
+      own.insert(own_image(folder, frame["file_path"].template get<std::string>()));
+  }
+}
+
+/// Appends the frames of one file. `own`: of add_own_images. `empty_is_fine`: a list of test frames may be empty.
 template <class Json>
 [[nodiscard]] Result<Done> append_frames(const std::filesystem::path& file, const Json& json, Split split,
-                                         bool empty_is_fine, const DatasetSettings& settings, Dataset& dataset) {
+                                         bool empty_is_fine, const std::set<std::filesystem::path>& own,
+                                         const DatasetSettings& settings, Dataset& dataset) {
   const std::string name = file.string();
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return Error{kind, name, std::move(field), std::move(problem), std::move(remedy)};
@@ -104,6 +116,7 @@ template <class Json>
     View view;
     view.name = frame["file_path"].template get<std::string>();
     FoundImage found = find_image(file.parent_path(), view.name);
+    if (own.count(found.path) > 0 && found.path != own_image(file.parent_path(), view.name)) found.path.clear();
     view.image_path = std::move(found.path);
     view.split = split;
     if (view.image_path.empty()) {
@@ -228,14 +241,20 @@ template <class Json = nlohmann::json>
   dataset.root = folder;
   const Result<Json> json = detail::read_transforms<Json>(file);
   if (!json) return json.error();
-  Result<Done> done = detail::append_frames(file, *json, Split::train, false, settings, dataset);
+  std::set<std::filesystem::path> own;
+  detail::add_own_images(folder, *json, own);
+  const std::filesystem::path test = folder / "transforms_test.json";
+  std::optional<Result<Json>> test_json;
+  if (blender && detail::file_exists(test)) {
+    test_json = detail::read_transforms<Json>(test);
+    if (*test_json) detail::add_own_images(folder, **test_json, own);
+  }
+  Result<Done> done = detail::append_frames(file, *json, Split::train, false, own, settings, dataset);
   if (!done) return done.error();
   if (blender) {
-    const std::filesystem::path test = folder / "transforms_test.json";
-    if (detail::file_exists(test)) {
-      const Result<Json> test_json = detail::read_transforms<Json>(test);
-      if (!test_json) return test_json.error();
-      done = detail::append_frames(test, *test_json, Split::test, true, settings, dataset);
+    if (test_json) {
+      if (!*test_json) return test_json->error();
+      done = detail::append_frames(test, **test_json, Split::test, true, own, settings, dataset);
       if (!done) return done.error();
     } else {
       dataset.warnings.push_back(test.string() + ": not there, so there are no test views");
