@@ -206,6 +206,26 @@ TEST_CASE("scene/probe: exactly the effect that was planted is called for") {
   CHECK(probe_with({}, [](Plant&, Folder folder) { put_image(folder.path() / "masks/03.png", 16, 12, 1); }) == "masks");
 }
 
+TEST_CASE("scene/probe: what a dataset says too little of is named, by what it holds and not by its kind") {
+  using Effects = std::vector<SceneEffect>;
+  const auto unmeasured = [](const std::filesystem::path& folder) {
+    const Result<Dataset> dataset = open_dataset(folder, {});
+    REQUIRE(dataset.ok());
+    return unmeasured_effects(*dataset);
+  };
+  Plant plant;
+  plant.make_model();
+  const TemporaryFolder tracks, untracked, blender;
+  static_cast<void>(plant.write_and_probe(tracks.path()));
+  CHECK(unmeasured(tracks.path()) == Effects{});
+  for (auto& [id, image] : plant.model.images) image.observations.clear();
+  static_cast<void>(plant.write_and_probe(untracked.path()));
+  CHECK(unmeasured(untracked.path()) == Effects{SceneEffect::exposure});
+  put_blender(blender.path());
+  CHECK(unmeasured(blender.path()) == Effects{SceneEffect::exposure, SceneEffect::distance_input,
+                                              SceneEffect::anti_aliasing, SceneEffect::far_field});
+}
+
 TEST_CASE("scene/probe: the unit of a capture and its place in the world change nothing") {
   for (const double scale : {1e-3, 1.0, 1e3}) {
     for (const double away : {0.0, 1e5}) {

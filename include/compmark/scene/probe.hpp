@@ -145,12 +145,15 @@ struct GeometryEvidence {
 
 }  // namespace detail
 
-/// The effects of which this kind of dataset says nothing, so that their absence from a probe's answer means nothing: exposure is measured
-/// on the features of COLMAP, scales and depths on points that are not random.
+/// The effects of which this dataset says too little, so that their absence from a probe's answer means nothing: exposure is measured on
+/// COLMAP's features; distances, scales and depths on points that are not random (else on one place, where all cameras look).
 [[nodiscard]] inline std::vector<SceneEffect> unmeasured_effects(const Dataset& dataset) {
   std::vector<SceneEffect> effects;
-  if (dataset.kind != "colmap") effects.push_back(SceneEffect::exposure);
-  if (dataset.points_are_random) effects.push_back(SceneEffect::far_field);
+  if (!detail::features_of(dataset).are_features) effects.push_back(SceneEffect::exposure);
+  if (dataset.points_are_random) {
+    for (const SceneEffect effect : {SceneEffect::distance_input, SceneEffect::anti_aliasing, SceneEffect::far_field})
+      effects.push_back(effect);
+  }
   return effects;
 }
 
