@@ -14,7 +14,6 @@
 #include <cstddef>
 #include <limits>
 #include <numeric>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -92,8 +91,8 @@ inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
   if (!(std::fmax(spread.radius, around) > 0)) return;  // one place, and nothing says how far anything is from it
   // Without points a small baseline is no small scene: it may look at something far.
   const double size = std::fmax(spread.radius, around > 0 ? around : look_at(dataset).distance);
-  const bool small = size<least_scene_size, large = std::fmax(spread.radius, around)> greatest_scene_size;
-  if ((!small && !large) || !std::isfinite(size)) return;
+  const double seen = std::fmax(spread.radius, around);
+  if ((size >= least_scene_size && seen <= greatest_scene_size) || !std::isfinite(size)) return;
   dataset.unit = std::ldexp(1.0, std::max(std::ilogb(size) - 2, std::numeric_limits<double>::min_exponent));
   for (View& view : dataset.views) {
     for (double& x : view.camera.center_world) x /= dataset.unit;
@@ -101,11 +100,9 @@ inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
   for (std::array<double, 3>& p : points.position) {
     for (double& x : p) x /= dataset.unit;
   }
-  std::ostringstream text;
-  text << dataset.root.string() << ": the scene measures " << size
-       << " in its coordinates, so lengths are counted in units of " << dataset.unit << " (2^"
-       << std::ilogb(dataset.unit) << "), settings in world units among them";
-  dataset.warnings.push_back(text.str());
+  dataset.warnings.push_back(
+      dataset.root.string() + ": the scene is " + (seen > greatest_scene_size ? "large" : "small") +
+      ", so its lengths are counted in units of 2^" + std::to_string(std::ilogb(dataset.unit)) + " of its coordinates");
 }
 
 /// Points as floats, without those that no camera can use.
