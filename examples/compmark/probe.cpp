@@ -2,11 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark probe: what a capture calls for, with the evidence, and the recipe that train would take.
+#include <algorithm>
 #include <compmark/scene/open.hpp>
 #include <compmark/scene/probe.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -29,6 +31,11 @@ Command add_probe(CLI::App& app) {
     if (!dataset) return fail(dataset.error());
     Result<std::vector<ProbedEffect>> effects = probe_scene(*dataset);
     if (!effects) return fail(effects.error());
+    std::vector<SceneEffect> unmeasured = unmeasured_effects(*dataset);
+    std::erase_if(unmeasured, [&](SceneEffect effect) {  // the one place that all cameras look at may say enough
+      return std::any_of(effects->begin(), effects->end(),
+                         [&](const ProbedEffect& probed) { return probed.effect == effect; });
+    });
     const EffectChoice choice = choose_recipe(*wanted_effects("auto", *effects), LensTreatment::undistort);
     if (options->json) {
       nlohmann::ordered_json json{{"dataset", options->data.string()},
@@ -41,7 +48,7 @@ Command add_probe(CLI::App& app) {
                                   {"left_out", choice.left_out},
                                   {"not_measured", nlohmann::ordered_json::array()},
                                   {"effects", nlohmann::ordered_json::array()}};
-      for (const SceneEffect effect : unmeasured_effects(*dataset)) json["not_measured"].push_back(effect_name(effect));
+      for (const SceneEffect effect : unmeasured) json["not_measured"].push_back(effect_name(effect));
       for (const ProbedEffect& effect : *effects) {
         json["effects"].push_back({{"name", effect_name(effect.effect)},
                                    {"value", effect.value},
@@ -62,7 +69,7 @@ Command add_probe(CLI::App& app) {
       std::printf("  %-20s %10.4g  (limit %g)  %s\n", effect_name(effect.effect), effect.value, effect.limit,
                   effect.evidence.c_str());
     }
-    for (const SceneEffect effect : unmeasured_effects(*dataset)) {
+    for (const SceneEffect effect : unmeasured) {
       std::printf("  %-20s cannot be measured without %s\n", effect_name(effect),
                   effect == SceneEffect::exposure ? "COLMAP's features" : "a point cloud");
     }
