@@ -10,11 +10,9 @@
 // Time is the median over the repetitions of the mean over the views; the cases are interleaved, so that a slow moment of the machine hits
 // all of them; with --threads 1 it is processor time. Bytes are counted by this program's own operator new.
 // The rows are in support/accuracy_cases.hpp.
-#include <malloc.h>
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -23,7 +21,6 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <new>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -40,29 +37,7 @@
 #include "support/accuracy_cases.hpp"
 #include "support/accuracy_page.hpp"
 #include "support/accuracy_rows.hpp"
-
-// ---- live bytes of this program -------------------------------------------------------------------------------------------------------
-namespace {
-std::atomic<std::ptrdiff_t> live_bytes{0};
-void* counted(void* pointer) {
-  if (pointer == nullptr) throw std::bad_alloc();
-  live_bytes += static_cast<std::ptrdiff_t>(malloc_usable_size(pointer));
-  return pointer;
-}
-void uncounted(void* pointer) {
-  if (pointer != nullptr) live_bytes -= static_cast<std::ptrdiff_t>(malloc_usable_size(pointer));
-  std::free(pointer);
-}
-}  // namespace
-void* operator new(std::size_t size) { return counted(std::malloc(size == 0 ? 1 : size)); }
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  const std::size_t step = static_cast<std::size_t>(alignment);
-  return counted(std::aligned_alloc(step, (size + step - 1) / step * step));
-}
-void operator delete(void* pointer) noexcept { uncounted(pointer); }
-void operator delete(void* pointer, std::size_t) noexcept { uncounted(pointer); }
-void operator delete(void* pointer, std::align_val_t) noexcept { uncounted(pointer); }
-void operator delete(void* pointer, std::size_t, std::align_val_t) noexcept { uncounted(pointer); }
+#include "support/live_bytes.hpp"
 
 namespace {
 

@@ -8,11 +8,9 @@
 // Bytes: "parameters" are values, gradients and both moments; "memory" is all that a trained view lives on, counted by this program's own
 // operator new: parameters, images, scratch; "file" is the model file, of 30,000 anchors and one view.
 #include <benchmark/benchmark.h>
-#include <malloc.h>
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <compmark/anchor/initialise.hpp>
 #include <compmark/core/random.hpp>
 #include <compmark/core/thread_executor.hpp>
@@ -23,35 +21,13 @@
 #include <cstdlib>
 #include <filesystem>
 #include <map>
-#include <new>
 #include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "support/iteration_scene.hpp"
-
-namespace {
-std::atomic<std::ptrdiff_t> live_bytes{0};
-void* counted(void* pointer) {
-  if (pointer == nullptr) throw std::bad_alloc();
-  live_bytes += static_cast<std::ptrdiff_t>(malloc_usable_size(pointer));
-  return pointer;
-}
-void uncounted(void* pointer) {
-  if (pointer != nullptr) live_bytes -= static_cast<std::ptrdiff_t>(malloc_usable_size(pointer));
-  std::free(pointer);
-}
-}  // namespace
-void* operator new(std::size_t size) { return counted(std::malloc(size == 0 ? 1 : size)); }
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  const std::size_t step = static_cast<std::size_t>(alignment);
-  return counted(std::aligned_alloc(step, (size + step - 1) / step * step));
-}
-void operator delete(void* pointer) noexcept { uncounted(pointer); }
-void operator delete(void* pointer, std::size_t) noexcept { uncounted(pointer); }
-void operator delete(void* pointer, std::align_val_t) noexcept { uncounted(pointer); }
-void operator delete(void* pointer, std::size_t, std::align_val_t) noexcept { uncounted(pointer); }
+#include "support/live_bytes.hpp"
 
 namespace {
 

@@ -230,23 +230,31 @@ TEST_CASE("tool: an export says on stderr and in its JSON what the file cannot")
   CHECK(json_of(run + "/plain.json")["warnings"].empty());
 }
 
+namespace {
+/// A copy of the scene with `keep` training views, whose cameras stand at change(coordinate, axis).
+template <class Change>
+std::string with_places(const std::string& name, std::size_t keep, const Change& change) {
+  const std::string path = damaged(name);
+  for (const char* file : {"/transforms_train.json", "/transforms_test.json"}) {
+    nlohmann::json json = json_of(path + file);
+    for (auto& frame : json["frames"]) {
+      for (std::size_t row = 0; row < 3; ++row) {
+        double& entry = frame["transform_matrix"][row][3].get_ref<double&>();
+        entry = change(entry, row);
+      }
+    }
+    if (std::string(file) == "/transforms_train.json")
+      json["frames"].erase(json["frames"].begin() + static_cast<std::ptrdiff_t>(keep), json["frames"].end());
+    write_text(path + file, json.dump());
+  }
+  return path;
+}
+}  // namespace
+
 TEST_CASE("tool: a scene far from the origin is rendered alike from every folder of the same world") {
   // A copy whose world is moved by 5e5: the reader moves it back by the mean of its cameras, which is not that of a part of them.
   const auto moved = [](const std::string& name, std::size_t keep) {
-    const std::string path = damaged(name);
-    for (const char* file : {"/transforms_train.json", "/transforms_test.json"}) {
-      nlohmann::json json = json_of(path + file);
-      for (auto& frame : json["frames"]) {
-        for (std::size_t row = 0; row < 3; ++row) {
-          double& entry = frame["transform_matrix"][row][3].get_ref<double&>();
-          entry += row == 1 ? -2.5e5 : 5e5;
-        }
-      }
-      if (std::string(file) == "/transforms_train.json")
-        json["frames"].erase(json["frames"].begin() + static_cast<std::ptrdiff_t>(keep), json["frames"].end());
-      write_text(path + file, json.dump());
-    }
-    return path;
+    return with_places(name, keep, [](double x, std::size_t row) { return x + (row == 1 ? -2.5e5 : 5e5); });
   };
   const std::string whole = moved("far", 8), part = moved("far-part", 3), run = at("run-far");
   REQUIRE(tool("train --iterations 60 --effects none --data " + whole + " --out " + run).code == 0);
@@ -264,23 +272,10 @@ TEST_CASE("tool: a scene far from the origin is rendered alike from every folder
 
 TEST_CASE(
     "tool: a scene in millimetres is rendered alike from every folder of the same world, and exported in millimetres") {
-  const auto scaled = [](const std::string& name, double factor, std::size_t keep) {
-    const std::string path = damaged(name);
-    for (const char* file : {"/transforms_train.json", "/transforms_test.json"}) {
-      nlohmann::json json = json_of(path + file);
-      for (auto& frame : json["frames"]) {
-        for (std::size_t row = 0; row < 3; ++row) {
-          double& entry = frame["transform_matrix"][row][3].get_ref<double&>();
-          entry *= factor;
-        }
-      }
-      if (std::string(file) == "/transforms_train.json")
-        json["frames"].erase(json["frames"].begin() + static_cast<std::ptrdiff_t>(keep), json["frames"].end());
-      write_text(path + file, json.dump());
-    }
-    return path;
+  const auto scaled = [](const std::string& name, std::size_t keep) {
+    return with_places(name, keep, [](double x, std::size_t) { return 1024 * x; });
   };
-  const std::string large = scaled("large", 1024, 8), part = scaled("large-part", 1024, 1), plain = at("scene"),
+  const std::string large = scaled("large", 8), part = scaled("large-part", 1), plain = at("scene"),
                     run = at("run-large"), model = " --model " + run + "/model.safetensors ";
   const Outcome trained = tool("train --iterations 60 --effects none --data " + large + " --out " + run);
   REQUIRE(trained.code == 0);
