@@ -135,6 +135,13 @@ namespace detail {
   std::sort(images.begin(), images.end(), [](const ColmapImage* a, const ColmapImage* b) {
     return detail::colmap_sort_key(a->name) < detail::colmap_sort_key(b->name);
   });
+  std::set<std::string> names;
+  for (const ColmapImage* image : images) {
+    if (!names.insert(image->name).second) {
+      return Error{ErrorKind::malformed, images_file, image->name, "is the name of two images of the model",
+                   "export the model again"};
+    }
+  }
   const Result<std::filesystem::path> folder = detail::image_folder(root);
   if (!folder) return folder.error();
   const Result<std::vector<std::filesystem::path>> paths = detail::match_images(images, *folder, dataset);
