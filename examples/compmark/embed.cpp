@@ -14,8 +14,21 @@
 namespace tool {
 namespace {
 
-/// A finished model is touched up, not trained: constant small rates, no growing, the message from the first iteration.
+/// A finished model is marked as it is: the residual trains, nothing else. Without fidelity to it (--fidelity 0, the published way) it is touched up:
+/// constant small rates, no growing. The message begins with the first iteration.
 TrainSettings embed_settings(TrainSettings settings) {
+  settings.grow_until = 0;
+  settings.mark.message_after = settings.mark.residual_after = 0;
+  settings.mark.hsv_after = 0;
+  settings.mark.frequency_after = 0;
+  if (settings.mark.fidelity > 0) {
+    for (LearningRate* rate :
+         {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity, &settings.mlp_covariance,
+          &settings.mlp_color, &settings.feature_bank, &settings.appearance, &settings.effects.exposure}) {
+      *rate = {0, 0};
+    }
+    return settings;
+  }
   const auto last = [](LearningRate& rate) { rate.initial = rate.final; };
   last(settings.offset);
   last(settings.mlp_opacity);
@@ -23,10 +36,6 @@ TrainSettings embed_settings(TrainSettings settings) {
   settings.mlp_covariance = {settings.mlp_color.final, settings.mlp_color.final};
   settings.scaling = {settings.mark.residual_rate / 10, settings.mark.residual_rate / 100};
   settings.feature = {settings.mark.residual_rate, settings.mark.residual_rate / 10};
-  settings.grow_until = 0;
-  settings.mark.message_after = settings.mark.residual_after = 0;
-  settings.mark.hsv_after = 0;
-  settings.mark.frequency_after = 0;
   return settings;
 }
 

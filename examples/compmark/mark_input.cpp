@@ -30,6 +30,11 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
       ->check(CLI::PositiveNumber);
   app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
       ->check(CLI::PositiveNumber);
+  app.add_option(
+         "--fidelity", options.fidelity,
+         "how much the marked renders are held to the unmarked ones (default: the profile's; 0: as published, the "
+         "message joins the loss of the photographs)")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -77,6 +82,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
+  if (options.fidelity) mark.fidelity = *options.fidelity;
   mark.message_every = options.message_every;
   if (mark.between_every != 0) mark.between_every = options.message_every;
   // A run is resumed with the same key, decoder and stages alone. The commitment says nothing of the message.

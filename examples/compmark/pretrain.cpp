@@ -47,7 +47,8 @@ struct PretrainOptions {
   std::filesystem::path images, out, json;
   std::string held_out = "0.2";
   int bits = 48;
-  int features = 256;
+  std::string waves = "contrast";
+  int features = 0;  ///< 0: 256 of contrast, or one a bit of colour
   std::int64_t steps = 12000;
   std::uint64_t seed = 1;
   std::size_t threads = 0;
@@ -189,7 +190,8 @@ Result<Done> check(const PretrainOptions& o) {
   if (o.features < o.bits || o.features > 4096)
     return wrong("--features", "is " + std::to_string(o.features),
                  "give from " + std::to_string(o.bits) + " (one a bit) to 4096");
-  if (o.steps < 1) return wrong("--steps", "is " + std::to_string(o.steps), "give at least 1");
+  if (o.steps < 0)
+    return wrong("--steps", "is " + std::to_string(o.steps), "give 0 (the waves as they are drawn) or more");
   if (o.crop < 32 || o.crop > 1024)
     return wrong("--crop", "is " + std::to_string(o.crop), "give from 32 to 1024 pixels");
   if (o.measured < 1 || o.measure_steps < 1)
@@ -237,7 +239,30 @@ std::string described(const PretrainImages& images) {
   return images.procedural() ? "procedural images" : std::to_string(images.size()) + " photographs";
 }
 
+LatticeSettings shape_of(const PretrainOptions& options) {
+  LatticeSettings shape;
+  shape.bits = options.bits;
+  shape.features = options.features;
+  shape.gate = 0.15;
+  if (options.waves == "colour") {
+    shape.measure = LatticeMeasure::colour;
+    shape.sigma = {0.5};
+    shape.stride = 1;
+    shape.gate = 0.02;
+    shape.floor = 1e-4;
+  }
+  return shape;
+}
+/// In the units of what is read: logarithms, or colours between 0 and 1 (12 levels of 255).
+std::vector<double> periods_of(const LatticeSettings& shape) {
+  return std::vector<double>(shape.dimensions() / 3, shape.measure == LatticeMeasure::colour ? 0.047 : 0.1);
+}
+
+/// Octaves by which the waves' periods differ, either way: colours are few, and waves of one length feel the same of them.
+double spread_of(const LatticeSettings& shape) { return shape.measure == LatticeMeasure::colour ? 0.7 : 0; }
+
 int run(PretrainOptions& options) {
+  if (options.features == 0) options.features = options.waves == "colour" ? options.bits : 256;
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
   if (options.json == options.out) {
     return fail({ErrorKind::invalid, options.out.string(), "--out", "is the name of the JSON file too",
@@ -252,15 +277,12 @@ int run(PretrainOptions& options) {
   ThreadExecutor executor(options.threads);
   const PretrainSettings settings = training_settings(options);
 
-  LatticeSettings shape;
-  shape.bits = options.bits;
-  shape.features = options.features;
-  shape.gate = 0.15;
+  const LatticeSettings shape = shape_of(options);
   const std::string digest = train.procedural() ? "dead leaves" : train.digest();
-  const std::string identity = "lattice, bits " + std::to_string(options.bits) + ", features " +
-                               std::to_string(options.features) + ", steps " + std::to_string(options.steps) +
-                               ", seed " + std::to_string(options.seed) + ", crop " + std::to_string(options.crop) +
-                               ", images " + digest.substr(0, 16);
+  const std::string identity = "lattice of " + options.waves + ", bits " + std::to_string(options.bits) +
+                               ", features " + std::to_string(options.features) + ", steps " +
+                               std::to_string(options.steps) + ", seed " + std::to_string(options.seed) + ", crop " +
+                               std::to_string(options.crop) + ", images " + digest.substr(0, 16);
   const std::filesystem::path checkpoint = std::filesystem::path(options.out) += ".checkpoint";
   const bool resuming = options.resume && std::filesystem::exists(checkpoint);
   if (!options.resume && std::filesystem::exists(checkpoint)) {
@@ -271,7 +293,7 @@ int run(PretrainOptions& options) {
                  "continue it with --resume, or remove the file to start over"});
   }
 
-  Decoder decoder(shape, random_lattice<float>(shape, std::vector<double>(shape.sigma.size() - 1, 0.1), options.seed));
+  Decoder decoder(shape, random_lattice<float>(shape, periods_of(shape), options.seed, spread_of(shape)));
   if (!resuming) {
     Decoder::Context context;
     const std::size_t count = std::max<std::size_t>(400, 2 * static_cast<std::size_t>(options.features));
@@ -359,6 +381,7 @@ int run(PretrainOptions& options) {
         {"mean", result.accuracy[d]}, {"standard_error", result.error[d]}, {"worst_image", result.worst[d]}};
   const nlohmann::ordered_json json{{"schema", 1},
                                     {"kind", "lattice"},
+                                    {"waves", options.waves},
                                     {"bits", options.bits},
                                     {"features", options.features},
                                     {"steps", options.steps},
@@ -400,8 +423,14 @@ Command add_pretrain(CLI::App& app) {
   app.add_option("--steps", options->steps, "length of the run")->capture_default_str();
   app.add_option("--seed", options->seed, "seed of every random number")->capture_default_str();
   app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--features", options->features, "waves that are averaged; more read more and cost more")
-      ->capture_default_str();
+  app.add_option("--waves", options->waves,
+                 "contrast: survives changes of brightness, noise, JPEG, scaling; colour: carries more in a scene, and "
+                 "survives little")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"contrast", "colour"}));
+  app.add_option("--features", options->features,
+                 "waves that are averaged; more read more and cost more (default: 256, of colour one a bit)")
+      ->check(CLI::Range(0, 4096));
   app.add_option("--crop", options->crop, "side of the training crops, pixels")->capture_default_str();
   app.add_flag("--resume", options->resume, "continue the run of --out from its checkpoint");
   app.add_option("--checkpoint-every", options->checkpoint_every, "steps between checkpoints")->capture_default_str();

@@ -222,6 +222,17 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     if constexpr (!is_marked) return keep(trainer.model());
   }();
   if (!kept) return fail(kept.error());
+  if constexpr (is_marked) {
+    // Where the host trained as if there were no mark, the unmarked model is there for nothing.
+    if (!present<typename R::EntropyModel> && mark->twin.empty() && data.settings.mark.fidelity > 0) {
+      MarkInput with_twin = *mark;
+      with_twin.twin = std::filesystem::path(data.model).replace_filename("unmarked.safetensors");
+      if (Result<Done> written = write_model(with_twin.twin, host_alone(trainer.model()), data.info); !written) {
+        return fail(written.error());
+      }
+      return finish_run(options, data, end, &with_twin, executor);
+    }
+  }
   return finish_run(options, data, end, mark, executor);
 }
 

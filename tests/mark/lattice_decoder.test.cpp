@@ -11,9 +11,12 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/io/safetensors.hpp"
 #include "compmark/mark/concept.hpp"
+#include "compmark/mark/lattice_file.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "compmark/testing/mark_laws.hpp"
+#include "support/scene_files.hpp"
 
 using namespace compmark;
 
@@ -26,6 +29,23 @@ LatticeDecoder<T> small_decoder(int bits = 5, int features = 7, std::vector<doub
   LatticeSettings settings;
   settings.bits = bits;
   settings.features = features;
+  settings.sigma = std::move(sigma);
+  settings.stride = 2;
+  LatticeWeights<T> weights(settings);
+  const Random random(9, 0, random_stage("test/lattice"));
+  std::size_t n = 0;
+  for (std::vector<T>* part : {&weights.frequency, &weights.phase, &weights.head, &weights.bias}) {
+    for (T& value : *part) value = static_cast<T>(random.normal(n++));
+  }
+  return {settings, weights};
+}
+
+template <class T>
+LatticeDecoder<T> small_colour_decoder(std::vector<double> sigma) {
+  LatticeSettings settings;
+  settings.measure = LatticeMeasure::colour;
+  settings.bits = 5;
+  settings.features = 7;
   settings.sigma = std::move(sigma);
   settings.stride = 2;
   LatticeWeights<T> weights(settings);
@@ -82,6 +102,99 @@ TEST_CASE("mark/lattice_decoder: gradients of every weight against central diffe
   static_cast<void>(loss());
   decoder.add_weight_gradient(slope, threaded, context, threads);
   CHECK(threaded.frequency == gradient.frequency);
+}
+
+TEST_CASE("mark/lattice_decoder: waves of colour hold the laws, of one blur and of three") {
+  for (const std::vector<double>& sigma : {std::vector<double>{0.5}, std::vector<double>{1, 2, 4}}) {
+    CAPTURE(sigma.size());
+    LatticeDecoder<double> decoder = small_colour_decoder<double>(sigma);
+    CHECK(decoder.settings().dimensions() == 3 * sigma.size());
+    CHECK(testing::message_decoder_laws(decoder, 24, 31) == "");
+    std::vector<double> pixels = noise(3 * 20 * 26);
+    const ImageView<const double> image{pixels.data(), 3, 20, 26};
+    SerialExecutor executor;
+    LatticeDecoder<double>::Context context;
+    const std::vector<double> slope{0.7, -1.1, 0.4, 0.2, -0.9};
+    std::vector<double> logits(5);
+    const auto loss = [&] {
+      decoder.forward(image, std::span<double>(logits), context, executor);
+      double sum = 0;
+      for (std::size_t i = 0; i < 5; ++i) sum += slope[i] * logits[i];
+      return sum;
+    };
+    static_cast<void>(loss());
+    LatticeWeights<double> gradient(decoder.settings());
+    decoder.add_weight_gradient(slope, gradient, context, executor);
+    CHECK(testing::gradient_law(loss, decoder.weights().frequency, gradient.frequency) == "");
+    CHECK(testing::gradient_law(loss, decoder.weights().phase, gradient.phase) == "");
+  }
+}
+
+TEST_CASE(
+    "mark/lattice_decoder: a wave of colour is the same at twice the size; contrast is not, and brightness is not") {
+  // Blocks of colour, each pixel and then each pixel four times: a surface from afar and from near.
+  constexpr int side = 24;
+  std::vector<double> coarse = noise(3 * side * side), fine(3 * 4 * side * side);
+  for (int c = 0; c < 3; ++c) {
+    for (int y = 0; y < 2 * side; ++y) {
+      for (int x = 0; x < 2 * side; ++x) {
+        fine[static_cast<std::size_t>((c * 2 * side + y) * 2 * side + x)] =
+            coarse[static_cast<std::size_t>((c * side + y / 2) * side + x / 2)];
+      }
+    }
+  }
+  SerialExecutor executor;
+  const auto difference = [&](LatticeDecoder<double> decoder, double brightness) {
+    LatticeSettings settings = decoder.settings();
+    settings.stride = 1;
+    settings.gate = 1e-3;
+    settings.floor = 0;
+    decoder = {settings, decoder.weights()};
+    LatticeDecoder<double>::Context context;
+    std::vector<double> near(5), far(5), brighter = coarse;
+    for (double& value : brighter) value *= brightness;
+    decoder.forward({fine.data(), 3, 2 * side, 2 * side}, std::span<double>(near), context, executor);
+    decoder.forward({brighter.data(), 3, side, side}, std::span<double>(far), context, executor);
+    double sum = 0;
+    for (std::size_t i = 0; i < 5; ++i) sum += std::abs(near[i] - far[i]);
+    return sum;
+  };
+  const double colour = difference(small_colour_decoder<double>({0.1}), 1);
+  CHECK(colour < 1e-9);  // a blur of a tenth of a pixel is none
+  CHECK(difference(small_colour_decoder<double>({0.1}), 0.8) > 0.05);
+  CHECK(difference(small_decoder<double>(5, 7, {0.1, 2}), 1) > 0.05);
+}
+
+TEST_CASE("mark/lattice_decoder: a colour decoder comes back from its file; a file without a measure holds contrast") {
+  const LatticeDecoder<float> colour = small_colour_decoder<float>({1, 2});
+  CHECK(colour.settings().measure == LatticeMeasure::colour);
+  const testing::TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "colour.safetensors";
+  REQUIRE(write_lattice<SafetensorsWriter>(colour, "", path).ok());
+  Result<SafetensorsFile> file = read_safetensors(path);
+  REQUIRE(file.ok());
+  const Result<LatticeDecoder<float>> read = read_lattice(*file);
+  REQUIRE(read.ok());
+  CHECK(read->settings() == colour.settings());
+  CHECK(read->weights().frequency == colour.weights().frequency);
+  CHECK(read->weights().head == colour.weights().head);
+
+  file->metadata["measure"] = "texture";
+  const Result<LatticeDecoder<float>> unknown = read_lattice(*file);
+  REQUIRE(!unknown.ok());
+  CHECK(unknown.error().field == "__metadata__.measure");
+  // Read as contrast its tensors have the wrong shape: an older program refuses it instead of reading another message.
+  file->metadata.erase("measure");
+  CHECK(!read_lattice(*file).ok());
+
+  const LatticeDecoder<float> contrast = small_decoder<float>();
+  REQUIRE(write_lattice<SafetensorsWriter>(contrast, "", path).ok());
+  file = read_safetensors(path);
+  REQUIRE(file.ok());
+  file->metadata.erase("measure");  // as the files written before there was one
+  const Result<LatticeDecoder<float>> old = read_lattice(*file);
+  REQUIRE(old.ok());
+  CHECK(old->settings() == contrast.settings());
 }
 
 TEST_CASE("mark/lattice_decoder: brightness leaves the contrast of logarithms alone") {

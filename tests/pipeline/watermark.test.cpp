@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <compmark/core/thread_executor.hpp>
+#include <compmark/mark/lattice_decoder.hpp>
+#include <compmark/mark/pretrain/lattice_network.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <cstring>
@@ -294,4 +296,136 @@ TEST_CASE("pipeline/watermark: a finished model is marked by training on from it
   if (compmark::testing::short_trainings) return;
   CHECK(matches(first.model()) < 8 * views.size());  // negative control
   CHECK(matches(unmarked_host(second.model())) == 8 * views.size());
+}
+
+namespace {
+
+/// Eight waves of colour, a bit a wave: what a surface keeps from wherever it is seen (mark/lattice_decoder.hpp).
+LatticeDecoder<float> colours() {
+  LatticeSettings settings;
+  settings.measure = LatticeMeasure::colour;
+  settings.bits = settings.features = 8;
+  settings.sigma = {0.5};
+  settings.stride = 1;
+  settings.gate = 0.02;
+  LatticeWeights<float> weights = random_lattice<float>(settings, std::vector<double>{0.1}, 3);
+  for (std::size_t b = 0; b < 8; ++b) weights.head[9 * b] = 1;
+  return {settings, weights};
+}
+using ColourMarked = recipes::Marked<Host, LatticeDecoder<float>>;
+
+}  // namespace
+
+TEST_CASE(
+    "pipeline/watermark: beside the host the mark is learned, and the host is to the bit that of a run without one") {
+  TrainSettings settings;
+  settings.iterations = compmark::testing::short_trainings ? 20 : 600;
+  settings.voxel_size = 0.05;
+  settings.seed = 2;
+  settings.mark.message_after = settings.mark.residual_after = 6000;
+  settings.mark.message_ramp = 0;
+  settings.mark.logit_scale = 1;
+  settings.mark.hinge_margin = 0.2;
+  settings.mark.between_every = 1;
+  settings.mark.fidelity = 300;
+  settings.mark.lambda_message = 1;
+  settings.mark.residual_rate = 0.02;
+  settings.mark.residual_decay = 0.1;
+  BlobViews views;
+  const auto marked = [&](const TrainSettings& chosen, std::size_t threads) {
+    ThreadExecutor executor(threads);
+    Trainer<ColourMarked, ThreadExecutor> trainer(chosen, 6, 1.0, executor);
+    trainer.set_watermark(colours(), message);
+    REQUIRE(trainer.initialise(cloud(400, 7)));
+    REQUIRE(trainer.run(views));
+    return trainer.model();
+  };
+  const auto same = [](const Model<Host>& a, const Model<Host>& b) {
+    const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
+    return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(float)) == 0;
+  };
+  ThreadExecutor executor(2);
+  Trainer<Host, ThreadExecutor> plain(settings, 6, 1.0, executor);
+  REQUIRE(plain.initialise(cloud(400, 7)));
+  REQUIRE(plain.run(views));
+  const Model<ColourMarked> beside = marked(settings, 2);
+  CHECK(same(host_alone(beside), plain.model()));
+  CHECK(!same(unmarked_host(beside), plain.model()));
+  CHECK(same(unmarked_host(marked(settings, 1)), unmarked_host(beside)));
+  TrainSettings joined = settings;  // the control: in the loss of the photographs the message moves the host too
+  joined.mark.fidelity = 0;
+  CHECK(!same(host_alone(marked(joined, 2)), plain.model()));
+
+  // A finished model: every rate but the residual's is zero, and so is what happens to it.
+  TrainSettings frozen = settings;
+  frozen.grow_until = 0;
+  frozen.mark.message_after = frozen.mark.residual_after = 0;
+  for (LearningRate* rate : {&frozen.offset, &frozen.feature, &frozen.scaling, &frozen.mlp_opacity,
+                             &frozen.mlp_covariance, &frozen.mlp_color}) {
+    *rate = {0, 0};
+  }
+  Trainer<ColourMarked, ThreadExecutor> second(frozen, 6, 1.0, executor);
+  second.set_watermark(colours(), message);
+  second.start_from(with_room_for_mark<ColourMarked>(plain.model(), settings.seed));
+  REQUIRE(second.run(views));
+  CHECK(same(host_alone(second.model()), plain.model()));
+
+  // Read from the views between the training views, where it was learned, and held to the unmarked renders there.
+  const auto read = [&](const Model<Host>& host, double& departure_db) {
+    const Pipeline<Host> pipeline;
+    Pipeline<Host>::Context context, unmarked;
+    std::vector<float> logits(8);
+    std::size_t found = 0;
+    double square = 0;
+    constexpr std::size_t count = 20;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Random random(77, i, random_stage("between"));
+      const Camera<double> camera =
+          drawn_camera([&](std::size_t v) { return views.camera(v); }, views.size(), i % views.size(), random);
+      static_cast<void>(pipeline.forward(host, camera, unseen_view, context, executor));
+      static_cast<void>(pipeline.forward(plain.model(), camera, unseen_view, unmarked, executor));
+      for (std::size_t p = 0; p < context.image.size(); ++p) {
+        square += std::pow(static_cast<double>(context.image.data[p]) - static_cast<double>(unmarked.image.data[p]), 2);
+      }
+      LatticeDecoder<float>::Context colour_context;
+      colours().forward(context.image, logits, colour_context, executor);
+      for (std::size_t b = 0; b < 8; ++b) found += (logits[b] > 0) == (message[b] == 1) ? 1 : 0;
+    }
+    departure_db = -10 * std::log10(square / static_cast<double>(count * context.image.size()));
+    return static_cast<double>(found) / (8 * count);
+  };
+  double none = 0, trained_db = 0, finished_db = 0;
+  const double before = read(plain.model(), none);
+  const double trained = read(unmarked_host(beside), trained_db);
+  const double finished = read(unmarked_host(second.model()), finished_db);
+  MESSAGE("bits between the views: unmarked ", before, ", marked while training ", trained, " at ", trained_db,
+          " dB, afterwards ", finished, " at ", finished_db, " dB");
+  if (compmark::testing::short_trainings) return;
+  CHECK(trained > before + 0.15);
+  CHECK(finished > before + 0.15);
+}
+
+TEST_CASE("pipeline/watermark: the gradient of the departure from the host's render equals central differences") {
+  using R = recipes::Marked<Smooth, Waves<double>>;
+  Model<R> model = compmark::testing::random_model<R>(24);
+  const Random residual(8, 0, random_stage("test residual"));
+  const MatrixView<double> values = model.arena.values(model.arena.layout().find("anchor.residual"));
+  for (std::size_t i = 0; i < values.size(); ++i) values.data[i] = 0.3 * residual.normal(i);
+  const Camera<double> camera = ring_camera(1, 5, 37, 29);
+  Buffer<double> host_storage(3 * 37 * 29);
+  const Random random(5, 0, random_stage("test target"));
+  for (std::size_t i = 0; i < host_storage.size(); ++i) host_storage[i] = random.uniform(i);
+  const ImageView<const double> host{host_storage.data(), 3, 29, 37};
+  Pipeline<R> pipeline;
+  pipeline.marks().message = message;
+  pipeline.marks().message_loss.settings.logit_scale = 1;
+  SerialExecutor executor;
+  using Context = typename Pipeline<R>::Context;
+  compmark::testing::check_directional_derivative(
+      model,
+      [&](Context& context) {
+        static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
+        return pipeline.message_loss(0.5, 20.0, host, context, executor).total;
+      },
+      [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); });
 }

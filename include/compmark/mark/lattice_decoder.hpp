@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A message decoder that reads local contrast modulo a lattice: with the contrasts u_i and gates w_i of lattice_positions.hpp,
+// A message decoder that reads local contrast, or colour, modulo a lattice: with u_i and the gates w_i of lattice_positions.hpp,
 //   p_k = sum_i w_i cos 2 pi (phase_k + frequency_k . u_i) / (sum_i w_i + floor N),     logits = head p + bias.
 // Each wave is dither modulation (Chen and Wornell, IEEE Trans. Information Theory 47, 2001) of one direction of contrast; the mean over
 // positions is what a crop, a rotation or a shift leaves in place, and contrast of logarithms does not see a change of brightness. A wave is
@@ -59,7 +59,8 @@ class LatticeDecoder {
   LatticeDecoder(Settings settings, LatticeWeights<T> weights)
       : settings_(std::move(settings)),
         weights_(std::move(weights)) {
-    COMPMARK_ASSERT(settings_.sigma.size() >= 2 && settings_.dimensions() <= 24, "LatticeDecoder: 2 to 9 blurs");
+    COMPMARK_ASSERT(settings_.dimensions() >= 3 && settings_.dimensions() <= 24,
+                    "LatticeDecoder: 2 to 9 blurs for contrast, 1 to 8 for colour");
     COMPMARK_ASSERT(
         weights_.frequency.size() == static_cast<std::size_t>(settings_.features) * settings_.dimensions() &&
             weights_.head.size() == weights_.bias.size() * weights_.phase.size(),

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lattice decoders in tensor files, in the format of decoder_reader.hpp with kind "lattice". Tensors: wave.frequency [features, 3 octaves],
-// wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: bits, features, octaves, sigma (octaves + 1 numbers), stride,
-// epsilon, gate, floor, logit_scale, note. No number is believed before it is checked. Cost: one pass over the weights.
+// Lattice decoders in tensor files, in the format of decoder_reader.hpp with kind "lattice". Tensors: wave.frequency [features, dimensions],
+// wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: measure ("contrast", also where it is missing: 3 octaves
+// dimensions; "colour": 3 (octaves + 1)), bits, features, octaves, sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale, note. No number is believed before it is checked. Cost: one pass over the weights.
 #pragma once
 
 #include <cstddef>
@@ -41,9 +41,19 @@ template <class T = float, class TensorFile>
   if (reader.text("kind") != "lattice")
     reader.fail(ErrorKind::unsupported, "__metadata__.kind", "is not lattice", reader.remedy);
   LatticeSettings settings;
+  if (file.metadata.contains("measure")) {
+    const std::string measure = reader.text("measure");
+    if (measure == "colour") {
+      settings.measure = LatticeMeasure::colour;
+    } else if (measure != "contrast") {
+      reader.fail(ErrorKind::unsupported, "__metadata__.measure", "is neither contrast nor colour",
+                  "use a newer program");
+    }
+  }
+  const bool colour = settings.measure == LatticeMeasure::colour;
   settings.bits = reader.integer("bits", 1, 4096);
   settings.features = reader.integer("features", 1, 4096);
-  const int octaves = reader.integer("octaves", 1, 8);
+  const int octaves = reader.integer("octaves", colour ? 0 : 1, colour ? 7 : 8);
   settings.stride = reader.integer("stride", 1, 64);
   settings.sigma = reader.numbers("sigma", static_cast<std::size_t>(octaves) + 1);
   for (std::size_t b = 0; b < settings.sigma.size(); ++b) {
@@ -85,6 +95,7 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   m["format"] = std::string(decoder_format);
   m["format_version"] = std::to_string(decoder_format_version);
   m["kind"] = "lattice";
+  m["measure"] = s.measure == LatticeMeasure::colour ? "colour" : "contrast";
   m["bits"] = std::to_string(s.bits);
   m["features"] = std::to_string(s.features);
   m["octaves"] = std::to_string(s.sigma.size() - 1);

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What the lattice decoder reads at each position, and the way back. With a_0 ... a_n the image blurred at growing sigmas, every stride-th pixel,
-//   u = (log(a_0 + e) - log(a_1 + e), ..., log(a_(n-1) + e) - log(a_n + e))                    octaves x 3 colours
+//   u = (log(a_0 + e) - log(a_1 + e), ..., log(a_(n-1) + e) - log(a_n + e))                    contrast: octaves x 3 colours
+//   u = (a_0, ..., a_n)                                                                        colour: blurs x 3 colours
 //   w = (1 - exp(-(m / g)^2)) (1 - exp(-((1 - m) / g)^2)),   m the mean colour of a_n          the gate
 // The first blur thins out, the others work on its grid (sigmas add in squares). The gate fades out black and white, where noise is clipped to
 // one side, and a background would speak for most positions. Cost: 3 (6 sigma_0 + 1) / stride + small, operations a pixel; a logarithm a value.
@@ -11,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
@@ -23,17 +25,25 @@
 
 namespace compmark::inline v0 {
 
+/// Contrast of logarithms does not see a change of brightness, but a surface seen from elsewhere has another one. Colour is that of the surface
+/// from wherever it is seen, and turns with every change of brightness.
+enum class LatticeMeasure : std::uint8_t { contrast, colour };
+
 struct LatticeSettings {
+  LatticeMeasure measure = LatticeMeasure::contrast;
   int bits = 48;
   int features = 192;
-  std::vector<double> sigma{3, 6, 12};  ///< of the blurs, in pixels, growing
-  int stride = 4;                       ///< pixels between positions
-  double epsilon = 0.1;                 ///< added before the logarithm
-  double gate = 0.12;                   ///< distance from black and white at which a position counts
-  double floor = 0.02;                  ///< share of the positions that is added to the sum of gates
-  double logit_scale = 2;               ///< what a message loss multiplies the logits by
+  std::vector<double> sigma{
+      3, 6, 12};           ///< of the blurs, in pixels, growing; two or more for contrast, one or more for colour
+  int stride = 4;          ///< pixels between positions
+  double epsilon = 0.1;    ///< added before the logarithm
+  double gate = 0.12;      ///< distance from black and white at which a position counts
+  double floor = 0.02;     ///< share of the positions that is added to the sum of gates
+  double logit_scale = 2;  ///< what a message loss multiplies the logits by
 
-  [[nodiscard]] std::size_t dimensions() const { return 3 * (sigma.size() - 1); }
+  [[nodiscard]] std::size_t dimensions() const {
+    return 3 * (measure == LatticeMeasure::contrast ? sigma.size() - 1 : sigma.size());
+  }
   bool operator==(const LatticeSettings&) const = default;
 };
 
@@ -57,9 +67,13 @@ struct LatticePositions {
     gate.resize(stride);
     executor.for_chunks(settings.dimensions(), 1, [&](std::size_t j, std::size_t, std::size_t) {
       const T* fine = levels_[j / 3].data() + j % 3 * count;
-      const T* wide = levels_[j / 3 + 1].data() + j % 3 * count;
       T* target = u.data() + j * stride;
-      for (std::size_t i = 0; i < count; ++i) target[i] = fine[i] - wide[i];
+      if (settings.measure == LatticeMeasure::colour) {
+        std::copy_n(fine, count, target);
+      } else {
+        const T* wide = levels_[j / 3 + 1].data() + j % 3 * count;
+        for (std::size_t i = 0; i < count; ++i) target[i] = fine[i] - wide[i];
+      }
       std::fill(target + count, target + stride, T(0));
     });
     executor.for_chunks(count, 1024, [&](std::size_t begin, std::size_t end, std::size_t) {
@@ -84,6 +98,11 @@ struct LatticePositions {
       executor.for_chunks(3, 1, [&](std::size_t c, std::size_t, std::size_t) {
         const T* value = levels_[b].data() + c * count;
         T* target = d_level_.data() + c * count;
+        if (settings.measure == LatticeMeasure::colour) {
+          const T* gradient = d_u.data() + (3 * b + c) * stride;
+          for (std::size_t i = 0; i < count; ++i) target[i] += gradient[i];
+          return;
+        }
         const T* fine = b < last ? d_u.data() + (3 * b + c) * stride : nullptr;
         const T* wide = b > 0 ? d_u.data() + (3 * (b - 1) + c) * stride : nullptr;
         for (std::size_t i = 0; i < count; ++i) {
@@ -135,6 +154,7 @@ struct LatticePositions {
     }
     coarse_.resize(3 * count);
     std::copy_n(levels_.back().data(), 3 * count, coarse_.data());
+    if (settings.measure == LatticeMeasure::colour) return;
     const T epsilon = static_cast<T>(settings.epsilon);
     for (Buffer<T>& level : levels_) {
       executor.for_chunks(3 * count, 4096, [&](std::size_t begin, std::size_t end, std::size_t) {
@@ -157,7 +177,7 @@ struct LatticePositions {
   }
 
   std::vector<SeparableMap<T>> maps_;
-  std::vector<Buffer<T>> levels_;  ///< log(a_b + epsilon)
+  std::vector<Buffer<T>> levels_;  ///< log(a_b + epsilon), or a_b for colour
   Buffer<T> coarse_;               ///< a_n
   Buffer<T> d_level_, d_finer_, row_;
 };

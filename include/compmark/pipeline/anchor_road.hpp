@@ -79,6 +79,7 @@ class AnchorRoad {
     std::array<bool, 4> changed{};
     Buffer<std::uint32_t> all_rows;
     DistortionPhase phase;  ///< of this iteration; the default, nothing, is that of every render
+    bool embeds = true;     ///< false: the host's own attributes, as if nothing were hidden; nothing else differs
     DistortionReport distortion;
     AnchorColumns<const T> read;  ///< what the decoder read in the last pass
     [[no_unique_address]] typename Embed::Context embedder;
@@ -119,6 +120,7 @@ class AnchorRoad {
     AnchorColumns<const T> columns = anchor_values(arena, anchors);
     context.changed = {};
     if constexpr (marks_geometry) {
+      if (!context.embeds) return columns;
       context.all_rows.resize(columns.rows());
       for (std::size_t i = 0; i < columns.rows(); ++i) context.all_rows[i] = static_cast<std::uint32_t>(i);
       embed(arena, handles, std::as_const(context.all_rows).span(), columns, context, executor);
@@ -131,7 +133,9 @@ class AnchorRoad {
   [[nodiscard]] AnchorColumns<const T> forward(const ParameterArena<T>& arena, const Handles& handles,
                                                std::span<const std::uint32_t> visible, AnchorColumns<const T> columns,
                                                Context& context, E& executor) const {
-    if constexpr (marks && !marks_geometry) embed(arena, handles, visible, columns, context, executor);
+    if constexpr (marks && !marks_geometry) {
+      if (context.embeds) embed(arena, handles, visible, columns, context, executor);
+    }
     context.distortion = {};
     if constexpr (distorts) {
       if (context.phase.active()) {
@@ -201,8 +205,10 @@ class AnchorRoad {
       }
     }
     if constexpr (marks) {
-      Embed::backward(changed(Embed::target), rows_of(Embed::target, visible, context),
-                      arena.gradients(handles.embedder.residual), context.embedder, executor);
+      if (context.embeds) {
+        Embed::backward(changed(Embed::target), rows_of(Embed::target, visible, context),
+                        arena.gradients(handles.embedder.residual), context.embedder, executor);
+      }
     }
     for (std::size_t which = 0; which < 4; ++which) {
       if (!context.changed[which]) continue;
@@ -246,7 +252,7 @@ class AnchorRoad {
   [[nodiscard]] static std::span<const std::uint32_t> rows_of(MarkTarget which, std::span<const std::uint32_t> visible,
                                                               const Context& context) {
     if constexpr (marks_geometry) {
-      if (which == Embed::target) return context.all_rows.span();
+      if (which == Embed::target && context.embeds) return context.all_rows.span();
     }
     return visible;
   }

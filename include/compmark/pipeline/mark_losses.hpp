@@ -37,7 +37,8 @@ struct MarkReport {
   std::size_t matches = 0;
   double hsv = 0;
   double frequency = 0;
-  double total = 0;  ///< weighted sum
+  double departure = 0;  ///< mean square difference from the host's render, where that was measured
+  double total = 0;      ///< weighted sum
 };
 
 template <class T, class Decoder, class Hsv, class Frequency>
@@ -49,6 +50,7 @@ class MarkLosses {
     MarkWeights weights;  ///< of this iteration
     MarkReport report;    ///< of the last loss
     Buffer<T> logits, d_logits;
+    Buffer<double> square;  ///< of the departure from the host's render, a sum for every chunk
     [[no_unique_address]] typename Decoder::Context decoder;
     [[no_unique_address]] typename Hsv::Context hsv;
     [[no_unique_address]] typename Frequency::Context frequency;

@@ -31,6 +31,7 @@ class MarkPhases {
 
   [[nodiscard]] MarkWeights weights(std::int64_t t) const {
     MarkWeights weights;
+    if (beside_the_host()) return weights;
     if (t > message_.begin) {
       const std::int64_t every = std::max<std::int64_t>(1, numbers_.message_every);
       if (t % every == 0) {
@@ -42,6 +43,10 @@ class MarkPhases {
     if (t > frequency_after_) weights.frequency = numbers_.lambda_frequency * weights.image;
     return weights;
   }
+
+  /// Whether the host trains as if there were no mark, and the residual beside it (MarkNumbers::fidelity).
+  [[nodiscard]] bool beside_the_host() const { return numbers_.fidelity > 0; }
+  [[nodiscard]] double fidelity() const { return numbers_.fidelity; }
 
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
   [[nodiscard]] bool reads_between(std::int64_t t) const {

@@ -185,13 +185,15 @@ class Pipeline {
     return report;
   }
 
-  /// The message alone, of a render that there is no photograph of, in place of loss(): context.d_image is set from what was read.
+  /// The message alone, of a render that there is no photograph of, in place of loss(): context.d_image is set from what was read, and with a
+  /// weight `fidelity` above 0 from the mean square difference to `host`, the unmarked render of the same view.
   template <Executor E>
-  MarkReport message_loss(double weight, Context& context, E& executor) const
-      requires(present<typename R::MessageDecoder>) {
+  MarkReport message_loss(double weight, double fidelity, ImageView<const Scalar> host, Context& context,
+                          E& executor) const requires(present<typename R::MessageDecoder>) {
     context.d_image_storage.resize(context.image.size());
     context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
-    std::fill(context.d_image_storage.begin(), context.d_image_storage.end(), Scalar(0));
+    const double departure =
+        square_departure(context.image, host, static_cast<Scalar>(fidelity), context.d_image, context, executor);
     context.volume_weight = 0;
     if constexpr (present<typename R::AlphaLoss>) {
       context.alpha_loss.d_alpha.resize(context.image.plane_size());
@@ -200,6 +202,8 @@ class Pipeline {
     context.marks.weights = {weight, 0, 0, 0};
     context.marks.report =
         marks_.forward_backward(context.image, context.image, context.d_image, context.marks, executor);
+    context.marks.report.departure = departure;
+    context.marks.report.total += fidelity * departure;
     return context.marks.report;
   }
 
@@ -310,6 +314,31 @@ class Pipeline {
     } else {
       return context.marks.weights.image;
     }
+  }
+  /// fidelity * mean (image - host)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of 0.
+  template <Executor E>
+  static double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> host, Scalar fidelity,
+                                 ImageView<Scalar> d_image, Context& context, E& executor) {
+    if (!(fidelity > Scalar(0))) {
+      set_zero(d_image.flat(), executor);
+      return 0;
+    }
+    COMPMARK_ASSERT(host.size() == image.size(), "Pipeline::message_loss: the host's render is of another size");
+    constexpr std::size_t grain = 1 << 14;
+    const Scalar slope = Scalar(2) * fidelity / static_cast<Scalar>(image.size());
+    context.marks.square.resize(chunk_count(image.size(), grain));
+    executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+      double sum = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        const Scalar difference = image.data[i] - host.data[i];
+        d_image.data[i] = slope * difference;
+        sum += static_cast<double>(difference) * static_cast<double>(difference);
+      }
+      context.marks.square[begin / grain] = sum;
+    });
+    double sum = 0;
+    for (std::size_t c = 0; c < context.marks.square.size(); ++c) sum += context.marks.square[c];
+    return sum / static_cast<double>(image.size());
   }
   template <Executor E>
   static void set_zero(std::span<Scalar> values, E& executor) {

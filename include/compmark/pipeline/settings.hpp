@@ -43,6 +43,9 @@ struct MarkNumbers {
   double logit_scale = 10;         ///< of the cross entropy; a decoder file states what suits its logits
   double hinge_margin = 0;  ///< above 0: a hinge instead, no pull on a bit that is right by this much (scaled logits)
   std::int64_t between_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
+  /// Above 0 the host is left alone: it trains as without a mark, to the bit, and beside it the residual, from drawn views (between_every)
+  /// that shall carry the message and differ little from the host's own render: this, times their mean square difference.
+  double fidelity = 0;
   double lambda_hsv = 0.6;
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;
@@ -136,12 +139,15 @@ struct TrainSettings {
   TrainSettings settings;
   settings.profile = std::string(profile);
   if (profile == "scaffold" || profile == "hac") {
-    // Ours, measured (docs/watermark.md): from the end of growing on, held by a margin, read between the training views too.
-    settings.mark.lambda_message = 0.002;
+    // Ours, measured (docs/watermark.md): beside the host from the end of growing on, held by a margin, in views between the training views.
+    settings.mark.lambda_message = 0.25;
     settings.mark.message_after = settings.mark.residual_after = 15000;
+    settings.mark.message_ramp = 0;
     settings.mark.hinge_margin = 4;
     settings.mark.between_every = 1;
-    settings.mark.residual_rate = 0.002;
+    settings.mark.fidelity = 3000;
+    settings.mark.residual_rate = 0.006;
+    settings.mark.residual_decay = 0.05;
     if (profile == "hac") {
       settings.pause_from = 3000;
       settings.pause_until = 4000;

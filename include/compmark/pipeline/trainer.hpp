@@ -145,6 +145,10 @@ class Trainer {
     if constexpr (present<typename R::DistortionLayer>) {
       context_.road.phase = mark_phases_.distortion(t, settings_.seed);
     }
+    if constexpr (present<typename R::Embedder>) context_.road.embeds = !mark_phases_.beside_the_host();
+    learning_rates(t);
+    const double residual_rate = take_residual_rate();
+    const bool host_trains = std::any_of(rates_.begin(), rates_.end(), [](double rate) { return rate != 0; });
     Model<R>& model = state_.model;
     if constexpr (present<typename R::EntropyModel>) {
       prepare_context(model, rate_phases_, t);
@@ -154,10 +158,10 @@ class Trainer {
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
     if constexpr (present<typename R::AlphaLoss>) weights.lambda_alpha = settings_.effects.lambda_alpha;
     report.loss = pipeline_.loss(target_view(), weights, context_, *executor_);
-    pipeline_.backward(model, camera, report.view, context_, *executor_);
+    if (host_trains) pipeline_.backward(model, camera, report.view, context_, *executor_);
 
     if constexpr (present<Growth>) {
-      if (phases_.observes(t)) {
+      if (host_trains && phases_.observes(t)) {
         const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(model.render).screen(context_.raster);
         growth().observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm,
                          state_.growth, *executor_);
@@ -165,16 +169,25 @@ class Trainer {
       }
     }
     if constexpr (present<typename R::MessageDecoder>) {
-      if (!report.adjusted && mark_phases_.reads_between(t)) read_between(views, report.view, t);
+      if (!report.adjusted && mark_phases_.reads_between(t) && !mark_phases_.beside_the_host()) {
+        read_between(views, report.view, t);
+      }
     }
     if (t < settings_
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
-      learning_rates(t);
       // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the published loop.
       const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
-      report.skipped_blocks =
-          optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
+      if (host_trains) {
+        report.skipped_blocks =
+            optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
+      }
       if constexpr (present<typename R::Exposure>) R::Exposure::fix_gauge(model.arena, model.exposure);
+      if constexpr (present<typename R::MessageDecoder>) {
+        if (residual_rate != 0 && mark_phases_.reads_between(t)) {
+          read_between(views, report.view, t);
+          step_residual(residual_rate);
+        }
+      }
     }
     report.anchors = model.anchor_count();
     state_.iteration = t;
@@ -250,9 +263,32 @@ class Trainer {
       between_.road.rate.phase = context_.road.rate.phase;
       between_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
     }
+    if (mark_phases_.beside_the_host()) {
+      between_.road.embeds = false;
+      static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
+      host_image_.resize(between_.image.size());
+      std::copy_n(between_.image.data, between_.image.size(), host_image_.data());
+      between_.road.embeds = true;
+    }
     static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
-    pipeline_.message_loss(mark_phases_.between_weight(t), between_, *executor_);
+    const ImageView<const Scalar> host{host_image_.data(), 3, between_.image.height, between_.image.width};
+    pipeline_.message_loss(mark_phases_.between_weight(t), mark_phases_.fidelity(), host, between_, *executor_);
     pipeline_.backward(state_.model, between, view, between_, *executor_);
+  }
+  /// Where the residual trains beside the host: its rate, taken out of rates_, so that the host's step leaves it alone. Else 0.
+  [[nodiscard]] double take_residual_rate() {
+    double rate = 0;
+    if constexpr (present<typename R::MessageDecoder>) {
+      if (mark_phases_.beside_the_host()) std::swap(rate, rates_[state_.model.road.embedder.residual.index]);
+    }
+    return rate;
+  }
+  /// The other half: the residual alone.
+  void step_residual(double rate) requires(present<typename R::MessageDecoder>) {
+    rates_.assign(rates_.size(), 0.0);
+    rates_[state_.model.road.embedder.residual.index] = rate;
+    static_cast<void>(optimizer_.step(state_.model.arena, rates_, state_.optimizer, *executor_,
+                                      StepOptions{.zero_gradients_after = true}));
   }
 
   void start(std::size_t rows) {
@@ -368,6 +404,9 @@ class Trainer {
   [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, typename Pipeline<R>::Context,
                                            detail::Nothing<typename Pipeline<R>::Context>>
       between_;  ///< its own, so that image() and mark_report() stay those of the photographed view
+  [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, Buffer<Scalar>,
+                                           detail::Nothing<Buffer<Scalar>>>
+      host_image_;  ///< of the view that between_ is of
 };
 
 }  // namespace compmark::inline v0

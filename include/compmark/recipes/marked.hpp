@@ -41,24 +41,30 @@ struct MarkedForCompression : Marked<HostRecipe, Decoder> {
 
 }  // namespace recipes
 
-/// The model of the host with the mark baked into its anchors: it renders the same bits as `marked` does outside of training.
+/// The model of the host alone, without the mark: where the residual trained beside it (MarkNumbers::fidelity), what a run without a mark ends with.
 template <Recipe R>
-[[nodiscard]] Model<typename R::Host> unmarked_host(const Model<R>& marked) {
+[[nodiscard]] Model<typename R::Host> host_alone(const Model<R>& marked) {
   using Scalar = typename R::Scalar;
-  Model<R> baked = marked;
-  Model<R>::Road::bake(baked.arena, baked.anchors, baked.road);
   Model<typename R::Host> host;
-  host.create(baked.anchor_count(), baked.train_views);
-  host.render = baked.render;
-  host.voxel_size = baked.voxel_size;
+  host.create(marked.anchor_count(), marked.train_views);
+  host.render = marked.render;
+  host.voxel_size = marked.voxel_size;
   for (const ArenaLayout::Block& block : host.arena.layout().blocks()) {
-    const BlockHandle source = baked.arena.layout().find(block.name);
-    COMPMARK_ASSERT(source.valid() && baked.arena.layout().block(source).size() == block.size(),
-                    "unmarked_host: the host has a block that the marked model has not");
-    const MatrixView<const Scalar> values = std::as_const(baked.arena).values(source);
+    const BlockHandle source = marked.arena.layout().find(block.name);
+    COMPMARK_ASSERT(source.valid() && marked.arena.layout().block(source).size() == block.size(),
+                    "host_alone: the host has a block that the marked model has not");
+    const MatrixView<const Scalar> values = marked.arena.values(source);
     std::copy_n(values.data, block.size(), host.arena.all_values().data() + block.offset);
   }
   return host;
+}
+
+/// The model of the host with the mark baked into its anchors: it renders the same bits as `marked` does outside of training.
+template <Recipe R>
+[[nodiscard]] Model<typename R::Host> unmarked_host(const Model<R>& marked) {
+  Model<R> baked = marked;
+  Model<R>::Road::bake(baked.arena, baked.anchors, baked.road);
+  return host_alone(baked);
 }
 
 /// The other way: a finished model of the host with room for a mark (zero yet) and fresh networks of the stages, to be trained on.

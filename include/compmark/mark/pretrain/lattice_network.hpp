@@ -23,11 +23,12 @@
 
 namespace compmark::inline v0 {
 
-/// Frequencies of length 1 / period in a random direction, uniform phases, no head yet (lattice_head). One period an octave.
+/// Frequencies of length 1 / period in a random direction, uniform phases, no head yet (lattice_head). One period an octave of contrast, or a
+/// blur of colour; with a `spread` above 0 a wave's periods are all longer or shorter by up to so many octaves.
 template <class T>
 [[nodiscard]] LatticeWeights<T> random_lattice(const LatticeSettings& settings, std::span<const double> period,
-                                               std::uint64_t seed) {
-  COMPMARK_ASSERT(period.size() + 1 == settings.sigma.size(), "random_lattice: one period an octave");
+                                               std::uint64_t seed, double spread = 0) {
+  COMPMARK_ASSERT(3 * period.size() == settings.dimensions(), "random_lattice: one period an octave, or a blur");
   LatticeWeights<T> weights(settings);
   const Random random(seed, 0, random_stage("mark/pretrain/lattice"));
   const std::size_t dimensions = settings.dimensions();
@@ -38,8 +39,10 @@ template <class T>
       direction[j] = random.normal(k * dimensions + j);
       square += direction[j] * direction[j];
     }
+    const double stretch = std::exp2(spread * (2 * random.uniform((std::uint64_t{1} << 41) + k) - 1));
     for (std::size_t j = 0; j < dimensions; ++j)
-      weights.frequency[k * dimensions + j] = static_cast<T>(direction[j] / std::sqrt(square) / period[j / 3]);
+      weights.frequency[k * dimensions + j] =
+          static_cast<T>(direction[j] / std::sqrt(square) / period[j / 3] / stretch);
     weights.phase[k] = static_cast<T>(random.uniform((std::uint64_t{1} << 40) + k));
   }
   return weights;
