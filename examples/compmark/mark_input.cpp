@@ -30,10 +30,10 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
       ->check(CLI::PositiveNumber);
   app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
       ->check(CLI::PositiveNumber);
-  app.add_option(
-         "--fidelity", options.fidelity,
-         "how much the marked renders are held to the unmarked ones (default: the profile's; 0: as published, the "
-         "message joins the loss of the photographs)")
+  app.add_option("--fidelity", options.fidelity,
+                 "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
+                 "by so much; "
+                 "0: the message joins the loss of the photographs, as published (default: train 0, embed 3000)")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
@@ -79,7 +79,9 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   input.for_compression = options.for_compression;
 
   MarkNumbers& mark = settings.mark;
-  if (options.fidelity == 0.0 && mark.fidelity > 0) mark = in_the_photographs();
+  if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
+    mark = *options.fidelity > 0 ? beside_the_host() : in_the_photographs();
+  }
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;

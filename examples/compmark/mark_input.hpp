@@ -31,7 +31,7 @@ struct MarkOptions {
   std::filesystem::path twin;      ///< unmarked model to compare with; may be empty
   std::optional<double> weight;    ///< of the message; not set: the profile's
   std::optional<double> margin;    ///< of the hinge, in logits
-  std::optional<double> fidelity;  ///< of the marked renders to the unmarked ones; not set: the profile's
+  std::optional<double> fidelity;  ///< of the marked renders to the unmarked ones; not set: that of the command
   std::int64_t message_every = 1;  ///< cadence
   bool for_compression = false;    ///< with the noise of quantization
   /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.

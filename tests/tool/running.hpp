@@ -68,4 +68,21 @@ inline LatticeDecoder<float> untrained_lattice(int bits, int features, double fr
   return {settings, weights};
 }
 
+/// Waves of colour as they are drawn, one a bit: a mark that a small scene takes in seconds. A logit of 1 is about a deviation of the unmarked.
+inline LatticeDecoder<float> untrained_colours(int bits) {
+  LatticeSettings settings;
+  settings.measure = LatticeMeasure::colour;
+  settings.bits = settings.features = bits;
+  settings.sigma = {0.5};
+  settings.stride = 1;
+  settings.gate = 0.02;
+  LatticeWeights<float> weights(settings);
+  const Random random(3, 0, random_stage("test/tool decoder"));
+  std::uint64_t n = 0;
+  for (float& value : weights.frequency) value = static_cast<float>(8 * random.normal(n++));
+  for (float& value : weights.phase) value = static_cast<float>(random.uniform(n++));
+  for (std::size_t b = 0; b < weights.phase.size(); ++b) weights.head[b * (weights.phase.size() + 1)] = 10;
+  return {settings, weights};
+}
+
 }  // namespace compmark::testing

@@ -36,7 +36,8 @@ std::string at(const std::string& name) { return (scratch() / name).string(); }
 
 /// The built-in scene, small; a key of 24 bits, another, and a decoder that nobody trained: seconds must do.
 struct Setting {
-  std::string scene = at("scene"), key = at("owner.key"), other = at("other.key"), decoder = at("lattice.safetensors");
+  std::string scene = at("scene"), key = at("owner.key"), other = at("other.key"), decoder = at("lattice.safetensors"),
+              colours = at("colours.safetensors");
   Setting() {
     REQUIRE(tool("scene --out " + scene + " --width 96 --height 80 --train 12 --test 4").code == 0);
     // Fixed keys: whether a decoder that nobody whitened can carry a message in seconds depends on the message.
@@ -44,6 +45,7 @@ struct Setting {
       REQUIRE(write_key(*path, testing::fixed_key(number, 24)).ok());
     }
     REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_lattice(24, 64, 2), "a test", fs::path(decoder)).ok());
+    REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(colours)).ok());
   }
   [[nodiscard]] std::string mark() const { return " --key " + key + " --decoder " + decoder; }
 };
@@ -65,9 +67,10 @@ const nlohmann::json& unmarked() {
   return results;
 }
 /// Of all views, the training views among them: a few hundred iterations on a dozen small pictures do not carry a message to other places.
-int verdict(const std::string& model, const std::string& key, const std::string& more = "--split all") {
+int verdict(const std::string& model, const std::string& key, const std::string& more = "--split all",
+            const std::string& decoder = setting().decoder) {
   const Outcome outcome = tool("verify --alpha 1e-3 --model " + at(model) + "/model.safetensors --key " + key +
-                               " --decoder " + setting().decoder + " " + more);
+                               " --decoder " + decoder + " " + more);
   const std::size_t line = outcome.text.find("matches ");
   if (line != std::string::npos) MESSAGE(model, ": ", outcome.text.substr(line, outcome.text.find('\n', line) - line));
   return outcome.code;
@@ -102,9 +105,9 @@ TEST_CASE(
 
 TEST_CASE("tool: embed marks a finished model and leaves the file it read as it was") {
   const std::string before = unmarked()["model_sha256"];
-  const Outcome outcome =
-      tool("embed --iterations 800 --message-weight 0.1 --model " + at("unmarked/model.safetensors") + " --data " +
-           setting().scene + " --out " + at("embedded") + setting().mark());
+  const Outcome outcome = tool("embed --iterations 800 --fidelity 100 --model " + at("unmarked/model.safetensors") +
+                               " --data " + setting().scene + " --out " + at("embedded") + " --key " + setting().key +
+                               " --decoder " + setting().colours);
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
   const nlohmann::json results = json_of(at("embedded/results.json"));
@@ -112,7 +115,25 @@ TEST_CASE("tool: embed marks a finished model and leaves the file it read as it 
           results["psnr_cost_vs_unmarked"].dump(), " dB, ", results["psnr_marked_vs_unmarked"].dump(), " dB");
   CHECK(results["anchors"] == unmarked()["anchors"]);
   CHECK(results["psnr_marked_vs_unmarked"].get<double>() > 20);
-  CHECK(verdict("embedded", setting().key) == 0);
+  CHECK(verdict("embedded", setting().key, "--split all", setting().colours) == 0);
+  CHECK(not_detected(verdict("embedded", setting().other, "--split all", setting().colours)));  // negative controls
+  CHECK(not_detected(verdict("unmarked", setting().key, "--split all", setting().colours)));
+  CHECK(results["psnr_cost_vs_unmarked"].get<double>() < 1);  // measured 0.31 dB
+  // The published way, which trains on from the model, is still there.
+  const Outcome published = tool("embed --iterations 20 --fidelity 0 --model " + at("unmarked/model.safetensors") +
+                                 " --data " + setting().scene + " --out " + at("touched") + setting().mark());
+  INFO(published.text);
+  CHECK(published.code == 0);
+  const Result<SafetensorsFile> host = read_safetensors(at("unmarked/model.safetensors")),
+                                beside = read_safetensors(at("embedded/model.safetensors")),
+                                touched = read_safetensors(at("touched/model.safetensors"));
+  REQUIRE((host.ok() && beside.ok() && touched.ok()));
+  for (const char* name : {"anchor.offset", "anchor.scaling", "mlp_color.0.weight"}) {
+    CAPTURE(name);
+    CHECK(*beside->values<float>(name) == *host->values<float>(name));
+    CHECK(*touched->values<float>(name) != *host->values<float>(name));
+  }
+  CHECK(*beside->values<float>("anchor.feature") != *host->values<float>("anchor.feature"));
   CHECK(json_of(at("unmarked/results.json"))["model_sha256"] == before);
   CHECK(tool("info " + at("unmarked/model.safetensors")).text.find(before) != std::string::npos);
 }

@@ -134,8 +134,8 @@ struct TrainSettings {
   RateNumbers rate;
 };
 
-/// Ours, measured (docs/watermark.md): a mark that is learned beside the host from the end of growing on, held by a margin and to the host's
-/// renders, in views drawn between the training views.
+/// Ours, measured (docs/watermark.md): a mark that is learned beside the host, held by a margin and to the host's renders, in views drawn between
+/// the training views. For a finished host: one that still trains moves under the mark.
 [[nodiscard]] inline MarkNumbers beside_the_host() {
   MarkNumbers mark;
   mark.lambda_message = 0.25;
@@ -148,7 +148,8 @@ struct TrainSettings {
   mark.residual_decay = 0.05;
   return mark;
 }
-/// The same as a part of the loss of the photographs, which trains everything, as published: the fidelity is that of the photographs.
+/// A mark in the loss of the photographs, which trains everything, as published: from the end of growing on, held by a margin, read between the
+/// training views too.
 [[nodiscard]] inline MarkNumbers in_the_photographs() {
   MarkNumbers mark;
   mark.lambda_message = 0.002;
@@ -164,7 +165,7 @@ struct TrainSettings {
   TrainSettings settings;
   settings.profile = std::string(profile);
   if (profile == "scaffold" || profile == "hac") {
-    settings.mark = beside_the_host();
+    settings.mark = in_the_photographs();
     if (profile == "hac") {
       settings.pause_from = 3000;
       settings.pause_until = 4000;
