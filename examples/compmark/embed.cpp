@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark embed: hides a message in a finished model by training on from it, with the photographs it was trained on. Nothing grows, the learning
-// rates are small, and the model that is read from is left as it is.
+// compmark embed: hides a message in a finished model: a residual of its features is trained beside it, and the model that is read from is left as it
+// is. With --fidelity 0 it is trained on from, with the photographs it was trained on: nothing grows, and the learning rates are small.
 #include <compmark/pipeline/model_file.hpp>
 #include <memory>
 #include <string>
@@ -27,6 +27,7 @@ TrainSettings embed_settings(TrainSettings settings) {
           &settings.mlp_color, &settings.feature_bank, &settings.appearance, &settings.effects.exposure}) {
       *rate = {0, 0};
     }
+    settings.mark.distortion_rate = 0;
     return settings;
   }
   const auto last = [](LearningRate& rate) { rate.initial = rate.final; };

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mark_input.hpp"
 
+#include <cmath>
 #include <compmark/mark/key.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
@@ -34,7 +35,7 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
                  "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
                  "by so much; "
                  "0: the message joins the loss of the photographs, as published (default: train 0, embed 3000)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0.0, 1e6));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -79,6 +80,9 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   input.for_compression = options.for_compression;
 
   MarkNumbers& mark = settings.mark;
+  if (options.fidelity && !std::isfinite(*options.fidelity)) {
+    return Error{ErrorKind::invalid, {}, "--fidelity", "is not a number", "give 0, or a weight up to 1000000"};
+  }
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
     mark = *options.fidelity > 0 ? beside_the_host() : in_the_photographs();
   }

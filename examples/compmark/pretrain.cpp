@@ -279,10 +279,10 @@ int run(PretrainOptions& options) {
 
   const LatticeSettings shape = shape_of(options);
   const std::string digest = train.procedural() ? "dead leaves" : train.digest();
-  const std::string identity = "lattice of " + options.waves + ", bits " + std::to_string(options.bits) +
-                               ", features " + std::to_string(options.features) + ", steps " +
-                               std::to_string(options.steps) + ", seed " + std::to_string(options.seed) + ", crop " +
-                               std::to_string(options.crop) + ", images " + digest.substr(0, 16);
+  const std::string identity = (options.waves == "contrast" ? "lattice" : "lattice of " + options.waves) + ", bits " +
+                               std::to_string(options.bits) + ", features " + std::to_string(options.features) +
+                               ", steps " + std::to_string(options.steps) + ", seed " + std::to_string(options.seed) +
+                               ", crop " + std::to_string(options.crop) + ", images " + digest.substr(0, 16);
   const std::filesystem::path checkpoint = std::filesystem::path(options.out) += ".checkpoint";
   const bool resuming = options.resume && std::filesystem::exists(checkpoint);
   if (!options.resume && std::filesystem::exists(checkpoint)) {

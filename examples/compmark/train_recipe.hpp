@@ -65,8 +65,8 @@ struct TrainObserver {
       if (const auto& rate = trainer.rate_report(); rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
     }
     if constexpr (requires { trainer.between_report(); }) {
-      if (const MarkReport& mark = trainer.mark_report(); mark.bits != 0)
-        line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
+      const MarkReport& mark = trainer.settings().mark.fidelity > 0 ? trainer.between_report() : trainer.mark_report();
+      if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
     }
     progress->show(line);
     if (report.skipped_blocks != 0) {
@@ -224,7 +224,8 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   if (!kept) return fail(kept.error());
   if constexpr (is_marked) {
     // Where the host trained as if there were no mark, the unmarked model is there for nothing.
-    if (!present<typename R::EntropyModel> && mark->twin.empty() && data.settings.mark.fidelity > 0) {
+    constexpr bool noisy = present<typename R::EntropyModel> || present<typename R::DistortionLayer>;
+    if (!noisy && mark->twin.empty() && data.settings.mark.fidelity > 0) {
       MarkInput with_twin = *mark;
       with_twin.twin = std::filesystem::path(data.model).replace_filename("unmarked.safetensors");
       if (Result<Done> written = write_model(with_twin.twin, host_alone(trainer.model()), data.info); !written) {

@@ -85,7 +85,7 @@ template <class Json = nlohmann::json>
     mark["logit_scale"] = m.logit_scale;
     mark["hinge_margin"] = m.hinge_margin;
     mark["between_every"] = m.between_every;
-    mark["fidelity"] = m.fidelity;
+    if (m.fidelity != 0) mark["fidelity"] = m.fidelity;  // checkpoints are older than this number
     mark["lambda_hsv"] = m.lambda_hsv;
     mark["hsv_after"] = m.hsv_after;
     mark["lambda_frequency"] = m.lambda_frequency;

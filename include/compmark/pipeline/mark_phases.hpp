@@ -46,15 +46,16 @@ class MarkPhases {
 
   /// Whether the host trains as if there were no mark, and the residual beside it (MarkNumbers::fidelity).
   [[nodiscard]] bool beside_the_host() const { return numbers_.fidelity > 0; }
-  [[nodiscard]] double fidelity() const { return numbers_.fidelity; }
+  /// Weight of the departure from the host's render in an iteration that reads.
+  [[nodiscard]] double fidelity() const { return numbers_.fidelity * static_cast<double>(between_every()); }
 
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
   [[nodiscard]] bool reads_between(std::int64_t t) const {
-    return numbers_.between_every > 0 && t % numbers_.between_every == 0 && between_weight(t) != 0;
+    return between_every() > 0 && t % between_every() == 0 && between_weight(t) != 0;
   }
   [[nodiscard]] double between_weight(std::int64_t t) const {
     if (t <= message_.begin) return 0;
-    return numbers_.lambda_message * message_.progress(t) * static_cast<double>(numbers_.between_every);
+    return numbers_.lambda_message * message_.progress(t) * static_cast<double>(between_every());
   }
 
   [[nodiscard]] DistortionPhase distortion(std::int64_t t, std::uint64_t seed) const {
@@ -76,6 +77,11 @@ class MarkPhases {
   }
 
  private:
+  /// Beside the host there is no other reading: without a number it is every iteration.
+  [[nodiscard]] std::int64_t between_every() const {
+    return beside_the_host() ? std::max<std::int64_t>(1, numbers_.between_every) : numbers_.between_every;
+  }
+
   MarkNumbers numbers_;
   Window message_;
   std::int64_t hsv_after_ = 0, frequency_after_ = 0, noise_after_ = 0, adaptive_after_ = 0;

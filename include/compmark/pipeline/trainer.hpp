@@ -145,10 +145,16 @@ class Trainer {
     if constexpr (present<typename R::DistortionLayer>) {
       context_.road.phase = mark_phases_.distortion(t, settings_.seed);
     }
-    if constexpr (present<typename R::Embedder>) context_.road.embeds = !mark_phases_.beside_the_host();
     learning_rates(t);
-    const double residual_rate = take_residual_rate();
-    const bool host_trains = std::any_of(rates_.begin(), rates_.end(), [](double rate) { return rate != 0; });
+    double residual_rate = 0;
+    bool host_trains = true;  // but beside a mark that is trained alone, where nothing else has a rate
+    if constexpr (marks_beside) {
+      if (mark_phases_.beside_the_host()) {
+        context_.road.embeds = false;
+        std::swap(residual_rate, rates_[state_.model.road.embedder.residual.index]);
+        host_trains = std::any_of(rates_.begin(), rates_.end(), [](double rate) { return rate != 0; });
+      }
+    }
     Model<R>& model = state_.model;
     if constexpr (present<typename R::EntropyModel>) {
       prepare_context(model, rate_phases_, t);
@@ -180,12 +186,12 @@ class Trainer {
       if (host_trains) {
         report.skipped_blocks =
             optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
+        if constexpr (present<typename R::Exposure>) R::Exposure::fix_gauge(model.arena, model.exposure);
       }
-      if constexpr (present<typename R::Exposure>) R::Exposure::fix_gauge(model.arena, model.exposure);
-      if constexpr (present<typename R::MessageDecoder>) {
+      if constexpr (marks_beside) {
         if (residual_rate != 0 && mark_phases_.reads_between(t)) {
           read_between(views, report.view, t);
-          step_residual(residual_rate);
+          report.skipped_blocks += step_residual(residual_rate);
         }
       }
     }
@@ -214,7 +220,7 @@ class Trainer {
   [[nodiscard]] const MarkReport& mark_report() const requires(!Pipeline<R>::Marks::is_absent) {
     return context_.marks.report;
   }
-  /// What was read in the last view between training views.
+  /// What was read in the last view between training views; beside the host the only reading there is.
   [[nodiscard]] const MarkReport& between_report() const requires(present<typename R::MessageDecoder>) {
     return between_.marks.report;
   }
@@ -252,7 +258,11 @@ class Trainer {
   }
 
  private:
-  /// One more reading, of a view near this one that nobody took; adds its gradients to those of the iteration.
+  /// Whether this recipe can train its mark beside the host (MarkNumbers::fidelity).
+  static constexpr bool marks_beside = present<typename R::MessageDecoder> && present<typename R::Embedder>;
+
+  /// One more reading, of a view near this one that nobody took; adds its gradients to those of the iteration, which beside the host are
+  /// zero: there this is what the residual learns from.
   template <class Views>
   void read_between(const Views& views, std::size_t view, std::int64_t t) {
     const Random random(settings_.seed, static_cast<std::uint64_t>(t), random_stage("between"));
@@ -263,32 +273,27 @@ class Trainer {
       between_.road.rate.phase = context_.road.rate.phase;
       between_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
     }
-    if (mark_phases_.beside_the_host()) {
-      between_.road.embeds = false;
-      static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
-      host_image_.resize(between_.image.size());
-      std::copy_n(between_.image.data, between_.image.size(), host_image_.data());
-      between_.road.embeds = true;
+    if constexpr (marks_beside) {
+      if (mark_phases_.beside_the_host()) {
+        between_.road.embeds = false;
+        static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
+        host_image_.resize(between_.image.size());
+        std::copy_n(between_.image.data, between_.image.size(), host_image_.data());
+        between_.road.embeds = true;
+      }
     }
     static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
     const ImageView<const Scalar> host{host_image_.data(), 3, between_.image.height, between_.image.width};
     pipeline_.message_loss(mark_phases_.between_weight(t), mark_phases_.fidelity(), host, between_, *executor_);
     pipeline_.backward(state_.model, between, view, between_, *executor_);
   }
-  /// Where the residual trains beside the host: its rate, taken out of rates_, so that the host's step leaves it alone. Else 0.
-  [[nodiscard]] double take_residual_rate() {
-    double rate = 0;
-    if constexpr (present<typename R::MessageDecoder>) {
-      if (mark_phases_.beside_the_host()) std::swap(rate, rates_[state_.model.road.embedder.residual.index]);
-    }
-    return rate;
-  }
-  /// The other half: the residual alone.
-  void step_residual(double rate) requires(present<typename R::MessageDecoder>) {
+  /// The other half of an iteration beside the host: the residual alone. Returns how many blocks had a gradient that is not finite.
+  std::size_t step_residual(double rate) requires(marks_beside) {
     rates_.assign(rates_.size(), 0.0);
     rates_[state_.model.road.embedder.residual.index] = rate;
-    static_cast<void>(optimizer_.step(state_.model.arena, rates_, state_.optimizer, *executor_,
-                                      StepOptions{.zero_gradients_after = true}));
+    return optimizer_
+        .step(state_.model.arena, rates_, state_.optimizer, *executor_, StepOptions{.zero_gradients_after = true})
+        .skipped_blocks;
   }
 
   void start(std::size_t rows) {

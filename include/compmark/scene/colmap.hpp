@@ -139,7 +139,7 @@ namespace detail {
   for (const ColmapImage* image : images) {
     if (!names.insert(image->name).second) {
       return Error{ErrorKind::malformed, images_file, image->name, "is the name of two images of the model",
-                   "export the model again"};
+                   "remove one of the two with colmap image_deleter"};
     }
   }
   const Result<std::filesystem::path> folder = detail::image_folder(root);
