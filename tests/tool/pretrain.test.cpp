@@ -10,6 +10,7 @@
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/safetensors.hpp>
+#include <compmark/mark/lattice_file.hpp>
 #include <compmark/mark/pretrain/dead_leaves.hpp>
 #include <compmark/mark/stored_decoder.hpp>
 #include <filesystem>
@@ -103,6 +104,23 @@ TEST_CASE("tool/pretrain: the same file for any number of threads and after an i
   CHECK(file_bytes(at("killed.safetensors")) == one);
 }
 
+TEST_CASE("tool/pretrain: waves of colour as they are drawn, and the same file again") {
+  const std::string drawn =
+      "--bits 8 --waves colour --steps 0 --crop 32 --measure 1 --measure-steps 2 --threads 1 --out " +
+      at("colour.safetensors");
+  REQUIRE(pretrain(drawn).code == 0);
+  const std::vector<std::byte> one = file_bytes(at("colour.safetensors"));
+  const auto file = read_safetensors(at("colour.safetensors"));
+  REQUIRE(file.ok());
+  const auto decoder = read_lattice(*file);
+  REQUIRE(decoder.ok());
+  CHECK(decoder->settings().measure == LatticeMeasure::colour);
+  CHECK(decoder->settings().features == 8);  // one a bit
+  CHECK(decoder->bits() == 8);
+  REQUIRE(pretrain(drawn).code == 0);
+  CHECK(file_bytes(at("colour.safetensors")) == one);
+}
+
 TEST_CASE("tool/pretrain: bad input is one error line, and nothing is overwritten") {
   const std::string kept = at("kept.safetensors");
   REQUIRE(write_file(kept, std::string_view("kept")).ok());
@@ -118,7 +136,8 @@ TEST_CASE("tool/pretrain: bad input is one error line, and nothing is overwritte
   check_refused(pretrain("--bits 0" + out), {"--bits", "1 to 128"});
   check_refused(pretrain("--bits 129" + out), {"--bits", "129"});
   check_refused(pretrain("--features 3" + out), {"--features"});
-  check_refused(pretrain("--steps 0" + out), {"--steps"});
+  check_refused(pretrain("--steps -1" + out), {"--steps"});
+  check_refused(pretrain("--waves texture" + out), {"--waves", "texture"});
   check_refused(pretrain(tiny + "--out " + at("no/such/folder/a.safetensors")), {"no/such/folder"});
   check_refused(pretrain(tiny + "--out " + at("empty")), {"empty", "is a folder"});
   check_refused(pretrain(tiny + "--json " + kept + out), {"--out"});
