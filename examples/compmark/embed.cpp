@@ -80,7 +80,7 @@ Command add_embed(CLI::App& app) {
     settings.iterations = options->iterations;
     if (options->seed) settings.seed = *options->seed;
     if (options->mark.twin.empty()) options->mark.twin = options->model;
-    settings.mark = beside_the_host();
+    settings.mark = mark_beside_the_host();
     const Result<MarkInput> mark = load_mark(options->mark, settings);
     if (!mark) return fail(mark.error());
     const Result<std::string> digest = file_sha256(options->model);

@@ -84,7 +84,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
     return Error{ErrorKind::invalid, {}, "--fidelity", "is not a number", "give 0, or a weight up to 1000000"};
   }
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
-    mark = *options.fidelity > 0 ? beside_the_host() : in_the_photographs();
+    mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
   }
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;

@@ -218,7 +218,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     return Done{};
   };
   const Result<Done> kept = [&] {
-    if constexpr (is_marked) return keep(unmarked_host(trainer.model()));
+    if constexpr (is_marked) return keep(baked_host(trainer.model()));
     if constexpr (!is_marked) return keep(trainer.model());
   }();
   if (!kept) return fail(kept.error());

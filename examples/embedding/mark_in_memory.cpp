@@ -239,7 +239,7 @@ int main() {
   Memory source = views;
   if (const auto done = trainer.run(source, Progress{}); !done) return fail(done.error());
 
-  const Model<MyRecipe::Host> model = unmarked_host(trainer.model());
+  const Model<MyRecipe::Host> model = baked_host(trainer.model());
   const auto mine = verify(model, views, key, team), theirs = verify(model, views, other, team);
   if (!mine) return fail(mine.error());
   if (!theirs) return fail(theirs.error());

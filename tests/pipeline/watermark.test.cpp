@@ -191,7 +191,7 @@ Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::siz
   BlobViews views;
   REQUIRE(trainer.run(views));
   // Read from renders of the baked host, as whoever checks the mark does.
-  const Model<Host> host = unmarked_host(trainer.model());
+  const Model<Host> host = baked_host(trainer.model());
   const Pipeline<Host> pipeline;
   Pipeline<Host>::Context context;
   Outcome outcome;
@@ -274,7 +274,7 @@ TEST_CASE("pipeline/watermark: a finished model is marked by training on from it
   second.start_from(with_room_for_mark<MarkedHost>(first.model(), settings.seed));
   CHECK(second.state().iteration == 0);
   // It starts as what it was started from, to the bit: the residual is zero.
-  const Model<Host> room = unmarked_host(second.model());
+  const Model<Host> room = baked_host(second.model());
   REQUIRE(room.arena.all_values().size() == first.model().arena.all_values().size());
   CHECK(std::memcmp(room.arena.all_values().data(), first.model().arena.all_values().data(),
                     room.arena.all_values().size() * sizeof(float)) == 0);
@@ -295,7 +295,7 @@ TEST_CASE("pipeline/watermark: a finished model is marked by training on from it
   };
   if (compmark::testing::short_trainings) return;
   CHECK(matches(first.model()) < 8 * views.size());  // negative control
-  CHECK(matches(unmarked_host(second.model())) == 8 * views.size());
+  CHECK(matches(baked_host(second.model())) == 8 * views.size());
 }
 
 namespace {
@@ -350,8 +350,8 @@ TEST_CASE(
   REQUIRE(plain.run(views));
   const Model<ColourMarked> beside = marked(settings, 2);
   CHECK(same(host_alone(beside), plain.model()));
-  CHECK(!same(unmarked_host(beside), plain.model()));
-  CHECK(same(unmarked_host(marked(settings, 1)), unmarked_host(beside)));
+  CHECK(!same(baked_host(beside), plain.model()));
+  CHECK(same(baked_host(marked(settings, 1)), baked_host(beside)));
   TrainSettings joined = settings;  // the control: in the loss of the photographs the message moves the host too
   joined.mark.fidelity = 0;
   CHECK(!same(host_alone(marked(joined, 2)), plain.model()));
@@ -406,9 +406,9 @@ TEST_CASE(
   };
   double none = 0, trained_db = 0, finished_db = 0, loose_db = 0;
   const double before = read(plain.model(), none);
-  const double trained = read(unmarked_host(beside), trained_db);
-  const double finished = read(unmarked_host(second), finished_db);
-  static_cast<void>(read(unmarked_host(loose), loose_db));
+  const double trained = read(baked_host(beside), trained_db);
+  const double finished = read(baked_host(second), finished_db);
+  static_cast<void>(read(baked_host(loose), loose_db));
   MESSAGE("bits between the views: unmarked ", before, ", marked while training ", trained, " at ", trained_db,
           " dB, afterwards ", finished, " at ", finished_db, " dB; held less ", loose_db, " dB");
   if (compmark::testing::short_trainings) return;

@@ -3,7 +3,8 @@
 //
 // Lattice decoders in tensor files, in the format of decoder_reader.hpp with kind "lattice". Tensors: wave.frequency [features, dimensions],
 // wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: measure ("contrast", also where it is missing: 3 octaves
-// dimensions; "colour": 3 (octaves + 1)), bits, features, octaves, sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale, note. No number is believed before it is checked. Cost: one pass over the weights.
+// dimensions; "colour": 3 (octaves + 1)), bits, features, octaves, sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale,
+// note. No number is believed before it is checked. Cost: one pass over the weights.
 #pragma once
 
 #include <cstddef>

@@ -134,23 +134,9 @@ struct TrainSettings {
   RateNumbers rate;
 };
 
-/// Ours, measured (docs/watermark.md): a mark that is learned beside the host, held by a margin and to the host's renders, in views drawn between
-/// the training views. For a finished host: one that still trains moves under the mark.
-[[nodiscard]] inline MarkNumbers beside_the_host() {
-  MarkNumbers mark;
-  mark.lambda_message = 0.25;
-  mark.message_after = mark.residual_after = 15000;
-  mark.message_ramp = 0;
-  mark.hinge_margin = 4;
-  mark.between_every = 1;
-  mark.fidelity = 3000;
-  mark.residual_rate = 0.006;
-  mark.residual_decay = 0.05;
-  return mark;
-}
-/// A mark in the loss of the photographs, which trains everything, as published: from the end of growing on, held by a margin, read between the
-/// training views too.
-[[nodiscard]] inline MarkNumbers in_the_photographs() {
+/// A mark in the loss of the photographs, which trains everything, as published, with what was measured here (docs/watermark.md): from the end of
+/// growing on, held by a margin, read between the training views too.
+[[nodiscard]] inline MarkNumbers mark_in_the_photographs() {
   MarkNumbers mark;
   mark.lambda_message = 0.002;
   mark.message_after = mark.residual_after = 15000;
@@ -159,13 +145,23 @@ struct TrainSettings {
   mark.residual_rate = 0.002;
   return mark;
 }
+/// A mark that is learned beside the host and held to its renders (docs/watermark.md). For a finished host: one that still trains moves under it.
+[[nodiscard]] inline MarkNumbers mark_beside_the_host() {
+  MarkNumbers mark = mark_in_the_photographs();
+  mark.lambda_message = 0.25;
+  mark.message_ramp = 0;
+  mark.fidelity = 3000;
+  mark.residual_rate = 0.006;
+  mark.residual_decay = 0.05;
+  return mark;
+}
 
 /// "scaffold": Scaffold-GS defaults. "hac": those with the pause in growing that the codecs' authors make. "official": what the published CompMarkGS code does. "paper": what its paper says.
 [[nodiscard]] inline std::optional<TrainSettings> profile_settings(std::string_view profile) {
   TrainSettings settings;
   settings.profile = std::string(profile);
   if (profile == "scaffold" || profile == "hac") {
-    settings.mark = in_the_photographs();
+    settings.mark = mark_in_the_photographs();
     if (profile == "hac") {
       settings.pause_from = 3000;
       settings.pause_until = 4000;

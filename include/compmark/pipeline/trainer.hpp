@@ -22,6 +22,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
+#include "compmark/pipeline/drawn_reading.hpp"
 #include "compmark/pipeline/learning_rates.hpp"
 #include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/model.hpp"
@@ -30,7 +31,6 @@
 #include "compmark/pipeline/rate_phases.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/training_views.hpp"
-#include "compmark/scene/between.hpp"
 
 namespace compmark::inline v0 {
 
@@ -131,6 +131,21 @@ class Trainer {
                       std::is_same_v<std::remove_cvref_t<decltype(views.camera(report.view))>, ViewCamera<R>>,
                   "Trainer: this recipe projects through a lens, so views.camera(i) must return LensCamera (see "
                   "scene/lens_camera.hpp)");
+    learning_rates(t);
+    Model<R>& model = state_.model;
+    double residual_rate = 0;  // of a mark beside the host, in iterations that read
+    bool host_trains = true;
+    if constexpr (marks_beside) {
+      if (mark_phases_.beside_the_host()) {
+        std::swap(residual_rate, rates_[model.road.embedder.residual.index]);
+        if (!mark_phases_.reads_between(t)) residual_rate = 0;
+        host_trains = std::any_of(rates_.begin(), rates_.end(), [](double rate) { return rate != 0; });
+        photographed_ = host_trains || residual_rate == 0;
+        context_.road.embeds = false;
+        if (!photographed_) return mark_alone(views, residual_rate, report);
+      }
+    }
+
     const ViewCamera<R> camera = views.camera(report.view);
     target_storage_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     target_ = {target_storage_.data(), 3, camera.height, camera.width};
@@ -141,25 +156,8 @@ class Trainer {
     }
     if (Result<Done> loaded = load(views, report.view); !loaded) return loaded.error();
 
+    noise(t);
     if constexpr (!MarkedPipeline::Marks::is_absent) context_.marks.weights = mark_phases_.weights(t);
-    if constexpr (present<typename R::DistortionLayer>) {
-      context_.road.phase = mark_phases_.distortion(t, settings_.seed);
-    }
-    learning_rates(t);
-    double residual_rate = 0;
-    bool host_trains = true;  // but beside a mark that is trained alone, where nothing else has a rate
-    if constexpr (marks_beside) {
-      if (mark_phases_.beside_the_host()) {
-        context_.road.embeds = false;
-        std::swap(residual_rate, rates_[state_.model.road.embedder.residual.index]);
-        host_trains = std::any_of(rates_.begin(), rates_.end(), [](double rate) { return rate != 0; });
-      }
-    }
-    Model<R>& model = state_.model;
-    if constexpr (present<typename R::EntropyModel>) {
-      prepare_context(model, rate_phases_, t);
-      context_.road.rate.phase = rate_phases_.template at<typename R::EntropyModel::Phase>(t, settings_.seed);
-    }
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
     if constexpr (present<typename R::AlphaLoss>) weights.lambda_alpha = settings_.effects.lambda_alpha;
@@ -176,7 +174,8 @@ class Trainer {
     }
     if constexpr (present<typename R::MessageDecoder>) {
       if (!report.adjusted && mark_phases_.reads_between(t) && !mark_phases_.beside_the_host()) {
-        read_between(views, report.view, t);
+        static_cast<void>(
+            drawn_.read(pipeline_, model, views, report.view, settings_.seed, t, mark_phases_, context_, *executor_));
       }
     }
     if (t < settings_
@@ -189,10 +188,7 @@ class Trainer {
         if constexpr (present<typename R::Exposure>) R::Exposure::fix_gauge(model.arena, model.exposure);
       }
       if constexpr (marks_beside) {
-        if (residual_rate != 0 && mark_phases_.reads_between(t)) {
-          read_between(views, report.view, t);
-          report.skipped_blocks += step_residual(residual_rate);
-        }
+        if (residual_rate != 0) static_cast<void>(learn_residual(views, residual_rate, report));
       }
     }
     report.anchors = model.anchor_count();
@@ -222,7 +218,7 @@ class Trainer {
   }
   /// What was read in the last view between training views; beside the host the only reading there is.
   [[nodiscard]] const MarkReport& between_report() const requires(present<typename R::MessageDecoder>) {
-    return between_.marks.report;
+    return drawn_.report();
   }
   /// Mean step and rate of the distortion layer in the last iteration.
   [[nodiscard]] const DistortionReport& distortion_report() const requires(present<typename R::DistortionLayer>) {
@@ -246,54 +242,65 @@ class Trainer {
     marks.decoder = std::move(decoder);
     marks.message.assign(message.begin(), message.end());
   }
-  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< render of the last iteration
-  [[nodiscard]] ImageView<const Scalar> target() const { return target_; }        ///< its ground truth
+  /// Render of the last iteration, and its ground truth. Beside a host that does not train: a drawn view, marked and unmarked.
+  [[nodiscard]] ImageView<const Scalar> image() const {
+    if constexpr (marks_beside) {
+      if (!photographed_) return drawn_.image();
+    }
+    return context_.image;
+  }
+  [[nodiscard]] ImageView<const Scalar> target() const {
+    if constexpr (marks_beside) {
+      if (!photographed_) return drawn_.host();
+    }
+    return target_;
+  }
   /// How much each of its pixels counts, [height, width]; empty if the recipe does not look.
   [[nodiscard]] std::span<const Scalar> weight() const {
     if constexpr (present<typename R::PixelWeights>) {
-      return planes_.weight.span();
+      return photographed_ ? planes_.weight.span() : std::span<const Scalar>{};
     } else {
       return {};
     }
   }
 
  private:
-  /// Whether this recipe can train its mark beside the host (MarkNumbers::fidelity).
-  static constexpr bool marks_beside = present<typename R::MessageDecoder> && present<typename R::Embedder>;
+  using Drawn = DrawnReading<R>;
+  static constexpr bool marks_beside = Drawn::can_stand_beside;
 
-  /// One more reading, of a view near this one that nobody took; adds its gradients to those of the iteration, which beside the host are
-  /// zero: there this is what the residual learns from.
-  template <class Views>
-  void read_between(const Views& views, std::size_t view, std::int64_t t) {
-    const Random random(settings_.seed, static_cast<std::uint64_t>(t), random_stage("between"));
-    const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
-    const ViewCamera<R> between = drawn_camera(camera_of, views.size(), view, random);
-    if constexpr (present<typename R::DistortionLayer>) between_.road.phase = context_.road.phase;
+  /// The noise of iteration t in what is decoded, and what the entropy model does in it.
+  void noise(std::int64_t t) {
+    if constexpr (present<typename R::DistortionLayer>) {
+      context_.road.phase = mark_phases_.distortion(t, settings_.seed);
+    }
     if constexpr (present<typename R::EntropyModel>) {
-      between_.road.rate.phase = context_.road.rate.phase;
-      between_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
+      prepare_context(state_.model, rate_phases_, t);
+      context_.road.rate.phase = rate_phases_.template at<typename R::EntropyModel::Phase>(t, settings_.seed);
     }
-    if constexpr (marks_beside) {
-      if (mark_phases_.beside_the_host()) {
-        between_.road.embeds = false;
-        static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
-        host_image_.resize(between_.image.size());
-        std::copy_n(between_.image.data, between_.image.size(), host_image_.data());
-        between_.road.embeds = true;
-      }
-    }
-    static_cast<void>(pipeline_.forward(state_.model, between, view, between_, *executor_));
-    const ImageView<const Scalar> host{host_image_.data(), 3, between_.image.height, between_.image.width};
-    pipeline_.message_loss(mark_phases_.between_weight(t), mark_phases_.fidelity(), host, between_, *executor_);
-    pipeline_.backward(state_.model, between, view, between_, *executor_);
   }
-  /// The other half of an iteration beside the host: the residual alone. Returns how many blocks had a gradient that is not finite.
-  std::size_t step_residual(double rate) requires(marks_beside) {
+
+  /// The other half of an iteration beside the host: a reading, and a step of the residual alone.
+  template <class Views>
+  ForwardReport learn_residual(const Views& views, double rate, IterationReport& report) requires(marks_beside) {
+    Model<R>& model = state_.model;
+    const ForwardReport forward = drawn_.read(pipeline_, model, views, report.view, settings_.seed, report.iteration,
+                                              mark_phases_, context_, *executor_);
     rates_.assign(rates_.size(), 0.0);
-    rates_[state_.model.road.embedder.residual.index] = rate;
-    return optimizer_
-        .step(state_.model.arena, rates_, state_.optimizer, *executor_, StepOptions{.zero_gradients_after = true})
-        .skipped_blocks;
+    rates_[model.road.embedder.residual.index] = rate;
+    report.skipped_blocks +=
+        optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, StepOptions{.zero_gradients_after = true})
+            .skipped_blocks;
+    return forward;
+  }
+  /// An iteration beside a host that does not train: no photograph is looked at.
+  template <class Views>
+  IterationReport mark_alone(const Views& views, double rate, IterationReport report) requires(marks_beside) {
+    noise(report.iteration);
+    report.forward = learn_residual(views, rate, report);
+    report.loss.total = drawn_.report().total;
+    report.anchors = state_.model.anchor_count();
+    state_.iteration = report.iteration;
+    return report;
   }
 
   void start(std::size_t rows) {
@@ -406,12 +413,9 @@ class Trainer {
       mark_phases_;
   [[no_unique_address]] std::conditional_t<present<typename R::EntropyModel>, RatePhases, detail::Nothing<RatePhases>>
       rate_phases_;
-  [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, typename Pipeline<R>::Context,
-                                           detail::Nothing<typename Pipeline<R>::Context>>
-      between_;  ///< its own, so that image() and mark_report() stay those of the photographed view
-  [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, Buffer<Scalar>,
-                                           detail::Nothing<Buffer<Scalar>>>
-      host_image_;  ///< of the view that between_ is of
+  [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, Drawn, detail::Nothing<Drawn>> drawn_;
+  bool photographed_ =
+      true;  ///< the last iteration looked at a photograph; beside a host that does not train it does not
 };
 
 }  // namespace compmark::inline v0

@@ -1,0 +1,75 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Readings of a training in views that nobody photographed (scene/between.hpp): a message needs no photograph. Beside the host
+// (MarkNumbers::fidelity) the host is rendered there too, as if nothing were hidden, and the marked render is held to it; without, the reading adds its
+// gradients to those of the photographed view. Cost: a render, a reading and the way back; beside the host one render more.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "compmark/core/absent.hpp"
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/pipeline/mark_phases.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/scene/between.hpp"
+
+namespace compmark::inline v0 {
+
+/// For recipes with a MessageDecoder.
+template <Recipe R>
+class DrawnReading {
+ public:
+  using Scalar = typename R::Scalar;
+  using Context = typename Pipeline<R>::Context;
+  /// Whether a mark of this recipe can be trained beside the host.
+  static constexpr bool can_stand_beside = present<typename R::MessageDecoder> && present<typename R::Embedder>;
+
+  /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. `photographed` is the context of the
+  /// iteration's own view, of which the noise of quantization is taken.
+  template <class Views, Executor E>
+  ForwardReport read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view,
+                     std::uint64_t seed, std::int64_t t, const MarkPhases& phases, const Context& photographed,
+                     E& executor) {
+    const Random random(seed, static_cast<std::uint64_t>(t), random_stage("between"));
+    const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
+    const ViewCamera<R> camera = drawn_camera(camera_of, views.size(), view, random);
+    if constexpr (present<typename R::DistortionLayer>) context_.road.phase = photographed.road.phase;
+    if constexpr (present<typename R::EntropyModel>) {
+      context_.road.rate.phase = photographed.road.rate.phase;
+      context_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
+    }
+    if constexpr (can_stand_beside) {
+      if (phases.beside_the_host()) {
+        context_.road.embeds = false;
+        static_cast<void>(pipeline.forward(model, camera, view, context_, executor));
+        host_storage_.resize(context_.image.size());
+        std::copy_n(context_.image.data, context_.image.size(), host_storage_.data());
+        context_.road.embeds = true;
+      }
+    }
+    const ForwardReport report = pipeline.forward(model, camera, view, context_, executor);
+    pipeline.message_loss(phases.between_weight(t), phases.fidelity(), host(), context_, executor);
+    pipeline.backward(model, camera, view, context_, executor);
+    return report;
+  }
+
+  [[nodiscard]] const MarkReport& report() const { return context_.marks.report; }  ///< of the last reading
+  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }    ///< what was read
+  /// The host's render of the same view, beside the host.
+  [[nodiscard]] ImageView<const Scalar> host() const {
+    return {host_storage_.data(), 3, context_.image.height, context_.image.width};
+  }
+
+ private:
+  Context context_;  ///< its own, so that the photographed view's stays
+  Buffer<Scalar> host_storage_;
+};
+
+}  // namespace compmark::inline v0
