@@ -15,6 +15,7 @@ Command add_scene(CLI::App& app);
 Command add_probe(CLI::App& app);
 Command add_train(CLI::App& app);
 Command add_embed(CLI::App& app);
+Command add_fit(CLI::App& app);
 Command add_pretrain(CLI::App& app);
 Command add_compress(CLI::App& app);
 Command add_decompress(CLI::App& app);

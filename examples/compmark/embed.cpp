@@ -81,6 +81,8 @@ Command add_embed(CLI::App& app) {
     if (options->seed) settings.seed = *options->seed;
     if (options->mark.twin.empty()) options->mark.twin = options->model;
     settings.mark = mark_beside_the_host();
+    settings.mark.residual_rate =
+        0.001;  // nothing else moves, so that small steps find what is read in every view (docs/watermark.md)
     const Result<MarkInput> mark = load_mark(options->mark, settings);
     if (!mark) return fail(mark.error());
     const Result<std::string> digest = file_sha256(options->model);

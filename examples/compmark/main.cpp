@@ -30,6 +30,7 @@ int main(int argc, char** argv) {
   add("probe", "say which effects a capture calls for", tool::add_probe);
   add("train", "train a splat from a dataset", tool::add_train);
   add("embed", "hide a message in a finished model", tool::add_embed);
+  add("fit", "make the message decoder of one scene, from its unmarked model", tool::add_fit);
   add("pretrain", "train a message decoder", tool::add_pretrain);
   add("compress", "write a model as one small file", tool::add_compress);
   add("decompress", "write the model of a small file, or what is left of it", tool::add_decompress);

@@ -31,6 +31,11 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
       ->check(CLI::PositiveNumber);
   app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
       ->check(CLI::PositiveNumber);
+  app.add_option(
+         "--message-rate", options.rate,
+         "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: train "
+         "0.002, embed 0.001)")
+      ->check(CLI::PositiveNumber);
   app.add_option("--fidelity", options.fidelity,
                  "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
                  "by so much; "
@@ -89,6 +94,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
+  if (options.rate) mark.residual_rate = *options.rate;
   if (options.fidelity) mark.fidelity = *options.fidelity;
   mark.message_every = options.message_every;
   if (mark.between_every != 0) mark.between_every = options.message_every;

@@ -305,6 +305,7 @@
 #include "compmark/mark/stored_decoder.hpp"
 #include "compmark/math/separable_map.hpp"
 #include "compmark/pipeline/anchor_road.hpp"
+#include "compmark/pipeline/decoder_fit.hpp"
 #include "compmark/pipeline/drawn_reading.hpp"
 #include "compmark/pipeline/learning_rates.hpp"
 #include "compmark/pipeline/mark_losses.hpp"

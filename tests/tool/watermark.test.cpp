@@ -105,9 +105,9 @@ TEST_CASE(
 
 TEST_CASE("tool: embed marks a finished model and leaves the file it read as it was") {
   const std::string before = unmarked()["model_sha256"];
-  const Outcome outcome = tool("embed --iterations 800 --fidelity 100 --model " + at("unmarked/model.safetensors") +
-                               " --data " + setting().scene + " --out " + at("embedded") + " --key " + setting().key +
-                               " --decoder " + setting().colours);
+  const Outcome outcome = tool("embed --iterations 800 --fidelity 100 --message-rate 0.006 --model " +
+                               at("unmarked/model.safetensors") + " --data " + setting().scene + " --out " +
+                               at("embedded") + " --key " + setting().key + " --decoder " + setting().colours);
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
   const nlohmann::json results = json_of(at("embedded/results.json"));
@@ -136,6 +136,65 @@ TEST_CASE("tool: embed marks a finished model and leaves the file it read as it 
   CHECK(*beside->values<float>("anchor.feature") != *host->values<float>("anchor.feature"));
   CHECK(json_of(at("unmarked/results.json"))["model_sha256"] == before);
   CHECK(tool("info " + at("unmarked/model.safetensors")).text.find(before) != std::string::npos);
+}
+
+TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden for it is proven") {
+  static_cast<void>(unmarked());
+  const std::string fit = "fit --bits 24 --waves 72 --views 200 --gradient-views 6 --data " + setting().scene +
+                          " --model " + at("unmarked/model.safetensors") + " --out ";
+  const std::string fitted = at("fitted.safetensors");
+  const Outcome made = tool(fit + fitted + " --threads 1");
+  INFO(made.text);
+  REQUIRE(made.code == 0);
+  const nlohmann::json found = json_of(at("fitted.json"));
+  CHECK(found["bits"] == 24);
+  CHECK(found["model_sha256"] == unmarked()["model_sha256"]);
+  CHECK(found["agreement"].get<double>() > found["wave_agreement"].get<double>());
+  CHECK(found["noise_ratio"].get<double>() < 1);
+  // The same file at any number of threads, another of another seed.
+  REQUIRE(tool(fit + at("fitted-3.safetensors") + " --threads 3").code == 0);
+  CHECK(json_of(at("fitted-3.json"))["decoder_sha256"] == found["decoder_sha256"]);
+  REQUIRE(tool(fit + at("fitted-seed.safetensors") + " --seed 5").code == 0);
+  CHECK(json_of(at("fitted-seed.json"))["decoder_sha256"] != found["decoder_sha256"]);
+
+  const Outcome outcome = tool("embed --iterations 600 --fidelity 300 --message-rate 0.004 --model " +
+                               at("unmarked/model.safetensors") + " --data " + setting().scene + " --out " +
+                               at("fit-embedded") + " --key " + setting().key + " --decoder " + fitted);
+  INFO(outcome.text);
+  REQUIRE(outcome.code == 0);
+  const nlohmann::json results = json_of(at("fit-embedded/results.json"));
+  MESSAGE(results["bit_accuracy"].dump(), " p ", results["p_value"].dump(), " cost ",
+          results["psnr_cost_vs_unmarked"].dump(), " dB, ", results["psnr_marked_vs_unmarked"].dump(), " dB");
+  CHECK(results["psnr_marked_vs_unmarked"].get<double>() > 30);
+  CHECK(verdict("fit-embedded", setting().key, "--split all", fitted) == 0);
+  CHECK(not_detected(verdict("fit-embedded", setting().other, "--split all", fitted)));  // negative controls
+  CHECK(not_detected(verdict("unmarked", setting().key, "--split all", fitted)));
+
+  check_refused(tool(fit + at("unmarked/model.safetensors")), {"--out", "model.safetensors"});
+  check_refused(tool(fit + at("no.safetensors") + " --waves 23"), {"--waves", "--bits"});
+  check_refused(tool(fit + at("no.safetensors") + " --views 70"), {"--views", "--waves"});
+  check_refused(tool("fit --data " + setting().scene + " --model " + at("nowhere.safetensors") + " --out " +
+                     at("no.safetensors")),
+                {"nowhere.safetensors"});
+  check_refused(tool("fit --data " + at("nowhere") + " --model " + at("unmarked/model.safetensors") + " --out " +
+                     at("no.safetensors")),
+                {"nowhere"});
+  CHECK_FALSE(fs::exists(at("no.safetensors")));
+}
+
+TEST_CASE("tool: train --fidelity leaves the host its bits, and writes it as the twin") {
+  const nlohmann::json beside = train("beside", setting().mark() + " --fidelity 300");
+  CHECK(beside["psnr_cost_vs_unmarked"].is_number());
+  const Result<SafetensorsFile> plain =
+                                    read_safetensors((static_cast<void>(unmarked()), at("unmarked/model.safetensors"))),
+                                twin = read_safetensors(at("beside/unmarked.safetensors")),
+                                marked = read_safetensors(at("beside/model.safetensors"));
+  REQUIRE((plain.ok() && twin.ok() && marked.ok()));
+  for (const char* name : {"anchor.offset", "anchor.scaling", "anchor.feature", "mlp_color.0.weight"}) {
+    CAPTURE(name);
+    CHECK(*twin->values<float>(name) == *plain->values<float>(name));
+  }
+  CHECK(*marked->values<float>("anchor.feature") != *plain->values<float>("anchor.feature"));
 }
 
 TEST_CASE("tool: a marked training has the same model_sha256 at any thread count, with the noise of quantization too") {
@@ -188,6 +247,7 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   check_refused(tool(common + setting().mark() + " --twin " + at("nowhere.safetensors")), {"nowhere.safetensors"});
   CHECK_FALSE(fs::exists(at("none/model.safetensors")));
   check_refused(tool(common + " --for-compression"), {"--key", "missing"});
+  check_refused(tool(common + " --message-rate 0.1"), {"--key", "missing"});
   static_cast<void>(unmarked());
   check_refused(tool("train --effects none --iterations 20 --data " + setting().scene + " --out " + at("unmarked") +
                      setting().mark() + " --twin " + at("unmarked/model.safetensors")),

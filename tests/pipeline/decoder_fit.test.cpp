@@ -1,0 +1,195 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/pipeline/decoder_fit.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
+#include <span>
+#include <vector>
+
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/pipeline/trainer.hpp"
+#include "compmark/recipes/marked.hpp"
+#include "short_training.hpp"
+#include "small_scene.hpp"
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::BlobViews;
+using compmark::testing::cloud;
+
+constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
+struct Host : DefaultRecipe<float, shape> {};
+using Marked = recipes::Marked<Host, LatticeDecoder<float>>;
+constexpr int bits = 12;
+
+/// A finished host, once: what the cases below hide something in.
+const Model<Host>& finished() {
+  static const Model<Host> model = [] {
+    TrainSettings settings;
+    settings.iterations = compmark::testing::short_trainings ? 40 : 600;
+    settings.voxel_size = 0.05;
+    ThreadExecutor executor(2);
+    Trainer<Host, ThreadExecutor> trainer(settings, 6, 1.0, executor);
+    BlobViews views;
+    REQUIRE(trainer.initialise(cloud(400, 7)));
+    REQUIRE(trainer.run(views));
+    return trainer.model();
+  }();
+  return model;
+}
+
+DecoderFitSettings small() {
+  DecoderFitSettings settings;
+  settings.bits = bits;
+  settings.waves = 48;
+  settings.statistics_views = 160;
+  settings.gradient_views = 6;
+  return settings;
+}
+DecoderFit<float> fitted(const DecoderFitSettings& settings, std::size_t threads = 2) {
+  Model<Host> host = finished();
+  ThreadExecutor executor(threads);
+  BlobViews views;
+  Result<DecoderFit<float>> fit = fit_decoder(host, views, settings, executor);
+  REQUIRE(fit);
+  return std::move(*fit);
+}
+
+/// Logits of a model in views drawn with a seed that no fit saw, [count, bits].
+std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<float>& decoder, std::size_t count) {
+  const Pipeline<Host> pipeline;
+  Pipeline<Host>::Context context;
+  LatticeDecoder<float>::Context reading;
+  ThreadExecutor executor(2);
+  BlobViews views;
+  std::vector<float> logits(static_cast<std::size_t>(decoder.bits()));
+  std::vector<double> all;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Random random(4711, i, random_stage("held out"));
+    const auto camera_of = [&](std::size_t v) { return views.camera(v); };
+    const Camera<double> camera = drawn_camera(camera_of, views.size(), i % views.size(), random);
+    static_cast<void>(pipeline.forward(model, camera, unseen_view, context, executor));
+    decoder.forward(context.image, logits, reading, executor);
+    all.insert(all.end(), logits.begin(), logits.end());
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("pipeline/decoder_fit: the same seed gives the same decoder at any thread count, another seed another") {
+  const DecoderFit<float> one = fitted(small(), 1), three = fitted(small(), 3);
+  CHECK(one.decoder.weights().head == three.decoder.weights().head);
+  CHECK(one.decoder.weights().bias == three.decoder.weights().bias);
+  DecoderFitSettings other = small();
+  other.seed = 1;
+  CHECK(fitted(other).decoder.weights().head != one.decoder.weights().head);
+  CHECK(one.decoder.bits() == bits);
+  CHECK(one.decoder.settings().measure == LatticeMeasure::colour);
+}
+
+TEST_CASE("pipeline/decoder_fit: the unmarked scene says nothing on the mean, in views that were not looked at") {
+  const DecoderFit<float> fit = fitted(small());
+  const std::size_t count = 60;
+  const std::vector<double> logits = logits_of(finished(), fit.decoder, count);
+  double mean_square = 0, square = 0;
+  for (std::size_t b = 0; b < bits; ++b) {
+    double mean = 0;
+    for (std::size_t n = 0; n < count; ++n) {
+      mean += logits[n * bits + b] / static_cast<double>(count);
+      square += logits[n * bits + b] * logits[n * bits + b] / static_cast<double>(count * bits);
+    }
+    mean_square += mean * mean / bits;
+  }
+  MESSAGE("deviation ", std::sqrt(square), ", of the means ", std::sqrt(mean_square));
+  CHECK(mean_square < 0.1);  // 60 views of deviation 1 have means of deviation 0.13; measured 0.1 to 0.2
+  CHECK(square > 0.5);
+  CHECK(square < 2);
+  // The control: without the bias the scene's own colours speak.
+  LatticeDecoder<float> offset = fit.decoder;
+  std::fill(offset.weights().bias.begin(), offset.weights().bias.end(), 0.0f);
+  double loud = 0;
+  for (const double z : logits_of(finished(), offset, count)) loud += z * z / static_cast<double>(count * bits);
+  CHECK(loud > 1.5 * square);  // measured 2.4 times
+}
+
+TEST_CASE("pipeline/decoder_fit: directions are chosen that agree between views and are quiet in the scene") {
+  const DecoderFit<float> fit = fitted(small());
+  MESSAGE("deviation ", fit.wave_deviation, ", agreement ", fit.wave_agreement, " to ", fit.agreement, ", noise ratio ",
+          fit.noise_ratio);
+  CHECK(fit.agreement > fit.wave_agreement);
+  CHECK(fit.noise_ratio < 1);
+  // With as many waves as bits there is nothing to choose: the control.
+  DecoderFitSettings all = small();
+  all.waves = bits;
+  CHECK(fitted(all).noise_ratio > fit.noise_ratio);
+}
+
+TEST_CASE(
+    "pipeline/decoder_fit: a message is read from more views, at a smaller departure, than with a wave for every bit") {
+  if (compmark::testing::short_trainings) return;
+  const DecoderFit<float> fit = fitted(small());
+  LatticeDecoder<float> plain = [&] {  // a wave a bit, at the same scale: deviation 1 on the host
+    LatticeSettings settings = fit.decoder.settings();
+    settings.features = bits;
+    LatticeWeights<float> weights = random_lattice<float>(settings, std::vector<double>{0.08}, 0, 1);
+    for (std::size_t b = 0; b < bits; ++b) weights.head[b * (bits + 1)] = static_cast<float>(1 / fit.wave_deviation);
+    return LatticeDecoder<float>(settings, weights);
+  }();
+  std::vector<std::uint8_t> message;
+  for (std::size_t b = 0; b < bits; ++b) message.push_back(b % 3 == 0 || b == 7 ? 1 : 0);
+  const auto hidden = [&](const LatticeDecoder<float>& decoder, double fidelity, double& departure_db) {
+    TrainSettings settings;
+    settings.iterations = 400;
+    settings.mark = mark_beside_the_host();
+    settings.mark.logit_scale = decoder.logit_scale();
+    settings.mark.fidelity = fidelity;
+    settings.mark.residual_rate = 0.01;
+    settings.grow_until = 0;
+    settings.mark.message_after = settings.mark.residual_after = settings.mark.hsv_after = 0;
+    for (LearningRate* rate : {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity,
+                               &settings.mlp_covariance, &settings.mlp_color}) {
+      *rate = {0, 0};
+    }
+    ThreadExecutor executor(2);
+    Trainer<Marked, ThreadExecutor> trainer(settings, 6, 1.0, executor);
+    trainer.set_watermark(decoder, message);
+    trainer.start_from(with_room_for_mark<Marked>(finished(), 0));
+    BlobViews views;
+    double departure = 0;
+    while (!trainer.finished()) {
+      REQUIRE(trainer.step(views));
+      if (trainer.state().iteration > 300) departure += trainer.between_report().departure / 100;
+    }
+    departure_db = -10 * std::log10(departure);
+    const std::vector<double> logits = logits_of(baked_host(trainer.model()), decoder, 40);
+    double right = 0;
+    for (std::size_t i = 0; i < logits.size(); ++i) right += (logits[i] > 0) == (message[i % bits] == 1) ? 1 : 0;
+    return right / static_cast<double>(logits.size());
+  };
+  double fitted_db = 0, plain_db = 0;
+  const double with_fit = hidden(fit.decoder, 800, fitted_db), without = hidden(plain, 300, plain_db);
+  MESSAGE("fitted ", with_fit, " of the bits at ", fitted_db, " dB, a wave a bit ", without, " at ", plain_db, " dB");
+  CHECK(with_fit > without + 0.03);
+  CHECK(fitted_db > plain_db);
+}
+
+TEST_CASE("pipeline/decoder_fit: what nothing can be fitted to is an error") {
+  Model<Host> host = finished();
+  ThreadExecutor executor(2);
+  BlobViews views;
+  struct Nobody : BlobViews {
+    [[nodiscard]] std::size_t size() const { return 0; }
+  } nobody;
+  CHECK_FALSE(fit_decoder(host, nobody, small(), executor));
+  // Nothing but the background, which is black.
+  Model<Host> dark = finished();
+  for (float& value : dark.arena.all_values()) value = 0;
+  const Result<DecoderFit<float>> none = fit_decoder(dark, views, small(), executor);
+  REQUIRE_FALSE(none);
+  CHECK(none.error().line().find("no colour") != std::string::npos);
+}
