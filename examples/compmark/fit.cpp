@@ -43,7 +43,7 @@ Result<Done> check(FitOptions& options) {
   };
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
   if (options.json == options.out) return refuse("--out", "is the name of the JSON file too", "name it .safetensors");
-  if (options.fit.waves == 0) options.fit.waves = 4 * options.fit.bits;
+  if (options.fit.waves == 0) options.fit.waves = std::max(64, 20 * options.fit.bits / 3);  // 320 for 48 bits
   if (options.fit.waves < options.fit.bits)
     return refuse("--waves", "is less than --bits", "give more waves than bits, or leave it out");
   if (options.fit.statistics_views == 0) options.fit.statistics_views = 4 * options.fit.waves;
@@ -116,7 +116,7 @@ Command add_fit(CLI::App& app) {
   app.add_option("--bits", options->fit.bits, "length of the message")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
-  app.add_option("--waves", options->fit.waves, "to choose from (default: four a bit)")->check(CLI::Range(1, 2048));
+  app.add_option("--waves", options->fit.waves, "to choose from (default: 20 for 3 bits)")->check(CLI::Range(1, 1024));
   app.add_option("--views", options->fit.statistics_views,
                  "drawn views that say what the scene says (default: four a wave)")
       ->check(CLI::Range(1, 100000));

@@ -101,9 +101,11 @@ template <class AnyCamera>
 }
 
 /// A camera drawn near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and zoomed by up to a fifth either way, so
-/// that what is learned from such views holds for more than the places where somebody stood.
+/// that what is learned from such views holds for more than the places where somebody stood. With a `reach` above 1 the triangle is stretched away
+/// from `view`: past the neighbours, where at the rim of a capture nobody stood on the other side.
 template <class Cameras>
-[[nodiscard]] auto drawn_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random) {
+[[nodiscard]] auto drawn_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
+                                double reach = 1) {
   constexpr double most_roll = 0.26, most_zoom = 1.2;
   const std::size_t second = neighbouring_view(cameras, views, view, random, 0);
   const std::size_t third = neighbouring_view(cameras, views, view, random, 1);
@@ -111,7 +113,7 @@ template <class Cameras>
   const double a = random.uniform(2), b = random.uniform(3);
   const double u = std::min(a, b), v = std::max(a, b);
   const auto side = camera_between(cameras(second), cameras(third), v > 0 ? (v - u) / v : 0.0);
-  auto camera = camera_between(cameras(view), side, v);
+  auto camera = camera_between(cameras(view), side, reach * v);
   return camera_turned(camera, most_roll * (2 * random.uniform(4) - 1), std::pow(most_zoom, 2 * random.uniform(5) - 1));
 }
 

@@ -1,0 +1,228 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What an unmarked host says to waves of colour, and what a mark could make it say: the statistics that decoder_fit.hpp chooses by. A wave's mean
+// is read in views drawn between the training views and past them; its gradient goes back through the renderer to the anchors' features.
+// Cost: a render for every statistics view, `waves` ways back for every gradient view, and their inner products.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/executor.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/mark/lattice_decoder.hpp"
+#include "compmark/mark/pretrain/lattice_network.hpp"
+#include "compmark/math/eigen_pairs.hpp"
+#include "compmark/metric/rounding.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/scene/between.hpp"
+
+namespace compmark::inline v0 {
+
+struct DecoderFitSettings {
+  int bits = 48;
+  int waves = 320;              ///< more than bits: there is nothing to choose from otherwise
+  double period = 0.1;          ///< of the waves, colours in [0, 1]: 26 levels of 255
+  double spread_octaves = 1;    ///< either way, of the periods
+  std::uint64_t seed = 0;       ///< of waves, views and rotation
+  int statistics_views = 1280;  ///< some four times the waves: the covariance of fewer is mostly chance
+  double reach = 2;             ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
+  int gradient_views = 12;      ///< at least 2
+  /// Anchors looked at for the gradients at most; 8 bytes for each of their features and waves.
+  std::size_t anchors = 8000;
+  double conflict_weight = 0.03;  ///< of the energy beside the noise
+  double ridge = 0.01;            ///< share of the mean variance that is added to every variance of the noise
+};
+
+namespace detail {
+
+/// Renders a host in drawn views and asks how its features move waves of the colour.
+template <Recipe R, class Views, Executor E>
+class WaveProbe {
+ public:
+  using T = typename R::Scalar;
+  WaveProbe(Model<R>& host, const Views& views, const LatticeSettings& shape, const LatticeWeights<T>& waves,
+            const DecoderFitSettings& settings, E& executor)
+      : host_(&host),
+        views_(&views),
+        shape_(shape),
+        waves_(&waves),
+        settings_(settings),
+        executor_(&executor),
+        decoder_(shape, waves),
+        feature_(host.arena.layout().find("anchor.feature")) {
+    const MatrixView<T> gradients = host.arena.gradients(feature_);
+    const std::size_t rows = std::min(settings.anchors, gradients.rows);
+    for (std::size_t i = 0; i < rows; ++i) anchors_.push_back(i * gradients.rows / rows);
+    columns_ = gradients.columns;
+  }
+
+  /// Number n of the views of a stage.
+  void render(const char* stage, std::size_t n, double reach = 1) {
+    const Random random(settings_.seed, n, random_stage(stage));
+    const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); };
+    view_ = random.below(std::uint64_t{1} << 20, views_->size());
+    camera_ = drawn_camera(camera_of, views_->size(), view_, random, reach);
+    static_cast<void>(pipeline_.forward(*host_, camera_, view_, context_, *executor_));
+  }
+  /// The waves' means in the view, as they are read from its pixels in 8 bits.
+  [[nodiscard]] const std::vector<T>& means() {
+    round_to_8bit<T>(context_.image, context_.image);
+    decoder_.pool(context_.image, reading_, *executor_);
+    return reading_.pooled;
+  }
+  [[nodiscard]] std::size_t parameters() const { return anchors_.size() * columns_; }
+  /// Gradient of wave k to the features of the anchors that are looked at. Call render() before; not means(), which rounds.
+  void wave_gradient(std::size_t k, std::span<T> gradient) {
+    LatticeSettings shape = shape_;
+    shape.features = shape.bits = 1;
+    LatticeWeights<T> wave(shape);
+    const std::size_t dimensions = shape.dimensions();
+    std::copy_n(waves_->frequency.data() + k * dimensions, dimensions, wave.frequency.data());
+    wave.phase[0] = waves_->phase[k];
+    wave.head[0] = T(1);
+    way_back(LatticeDecoder<T>(shape, std::move(wave)), gradient);
+  }
+  /// The same of the waves' sum with random signs: for the metric.
+  void signed_gradient(std::size_t n, std::span<T> gradient) {
+    LatticeSettings shape = shape_;
+    shape.bits = 1;
+    LatticeWeights<T> waves = *waves_;
+    const Random random(settings_.seed, n, random_stage("decoder fit signs"));
+    waves.head.resize(waves.phase.size());
+    waves.bias.assign(1, T(0));
+    for (std::size_t k = 0; k < waves.head.size(); ++k) waves.head[k] = random.uniform(k) < 0.5 ? T(-1) : T(1);
+    way_back(LatticeDecoder<T>(shape, std::move(waves)), gradient);
+  }
+
+ private:
+  void way_back(const LatticeDecoder<T>& decoder, std::span<T> gradient) {
+    T logit = 0;
+    const T one = 1;
+    context_.d_image_storage.resize(context_.image.size());
+    std::fill(context_.d_image_storage.begin(), context_.d_image_storage.end(), T(0));
+    context_.d_image = {context_.d_image_storage.data(), 3, context_.image.height, context_.image.width};
+    decoder.forward(context_.image, std::span<T>(&logit, 1), wave_, *executor_);
+    decoder.backward(std::span<const T>(&one, 1), context_.d_image, wave_, *executor_);
+    std::fill(host_->arena.all_gradients().begin(), host_->arena.all_gradients().end(), T(0));
+    pipeline_.backward(*host_, camera_, view_, context_, *executor_);
+    const MatrixView<const T> all = std::as_const(host_->arena).gradients(feature_);
+    for (std::size_t i = 0; i < anchors_.size(); ++i) {
+      std::copy_n(all.data + anchors_[i] * columns_, columns_, gradient.data() + i * columns_);
+    }
+  }
+
+  Model<R>* host_;
+  const Views* views_;
+  LatticeSettings shape_;
+  const LatticeWeights<T>* waves_;
+  DecoderFitSettings settings_;
+  E* executor_;
+  Pipeline<R> pipeline_;
+  typename Pipeline<R>::Context context_;
+  LatticeDecoder<T> decoder_;
+  typename LatticeDecoder<T>::Context reading_, wave_;
+  BlockHandle feature_;
+  std::vector<std::size_t> anchors_;
+  std::size_t columns_ = 0, view_ = 0;
+  ViewCamera<R> camera_;
+};
+
+/// `mean` is [waves], the others [waves, waves].
+struct WaveStatistics {
+  std::vector<double> mean, noise, energy, agreement;
+};
+[[nodiscard]] inline double trace(const std::vector<double>& matrix, std::size_t n) {
+  double sum = 0;
+  for (std::size_t i = 0; i < n; ++i) sum += matrix[i * n + i];
+  return sum;
+}
+/// w^T M w
+[[nodiscard]] inline double quadratic(const std::vector<double>& matrix, const double* w, std::size_t n) {
+  double sum = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    double row = 0;
+    for (std::size_t j = 0; j < n; ++j) row += matrix[i * n + j] * w[j];
+    sum += w[i] * row;
+  }
+  return sum;
+}
+
+template <Recipe R, class Views, Executor E>
+[[nodiscard]] WaveStatistics wave_statistics(WaveProbe<R, Views, E>& probe, const DecoderFitSettings& settings,
+                                             E& executor) {
+  using T = typename R::Scalar;
+  const std::size_t waves = static_cast<std::size_t>(settings.waves),
+                    samples = static_cast<std::size_t>(settings.statistics_views);
+  WaveStatistics found;
+  std::vector<double> means(waves * samples);  // a row a wave
+  found.mean.assign(waves, 0.0);
+  for (std::size_t n = 0; n < samples; ++n) {
+    probe.render("decoder fit", n, settings.reach);
+    const std::vector<T>& p = probe.means();
+    for (std::size_t k = 0; k < waves; ++k) {
+      means[k * samples + n] = static_cast<double>(p[k]);
+      found.mean[k] += static_cast<double>(p[k]) / static_cast<double>(samples);
+    }
+  }
+  for (std::size_t k = 0; k < waves; ++k) {
+    for (std::size_t n = 0; n < samples; ++n) means[k * samples + n] -= found.mean[k];
+  }
+  found.noise = row_products(std::span<const double>(means), waves, samples, executor);
+  for (double& x : found.noise) x /= static_cast<double>(samples);
+
+  // The metric: features that show much are moved less, by the root of their mean square gradient.
+  const std::size_t parameters = probe.parameters(), views = static_cast<std::size_t>(settings.gradient_views);
+  constexpr std::size_t draws = 6;
+  std::vector<T> one(parameters);
+  std::vector<double> square(parameters, 0.0);
+  for (std::size_t n = 0; n < views; ++n) {
+    probe.render("decoder fit gradient", n);
+    for (std::size_t d = 0; d < draws; ++d) {
+      probe.signed_gradient(n * draws + d, one);
+      for (std::size_t i = 0; i < parameters; ++i)
+        square[i] += static_cast<double>(one[i]) * static_cast<double>(one[i]);
+    }
+  }
+  double mean_square = 0;
+  for (const double s : square) mean_square += s / static_cast<double>(parameters);
+  std::vector<T> scale(parameters);
+  for (std::size_t i = 0; i < parameters; ++i) {
+    scale[i] =
+        static_cast<T>(1 / std::sqrt(square[i] / mean_square + 0.1));  // a tenth: what was hardly seen is not free
+  }
+
+  std::vector<T> gradient(waves * parameters), sum(waves * parameters, T(0));
+  found.energy.assign(waves * waves, 0.0);
+  const double count = static_cast<double>(views);
+  for (std::size_t n = 0; n < views; ++n) {
+    probe.render("decoder fit gradient", n);
+    for (std::size_t k = 0; k < waves; ++k) {
+      T* const row = gradient.data() + k * parameters;
+      probe.wave_gradient(k, {row, parameters});
+      for (std::size_t i = 0; i < parameters; ++i) {
+        row[i] *= scale[i];
+        sum[k * parameters + i] += row[i];
+      }
+    }
+    const std::vector<double> own = row_products(std::span<const T>(gradient), waves, parameters, executor);
+    for (std::size_t i = 0; i < own.size(); ++i) found.energy[i] += own[i] / count;
+  }
+  found.agreement = row_products(std::span<const T>(sum), waves, parameters, executor);
+  for (std::size_t i = 0; i < found.agreement.size(); ++i)
+    found.agreement[i] = (found.agreement[i] / count - found.energy[i]) / (count - 1);
+  return found;
+}
+
+}  // namespace detail
+
+}  // namespace compmark::inline v0
