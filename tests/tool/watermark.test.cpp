@@ -140,8 +140,8 @@ TEST_CASE("tool: embed marks a finished model and leaves the file it read as it 
 
 TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden for it is proven") {
   static_cast<void>(unmarked());
-  const std::string fit = "fit --bits 24 --waves 72 --views 200 --gradient-views 6 --data " + setting().scene +
-                          " --model " + at("unmarked/model.safetensors") + " --out ";
+  const std::string scene = "fit --bits 24 --data " + setting().scene + " --model " + at("unmarked/model.safetensors");
+  const std::string fit = scene + " --waves 72 --views 200 --gradient-views 6 --out ";
   const std::string fitted = at("fitted.safetensors");
   const Outcome made = tool(fit + fitted + " --threads 1");
   INFO(made.text);
@@ -171,8 +171,8 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
   CHECK(not_detected(verdict("unmarked", setting().key, "--split all", fitted)));
 
   check_refused(tool(fit + at("unmarked/model.safetensors")), {"--out", "model.safetensors"});
-  check_refused(tool(fit + at("no.safetensors") + " --waves 23"), {"--waves", "--bits"});
-  check_refused(tool(fit + at("no.safetensors") + " --views 70"), {"--views", "--waves"});
+  check_refused(tool(scene + " --waves 23 --out " + at("no.safetensors")), {"--waves", "--bits"});
+  check_refused(tool(scene + " --views 70 --out " + at("no.safetensors")), {"--views", "--waves"});
   check_refused(tool("fit --data " + setting().scene + " --model " + at("nowhere.safetensors") + " --out " +
                      at("no.safetensors")),
                 {"nowhere.safetensors"});
