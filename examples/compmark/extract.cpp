@@ -40,8 +40,8 @@ Confidence confidence_of(const std::vector<double>& logits) {
 }
 
 int run(const ExtractOptions& options) {
-  if (const Result<Done> kept =
-          keep_inputs(options.json, {options.key, options.reading.decoder, options.reading.model});
+  if (const Result<Done> kept = keep_inputs(
+          options.json, {options.key, options.reading.decoder, options.reading.model, options.reading.unmarked});
       !kept)
     return fail(kept.error());
   std::optional<OwnerKey> key;
@@ -61,6 +61,9 @@ int run(const ExtractOptions& options) {
   const std::optional<PayloadText> payload =
       key && key->corrects != 0 ? std::optional(payload_text(*key, together)) : std::nullopt;
   if (payload) json["payload"] = payload->json;
+  if (!reading->unmarked.empty()) {
+    json["unmarked"] = {{"file", reading->unmarked}, {"sha256", reading->unmarked_sha256}};
+  }
   add_sources(json, reading->sources);
   json["views"] = nlohmann::ordered_json::array();
   for (const ViewLogits& view : reading->views) {

@@ -88,6 +88,22 @@ Result<Done> read_images(const ReadingOptions& options, const Decoder& decoder, 
   return Done{};
 }
 
+/// The unmarked model of the scene that `marked` is of: its lengths are counted alike, or the cameras of one show nothing of the other.
+Result<std::unique_ptr<AnyModel>> load_unmarked(const fs::path& path, const ModelInfo& marked, Reading& reading) {
+  Result<std::unique_ptr<AnyModel>> model = load_model(path);
+  if (!model) return model;
+  if ((*model)->info.unit != marked.unit || (*model)->info.origin != marked.origin) {
+    return Error{ErrorKind::invalid, path.string(), "--unmarked",
+                 "counts its lengths in another unit, or from another origin, than the model",
+                 "give the model that was marked"};
+  }
+  const Result<std::string> digest = file_sha256(path);
+  if (!digest) return digest.error();
+  reading.unmarked = path.filename().string();
+  reading.unmarked_sha256 = *digest;
+  return model;
+}
+
 Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder, ThreadExecutor& executor,
                           Reading& reading) {
   Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
@@ -107,6 +123,12 @@ Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder,
                  "render images of it and give them with --images"};
   }
   keep_evenly(views, options.views);
+  std::unique_ptr<AnyModel> unmarked;
+  if (!options.unmarked.empty()) {
+    Result<std::unique_ptr<AnyModel>> loaded = load_unmarked(options.unmarked, (*model)->info, reading);
+    if (!loaded) return loaded.error();
+    unmarked = std::move(*loaded);
+  }
   Decoder::Context context;
   for (const StoredView& view : views) {
     const Result<RenderedView> render = (*model)->render(view.camera, view.lens, executor);
@@ -115,6 +137,15 @@ Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder,
     Result<ViewLogits> read = read_logits(decoder, ImageView<const float>(render->image), view.name, context, executor);
     if (!read) return read.error();
     read->sha256 = pixels_sha256(render->image);
+    if (unmarked) {
+      const Result<RenderedView> plain = unmarked->render(view.camera, view.lens, executor);
+      if (!plain) return plain.error();
+      round_to_8bit<float>(plain->image, plain->image);
+      const Result<ViewLogits> said =
+          read_logits(decoder, ImageView<const float>(plain->image), view.name, context, executor);
+      if (!said) return said.error();
+      for (std::size_t bit = 0; bit < read->logits.size(); ++bit) read->logits[bit] -= said->logits[bit];
+    }
     reading.views.push_back(std::move(*read));
   }
   return Done{};
@@ -218,6 +249,9 @@ void add_reading_options(CLI::App& app, ReadingOptions& options) {
   CLI::Option* model =
       app.add_option("--model", options.model, "model.safetensors of a run or a .cmk: its renders are read");
   CLI::Option* images = app.add_option("--images", options.images, "image files, or folders of them (PNG, JPEG)");
+  app.add_option("--unmarked", options.unmarked,
+                 "the model before it was marked: what the decoder reads of it at the same cameras is subtracted")
+      ->needs(model);
   images->excludes(model);
   model->excludes(images);
   app.add_option("--split", options.split, "which of the model's cameras: test, train or all")

@@ -49,13 +49,14 @@ compmark::Result<Decoder> load_decoder(const std::filesystem::path& path, const 
 struct ReadingOptions {
   std::filesystem::path decoder;
   std::filesystem::path model;
+  std::filesystem::path unmarked;             ///< of a model: what it says by itself is subtracted; may be empty
   std::vector<std::filesystem::path> images;  ///< files and folders
   std::string split = "test";
   std::size_t views = 0;   ///< at most so many, evenly spaced; 0: all
   std::string background;  ///< behind transparent pixels of images: "white", "black" or empty
   std::size_t threads = 0;
 };
-/// --decoder, --model, --images, --split, --views, --background, --threads
+/// --decoder, --model, --unmarked, --images, --split, --views, --background, --threads
 void add_reading_options(CLI::App& app, ReadingOptions& options);
 
 /// Files in the order they are read: a folder is its PNG and JPEG files by name.
@@ -64,6 +65,7 @@ compmark::Result<std::vector<std::filesystem::path>> image_files(const std::vect
 struct Reading {
   std::vector<compmark::ViewLogits> views;  ///< with SHA-256 of the file, or of the 8-bit pixels of a render
   compmark::ReportSources sources;
+  std::string unmarked, unmarked_sha256;  ///< file and hash of what was subtracted, if anything was
   std::size_t bits = 0;
 };
 

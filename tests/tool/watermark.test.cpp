@@ -170,6 +170,18 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
   CHECK(not_detected(verdict("fit-embedded", setting().other, "--split all", fitted)));  // negative controls
   CHECK(not_detected(verdict("unmarked", setting().key, "--split all", fitted)));
 
+  // Whoever has the unmarked model can take away what the scene says by itself: no key gains by it but the one that is there.
+  const std::string less = " --unmarked " + at("unmarked/model.safetensors");
+  CHECK(verdict("fit-embedded", setting().key, "--split all --json " + at("less.json") + less, fitted) == 0);
+  CHECK(json_of(at("less.json"))["unmarked"]["sha256"] == unmarked()["model_sha256"]);
+  CHECK(json_of(at("less.json"))["bit_accuracy"]["mean"].get<double>() >
+        results["bit_accuracy"]["mean"].get<double>() - 0.02);
+  CHECK(not_detected(verdict("fit-embedded", setting().other, "--split all" + less, fitted)));
+  CHECK(not_detected(verdict("unmarked", setting().key, "--split all" + less, fitted)));  // nothing is left of it
+  check_refused(tool("verify --model " + at("fit-embedded/model.safetensors") + " --key " + setting().key +
+                     " --decoder " + fitted + " --unmarked " + at("nowhere.safetensors")),
+                {"nowhere.safetensors"});
+
   check_refused(tool(fit + at("unmarked/model.safetensors")), {"--out", "model.safetensors"});
   check_refused(tool(scene + " --waves 23 --out " + at("no.safetensors")), {"--waves", "--bits"});
   check_refused(tool(scene + " --views 70 --out " + at("no.safetensors")), {"--views", "--waves"});
