@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "compmark/core/random.hpp"
@@ -98,7 +99,8 @@ TEST_CASE("math/eigen_pairs: a matrix that is not positive definite, or not fini
 }
 
 TEST_CASE("math/eigen_pairs: products of rows are those of the plain sum, at any thread count") {
-  for (const auto& [rows, columns] : {std::pair<std::size_t, std::size_t>{5, 3}, {16, 256}, {37, 5000}}) {
+  for (const auto& size : {std::pair<std::size_t, std::size_t>{5, 3}, {16, 256}, {37, 5000}}) {
+    const std::size_t rows = size.first, columns = size.second;
     CAPTURE(rows);
     const Random random(3, rows, random_stage("test/row products"));
     std::vector<float> table(rows * columns);
