@@ -61,9 +61,6 @@ int run(const ExtractOptions& options) {
   const std::optional<PayloadText> payload =
       key && key->corrects != 0 ? std::optional(payload_text(*key, together)) : std::nullopt;
   if (payload) json["payload"] = payload->json;
-  if (!reading->unmarked.empty()) {
-    json["unmarked"] = {{"file", reading->unmarked}, {"sha256", reading->unmarked_sha256}};
-  }
   add_sources(json, reading->sources);
   json["views"] = nlohmann::ordered_json::array();
   for (const ViewLogits& view : reading->views) {

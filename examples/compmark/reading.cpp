@@ -99,8 +99,8 @@ Result<std::unique_ptr<AnyModel>> load_unmarked(const fs::path& path, const Mode
   }
   const Result<std::string> digest = file_sha256(path);
   if (!digest) return digest.error();
-  reading.unmarked = path.filename().string();
-  reading.unmarked_sha256 = *digest;
+  reading.sources.unmarked = path.filename().string();
+  reading.sources.unmarked_sha256 = *digest;
   return model;
 }
 
@@ -130,19 +130,20 @@ Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder,
     unmarked = std::move(*loaded);
   }
   Decoder::Context context;
-  for (const StoredView& view : views) {
-    const Result<RenderedView> render = (*model)->render(view.camera, view.lens, executor);
+  const auto read_render = [&](AnyModel& of, const StoredView& view) -> Result<ViewLogits> {
+    const Result<RenderedView> render = of.render(view.camera, view.lens, executor);
     if (!render) return render.error();
     round_to_8bit<float>(render->image, render->image);
-    Result<ViewLogits> read = read_logits(decoder, ImageView<const float>(render->image), view.name, context, executor);
+    Result<ViewLogits> logits =
+        read_logits(decoder, ImageView<const float>(render->image), view.name, context, executor);
+    if (logits) logits->sha256 = pixels_sha256(render->image);
+    return logits;
+  };
+  for (const StoredView& view : views) {
+    Result<ViewLogits> read = read_render(**model, view);
     if (!read) return read.error();
-    read->sha256 = pixels_sha256(render->image);
     if (unmarked) {
-      const Result<RenderedView> plain = unmarked->render(view.camera, view.lens, executor);
-      if (!plain) return plain.error();
-      round_to_8bit<float>(plain->image, plain->image);
-      const Result<ViewLogits> said =
-          read_logits(decoder, ImageView<const float>(plain->image), view.name, context, executor);
+      const Result<ViewLogits> said = read_render(*unmarked, view);
       if (!said) return said.error();
       for (std::size_t bit = 0; bit < read->logits.size(); ++bit) read->logits[bit] -= said->logits[bit];
     }

@@ -65,7 +65,6 @@ compmark::Result<std::vector<std::filesystem::path>> image_files(const std::vect
 struct Reading {
   std::vector<compmark::ViewLogits> views;  ///< with SHA-256 of the file, or of the 8-bit pixels of a render
   compmark::ReportSources sources;
-  std::string unmarked, unmarked_sha256;  ///< file and hash of what was subtracted, if anything was
   std::size_t bits = 0;
 };
 

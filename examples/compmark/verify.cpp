@@ -49,9 +49,6 @@ int run(const VerifyOptions& options) {
   if (!options.json.empty()) {
     nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(report);
     if (payload) json["payload"] = payload->json;
-    if (!reading->unmarked.empty()) {
-      json["unmarked"] = {{"file", reading->unmarked}, {"sha256", reading->unmarked_sha256}};
-    }
     if (Result<Done> written = write_json(options.json, json); !written) return fail(written.error());
   }
   const ReportSources& from = report.sources;
@@ -60,9 +57,9 @@ int run(const VerifyOptions& options) {
               from.key_commitment.c_str());
   std::printf("decoder     %s, sha256 %s\n", from.decoder.c_str(), from.decoder_sha256.c_str());
   if (!from.model.empty()) std::printf("model       %s, sha256 %s\n", from.model.c_str(), from.model_sha256.c_str());
-  if (!reading->unmarked.empty()) {
+  if (!from.unmarked.empty()) {
     std::printf("less        %s, sha256 %s: published earlier, it shows that it was not made to fit\n",
-                reading->unmarked.c_str(), reading->unmarked_sha256.c_str());
+                from.unmarked.c_str(), from.unmarked_sha256.c_str());
   }
   if (payload) std::fputs(payload->line.c_str(), stdout);
   std::fputs(report_text(report.verification).c_str(), stdout);

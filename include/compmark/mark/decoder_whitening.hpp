@@ -10,11 +10,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <span>
 #include <vector>
 
 #include "compmark/core/config.hpp"
+#include "compmark/math/eigen_pairs.hpp"
 
 namespace compmark::inline v0 {
 
@@ -48,59 +48,6 @@ class FeatureStatistics {
   std::size_t count_ = 0;
   std::vector<double> mean_, scatter_, before_;
 };
-
-/// Eigenvalues (descending) and eigenvectors (rows of `vectors`) of a symmetric matrix [n, n], which is destroyed.
-inline void symmetric_eigen(std::vector<double>& matrix, std::size_t n, std::vector<double>& values,
-                            std::vector<double>& vectors) {
-  std::vector<double> rows(n * n, 0.0);
-  for (std::size_t i = 0; i < n; ++i) rows[i * n + i] = 1;
-  for (int sweep = 0; sweep < 40; ++sweep) {
-    double off = 0, all = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t j = 0; j < n; ++j) (i == j ? all : off) += matrix[i * n + j] * matrix[i * n + j];
-    }
-    if (!(off > 1e-30 * (all + off))) break;
-    for (std::size_t p = 0; p + 1 < n; ++p) {
-      for (std::size_t q = p + 1; q < n; ++q) {
-        const double apq = matrix[p * n + q];
-        if (apq == 0 || std::abs(apq) < 1e-18 * std::sqrt(std::abs(matrix[p * n + p] * matrix[q * n + q]))) continue;
-        const double theta = (matrix[q * n + q] - matrix[p * n + p]) / (2 * apq);
-        const double t = (theta >= 0 ? 1.0 : -1.0) / (std::abs(theta) + std::sqrt(theta * theta + 1));
-        const double c = 1 / std::sqrt(t * t + 1), s = t * c;
-        double* const row_p = matrix.data() + p * n;
-        double* const row_q = matrix.data() + q * n;
-        for (std::size_t k = 0; k < n; ++k) {
-          const double a = row_p[k], b = row_q[k];
-          row_p[k] = c * a - s * b;
-          row_q[k] = s * a + c * b;
-        }
-        for (std::size_t k = 0; k < n; ++k) {
-          double* const row = matrix.data() + k * n;
-          const double a = row[p], b = row[q];
-          row[p] = c * a - s * b;
-          row[q] = s * a + c * b;
-        }
-        double* const vector_p = rows.data() + p * n;
-        double* const vector_q = rows.data() + q * n;
-        for (std::size_t k = 0; k < n; ++k) {
-          const double a = vector_p[k], b = vector_q[k];
-          vector_p[k] = c * a - s * b;
-          vector_q[k] = s * a + c * b;
-        }
-      }
-    }
-  }
-  std::vector<std::size_t> order(n);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return matrix[a * n + a] > matrix[b * n + b]; });
-  values.resize(n);
-  vectors.resize(n * n);
-  for (std::size_t i = 0; i < n; ++i) {
-    values[i] = matrix[order[i] * n + order[i]];
-    std::copy_n(rows.data() + order[i] * n, n, vectors.data() + i * n);
-  }
-}
 
 struct Whitening {
   int dimension = 0;          ///< directions kept, at most those asked for

@@ -78,7 +78,8 @@ struct ReportSources {
   std::string program;  ///< name and version
   std::string key_id, key_commitment, key_created;
   std::string decoder, decoder_sha256;
-  std::string model, model_sha256;  ///< empty if images were given
+  std::string model, model_sha256;        ///< empty if images were given
+  std::string unmarked, unmarked_sha256;  ///< the model whose logits were subtracted, if any were
 };
 
 struct VerificationReport {
@@ -107,7 +108,7 @@ template <class Json>
 }
 }  // namespace detail
 
-/// Decoder, model and key of a report or an extraction; entries that are empty are null.
+/// Decoder, model and key of a report or an extraction; entries that are empty are null. `unmarked` is there only if something was subtracted.
 template <class Json>
 void add_sources(Json& json, const ReportSources& s) {
   json["program"] = s.program;
@@ -118,6 +119,7 @@ void add_sources(Json& json, const ReportSources& s) {
                      {"sha256", detail::text_or_null<Json>(s.decoder_sha256)}};
   json["model"] = {{"file", detail::text_or_null<Json>(s.model)},
                    {"sha256", detail::text_or_null<Json>(s.model_sha256)}};
+  if (!s.unmarked.empty()) json["unmarked"] = {{"file", s.unmarked}, {"sha256", s.unmarked_sha256}};
 }
 
 /// Schema "compmark.verification.1" (docs/verification.md).

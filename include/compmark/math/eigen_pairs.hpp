@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Eigenvalues and eigenvectors of a symmetric pencil, A w = lambda B w with B positive definite, for a few hundred dimensions: Cholesky of B, then
-// cyclic Jacobi rotations of L^-1 A L^-T, which are slower than a tridiagonal reduction, a page long, and accurate to rounding for small eigenvalues
-// too. And the inner products of many long rows. Plain loops and no library: Eigen's solvers cost every includer their parse and g++ 12 false warnings.
-// Cost: some 10 sweeps of 6 n^3 flops; n = 192 takes half a second.
+// Eigenvalues and eigenvectors of symmetric matrices of a few hundred rows by cyclic Jacobi rotations, and of a pencil A w = lambda B w with B
+// positive definite (Cholesky of B, then L^-1 A L^-T). Jacobi is slower than a tridiagonal reduction, a page long, and accurate to rounding for small
+// eigenvalues too. No library: with Eigen's solvers the umbrella header takes a tenth longer to parse (measured), and g++ 12 warns falsely about them.
+// Cost: 6 n^3 flops a sweep and 7 to 12 sweeps: 0.3 s for n = 320, but 10 s for n = 512, whose columns share their cache sets.
 #pragma once
 
 #include <algorithm>
@@ -16,9 +16,61 @@
 #include <vector>
 
 #include "compmark/core/config.hpp"
-#include "compmark/core/executor.hpp"
 
 namespace compmark::inline v0 {
+
+/// Eigenvalues (descending) and eigenvectors (rows of `vectors`) of a symmetric matrix [n, n], which is destroyed.
+inline void symmetric_eigen(std::vector<double>& matrix, std::size_t n, std::vector<double>& values,
+                            std::vector<double>& vectors) {
+  std::vector<double> rows(n * n, 0.0);
+  for (std::size_t i = 0; i < n; ++i) rows[i * n + i] = 1;
+  for (int sweep = 0; sweep < 40; ++sweep) {
+    double off = 0, all = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j < n; ++j) (i == j ? all : off) += matrix[i * n + j] * matrix[i * n + j];
+    }
+    if (!(off > 1e-30 * (all + off))) break;
+    for (std::size_t p = 0; p + 1 < n; ++p) {
+      for (std::size_t q = p + 1; q < n; ++q) {
+        const double apq = matrix[p * n + q];
+        if (apq == 0 || std::abs(apq) < 1e-18 * std::sqrt(std::abs(matrix[p * n + p] * matrix[q * n + q]))) continue;
+        const double theta = (matrix[q * n + q] - matrix[p * n + p]) / (2 * apq);
+        const double t = (theta >= 0 ? 1.0 : -1.0) / (std::abs(theta) + std::sqrt(theta * theta + 1));
+        const double c = 1 / std::sqrt(t * t + 1), s = t * c;
+        double* const row_p = matrix.data() + p * n;
+        double* const row_q = matrix.data() + q * n;
+        for (std::size_t k = 0; k < n; ++k) {
+          const double a = row_p[k], b = row_q[k];
+          row_p[k] = c * a - s * b;
+          row_q[k] = s * a + c * b;
+        }
+        for (std::size_t k = 0; k < n; ++k) {
+          double* const row = matrix.data() + k * n;
+          const double a = row[p], b = row[q];
+          row[p] = c * a - s * b;
+          row[q] = s * a + c * b;
+        }
+        double* const vector_p = rows.data() + p * n;
+        double* const vector_q = rows.data() + q * n;
+        for (std::size_t k = 0; k < n; ++k) {
+          const double a = vector_p[k], b = vector_q[k];
+          vector_p[k] = c * a - s * b;
+          vector_q[k] = s * a + c * b;
+        }
+      }
+    }
+  }
+  std::vector<std::size_t> order(n);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return matrix[a * n + a] > matrix[b * n + b]; });
+  values.resize(n);
+  vectors.resize(n * n);
+  for (std::size_t i = 0; i < n; ++i) {
+    values[i] = matrix[order[i] * n + order[i]];
+    std::copy_n(rows.data() + order[i] * n, n, vectors.data() + i * n);
+  }
+}
 
 struct EigenPairs {
   std::vector<double> values;   ///< [n], the largest first
@@ -52,110 +104,19 @@ struct EigenPairs {
       for (std::size_t j = 0; j < i; ++j) std::swap(m[i * n + j], m[j * n + i]);
     }
   }
-  double size = 0;
-  for (const double x : m) size += x * x;
-  if (!std::isfinite(size)) return std::nullopt;
-
-  std::vector<double> v(n * n, 0.0);  // rows are vectors
-  for (std::size_t i = 0; i < n; ++i) v[i * n + i] = 1;
-  for (int sweep = 0; sweep < 60; ++sweep) {
-    double off = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t j = 0; j < i; ++j) off += m[i * n + j] * m[i * n + j];
-    }
-    if (off <= 1e-26 * size) break;
-    for (std::size_t p = 0; p + 1 < n; ++p) {
-      for (std::size_t q = p + 1; q < n; ++q) {
-        const double apq = m[p * n + q];
-        if (apq == 0) continue;
-        const double theta = (m[q * n + q] - m[p * n + p]) / (2 * apq);
-        const double t = (theta < 0 ? -1 : 1) / (std::abs(theta) + std::hypot(theta, 1.0));
-        const double c = 1 / std::hypot(t, 1.0), s = t * c;
-        double *const rp = m.data() + p * n, *const rq = m.data() + q * n;
-        for (std::size_t k = 0; k < n; ++k) {  // rows
-          const double x = rp[k], y = rq[k];
-          rp[k] = c * x - s * y;
-          rq[k] = s * x + c * y;
-        }
-        for (std::size_t k = 0; k < n; ++k) {  // columns
-          double* const row = m.data() + k * n;
-          const double x = row[p], y = row[q];
-          row[p] = c * x - s * y;
-          row[q] = s * x + c * y;
-        }
-        rp[q] = rq[p] = 0;
-        double *const vp = v.data() + p * n, *const vq = v.data() + q * n;
-        for (std::size_t k = 0; k < n; ++k) {
-          const double x = vp[k], y = vq[k];
-          vp[k] = c * x - s * y;
-          vq[k] = s * x + c * y;
-        }
-      }
-    }
+  for (const double x : m) {
+    if (!std::isfinite(x)) return std::nullopt;
   }
-  std::vector<std::size_t> order(n);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t i, std::size_t j) { return m[i * n + i] > m[j * n + j]; });
   EigenPairs pairs;
-  pairs.vectors.resize(n * n);
+  symmetric_eigen(m, n, pairs.values, pairs.vectors);
   for (std::size_t r = 0; r < n; ++r) {
-    pairs.values.push_back(m[order[r] * n + order[r]]);
     double* const w = pairs.vectors.data() + r * n;  // L^T w = v
-    std::copy_n(v.data() + order[r] * n, n, w);
     for (std::size_t i = n; i-- > 0;) {
       w[i] /= lower[i * n + i];
       for (std::size_t k = 0; k < i; ++k) w[k] -= lower[i * n + k] * w[i];
     }
   }
   return pairs;
-}
-
-/// [rows, rows]: inner products of the rows of a [rows, columns] table, in double. Chunks of columns in parallel, added in their order. Cost: rows^2
-/// columns multiply-adds.
-template <class T, Executor E>
-[[nodiscard]] std::vector<double> row_products(std::span<const T> table, std::size_t rows, std::size_t columns,
-                                               E& executor) {
-  COMPMARK_ASSERT(table.size() == rows * columns, "row_products: sizes");
-  constexpr std::size_t width = 256, at_once = 8, tile_rows = 4, tile_columns = 16;
-  const std::size_t padded = (rows + tile_columns - 1) / tile_columns * tile_columns;
-  std::vector<double> result(rows * rows, 0.0);
-  std::vector<std::vector<double>> parts(at_once), blocks(at_once);
-  for (std::size_t first = 0; first < columns; first += width * at_once) {
-    const std::size_t count = std::min(columns - first, width * at_once);
-    executor.for_chunks(count, width, [&](std::size_t begin, std::size_t end, std::size_t) {
-      std::vector<double>&part = parts[begin / width], &block = blocks[begin / width];  // block: [width, padded]
-      part.assign(padded * padded, 0.0);
-      block.assign(width * padded, 0.0);
-      for (std::size_t k = 0; k < rows; ++k) {
-        const T* const row = table.data() + k * columns + first;
-        for (std::size_t i = begin; i < end; ++i) block[(i - begin) * padded + k] = static_cast<double>(row[i]);
-      }
-      for (std::size_t k = 0; k < padded; k += tile_rows) {
-        for (std::size_t l = 0; l < k + tile_rows; l += tile_columns) {  // up to the diagonal
-          double sum[tile_rows][tile_columns] = {};
-          for (std::size_t i = 0; i < end - begin; ++i) {
-            const double *const x = block.data() + i * padded + k, *const y = block.data() + i * padded + l;
-            for (std::size_t r = 0; r < tile_rows; ++r) {
-              for (std::size_t c = 0; c < tile_columns; ++c) sum[r][c] += x[r] * y[c];
-            }
-          }
-          for (std::size_t r = 0; r < tile_rows; ++r) {
-            for (std::size_t c = 0; c < tile_columns; ++c) part[(k + r) * padded + l + c] = sum[r][c];
-          }
-        }
-      }
-    });
-    for (std::size_t chunk = 0; chunk * width < count; ++chunk) {
-      for (std::size_t k = 0; k < rows; ++k) {
-        for (std::size_t l = 0; l <= k; ++l) result[k * rows + l] += parts[chunk][k * padded + l];
-      }
-    }
-  }
-  for (std::size_t k = 0; k < rows; ++k) {
-    for (std::size_t l = 0; l < k; ++l) result[l * rows + k] = result[k * rows + l];
-  }
-  return result;
 }
 
 }  // namespace compmark::inline v0

@@ -67,6 +67,9 @@ class DrawnReading {
     return {host_storage_.data(), 3, context_.image.height, context_.image.width};
   }
 
+  /// Whether the last iteration was a reading alone, without a photograph: the trainer's to set.
+  bool alone = false;
+
  private:
   Context context_;  ///< its own, so that the photographed view's stays
   Buffer<Scalar> host_storage_;

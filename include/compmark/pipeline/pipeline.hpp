@@ -185,20 +185,26 @@ class Pipeline {
     return report;
   }
 
-  /// The message alone, of a render that there is no photograph of, in place of loss(): context.d_image is set from what was read, and with a
-  /// weight `fidelity` above 0 from the mean square difference to `host`, the unmarked render of the same view.
-  template <Executor E>
-  MarkReport message_loss(double weight, double fidelity, ImageView<const Scalar> host, Context& context,
-                          E& executor) const requires(present<typename R::MessageDecoder>) {
+  /// In place of loss() for a caller with a loss of its own of the render: room in context.d_image, whose every value it sets, and nothing of the
+  /// losses that loss() would add. Call after forward.
+  static void begin_loss(Context& context) {
     context.d_image_storage.resize(context.image.size());
     context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
-    const double departure =
-        square_departure(context.image, host, static_cast<Scalar>(fidelity), context.d_image, context, executor);
     context.volume_weight = 0;
     if constexpr (present<typename R::AlphaLoss>) {
       context.alpha_loss.d_alpha.resize(context.image.plane_size());
       std::fill(context.alpha_loss.d_alpha.begin(), context.alpha_loss.d_alpha.end(), Scalar(0));
     }
+  }
+
+  /// The message alone, of a render that there is no photograph of, in place of loss(): context.d_image is set from what was read, and with a
+  /// weight `fidelity` above 0 from the mean square difference to `host`, the unmarked render of the same view.
+  template <Executor E>
+  MarkReport message_loss(double weight, double fidelity, ImageView<const Scalar> host, Context& context,
+                          E& executor) const requires(present<typename R::MessageDecoder>) {
+    begin_loss(context);
+    const double departure =
+        square_departure(context.image, host, static_cast<Scalar>(fidelity), context.d_image, context, executor);
     context.marks.weights = {weight, 0, 0, 0};
     context.marks.report =
         marks_.forward_backward(context.image, context.image, context.d_image, context.marks, executor);

@@ -29,7 +29,9 @@
 #include "compmark/pipeline/observer.hpp"
 #include "compmark/pipeline/pipeline.hpp"
 #include "compmark/pipeline/rate_phases.hpp"
+#include "compmark/pipeline/run_policies.hpp"
 #include "compmark/pipeline/settings.hpp"
+#include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
 
 namespace compmark::inline v0 {
@@ -57,16 +59,13 @@ class Trainer {
         executor_(&executor),
         order_(settings_.seed, view_count),
         view_count_(view_count),
-        phases_(resolve_phases(settings_)) {
+        phases_(density_phases(settings_)),
+        growth_(density_control<R>(settings_)) {
     if constexpr (!MarkedPipeline::Road::is_absent || !MarkedPipeline::Marks::is_absent) {
       mark_phases_ = MarkPhases(settings_.mark, settings_.iterations);
     }
     if constexpr (present<typename R::DistortionLayer>) {
-      typename R::DistortionLayer::Settings noise;
-      if constexpr (requires { noise.base_step; }) noise.base_step = settings_.mark.feature_noise;
-      if constexpr (requires { noise.least_step; }) noise.least_step = settings_.mark.least_step;
-      if constexpr (requires { noise.rate_weight; }) noise.rate_weight = settings_.mark.step_rate_weight;
-      pipeline_.road() = typename MarkedPipeline::Road(typename R::DistortionLayer(noise));
+      pipeline_.road() = typename MarkedPipeline::Road(distortion_layer<R>(settings_.mark));
     }
     if constexpr (present<typename R::EntropyModel>) {
       rate_phases_ = RatePhases(settings_.rate, settings_.iterations, settings_.grow_until);
@@ -140,35 +139,34 @@ class Trainer {
         std::swap(residual_rate, rates_[model.road.embedder.residual.index]);
         if (!mark_phases_.reads_between(t)) residual_rate = 0;
         host_trains = std::any_of(rates_.begin(), rates_.end(), [](double rate) { return rate != 0; });
-        photographed_ = host_trains || residual_rate == 0;
+        drawn_.alone = !host_trains && residual_rate != 0;
         context_.road.embeds = false;
-        if (!photographed_) return mark_alone(views, residual_rate, report);
+        if (drawn_.alone) return mark_alone(views, residual_rate, report);
       }
     }
 
     const ViewCamera<R> camera = views.camera(report.view);
-    target_storage_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    target_ = {target_storage_.data(), 3, camera.height, camera.width};
     if constexpr (present<typename R::Space>) context_.volume.space = space();
     if constexpr (present<typename R::Background>) {
       context_.background.color = R::Background::color(settings_.seed, static_cast<std::uint64_t>(t));
       context_.background.drawn = true;
     }
-    if (Result<Done> loaded = load(views, report.view); !loaded) return loaded.error();
+    const auto behind = Pipeline<R>::background(model.render, context_);
+    if (Result<Done> loaded = target_.load(views, report.view, camera, behind); !loaded) return loaded.error();
 
     noise(t);
     if constexpr (!MarkedPipeline::Marks::is_absent) context_.marks.weights = mark_phases_.weights(t);
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
     if constexpr (present<typename R::AlphaLoss>) weights.lambda_alpha = settings_.effects.lambda_alpha;
-    report.loss = pipeline_.loss(target_view(), weights, context_, *executor_);
+    report.loss = pipeline_.loss(target_.view(), weights, context_, *executor_);
     if (host_trains) pipeline_.backward(model, camera, report.view, context_, *executor_);
 
     if constexpr (present<Growth>) {
       if (host_trains && phases_.observes(t)) {
         const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(model.render).screen(context_.raster);
-        growth().observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm,
-                         state_.growth, *executor_);
+        growth_.observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm,
+                        state_.growth, *executor_);
         if (phases_.adjusts(t)) adjust(t, report);
       }
     }
@@ -245,23 +243,22 @@ class Trainer {
   /// Render of the last iteration, and its ground truth. Beside a host that does not train: a drawn view, marked and unmarked.
   [[nodiscard]] ImageView<const Scalar> image() const {
     if constexpr (marks_beside) {
-      if (!photographed_) return drawn_.image();
+      if (drawn_.alone) return drawn_.image();
     }
     return context_.image;
   }
   [[nodiscard]] ImageView<const Scalar> target() const {
     if constexpr (marks_beside) {
-      if (!photographed_) return drawn_.host();
+      if (drawn_.alone) return drawn_.host();
     }
-    return target_;
+    return target_.image();
   }
   /// How much each of its pixels counts, [height, width]; empty if the recipe does not look.
   [[nodiscard]] std::span<const Scalar> weight() const {
-    if constexpr (present<typename R::PixelWeights>) {
-      return photographed_ ? planes_.weight.span() : std::span<const Scalar>{};
-    } else {
-      return {};
+    if constexpr (marks_beside) {
+      if (drawn_.alone) return {};
     }
+    return target_.weight();
   }
 
  private:
@@ -292,7 +289,7 @@ class Trainer {
             .skipped_blocks;
     return forward;
   }
-  /// An iteration beside a host that does not train: no photograph is looked at.
+  /// An iteration beside a host that does not train: no photograph is looked at. The last one steps too: nothing was saved before it.
   template <class Views>
   IterationReport mark_alone(const Views& views, double rate, IterationReport report) requires(marks_beside) {
     noise(report.iteration);
@@ -306,58 +303,7 @@ class Trainer {
   void start(std::size_t rows) {
     state_.iteration = 0;
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
-    growth().prepare(rows, state_.growth);
-  }
-
-  /// Effects that look at more of a photograph than its colours over the constant background.
-  static constexpr bool needs_planes =
-      present<typename R::Background> || present<typename R::AlphaLoss> || present<typename R::PixelWeights>;
-
-  template <class Views>
-  [[nodiscard]] Result<Done> load(Views& views, std::size_t view) {
-    if constexpr (needs_planes) {
-      static_assert(PlaneTrainingViews<Views, Scalar>,
-                    "Trainer: this recipe looks at alpha or at pixel weights, so the views need load_planes (see "
-                    "pipeline/training_views.hpp)");
-      const std::size_t pixels = target_.plane_size();
-      TargetPlanes<Scalar> planes{target_};
-      if constexpr (present<typename R::AlphaLoss>) {
-        planes_.alpha.resize(pixels);
-        planes.alpha = planes_.alpha.data();
-      }
-      if constexpr (present<typename R::PixelWeights>) {
-        planes_.weight.resize(pixels);
-        planes.weight = planes_.weight.data();
-      }
-      return views.load_planes(view, Pipeline<R>::background(state_.model.render, context_), planes);
-    } else {
-      return views.load(view, target_);
-    }
-  }
-  [[nodiscard]] TargetView<Scalar> target_view() const {
-    TargetView<Scalar> target(target_);
-    if constexpr (present<typename R::AlphaLoss>) target.alpha = planes_.alpha.data();
-    if constexpr (present<typename R::PixelWeights>) target.weight = planes_.weight.data();
-    return target;
-  }
-
-  static DensityPhases resolve_phases(const TrainSettings& s) {
-    return {open_window(s.statistics_after, s.grow_until, s.iterations),
-            open_window(s.grow_after, s.grow_until, s.iterations),
-            closed_window(s.pause_from, s.pause_until, s.iterations), s.grow_interval};
-  }
-
-  /// The policy is told those of the run's numbers that its Settings name: the concept asks for none of them.
-  [[nodiscard]] Growth growth() const {
-    typename Growth::Settings settings;
-    if constexpr (requires { settings.gradient_threshold; }) settings.gradient_threshold = settings_.gradient_threshold;
-    if constexpr (requires { settings.success_threshold; }) settings.success_threshold = settings_.success_threshold;
-    if constexpr (requires { settings.min_opacity; }) settings.min_opacity = settings_.min_opacity;
-    if constexpr (requires { settings.init_factor; }) settings.init_factor = settings_.init_factor;
-    if constexpr (requires { settings.interval; }) settings.interval = settings_.grow_interval;
-    if constexpr (requires { settings.max_anchors; }) settings.max_anchors = settings_.max_anchors;
-    if constexpr (requires { settings.offsets; }) settings.offsets = R::AnchorModel::shape.offsets;
-    return Growth{settings};
+    growth_.prepare(rows, state_.growth);
   }
 
   [[nodiscard]] typename R::Space space() const {
@@ -371,12 +317,12 @@ class Trainer {
   /// Grows and prunes; the optimiser's moments follow every edit.
   void adjust(std::int64_t t, IterationReport& report) {
     Model<R>& model = state_.model;
-    const auto grown = growth().adapt(model.arena, model.anchors, state_.growth,
-                                      SpaceAdaptContext<typename R::Space>{
-                                          {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size}, space()},
-                                      [&](const RowEdit& edit, const ArenaLayout& old_layout) {
-                                        optimizer_.edit_rows(edit, old_layout, model.arena.layout(), state_.optimizer);
-                                      });
+    const auto grown = growth_.adapt(model.arena, model.anchors, state_.growth,
+                                     SpaceAdaptContext<typename R::Space>{
+                                         {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size}, space()},
+                                     [&](const RowEdit& edit, const ArenaLayout& old_layout) {
+                                       optimizer_.edit_rows(edit, old_layout, model.arena.layout(), state_.optimizer);
+                                     });
     report.grown = grown.grown;
     report.pruned = grown.pruned;
     report.adjusted = true;
@@ -396,17 +342,12 @@ class Trainer {
   ViewOrder order_;
   std::size_t view_count_ = 0;
   DensityPhases phases_;
+  [[no_unique_address]] Growth growth_;
   State state_;
   Pipeline<R> pipeline_;
   [[no_unique_address]] Optimizer optimizer_;
   typename Pipeline<R>::Context context_;
-  Buffer<Scalar> target_storage_;
-  ImageView<Scalar> target_;
-  struct NoPlanes {};
-  struct Planes {
-    Buffer<Scalar> alpha, weight;
-  };
-  [[no_unique_address]] std::conditional_t<needs_planes, Planes, NoPlanes> planes_;
+  TrainingTarget<R> target_;
   std::vector<double> rates_;
   [[no_unique_address]] std::conditional_t<MarkedPipeline::Road::is_absent && MarkedPipeline::Marks::is_absent,
                                            detail::Nothing<MarkPhases>, MarkPhases>
@@ -414,8 +355,6 @@ class Trainer {
   [[no_unique_address]] std::conditional_t<present<typename R::EntropyModel>, RatePhases, detail::Nothing<RatePhases>>
       rate_phases_;
   [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, Drawn, detail::Nothing<Drawn>> drawn_;
-  bool photographed_ =
-      true;  ///< the last iteration looked at a photograph; beside a host that does not train it does not
 };
 
 }  // namespace compmark::inline v0

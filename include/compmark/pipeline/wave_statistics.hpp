@@ -14,13 +14,14 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/pretrain/lattice_network.hpp"
-#include "compmark/math/eigen_pairs.hpp"
+#include "compmark/math/row_products.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/pipeline.hpp"
@@ -76,12 +77,17 @@ class WaveProbe {
   }
   /// The waves' means in the view, as they are read from its pixels in 8 bits.
   [[nodiscard]] const std::vector<T>& means() {
-    round_to_8bit<T>(context_.image, context_.image);
-    decoder_.pool(context_.image, reading_, *executor_);
+    rounded_.resize(context_.image.size());
+    const ImageView<T> rounded{rounded_.data(), 3, context_.image.height, context_.image.width};
+    round_to_8bit<T>(context_.image, rounded);
+    decoder_.pool(rounded, reading_, *executor_);
     return reading_.pooled;
   }
+  /// The render of the view, as it is.
+  [[nodiscard]] ImageView<const T> image() const { return context_.image; }
+  [[nodiscard]] const ViewCamera<R>& camera() const { return camera_; }
   [[nodiscard]] std::size_t parameters() const { return anchors_.size() * columns_; }
-  /// Gradient of wave k to the features of the anchors that are looked at. Call render() before; not means(), which rounds.
+  /// Gradient of wave k to the features of the anchors that are looked at, a row an anchor. Call render() before.
   void wave_gradient(std::size_t k, std::span<T> gradient) {
     LatticeSettings shape = shape_;
     shape.features = shape.bits = 1;
@@ -108,9 +114,8 @@ class WaveProbe {
   void way_back(const LatticeDecoder<T>& decoder, std::span<T> gradient) {
     T logit = 0;
     const T one = 1;
-    context_.d_image_storage.resize(context_.image.size());
+    pipeline_.begin_loss(context_);
     std::fill(context_.d_image_storage.begin(), context_.d_image_storage.end(), T(0));
-    context_.d_image = {context_.d_image_storage.data(), 3, context_.image.height, context_.image.width};
     decoder.forward(context_.image, std::span<T>(&logit, 1), wave_, *executor_);
     decoder.backward(std::span<const T>(&one, 1), context_.d_image, wave_, *executor_);
     std::fill(host_->arena.all_gradients().begin(), host_->arena.all_gradients().end(), T(0));
@@ -131,6 +136,7 @@ class WaveProbe {
   typename Pipeline<R>::Context context_;
   LatticeDecoder<T> decoder_;
   typename LatticeDecoder<T>::Context reading_, wave_;
+  Buffer<T> rounded_;
   BlockHandle feature_;
   std::vector<std::size_t> anchors_;
   std::size_t columns_ = 0, view_ = 0;

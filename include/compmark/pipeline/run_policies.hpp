@@ -1,0 +1,43 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// From the numbers of a run to the policies of its recipe: each is told those of the numbers that its Settings name, as the concepts ask for none of
+// them. The entropy model's is in rate_phases.hpp. Cost: none.
+#pragma once
+
+#include "compmark/optim/phases.hpp"
+#include "compmark/pipeline/recipe.hpp"
+#include "compmark/pipeline/settings.hpp"
+
+namespace compmark::inline v0 {
+
+[[nodiscard]] inline DensityPhases density_phases(const TrainSettings& run) {
+  return {open_window(run.statistics_after, run.grow_until, run.iterations),
+          open_window(run.grow_after, run.grow_until, run.iterations),
+          closed_window(run.pause_from, run.pause_until, run.iterations), run.grow_interval};
+}
+
+template <Recipe R>
+[[nodiscard]] typename R::DensityControl density_control(const TrainSettings& run) {
+  typename R::DensityControl::Settings settings;
+  if constexpr (requires { settings.gradient_threshold; }) settings.gradient_threshold = run.gradient_threshold;
+  if constexpr (requires { settings.success_threshold; }) settings.success_threshold = run.success_threshold;
+  if constexpr (requires { settings.min_opacity; }) settings.min_opacity = run.min_opacity;
+  if constexpr (requires { settings.init_factor; }) settings.init_factor = run.init_factor;
+  if constexpr (requires { settings.interval; }) settings.interval = run.grow_interval;
+  if constexpr (requires { settings.max_anchors; }) settings.max_anchors = run.max_anchors;
+  if constexpr (requires { settings.offsets; }) settings.offsets = R::AnchorModel::shape.offsets;
+  return typename R::DensityControl{settings};
+}
+
+/// Of a recipe with a DistortionLayer.
+template <Recipe R>
+[[nodiscard]] typename R::DistortionLayer distortion_layer(const MarkNumbers& mark) {
+  typename R::DistortionLayer::Settings settings;
+  if constexpr (requires { settings.base_step; }) settings.base_step = mark.feature_noise;
+  if constexpr (requires { settings.least_step; }) settings.least_step = mark.least_step;
+  if constexpr (requires { settings.rate_weight; }) settings.rate_weight = mark.step_rate_weight;
+  return typename R::DistortionLayer(settings);
+}
+
+}  // namespace compmark::inline v0

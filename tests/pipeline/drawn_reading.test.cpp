@@ -1,0 +1,152 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/pipeline/drawn_reading.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/mark/lattice_decoder.hpp"
+#include "compmark/mark/pretrain/lattice_network.hpp"
+#include "compmark/recipes/marked.hpp"
+#include "directional.hpp"
+#include "small_scene.hpp"
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::BlobViews;
+
+constexpr DecoderShape shape{.feature_dim = 4, .offsets = 2};
+struct Smooth : DefaultRecipe<double, shape, compmark::testing::smooth_accuracy> {};
+using Marked = recipes::Marked<Smooth, LatticeDecoder<double>>;
+constexpr std::uint64_t seed = 3;
+constexpr std::int64_t iteration = 2;
+constexpr std::size_t view = 1;
+
+/// A marked model whose residual is not zero, and everything a reading needs.
+struct Bench {
+  Bench() : model(compmark::testing::random_model<Marked>(7)) {
+    LatticeSettings lattice;
+    lattice.measure = LatticeMeasure::colour;
+    lattice.bits = lattice.features = 4;
+    lattice.sigma = {0.5};
+    lattice.stride = 2;
+    LatticeWeights<double> waves = random_lattice<double>(lattice, std::vector<double>{0.4}, 1, 1);
+    for (std::size_t b = 0; b < 4; ++b) waves.head[b * 5] = 30;
+    pipeline.marks().decoder = {lattice, std::move(waves)};
+    pipeline.marks().message = {1, 0, 0, 1};
+    const MatrixView<double> residual = values(model);
+    const Random random(8, 0, random_stage("test residual"));
+    for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = 0.2 * random.normal(i);
+  }
+  static MatrixView<double> values(Model<Marked>& of) { return of.arena.values(of.road.embedder.residual); }
+  static MatrixView<double> gradients(Model<Marked>& of) { return of.arena.gradients(of.road.embedder.residual); }
+  static MarkPhases phases(double fidelity) {
+    MarkNumbers numbers = fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
+    numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
+    numbers.lambda_message = 1;
+    numbers.between_every = 1;
+    numbers.fidelity = fidelity;
+    return {numbers, 100};
+  }
+  void clear() { std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0); }
+  double read(DrawnReading<Marked>& drawn, double fidelity) {
+    const Pipeline<Marked>::Context photographed;
+    static_cast<void>(
+        drawn.read(pipeline, model, views, view, seed, iteration, phases(fidelity), photographed, executor));
+    return drawn.report().total;
+  }
+
+  Model<Marked> model;
+  Pipeline<Marked> pipeline;
+  BlobViews views{.count = 6, .width = 24, .height = 20};
+  ThreadExecutor executor{2};
+};
+
+}  // namespace
+
+TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with a host and without") {
+  for (const double fidelity : {0.0, 40.0}) {
+    CAPTURE(fidelity);
+    Bench bench;
+    DrawnReading<Marked> drawn;
+    bench.clear();
+    const double total = bench.read(drawn, fidelity);
+    CHECK(std::isfinite(total));
+    const MatrixView<double> residual = Bench::values(bench.model), gradient = Bench::gradients(bench.model);
+    const std::vector<double> start(residual.data, residual.data + residual.size());
+    const std::vector<double> found(gradient.data, gradient.data + gradient.size());
+    const Random random(6, 0, random_stage("test direction"));
+    double analytic = 0;
+    for (std::size_t i = 0; i < start.size(); ++i) analytic += found[i] * random.normal(i);
+    double best = 1;
+    for (const double h : {1e-4, 3e-5, 1e-5, 3e-6}) {  // the best of a sweep (numerics sheet, section 4)
+      double at[2] = {};
+      for (const int side : {0, 1}) {
+        for (std::size_t i = 0; i < start.size(); ++i)
+          residual.data[i] = start[i] + (side == 0 ? h : -h) * random.normal(i);
+        at[side] = bench.read(drawn, fidelity);
+      }
+      const double numeric = (at[0] - at[1]) / (2 * h);
+      best = std::min(best, std::abs(numeric - analytic) / std::abs(numeric));
+    }
+    CHECK(std::abs(analytic) > 1e-6);
+    CHECK(best < 1e-6);
+  }
+}
+
+TEST_CASE("pipeline/drawn_reading: gradients are added to those that are there") {
+  Bench bench;
+  DrawnReading<Marked> drawn;
+  bench.clear();
+  bench.read(drawn, 40);
+  const std::vector<double> once(bench.model.arena.all_gradients().begin(), bench.model.arena.all_gradients().end());
+  bench.read(drawn, 40);
+  double worst = 0, largest = 0;
+  for (std::size_t i = 0; i < once.size(); ++i) {
+    worst = std::max(worst, std::abs(bench.model.arena.all_gradients()[i] - 2 * once[i]));
+    largest = std::max(largest, std::abs(once[i]));
+  }
+  CHECK(largest > 0);
+  CHECK(worst < 1e-12 * largest);
+}
+
+TEST_CASE("pipeline/drawn_reading: the host is the render without the residual, to the bit") {
+  Bench bench;
+  DrawnReading<Marked> drawn;
+  bench.clear();
+  bench.read(drawn, 40);
+  const std::vector<double> host(drawn.host().data, drawn.host().data + drawn.host().size());
+  const std::vector<double> image(drawn.image().data, drawn.image().data + drawn.image().size());
+  CHECK(host != image);
+  double square = 0;
+  for (std::size_t i = 0; i < host.size(); ++i) square += (image[i] - host[i]) * (image[i] - host[i]);
+  CHECK(drawn.report().departure == doctest::Approx(square / static_cast<double>(host.size())).epsilon(1e-12));
+
+  // Another reading, of the same model with its residual taken away: what is rendered there is the host.
+  const MatrixView<double> residual = Bench::values(bench.model);
+  std::fill(residual.data, residual.data + residual.size(), 0.0);
+  DrawnReading<Marked> plain;
+  bench.read(plain, 40);
+  CHECK(std::equal(host.begin(), host.end(), plain.image().data));
+  CHECK(std::equal(host.begin(), host.end(), plain.host().data));
+  CHECK(plain.report().departure == 0);
+}
+
+TEST_CASE("pipeline/drawn_reading: the view is drawn anew in every iteration, and is not the training view") {
+  Bench bench;
+  DrawnReading<Marked> one, two;
+  const Pipeline<Marked>::Context photographed;
+  static_cast<void>(one.read(bench.pipeline, bench.model, bench.views, view, seed, iteration, Bench::phases(40),
+                             photographed, bench.executor));
+  static_cast<void>(two.read(bench.pipeline, bench.model, bench.views, view, seed, iteration + 1, Bench::phases(40),
+                             photographed, bench.executor));
+  CHECK_FALSE(std::equal(one.host().data, one.host().data + one.host().size(), two.host().data));
+  Pipeline<Marked>::Context context;
+  static_cast<void>(bench.pipeline.forward(bench.model, bench.views.camera(view), view, context, bench.executor));
+  CHECK_FALSE(std::equal(one.image().data, one.image().data + one.image().size(), context.image.data));
+}
