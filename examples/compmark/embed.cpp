@@ -2,12 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark embed: hides a message in a finished model: a residual of its features is trained beside it, and the model that is read from is left as it
-// is. With --fidelity 0 it is trained on from, with the photographs it was trained on: nothing grows, and the learning rates are small.
+// is. Without --decoder one is fitted to the scene first. With --fidelity 0 it is trained on from, with the photographs it was trained on: nothing grows, and the learning rates are small.
 #include <compmark/pipeline/model_file.hpp>
+#include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
+#include <system_error>
 
 #include "commands.hpp"
+#include "fit_run.hpp"
 #include "train_marked.hpp"
 #include "train_recipe.hpp"
 
@@ -40,7 +44,60 @@ TrainSettings embed_settings(TrainSettings settings) {
   return settings;
 }
 
+/// Fits a decoder for the scene, of the key's length, into the run's folder; a run that is resumed has one.
+Result<Done> make_decoder(TrainOptions& options) {
+  if (options.mark.key.empty()) return Done{};  // load_mark says so
+  const Result<OwnerKey> key = load_key(options.mark.key);
+  if (!key) return key.error();
+  FitOptions fit;
+  fit.model = options.model;
+  fit.data = options.data;
+  fit.out = options.out / "decoder.safetensors";
+  options.mark.decoder = fit.out;
+  if (options.resume && std::filesystem::exists(fit.out)) return Done{};
+  fit.fit.bits = static_cast<int>(key->bits);
+  if (options.seed) fit.fit.seed = *options.seed;
+  fit.downscale = options.downscale;
+  fit.threads = options.threads;
+  if (Result<Done> folder = make_folder(options.out); !folder) return folder;
+  const Result<FittedFile> made = fit_to_file(fit);
+  if (!made) return made.error();
+  std::fprintf(stderr, "compmark: decoder %s, fitted in %.0f s\n", fit.out.string().c_str(), made->seconds);
+  return Done{};
+}
+
 }  // namespace
+
+int embed_model(TrainOptions options) {
+  const Result<std::string> recipe = [&]() -> Result<std::string> {
+    const Result<SafetensorsFile> file = read_safetensors(options.model);
+    if (!file) return file.error();
+    return model_recipe(*file);
+  }();
+  if (!recipe) return fail(recipe.error());
+  options.recipe = *recipe;
+  std::error_code ignored;
+  if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
+    return fail({ErrorKind::invalid, options.model.string(), "--out", "is the folder of the model that is marked",
+                 "choose another, the unmarked model is worth keeping"});
+  }
+  if (options.mark.decoder.empty()) {
+    if (Result<Done> made = make_decoder(options); !made) return fail(made.error());
+  }
+  TrainSettings settings = *profile_settings(options.profile);
+  settings.iterations = options.iterations;
+  if (options.seed) settings.seed = *options.seed;
+  if (options.mark.twin.empty()) options.mark.twin = options.model;
+  settings.mark = mark_beside_the_host();
+  settings.mark.residual_rate =
+      0.001;  // nothing else moves, so that small steps find what is read in every view (docs/watermark.md)
+  const Result<MarkInput> mark = load_mark(options.mark, settings);
+  if (!mark) return fail(mark.error());
+  const Result<std::string> digest = file_sha256(options.model);
+  if (!digest) return fail(digest.error());
+  settings.mark.identity += digest->substr(0, 16);  // a run is resumed from the same model alone
+  return train_marked(options, embed_settings(settings), *mark);
+}
 
 Command add_embed(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
@@ -63,33 +120,7 @@ Command add_embed(CLI::App& app) {
   app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
   app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
   add_mark_options(app, options->mark, true);
-  return [options]() -> int {
-    const Result<std::string> recipe = [&]() -> Result<std::string> {
-      const Result<SafetensorsFile> file = read_safetensors(options->model);
-      if (!file) return file.error();
-      return model_recipe(*file);
-    }();
-    if (!recipe) return fail(recipe.error());
-    options->recipe = *recipe;
-    std::error_code ignored;
-    if (std::filesystem::equivalent(options->model, options->out / "model.safetensors", ignored)) {
-      return fail({ErrorKind::invalid, options->model.string(), "--out", "is the folder of the model that is marked",
-                   "choose another, the unmarked model is worth keeping"});
-    }
-    TrainSettings settings = *profile_settings(options->profile);
-    settings.iterations = options->iterations;
-    if (options->seed) settings.seed = *options->seed;
-    if (options->mark.twin.empty()) options->mark.twin = options->model;
-    settings.mark = mark_beside_the_host();
-    settings.mark.residual_rate =
-        0.001;  // nothing else moves, so that small steps find what is read in every view (docs/watermark.md)
-    const Result<MarkInput> mark = load_mark(options->mark, settings);
-    if (!mark) return fail(mark.error());
-    const Result<std::string> digest = file_sha256(options->model);
-    if (!digest) return fail(digest.error());
-    settings.mark.identity += digest->substr(0, 16);  // a run is resumed from the same model alone
-    return train_marked(*options, embed_settings(settings), *mark);
-  };
+  return [options]() -> int { return embed_model(*options); };
 }
 
 }  // namespace tool

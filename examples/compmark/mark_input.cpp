@@ -3,6 +3,7 @@
 #include "mark_input.hpp"
 
 #include <cmath>
+#include <compmark/io/safetensors.hpp>
 #include <compmark/mark/key.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
@@ -19,10 +20,12 @@ using namespace compmark;
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
   CLI::Option* key =
       app.add_option("--key", options.key, "the owner's key file (compmark keygen): whose message is hidden");
-  CLI::Option* decoder = app.add_option("--decoder", options.decoder, "the decoder file that shall read the message");
+  app.add_option(
+      "--decoder", options.decoder,
+      "the decoder file that shall read the message (default: one is fitted to the scene, as by compmark fit, "
+      "and written to --out)");
   if (required) {
     key->required();
-    decoder->required();
   }
   app.add_option("--bits", options.bits, "length of the message (default: the key's)");
   app.add_option("--twin", options.twin,
@@ -36,10 +39,12 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
          "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: train "
          "0.002, embed 0.001)")
       ->check(CLI::PositiveNumber);
-  app.add_option("--fidelity", options.fidelity,
-                 "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
-                 "by so much; "
-                 "0: the message joins the loss of the photographs, as published (default: train 0, embed 3000)")
+  app.add_option(
+         "--fidelity", options.fidelity,
+         "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
+         "by so much; "
+         "0: the message joins the loss of the photographs, as published (default: train 0, embed 3000, or 1000 "
+         "with a decoder that was fitted to the scene)")
       ->check(CLI::Range(0.0, 1e6));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
@@ -47,6 +52,16 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
   app.add_flag("--for-compression", options.for_compression,
                "train with the noise of quantization, so that the message survives a codec");
 }
+
+namespace {
+
+/// Whether a decoder was fitted to a scene: what it has to say there is quiet, and a mark for it less dear.
+bool fitted_decoder(const std::filesystem::path& path) {
+  const Result<SafetensorsFile> file = read_safetensors(path);
+  return file && file->metadata.contains("centres");
+}
+
+}  // namespace
 
 Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings) {
   const auto missing = [](const char* option, const char* remedy) {
@@ -91,6 +106,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
     mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
   }
+  if (fitted_decoder(options.decoder) && mark.fidelity > 0) mark.fidelity = 1000;
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;

@@ -193,6 +193,27 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   return Done{};
 }
 
+/// The whole training as if there were no mark, into a folder of its own, and then the mark beside it: with the decoder fitted in between, and
+/// the unmarked model kept.
+int train_then_mark(const TrainOptions& options, const TrainSettings& settings) {
+  if (Result<OwnerKey> key = load_key(options.mark.key); !key) return fail(key.error());  // before hours of work
+  TrainOptions host = options;
+  host.mark = {};
+  host.out = options.out / "unmarked";
+  host.json_log.clear();
+  const bool finished = options.resume && std::filesystem::exists(host.out / "results.json");
+  if (!finished) {
+    const int code = with_recipe(
+        options.recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(host, settings); }));
+    if (code != success) return code;
+  }
+  TrainOptions marked = options;
+  marked.model = host.out / "model.safetensors";
+  marked.iterations = options.mark_iterations;
+  marked.notes.clear();
+  return embed_model(marked);
+}
+
 }  // namespace
 
 Command add_train(CLI::App& app) {
@@ -252,6 +273,10 @@ Command add_train(CLI::App& app) {
   app.add_option("--lpips-squeeze", options->lpips.squeeze, "LPIPS weights (safetensors) to report lpips_squeeze");
   app.add_flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
   add_mark_options(app, options->mark, false);
+  app.add_option("--mark-iterations", options->mark_iterations,
+                 "without --decoder: length of the run that hides the message after the training")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
   return [options]() -> int {
     const bool coded = options->codec != "none" || is_coded_recipe(options->recipe);
     if (coded && options->profile == "scaffold") options->profile = "hac";
@@ -287,6 +312,9 @@ Command add_train(CLI::App& app) {
     if (options->recipe.find("+antialiasing") != std::string::npos)
       settings->blur_variance = recipes::antialiasing_blur_variance;
     if (options->mark.wanted()) {
+      const bool afterwards = !coded && options->mark.decoder.empty() && !options->mark.key.empty() &&
+                              options->mark.twin.empty() && !options->mark.for_compression;
+      if (afterwards) return train_then_mark(*options, *settings);
       Result<MarkInput> mark = load_mark(options->mark, *settings);
       if (mark && coded) return train_coded(*options, *settings, &*mark);
       return mark ? train_marked(*options, *settings, *mark) : fail(mark.error());

@@ -15,4 +15,7 @@ struct TrainOptions;
 /// Trains options.recipe with a mark, or marks options.model by training on from it. Returns the exit code.
 int train_marked(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput& mark);
 
+/// Marks options.model beside what it is: compmark embed. Without a decoder one is fitted into options.out. Returns the exit code.
+int embed_model(TrainOptions options);
+
 }  // namespace tool

@@ -55,6 +55,7 @@
 #include "compmark/math/gaussian_window.hpp"
 #include "compmark/math/gelu.hpp"
 #include "compmark/math/haar.hpp"
+#include "compmark/math/kernel_ridge.hpp"
 #include "compmark/math/morton.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/math/resize_adjoint.hpp"

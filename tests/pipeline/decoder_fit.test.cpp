@@ -52,24 +52,31 @@ DecoderFitSettings small() {
   settings.period = 0.08;
   settings.conflict_weight = 0.1;
   settings.reach = 1;
+  settings.coordinates = 0;
   return settings;
 }
-DecoderFit<float> fitted(const DecoderFitSettings& settings, std::size_t threads = 2) {
+/// The same with a prediction of what the host says by itself.
+DecoderFitSettings predicting() {
+  DecoderFitSettings settings = small();
+  settings.coordinates = 16;
+  settings.statistics_views = 600;
+  return settings;
+}
+DecoderFit<float> fitted(const DecoderFitSettings& settings, std::size_t threads = 2, const BlobViews& views = {}) {
   Model<Host> host = finished();
   ThreadExecutor executor(threads);
-  BlobViews views;
   Result<DecoderFit<float>> fit = fit_decoder(host, views, settings, executor);
   REQUIRE(fit);
   return std::move(*fit);
 }
 
 /// Logits of a model in views drawn with a seed that no fit saw, [count, bits].
-std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<float>& decoder, std::size_t count) {
+std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<float>& decoder, std::size_t count,
+                              const BlobViews& views = {}) {
   const Pipeline<Host> pipeline;
   Pipeline<Host>::Context context;
   LatticeDecoder<float>::Context reading;
   ThreadExecutor executor(2);
-  BlobViews views;
   std::vector<float> logits(static_cast<std::size_t>(decoder.bits()));
   std::vector<double> all;
   for (std::size_t i = 0; i < count; ++i) {
@@ -92,6 +99,11 @@ TEST_CASE("pipeline/decoder_fit: the same seed gives the same decoder at any thr
   DecoderFitSettings other = small();
   other.seed = 1;
   CHECK(fitted(other).decoder.weights().head != one.decoder.weights().head);
+  const DecoderFit<float> predicted = fitted(predicting(), 1), again = fitted(predicting(), 3);
+  CHECK(predicted.decoder.weights().head == again.decoder.weights().head);
+  CHECK(predicted.decoder.weights().host.coefficient == again.decoder.weights().host.coefficient);
+  CHECK(predicted.decoder.weights().host.centres() == 600);
+  CHECK(one.decoder.weights().host.empty());
   CHECK(one.decoder.bits() == bits);
   CHECK(one.decoder.settings().measure == LatticeMeasure::colour);
 }
@@ -119,6 +131,24 @@ TEST_CASE("pipeline/decoder_fit: the unmarked scene says nothing on the mean, in
   double loud = 0;
   for (const double z : logits_of(finished(), offset, count)) loud += z * z / static_cast<double>(count * bits);
   CHECK(loud > 1.5 * square);  // measured 2.4 times
+}
+
+TEST_CASE("pipeline/decoder_fit: what the host says is told from the view, in views that were not looked at") {
+  const BlobViews large{.width = 120, .height = 100};  // small renders say more of their grid than of the view
+  const DecoderFit<float> fit = fitted(predicting(), 2, large);
+  const std::size_t count = 60;
+  LatticeDecoder<float> deaf = fit.decoder;  // the control: the same bits, and nothing is told from the view
+  deaf.weights().host = {};
+  double left = 0, whole = 0;
+  for (const double z : logits_of(finished(), fit.decoder, count, large))
+    left += z * z / static_cast<double>(count * bits);
+  for (const double z : logits_of(finished(), deaf, count, large)) whole += z * z / static_cast<double>(count * bits);
+  MESSAGE("mean square of the logits ", left, ", without the prediction ", whole);
+  CHECK(left > 0.5);  // 1 by the error that views had which were left out: an honest figure
+  CHECK(left < 2);
+  CHECK(whole > 2 * left);
+  // And directions are chosen by what is left: a mark that is as strong is heard through less.
+  CHECK(fit.noise_ratio < fitted(small(), 2, large).noise_ratio);
 }
 
 TEST_CASE("pipeline/decoder_fit: directions are chosen that agree between views and are quiet in the scene") {

@@ -185,6 +185,8 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
   check_refused(tool(fit + at("unmarked/model.safetensors")), {"--out", "model.safetensors"});
   check_refused(tool(scene + " --waves 23 --out " + at("no.safetensors")), {"--waves", "--bits"});
   check_refused(tool(scene + " --views 70 --out " + at("no.safetensors")), {"--views", "--waves"});
+  check_refused(tool(scene + " --waves 72 --coordinates 60 --out " + at("no.safetensors")),
+                {"--coordinates", "--bits"});
   check_refused(tool("fit --data " + setting().scene + " --model " + at("nowhere.safetensors") + " --out " +
                      at("no.safetensors")),
                 {"nowhere.safetensors"});
@@ -192,6 +194,37 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
                      at("no.safetensors")),
                 {"nowhere"});
   CHECK_FALSE(fs::exists(at("no.safetensors")));
+}
+
+TEST_CASE("tool: train with a key and no decoder trains, fits a decoder and marks; the unmarked model is kept") {
+  const std::string run =
+      "train --effects none --iterations 600 --mark-iterations 400 --fidelity 300 --message-rate 0.004 --data " +
+      setting().scene + " --key " + setting().key + " --out " + at("whole");
+  const Outcome outcome = tool(run);
+  INFO(outcome.text);
+  REQUIRE(outcome.code == 0);
+  const nlohmann::json results = json_of(at("whole/results.json"));
+  MESSAGE(results["bit_accuracy"].dump(), " p ", results["p_value"].dump(), " cost ",
+          results["psnr_cost_vs_unmarked"].dump(), " dB, ", results["psnr_marked_vs_unmarked"].dump(), " dB");
+  CHECK(json_of(at("whole/unmarked/results.json"))["model_sha256"] == unmarked()["model_sha256"]);
+  CHECK(results["psnr_marked_vs_unmarked"].get<double>() > 30);
+  CHECK(json_of(at("whole/decoder.json"))["model_sha256"] == unmarked()["model_sha256"]);
+  const std::string decoder = at("whole/decoder.safetensors");
+  CHECK(verdict("whole", setting().key, "--split all", decoder) == 0);
+  CHECK(not_detected(verdict("whole", setting().other, "--split all", decoder)));
+  CHECK(not_detected(verdict("unmarked", setting().key, "--split all", decoder)));
+  // Resumed, it neither trains the host nor fits again; embed of the same model with no decoder makes the same.
+  const fs::file_time_type before = fs::last_write_time(at("whole/unmarked/model.safetensors"));
+  const Outcome again = tool(run + " --resume");
+  INFO(again.text);
+  REQUIRE(again.code == 0);
+  CHECK(fs::last_write_time(at("whole/unmarked/model.safetensors")) == before);
+  CHECK(json_of(at("whole/results.json"))["model_sha256"] == results["model_sha256"]);
+  REQUIRE(tool("embed --iterations 400 --fidelity 300 --message-rate 0.004 --model " +
+               at("unmarked/model.safetensors") + " --data " + setting().scene + " --key " + setting().key + " --out " +
+               at("whole-embedded"))
+              .code == 0);
+  CHECK(json_of(at("whole-embedded/results.json"))["model_sha256"] == results["model_sha256"]);
 }
 
 TEST_CASE("tool: train --fidelity leaves the host its bits, and writes it as the twin") {
@@ -247,7 +280,8 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
 
 TEST_CASE("tool: bad input to a marked training is one line, and nothing is written") {
   const std::string common = "train --effects none --iterations 20 --data " + setting().scene + " --out " + at("none");
-  check_refused(tool(common + " --key " + setting().key), {"--decoder", "missing"});
+  check_refused(tool(common + " --key " + setting().key + " --codec hac"), {"--decoder", "missing"});
+  check_refused(tool(common + " --key " + at("nowhere.key")), {"nowhere.key"});
   check_refused(tool(common + " --decoder " + setting().decoder), {"--key", "missing"});
   check_refused(tool(common + setting().mark() + " --bits 48"), {"owner.key", "bits", "24", "48"});
   REQUIRE(tool("keygen --bits 32 --out " + at("long.key")).code == 0);

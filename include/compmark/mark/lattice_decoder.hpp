@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A message decoder that reads local contrast, or colour, modulo a lattice: with u_i and the gates w_i of lattice_positions.hpp,
-//   p_k = sum_i w_i cos 2 pi (phase_k + frequency_k . u_i) / (sum_i w_i + floor N),     logits = head p + bias.
+//   p_k = sum_i w_i cos 2 pi (phase_k + frequency_k . u_i) / (sum_i w_i + floor N),     logits = head p + bias  (- host(p)).
 // Each wave is dither modulation (Chen and Wornell, IEEE Trans. Information Theory 47, 2001) of one direction of contrast; the mean over
 // positions is what a crop, a rotation or a shift leaves in place, and contrast of logarithms does not see a change of brightness. A wave is
 // short against the contrast of photographs, whose own phases are therefore nearly uniform and hide the message little. The averaged responses
@@ -21,6 +21,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/mark/host_prediction.hpp"
 #include "compmark/mark/lattice_kernel.hpp"
 #include "compmark/mark/lattice_positions.hpp"
 
@@ -33,6 +34,7 @@ struct LatticeWeights {
   std::vector<T> phase;      ///< [features]
   std::vector<T> head;       ///< [bits, features]
   std::vector<T> bias;       ///< [bits]
+  HostPrediction<T> host;    ///< of a decoder for one scene; does not train
 
   LatticeWeights() = default;
   explicit LatticeWeights(const LatticeSettings& s)
@@ -53,6 +55,7 @@ class LatticeDecoder {
     std::vector<T> pooled, d_pooled, slope;  ///< p, dL/dp, dL/dsum
     Buffer<T> partial;                       ///< of every chunk of positions
     T gate_sum = T(0);
+    typename HostPrediction<T>::Context host;
   };
 
   LatticeDecoder() = default;
@@ -63,7 +66,9 @@ class LatticeDecoder {
                     "LatticeDecoder: 2 to 9 blurs for contrast, 1 to 8 for colour");
     COMPMARK_ASSERT(
         weights_.frequency.size() == static_cast<std::size_t>(settings_.features) * settings_.dimensions() &&
-            weights_.head.size() == weights_.bias.size() * weights_.phase.size(),
+            weights_.head.size() == weights_.bias.size() * weights_.phase.size() &&
+            weights_.host.direction.size() == weights_.host.coordinates() * weights_.phase.size() &&
+            weights_.host.coefficient.size() == weights_.host.centres() * weights_.bias.size(),
         "LatticeDecoder: weights");
   }
 
@@ -83,9 +88,10 @@ class LatticeDecoder {
       for (std::size_t k = 0; k < features; ++k) sum += weights_.head[b * features + k] * context.pooled[k];
       logits[b] = sum;
     }
+    if (!weights_.host.empty()) weights_.host.subtract(context.pooled, logits, context.host);
   }
 
-  /// The features p alone, in context.pooled.
+  /// The features p alone, in context.pooled; backward() is not to follow.
   template <Executor E>
   void pool(ImageView<const T> image, Context& context, E& executor) const {
     COMPMARK_ASSERT(image.channels == 3 && std::min(image.height, image.width) >= minimum_size(),
@@ -173,6 +179,7 @@ class LatticeDecoder {
     for (std::size_t b = 0; b < d_logits.size(); ++b) {
       for (std::size_t k = 0; k < features; ++k) context.d_pooled[k] += weights_.head[b * features + k] * d_logits[b];
     }
+    if (!weights_.host.empty()) weights_.host.backward(d_logits, context.d_pooled, context.host);
   }
 
   Settings settings_;

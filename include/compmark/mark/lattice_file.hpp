@@ -4,7 +4,8 @@
 // Lattice decoders in tensor files, in the format of decoder_reader.hpp with kind "lattice". Tensors: wave.frequency [features, dimensions],
 // wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: measure ("contrast", also where it is missing: 3 octaves
 // dimensions; "colour": 3 (octaves + 1)), bits, features, octaves, sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale,
-// note. No number is believed before it is checked. Cost: one pass over the weights.
+// note. A decoder for one scene may have host.direction [coordinates, features], host.offset [coordinates], host.centre [centres, coordinates] and
+// host.coefficient [centres, bits] (host_prediction.hpp), with the metadata coordinates and centres: format_version 2. No number is believed before it is checked. Cost: one pass over the weights.
 #pragma once
 
 #include <cstddef>
@@ -22,6 +23,9 @@
 
 namespace compmark::inline v0 {
 
+/// Of files with a host prediction; all others are version 1, which older programs read.
+inline constexpr int lattice_host_format_version = 2;
+
 /// Whether a tensor file says that it holds a lattice decoder.
 template <class TensorFile>
 [[nodiscard]] bool is_lattice_file(const TensorFile& file) {
@@ -36,7 +40,7 @@ template <class T = float, class TensorFile>
   if (reader.text("format") != decoder_format)
     reader.fail(ErrorKind::unsupported, "__metadata__.format", "is not \"" + std::string(decoder_format) + "\"",
                 reader.remedy);
-  if (reader.integer("format_version", 1, 1 << 30) > decoder_format_version)
+  if (reader.integer("format_version", 1, 1 << 30) > lattice_host_format_version)
     reader.fail(ErrorKind::unsupported, "__metadata__.format_version", "is newer than this program's",
                 "use a newer program");
   if (reader.text("kind") != "lattice")
@@ -78,8 +82,20 @@ template <class T = float, class TensorFile>
   const std::vector<float> phase = reader.tensor("wave.phase", settings.features);
   const std::vector<float> head = reader.tensor("head.weight", settings.bits, settings.features);
   const std::vector<float> bias = reader.tensor("head.bias", settings.bits);
-  if (reader.failed()) return reader.error();
   LatticeWeights<T> weights;
+  if (file.metadata.contains("centres")) {
+    const int coordinates = reader.integer("coordinates", 1, settings.features);
+    const int centres = reader.integer("centres", 1, 1 << 20);
+    const auto part = [&](const char* name, std::vector<T>& values, auto... extents) {
+      const std::vector<float> read = reader.tensor(name, extents...);
+      values.assign(read.begin(), read.end());
+    };
+    part("host.direction", weights.host.direction, coordinates, settings.features);
+    part("host.offset", weights.host.offset, coordinates);
+    part("host.centre", weights.host.centre, centres, coordinates);
+    part("host.coefficient", weights.host.coefficient, centres, settings.bits);
+  }
+  if (reader.failed()) return reader.error();
   weights.frequency.assign(frequency.begin(), frequency.end());
   weights.phase.assign(phase.begin(), phase.end());
   weights.head.assign(head.begin(), head.end());
@@ -94,7 +110,7 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   const LatticeWeights<float>& w = decoder.weights();
   auto& m = writer.metadata;
   m["format"] = std::string(decoder_format);
-  m["format_version"] = std::to_string(decoder_format_version);
+  m["format_version"] = std::to_string(w.host.empty() ? decoder_format_version : lattice_host_format_version);
   m["kind"] = "lattice";
   m["measure"] = s.measure == LatticeMeasure::colour ? "colour" : "contrast";
   m["bits"] = std::to_string(s.bits);
@@ -118,6 +134,15 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   writer.add_values("wave.phase", {features}, std::span<const float>(w.phase));
   writer.add_values("head.weight", {s.bits, features}, std::span<const float>(w.head));
   writer.add_values("head.bias", {s.bits}, std::span<const float>(w.bias));
+  if (w.host.empty()) return;
+  const auto coordinates = static_cast<std::int64_t>(w.host.coordinates());
+  const auto centres = static_cast<std::int64_t>(w.host.centres());
+  m["coordinates"] = std::to_string(coordinates);
+  m["centres"] = std::to_string(centres);
+  writer.add_values("host.direction", {coordinates, features}, std::span<const float>(w.host.direction));
+  writer.add_values("host.offset", {coordinates}, std::span<const float>(w.host.offset));
+  writer.add_values("host.centre", {centres, coordinates}, std::span<const float>(w.host.centre));
+  writer.add_values("host.coefficient", {centres, s.bits}, std::span<const float>(w.host.coefficient));
 }
 
 /// Writes a whole file: write_lattice<SafetensorsWriter>(decoder, note, path).

@@ -26,14 +26,128 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/mark/host_prediction.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/pretrain/lattice_network.hpp"
 #include "compmark/mark/pretrain/whitening.hpp"
 #include "compmark/math/eigen_pairs.hpp"
+#include "compmark/math/kernel_ridge.hpp"
+#include "compmark/math/row_products.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/wave_statistics.hpp"
 
 namespace compmark::inline v0 {
+
+namespace detail {
+
+/// What is left of the waves when the loud directions are taken to tell the view: `direction` [count, waves], orthonormal rows, and the covariance
+/// `noise` [count, count] of what the prediction from the loud ones misses in a view that it was not fitted to.
+struct QuietWaves {
+  std::size_t count = 0;
+  std::vector<double> direction, noise;
+  std::vector<double> coefficient;                    ///< [views, count] of the prediction; empty without one
+  std::vector<double> centre;                         ///< [views, coordinates]
+  std::vector<double> coordinate, coordinate_offset;  ///< [coordinates, waves], [coordinates]
+
+  /// Bit `bit` reads `row` [count] of the quiet directions: the host's part of it.
+  template <class T>
+  void add_prediction(std::size_t bit, std::size_t bits, const std::vector<double>& row,
+                      HostPrediction<T>& host) const {
+    if (coefficient.empty()) return;
+    if (host.empty()) {
+      host.direction.assign(coordinate.begin(), coordinate.end());
+      host.offset.assign(coordinate_offset.begin(), coordinate_offset.end());
+      host.centre.assign(centre.begin(), centre.end());
+      host.coefficient.resize(host.centres() * bits);
+    }
+    for (std::size_t i = 0; i < host.centres(); ++i) {
+      double sum = 0;
+      for (std::size_t k = 0; k < count; ++k) sum += coefficient[i * count + k] * row[k];
+      host.coefficient[i * bits + bit] = static_cast<T>(sum);
+    }
+  }
+};
+
+/// D M D^T for the rows D [m, n] and a symmetric M [n, n].
+[[nodiscard]] inline std::vector<double> seen_along(const std::vector<double>& matrix, const std::vector<double>& rows,
+                                                    std::size_t n) {
+  const std::size_t m = rows.size() / n;
+  std::vector<double> half(m * n, 0.0), result(m * m, 0.0);
+  for (std::size_t i = 0; i < m; ++i) {
+    for (std::size_t k = 0; k < n; ++k) {
+      for (std::size_t j = 0; j < n; ++j) half[i * n + j] += rows[i * n + k] * matrix[k * n + j];
+    }
+  }
+  for (std::size_t i = 0; i < m; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      double sum = 0;
+      for (std::size_t k = 0; k < n; ++k) sum += half[i * n + k] * rows[j * n + k];
+      result[i * m + j] = result[j * m + i] = sum;
+    }
+  }
+  return result;
+}
+
+template <Executor E>
+[[nodiscard]] std::optional<QuietWaves> quiet_waves(const WaveStatistics& found, const DecoderFitSettings& settings,
+                                                    E& executor) {
+  const std::size_t waves = found.mean.size(), views = found.deviation.size() / waves;
+  const std::size_t loud = static_cast<std::size_t>(settings.coordinates);
+  QuietWaves quiet;
+  quiet.count = waves - loud;
+  if (loud == 0) {
+    quiet.direction.assign(waves * waves, 0.0);
+    for (std::size_t k = 0; k < waves; ++k) quiet.direction[k * (waves + 1)] = 1;
+    quiet.noise = found.noise;
+    return quiet;
+  }
+  std::vector<double> covariance = found.noise, variance, direction;
+  symmetric_eigen(covariance, waves, variance, direction);
+  quiet.direction.assign(direction.begin() + static_cast<std::ptrdiff_t>(loud * waves), direction.end());
+  // Coordinates between those of equal noise and those of equal length: loud ones tell more of the view, but not all.
+  double length = 0;
+  for (std::size_t d = 0; d < loud; ++d) length += std::sqrt(std::max(variance[d], 1e-12 * variance[0]));
+  quiet.coordinate.assign(direction.begin(), direction.begin() + static_cast<std::ptrdiff_t>(loud * waves));
+  for (std::size_t d = 0; d < loud; ++d) {
+    const double scale =
+        1 / (std::sqrt(std::sqrt(std::max(variance[d], 1e-12 * variance[0])) * length) * settings.width);
+    double offset = 0;
+    for (std::size_t k = 0; k < waves; ++k) {
+      quiet.coordinate[d * waves + k] *= scale;
+      offset += quiet.coordinate[d * waves + k] * found.mean[k];
+    }
+    quiet.coordinate_offset.push_back(offset);
+  }
+  const auto along = [&](const std::vector<double>& rows) {  // [views, rows]
+    const std::size_t count = rows.size() / waves;
+    std::vector<double> values(views * count, 0.0);
+    executor.for_chunks(count, 1, [&](std::size_t begin, std::size_t end, std::size_t) {
+      std::vector<double> line(views);
+      for (std::size_t d = begin; d < end; ++d) {
+        std::fill(line.begin(), line.end(), 0.0);
+        for (std::size_t k = 0; k < waves; ++k) {
+          for (std::size_t n = 0; n < views; ++n) line[n] += rows[d * waves + k] * found.deviation[k * views + n];
+        }
+        for (std::size_t n = 0; n < views; ++n) values[n * count + d] = line[n];
+      }
+    });
+    return values;
+  };
+  quiet.centre = along(quiet.coordinate);
+  std::optional<KernelRidge> fit =
+      kernel_ridge(quiet.centre, along(quiet.direction), views, settings.prediction_ridge, executor);
+  if (!fit) return std::nullopt;
+  quiet.coefficient = std::move(fit->coefficient);
+  std::vector<double> missed(quiet.count * views);
+  for (std::size_t k = 0; k < quiet.count; ++k) {
+    for (std::size_t n = 0; n < views; ++n) missed[k * views + n] = fit->left_out_error[n * quiet.count + k];
+  }
+  quiet.noise = row_products(std::span<const double>(missed), quiet.count, views, executor);
+  for (double& x : quiet.noise) x /= static_cast<double>(views);
+  return quiet;
+}
+
+}  // namespace detail
 
 template <class T>
 struct DecoderFit {
@@ -60,8 +174,8 @@ template <Recipe R, class Views, Executor E>
   shape.measure = LatticeMeasure::colour;
   shape.bits = settings.bits;
   shape.features = settings.waves;
-  shape.sigma = {0.5};
-  shape.stride = 2;
+  shape.sigma = {settings.blur};
+  shape.stride = settings.stride;
   shape.logit_scale = 8.0 / 3;  // a hinge with the margin of the profile, 4, lets go at 1.5 deviations of the host
   LatticeWeights<T> weights =
       random_lattice<T>(shape, std::vector<double>{settings.period}, settings.seed, settings.spread_octaves);
@@ -76,13 +190,22 @@ template <Recipe R, class Views, Executor E>
                  "its renders hold no colour between black and white",
                  "a scene that can be seen from the cameras of the dataset"};
   }
+  // Of the directions that are left to choose from: all of them, or the quiet ones, less what the loud ones say of them.
+  std::optional<detail::QuietWaves> quiet = detail::quiet_waves(found, settings, executor);
+  const std::size_t left = quiet ? quiet->count : 0;
   const double count = static_cast<double>(waves);
-  std::vector<double> against(waves * waves);
-  for (std::size_t i = 0; i < against.size(); ++i) {
-    against[i] = found.noise[i] / noise + settings.conflict_weight * found.energy[i] / energy;
-    if (i % (waves + 1) == 0) against[i] += settings.ridge / count;
+  std::vector<double> moved, agreeing, against;
+  if (quiet) {
+    moved = detail::seen_along(found.energy, quiet->direction, waves);
+    agreeing = detail::seen_along(found.agreement, quiet->direction, waves);
+    against.resize(left * left);
+    for (std::size_t i = 0; i < against.size(); ++i) {
+      against[i] = quiet->noise[i] / noise + settings.conflict_weight * moved[i] / energy;
+      if (i % (left + 1) == 0) against[i] += settings.ridge / count;
+    }
   }
-  std::optional<EigenPairs> pairs = symmetric_eigen_pairs(found.agreement, against, waves);
+  std::optional<EigenPairs> pairs;
+  if (quiet) pairs = symmetric_eigen_pairs(agreeing, against, left);
   if (!pairs) {
     return Error{ErrorKind::invalid, {}, "host", "the statistics of its renders are degenerate", "give more views"};
   }
@@ -92,17 +215,17 @@ template <Recipe R, class Views, Executor E>
   fit.wave_agreement = detail::trace(found.agreement, waves) / energy;
   double moving = 0, noisy = 0, loud = 0;
   for (std::size_t b = 0; b < bits; ++b) {
-    double* const w = pairs->vectors.data() + b * waves;
-    const double e = detail::quadratic(found.energy, w, waves), n = detail::quadratic(found.noise, w, waves);
-    const double agreement = detail::quadratic(found.agreement, w, waves);
+    double* const w = pairs->vectors.data() + b * left;
+    const double e = detail::quadratic(moved, w, left), n = detail::quadratic(quiet->noise, w, left);
+    const double agreement = detail::quadratic(agreeing, w, left);
     fit.agreement += agreement / e / static_cast<double>(bits);
     moving += agreement;
     noisy += n;
     // Between directions of equal strength and of equal noise.
     double square = 0;
-    for (std::size_t k = 0; k < waves; ++k) square += w[k] * w[k];
+    for (std::size_t k = 0; k < left; ++k) square += w[k] * w[k];
     const double scale = 1 / std::sqrt(std::sqrt(e * (n + settings.ridge * noise / count * square)));
-    for (std::size_t k = 0; k < waves; ++k) w[k] *= scale;
+    for (std::size_t k = 0; k < left; ++k) w[k] *= scale;
     loud += n * scale * scale;
   }
   fit.noise_ratio = noisy / moving * detail::trace(found.agreement, waves) / noise;
@@ -110,15 +233,21 @@ template <Recipe R, class Views, Executor E>
   const Random random(settings.seed, 0, random_stage("decoder fit rotation"));
   const std::vector<double> rotation = orthonormal_rows(bits, bits, random);
   const double unit = std::sqrt(static_cast<double>(bits) / loud);
+  std::vector<double> row(left);
   for (std::size_t b = 0; b < bits; ++b) {
+    std::fill(row.begin(), row.end(), 0.0);
+    for (std::size_t d = 0; d < bits; ++d) {
+      for (std::size_t k = 0; k < left; ++k) row[k] += unit * rotation[b * bits + d] * pairs->vectors[d * left + k];
+    }
     double bias = 0;
     for (std::size_t k = 0; k < waves; ++k) {
       double value = 0;
-      for (std::size_t d = 0; d < bits; ++d) value += rotation[b * bits + d] * pairs->vectors[d * waves + k];
-      weights.head[b * waves + k] = static_cast<T>(unit * value);
-      bias -= unit * value * found.mean[k];
+      for (std::size_t d = 0; d < left; ++d) value += row[d] * quiet->direction[d * waves + k];
+      weights.head[b * waves + k] = static_cast<T>(value);
+      bias -= value * found.mean[k];
     }
     weights.bias[b] = static_cast<T>(bias);
+    quiet->add_prediction(b, bits, row, weights.host);
   }
   fit.decoder = {shape, std::move(weights)};
   return fit;

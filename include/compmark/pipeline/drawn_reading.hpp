@@ -31,6 +31,9 @@ class DrawnReading {
   /// Whether a mark of this recipe can be trained beside the host.
   static constexpr bool can_stand_beside = present<typename R::MessageDecoder> && present<typename R::Embedder>;
 
+  /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all (docs/watermark.md).
+  static constexpr double reach = 1.7;
+
   /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. `photographed` is the context of the
   /// iteration's own view, of which the noise of quantization is taken.
   template <class Views, Executor E>
@@ -39,7 +42,7 @@ class DrawnReading {
                      E& executor) {
     const Random random(seed, static_cast<std::uint64_t>(t), random_stage("between"));
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
-    const ViewCamera<R> camera = drawn_camera(camera_of, views.size(), view, random);
+    const ViewCamera<R> camera = drawn_camera(camera_of, views.size(), view, random, reach);
     if constexpr (present<typename R::DistortionLayer>) context_.road.phase = photographed.road.phase;
     if constexpr (present<typename R::EntropyModel>) {
       context_.road.rate.phase = photographed.road.rate.phase;

@@ -34,10 +34,15 @@ struct DecoderFitSettings {
   int waves = 320;              ///< more than bits: there is nothing to choose from otherwise
   double period = 0.1;          ///< of the waves, colours in [0, 1]: 26 levels of 255
   double spread_octaves = 1;    ///< either way, of the periods
+  int stride = 2;               ///< of the positions that are read, in pixels
+  double blur = 0.5;            ///< of the image before, in pixels
   std::uint64_t seed = 0;       ///< of waves, views and rotation
   int statistics_views = 1280;  ///< some four times the waves: the covariance of fewer is mostly chance
-  double reach = 2;             ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
-  int gradient_views = 12;      ///< at least 2
+  int coordinates = 0;  ///< loud directions that the host's voice is predicted from (mark/host_prediction.hpp); 0: none
+  double width = 2;     ///< of the prediction's kernel, in root mean squares of the coordinates
+  double prediction_ridge = 0.01;
+  double reach = 2;         ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
+  int gradient_views = 12;  ///< at least 2
   /// Anchors looked at for the gradients at most; 8 bytes for each of their features and waves.
   std::size_t anchors = 8000;
   double conflict_weight = 0.03;  ///< of the energy beside the noise
@@ -143,9 +148,9 @@ class WaveProbe {
   ViewCamera<R> camera_;
 };
 
-/// `mean` is [waves], the others [waves, waves].
+/// `mean` is [waves], `deviation` from it [waves, statistics_views], the others [waves, waves].
 struct WaveStatistics {
-  std::vector<double> mean, noise, energy, agreement;
+  std::vector<double> mean, deviation, noise, energy, agreement;
 };
 [[nodiscard]] inline double trace(const std::vector<double>& matrix, std::size_t n) {
   double sum = 0;
@@ -170,7 +175,8 @@ template <Recipe R, class Views, Executor E>
   const std::size_t waves = static_cast<std::size_t>(settings.waves),
                     samples = static_cast<std::size_t>(settings.statistics_views);
   WaveStatistics found;
-  std::vector<double> means(waves * samples);  // a row a wave
+  std::vector<double>& means = found.deviation;
+  means.resize(waves * samples);
   found.mean.assign(waves, 0.0);
   for (std::size_t n = 0; n < samples; ++n) {
     probe.render("decoder fit", n, settings.reach);
