@@ -41,6 +41,9 @@ Command add_fit(CLI::App& app) {
                  "loud directions of the waves that tell the view, and so what the scene says in the others; 0: none "
                  "(default: two of five waves)")
       ->check(CLI::Range(0, 1024));
+  app.add_option("--stride", options->fit.stride,
+                 "pixels between the positions that are read (default: as many positions as 500 x 500 pixels have)")
+      ->check(CLI::Range(1, 64));
   app.add_option("--gradient-views", options->fit.gradient_views, "drawn views that say what a mark can move")
       ->capture_default_str()
       ->check(CLI::Range(2, 1000));

@@ -2,8 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fit_run.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
@@ -20,6 +23,7 @@
 #include "effects.hpp"
 #include "evaluation.hpp"
 #include "model_source.hpp"
+#include "progress.hpp"
 #include "reading.hpp"
 #include "recipe_list.hpp"
 
@@ -48,6 +52,26 @@ Result<Done> check(FitOptions& options) {
   return keep_inputs(options.out, {options.model}, "--out");
 }
 
+/// A figure on a terminal, a line every ten seconds elsewhere.
+class FitLine {
+ public:
+  void on_progress(std::size_t done, std::size_t total) {
+    const double since = std::chrono::duration<double>(Clock::now() - last_).count();
+    if (done != total && since < (terminal_ ? 0.2 : 10)) return;
+    last_ = Clock::now();
+    const double spent = std::chrono::duration<double>(last_ - start_).count(),
+                 left = spent * static_cast<double>(total - done) / static_cast<double>(done);
+    std::fprintf(stderr, "%sfit %.0f %%  ETA %s%s", terminal_ ? "\r" : "",
+                 100 * static_cast<double>(done) / static_cast<double>(total), format_duration(left).c_str(),
+                 !terminal_ || done == total ? "\n" : "\x1b[K");
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool terminal_ = isatty(STDERR_FILENO) == 1;
+  Clock::time_point start_ = Clock::now(), last_ = start_;
+};
+
 }  // namespace
 
 Result<FittedFile> fit_to_file(FitOptions options) {
@@ -67,11 +91,19 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   if (!dataset) return dataset.error();
   for (const std::string& warning : dataset->warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
   const DatasetViews views{&*dataset, nullptr, dataset->indices(Split::train)};  // cameras alone: no photograph is read
+  if (options.fit.stride == 0) {  // of the largest view: as many positions as 500 x 500 pixels have
+    double pixels = 0;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const Camera<double> camera = views.camera(i);
+      pixels = std::max(pixels, static_cast<double>(camera.width) * static_cast<double>(camera.height));
+    }
+    options.fit.stride = std::clamp(static_cast<int>(std::lround(std::sqrt(pixels) / 500)), 1, 64);
+  }
   ThreadExecutor executor(options.threads);
   const auto begin = std::chrono::steady_clock::now();
   std::fprintf(stderr, "compmark: %d waves in %d drawn views, their gradients in %d\n", options.fit.waves,
                options.fit.statistics_views, options.fit.gradient_views);
-  const Result<DecoderFit<float>> fit = fit_decoder(loaded->model, views, options.fit, executor);
+  const Result<DecoderFit<float>> fit = fit_decoder(loaded->model, views, options.fit, executor, FitLine{});
   if (!fit) return fit.error();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
@@ -89,6 +121,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
                                     {"statistics_views", options.fit.statistics_views},
                                     {"gradient_views", options.fit.gradient_views},
                                     {"coordinates", options.fit.coordinates},
+                                    {"stride", options.fit.stride},
                                     {"wave_deviation", fit->wave_deviation},
                                     {"wave_agreement", fit->wave_agreement},
                                     {"agreement", fit->agreement},

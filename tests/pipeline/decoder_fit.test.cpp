@@ -52,6 +52,8 @@ DecoderFitSettings small() {
   settings.period = 0.08;
   settings.conflict_weight = 0.1;
   settings.reach = 1;
+  settings.stride = 2;
+  settings.ridge = 0.01;
   settings.coordinates = 0;
   return settings;
 }

@@ -30,6 +30,8 @@ DecoderFitSettings small() {
   settings.statistics_views = 20;
   settings.gradient_views = 3;
   settings.reach = 1;
+  settings.stride = 2;
+  settings.ridge = 0.01;
   return settings;
 }
 /// A host, its waves and a probe of them; some of its anchors alone where `anchors` says so.

@@ -160,12 +160,14 @@ struct DecoderFit {
 
 /// The decoder for `host`, whose gradients are used as workspace. `views` has size() and camera(i), of the cameras it was trained on. An Error where
 /// nothing can be chosen: no view, or no colour between black and white in any.
-template <Recipe R, class Views, Executor E>
+template <Recipe R, class Views, Executor E, class O = NoFitObserver>
 [[nodiscard]] Result<DecoderFit<typename R::Scalar>> fit_decoder(Model<R>& host, const Views& views,
-                                                                 const DecoderFitSettings& settings, E& executor) {
+                                                                 const DecoderFitSettings& settings, E& executor,
+                                                                 O&& observer = {}) {
   using T = typename R::Scalar;
   COMPMARK_ASSERT(settings.bits > 0 && settings.waves >= settings.bits && settings.gradient_views >= 2 &&
-                      settings.statistics_views >= settings.waves && settings.anchors > 0,
+                      settings.statistics_views >= settings.waves && settings.anchors > 0 &&
+                      settings.coordinates >= 0 && settings.waves - settings.coordinates >= settings.bits,
                   "fit_decoder: settings");
   if (views.size() == 0 || host.anchor_count() == 0) {
     return Error{ErrorKind::invalid, {}, "views", "there is no view or no anchor to fit a decoder to", "give a scene"};
@@ -180,7 +182,7 @@ template <Recipe R, class Views, Executor E>
   LatticeWeights<T> weights =
       random_lattice<T>(shape, std::vector<double>{settings.period}, settings.seed, settings.spread_octaves);
   detail::WaveProbe<R, Views, E> probe(host, views, shape, weights, settings, executor);
-  const detail::WaveStatistics found = detail::wave_statistics(probe, settings, executor);
+  const detail::WaveStatistics found = detail::wave_statistics(probe, settings, executor, observer);
   const std::size_t waves = static_cast<std::size_t>(settings.waves), bits = static_cast<std::size_t>(settings.bits);
   const double noise = detail::trace(found.noise, waves), energy = detail::trace(found.energy, waves);
   if (!(noise > 0) || !(energy > 0) || !std::isfinite(noise) || !std::isfinite(energy)) {

@@ -34,19 +34,25 @@ struct DecoderFitSettings {
   int waves = 320;              ///< more than bits: there is nothing to choose from otherwise
   double period = 0.1;          ///< of the waves, colours in [0, 1]: 26 levels of 255
   double spread_octaves = 1;    ///< either way, of the periods
-  int stride = 2;               ///< of the positions that are read, in pixels
+  int stride = 1;               ///< of the positions that are read, in pixels: fewer say more of their grid
   double blur = 0.5;            ///< of the image before, in pixels
   std::uint64_t seed = 0;       ///< of waves, views and rotation
-  int statistics_views = 1280;  ///< some four times the waves: the covariance of fewer is mostly chance
-  int coordinates = 0;  ///< loud directions that the host's voice is predicted from (mark/host_prediction.hpp); 0: none
-  double width = 2;     ///< of the prediction's kernel, in root mean squares of the coordinates
+  int statistics_views = 2560;  ///< some eight times the waves: fewer say little between them
+  int coordinates =
+      128;           ///< loud directions that the host's voice is predicted from (mark/host_prediction.hpp); 0: none
+  double width = 2;  ///< of the prediction's kernel, in root mean squares of the coordinates
   double prediction_ridge = 0.01;
   double reach = 2;         ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
   int gradient_views = 12;  ///< at least 2
   /// Anchors looked at for the gradients at most; 8 bytes for each of their features and waves.
   std::size_t anchors = 8000;
   double conflict_weight = 0.03;  ///< of the energy beside the noise
-  double ridge = 0.01;            ///< share of the mean variance that is added to every variance of the noise
+  double ridge = 0.003;           ///< share of the mean variance that is added to every variance of the noise
+};
+
+/// What is told of the way: after a part of the work, of `total` parts of about the same cost.
+struct NoFitObserver {
+  constexpr void on_progress(std::size_t /*done*/, std::size_t /*total*/) const {}
 };
 
 namespace detail {
@@ -168,12 +174,15 @@ struct WaveStatistics {
   return sum;
 }
 
-template <Recipe R, class Views, Executor E>
+template <Recipe R, class Views, Executor E, class O = NoFitObserver>
 [[nodiscard]] WaveStatistics wave_statistics(WaveProbe<R, Views, E>& probe, const DecoderFitSettings& settings,
-                                             E& executor) {
+                                             E& executor, O&& observer = {}) {
   using T = typename R::Scalar;
   const std::size_t waves = static_cast<std::size_t>(settings.waves),
                     samples = static_cast<std::size_t>(settings.statistics_views);
+  constexpr std::size_t draws = 6;
+  std::size_t done = 0;
+  const std::size_t total = samples + static_cast<std::size_t>(settings.gradient_views) * (draws + waves);
   WaveStatistics found;
   std::vector<double>& means = found.deviation;
   means.resize(waves * samples);
@@ -185,6 +194,7 @@ template <Recipe R, class Views, Executor E>
       means[k * samples + n] = static_cast<double>(p[k]);
       found.mean[k] += static_cast<double>(p[k]) / static_cast<double>(samples);
     }
+    observer.on_progress(++done, total);
   }
   for (std::size_t k = 0; k < waves; ++k) {
     for (std::size_t n = 0; n < samples; ++n) means[k * samples + n] -= found.mean[k];
@@ -194,13 +204,13 @@ template <Recipe R, class Views, Executor E>
 
   // The metric: features that show much are moved less, by the root of their mean square gradient.
   const std::size_t parameters = probe.parameters(), views = static_cast<std::size_t>(settings.gradient_views);
-  constexpr std::size_t draws = 6;
   std::vector<T> one(parameters);
   std::vector<double> square(parameters, 0.0);
   for (std::size_t n = 0; n < views; ++n) {
     probe.render("decoder fit gradient", n);
     for (std::size_t d = 0; d < draws; ++d) {
       probe.signed_gradient(n * draws + d, one);
+      observer.on_progress(++done, total);
       for (std::size_t i = 0; i < parameters; ++i)
         square[i] += static_cast<double>(one[i]) * static_cast<double>(one[i]);
     }
@@ -221,6 +231,7 @@ template <Recipe R, class Views, Executor E>
     for (std::size_t k = 0; k < waves; ++k) {
       T* const row = gradient.data() + k * parameters;
       probe.wave_gradient(k, {row, parameters});
+      observer.on_progress(++done, total);
       for (std::size_t i = 0; i < parameters; ++i) {
         row[i] *= scale[i];
         sum[k * parameters + i] += row[i];
