@@ -22,6 +22,7 @@
 #include "common.hpp"
 #include "effects.hpp"
 #include "evaluation.hpp"
+#include "jpeg_codec.hpp"
 #include "model_source.hpp"
 #include "progress.hpp"
 #include "reading.hpp"
@@ -103,7 +104,8 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   const auto begin = std::chrono::steady_clock::now();
   std::fprintf(stderr, "compmark: %d waves in %d drawn views, their gradients in %d\n", options.fit.waves,
                options.fit.statistics_views, options.fit.gradient_views);
-  const Result<DecoderFit<float>> fit = fit_decoder(loaded->model, views, options.fit, executor, FitLine{});
+  const Result<DecoderFit<float>> fit =
+      fit_decoder(loaded->model, views, options.fit, executor, FitLine{}, JpegCodec{});
   if (!fit) return fit.error();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
@@ -122,6 +124,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
                                     {"gradient_views", options.fit.gradient_views},
                                     {"coordinates", options.fit.coordinates},
                                     {"stride", options.fit.stride},
+                                    {"edits_per_view", options.fit.edits_per_view},
                                     {"wave_deviation", fit->wave_deviation},
                                     {"wave_agreement", fit->wave_agreement},
                                     {"agreement", fit->agreement},

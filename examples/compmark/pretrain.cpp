@@ -32,6 +32,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "jpeg_codec.hpp"
 #include "pretrain_images.hpp"
 #include "progress.hpp"
 
@@ -57,18 +58,6 @@ struct PretrainOptions {
   int measured = 32;
   int measure_steps = 200;
   bool resume = false;
-};
-
-/// A round trip through the codec that the library writes images with.
-struct Jpeg {
-  void operator()(ImageView<const float> image, int quality, ImageView<float> output) const {
-    const Result<ImageBytes> read = decode_image(encode_jpeg(to_bytes(image), quality), "");
-    COMPMARK_ASSERT(read.ok(), "pretrain: a JPEG just written");
-    for (std::size_t i = 0; i < image.plane_size(); ++i) {
-      for (std::size_t c = 0; c < 3; ++c)
-        output.data[c * image.plane_size() + i] = static_cast<float>(read->pixels[3 * i + c]) / 255.0f;
-    }
-  }
 };
 
 AugmentationSettings distortions() {
@@ -326,7 +315,8 @@ int run(PretrainOptions& options) {
   Pretrainer<Network>::Context context;
   Lines lines(state.iteration);
   while (state.iteration < settings.steps) {
-    const PretrainReport report = trainer.step(train, network, arena, adam, moments, state, context, Jpeg{}, executor);
+    const PretrainReport report =
+        trainer.step(train, network, arena, adam, moments, state, context, JpegCodec{}, executor);
     lines.show(state.iteration, settings.steps, report);
     const bool stop = interrupted() && state.iteration < settings.steps;
     if (!stop && (state.iteration % options.checkpoint_every != 0 || state.iteration == settings.steps)) continue;
@@ -363,7 +353,7 @@ int run(PretrainOptions& options) {
     return ImageView<const float>(view);
   };
   const DecoderMeasurement result =
-      measure_decoder(trained, measured, image, embedding, options.seed + 5, Jpeg{}, executor);
+      measure_decoder(trained, measured, image, embedding, options.seed + 5, JpegCodec{}, executor);
   const std::size_t null_images = std::min<std::size_t>(400, held.size());
   const nlohmann::ordered_json unmarked =
       unmarked_json(trained, logits_of(trained, held, null_images, square, executor));

@@ -31,6 +31,7 @@ DecoderFitSettings small() {
   settings.gradient_views = 3;
   settings.reach = 1;
   settings.stride = 2;
+  settings.edits_per_view = 0;
   settings.ridge = 0.01;
   return settings;
 }
@@ -206,6 +207,43 @@ TEST_CASE(
   }
   CHECK(most < 0.999);  // of views that differ: else agreement would be energy by another name
   CHECK(detail::trace(found.agreement, waves) < detail::trace(found.energy, waves));
+}
+
+TEST_CASE("pipeline/wave_statistics: every view is read edited too, and the noise is the weighted mean of both") {
+  Bench bench;
+  bench.settings.edits_per_view = 2;
+  bench.settings.edit_weight = 0.3;
+  bench.settings.edits.weight = {0, 1, 1, 0, 1, 1, 1, 0};  // there is no codec here
+  Probe probe = bench.probe();
+  const detail::WaveStatistics found = detail::wave_statistics(probe, bench.settings, bench.executor);
+  const std::size_t waves = 6, samples = 20, readings = 60;
+  REQUIRE(found.deviation.size() == waves * readings);
+  CHECK(found.clean == samples);
+  // The readings are those of the probe, in the order that is promised, less the clean ones' mean.
+  probe.render("decoder fit", 3, bench.settings.reach);
+  const std::vector<double> clean = probe.means(), edited = probe.edited_means(6, NoJpeg{});
+  CHECK(clean != edited);
+  for (std::size_t k = 0; k < waves; ++k) {
+    CHECK(found.deviation[k * readings + 3] == doctest::Approx(clean[k] - found.mean[k]).epsilon(1e-12));
+    CHECK(found.deviation[k * readings + samples + 6] == doctest::Approx(edited[k] - found.mean[k]).epsilon(1e-12));
+    double mean = 0;
+    for (std::size_t n = 0; n < samples; ++n) mean += found.deviation[k * readings + n];
+    CHECK(std::abs(mean) < 1e-12);
+    for (std::size_t l = 0; l < waves; ++l) {
+      double product = 0;
+      for (std::size_t n = 0; n < readings; ++n) {
+        product +=
+            (n < samples ? 0.7 / 20 : 0.3 / 40) * found.deviation[k * readings + n] * found.deviation[l * readings + n];
+      }
+      CHECK(found.noise[k * waves + l] == doctest::Approx(product).epsilon(1e-9));
+    }
+  }
+  // An edit of nothing reads what is there: the stream of edits moves nothing else.
+  AugmentationSettings nothing = no_augmentation();
+  bench.settings.edits = nothing;
+  Probe plain = bench.probe();
+  plain.render("decoder fit", 3, bench.settings.reach);
+  CHECK(plain.edited_means(6, NoJpeg{}) == clean);
 }
 
 TEST_CASE("pipeline/wave_statistics: where all views are one, what moves one moves the other") {

@@ -142,8 +142,7 @@ template <Executor E>
   for (std::size_t k = 0; k < quiet.count; ++k) {
     for (std::size_t n = 0; n < views; ++n) missed[k * views + n] = fit->left_out_error[n * quiet.count + k];
   }
-  quiet.noise = row_products(std::span<const double>(missed), quiet.count, views, executor);
-  for (double& x : quiet.noise) x /= static_cast<double>(views);
+  quiet.noise = weighted_products(std::move(missed), quiet.count, found.clean, settings.edit_weight, executor);
   return quiet;
 }
 
@@ -160,10 +159,10 @@ struct DecoderFit {
 
 /// The decoder for `host`, whose gradients are used as workspace. `views` has size() and camera(i), of the cameras it was trained on. An Error where
 /// nothing can be chosen: no view, or no colour between black and white in any.
-template <Recipe R, class Views, Executor E, class O = NoFitObserver>
+template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
 [[nodiscard]] Result<DecoderFit<typename R::Scalar>> fit_decoder(Model<R>& host, const Views& views,
                                                                  const DecoderFitSettings& settings, E& executor,
-                                                                 O&& observer = {}) {
+                                                                 O&& observer = {}, const Jpeg& jpeg = {}) {
   using T = typename R::Scalar;
   COMPMARK_ASSERT(settings.bits > 0 && settings.waves >= settings.bits && settings.gradient_views >= 2 &&
                       settings.statistics_views >= settings.waves && settings.anchors > 0 &&
@@ -182,7 +181,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver>
   LatticeWeights<T> weights =
       random_lattice<T>(shape, std::vector<double>{settings.period}, settings.seed, settings.spread_octaves);
   detail::WaveProbe<R, Views, E> probe(host, views, shape, weights, settings, executor);
-  const detail::WaveStatistics found = detail::wave_statistics(probe, settings, executor, observer);
+  const detail::WaveStatistics found = detail::wave_statistics(probe, settings, executor, observer, jpeg);
   const std::size_t waves = static_cast<std::size_t>(settings.waves), bits = static_cast<std::size_t>(settings.bits);
   const double noise = detail::trace(found.noise, waves), energy = detail::trace(found.energy, waves);
   if (!(noise > 0) || !(energy > 0) || !std::isfinite(noise) || !std::isfinite(energy)) {

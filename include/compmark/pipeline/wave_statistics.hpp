@@ -20,6 +20,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
+#include "compmark/mark/pretrain/augmentation.hpp"
 #include "compmark/mark/pretrain/lattice_network.hpp"
 #include "compmark/math/row_products.hpp"
 #include "compmark/metric/rounding.hpp"
@@ -28,6 +29,19 @@
 #include "compmark/scene/between.hpp"
 
 namespace compmark::inline v0 {
+
+/// What befalls an image between its render and who reads it, short of an attack.
+[[nodiscard]] inline AugmentationSettings gentle_edits() {
+  AugmentationSettings edits;
+  edits.weight = {0, 1, 1, 0, 0.5, 1, 1, 2};
+  edits.crop_area = {0.5, 1};
+  edits.resize_side = {0.5, 1.1};
+  edits.blur_sigma = {0.3, 1};
+  edits.noise_deviation = {0.005, 0.03};
+  edits.brightness = {0.9, 1.1};
+  edits.jpeg_quality = {60, 97};
+  return edits;
+}
 
 struct DecoderFitSettings {
   int bits = 48;
@@ -44,6 +58,11 @@ struct DecoderFitSettings {
   double prediction_ridge = 0.01;
   double reach = 2;         ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
   int gradient_views = 12;  ///< at least 2
+  /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much weight in the noise as `edit_weight`
+  /// says: what is quiet in clean renders alone is drowned by a JPEG.
+  int edits_per_view = 1;
+  double edit_weight = 0.5;
+  AugmentationSettings edits = gentle_edits();
   /// Anchors looked at for the gradients at most; 8 bytes for each of their features and waves.
   std::size_t anchors = 8000;
   double conflict_weight = 0.03;  ///< of the energy beside the noise
@@ -51,6 +70,14 @@ struct DecoderFitSettings {
 };
 
 /// What is told of the way: after a part of the work, of `total` parts of about the same cost.
+/// In the place of an image codec, for edits without one: jpeg(image, quality, output) as Augmenter calls it.
+struct NoJpeg {
+  template <class T>
+  void operator()(ImageView<const T> image, int /*quality*/, ImageView<T> output) const {
+    std::copy_n(image.data, image.size(), output.data);
+  }
+};
+
 struct NoFitObserver {
   constexpr void on_progress(std::size_t /*done*/, std::size_t /*total*/) const {}
 };
@@ -87,12 +114,15 @@ class WaveProbe {
     static_cast<void>(pipeline_.forward(*host_, camera_, view_, context_, *executor_));
   }
   /// The waves' means in the view, as they are read from its pixels in 8 bits.
-  [[nodiscard]] const std::vector<T>& means() {
-    rounded_.resize(context_.image.size());
-    const ImageView<T> rounded{rounded_.data(), 3, context_.image.height, context_.image.width};
-    round_to_8bit<T>(context_.image, rounded);
-    decoder_.pool(rounded, reading_, *executor_);
-    return reading_.pooled;
+  [[nodiscard]] const std::vector<T>& means() { return read(context_.image); }
+  /// The same after an edit, number n of the settings' stream.
+  template <class Jpeg>
+  [[nodiscard]] const std::vector<T>& edited_means(std::size_t n, const Jpeg& jpeg) {
+    const Random random(settings_.seed, n, random_stage("decoder fit edit"));
+    const AugmentationDraw draw = draw_augmentation(settings_.edits, random);
+    static_cast<void>(means());  // an edit is one of 8 bits
+    const ImageView<const T> rounded{rounded_.data(), 3, context_.image.height, context_.image.width};
+    return read(augmenter_.forward(rounded, draw, jpeg, *executor_));
   }
   /// The render of the view, as it is.
   [[nodiscard]] ImageView<const T> image() const { return context_.image; }
@@ -122,6 +152,13 @@ class WaveProbe {
   }
 
  private:
+  const std::vector<T>& read(ImageView<const T> image) {
+    rounded_.resize(image.size());
+    const ImageView<T> rounded{rounded_.data(), 3, image.height, image.width};
+    round_to_8bit<T>(image, rounded);
+    decoder_.pool(rounded, reading_, *executor_);
+    return reading_.pooled;
+  }
   void way_back(const LatticeDecoder<T>& decoder, std::span<T> gradient) {
     T logit = 0;
     const T one = 1;
@@ -148,16 +185,31 @@ class WaveProbe {
   LatticeDecoder<T> decoder_;
   typename LatticeDecoder<T>::Context reading_, wave_;
   Buffer<T> rounded_;
+  Augmenter<T> augmenter_;
   BlockHandle feature_;
   std::vector<std::size_t> anchors_;
   std::size_t columns_ = 0, view_ = 0;
   ViewCamera<R> camera_;
 };
 
-/// `mean` is [waves], `deviation` from it [waves, statistics_views], the others [waves, waves].
+/// `mean` is [waves], `deviation` from it [waves, readings], the others [waves, waves]. Readings are the clean ones of all views, then the edited ones.
 struct WaveStatistics {
   std::vector<double> mean, deviation, noise, energy, agreement;
+  std::size_t clean = 0;  ///< readings
 };
+/// Mean product of the rows of `table` [rows, readings]: of the `clean` first ones, and of the edited ones after them by `edit_weight`.
+template <Executor E>
+[[nodiscard]] std::vector<double> weighted_products(std::vector<double> table, std::size_t rows, std::size_t clean,
+                                                    double edit_weight, E& executor) {
+  const std::size_t readings = table.size() / rows, edited = readings - clean;
+  const double weight = edited == 0 ? 0 : edit_weight;
+  for (std::size_t n = 0; n < readings; ++n) {
+    const double scale =
+        std::sqrt(n < clean ? (1 - weight) / static_cast<double>(clean) : weight / static_cast<double>(edited));
+    for (std::size_t k = 0; k < rows; ++k) table[k * readings + n] *= scale;
+  }
+  return row_products(std::span<const double>(table), rows, readings, executor);
+}
 [[nodiscard]] inline double trace(const std::vector<double>& matrix, std::size_t n) {
   double sum = 0;
   for (std::size_t i = 0; i < n; ++i) sum += matrix[i * n + i];
@@ -174,33 +226,35 @@ struct WaveStatistics {
   return sum;
 }
 
-template <Recipe R, class Views, Executor E, class O = NoFitObserver>
+template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
 [[nodiscard]] WaveStatistics wave_statistics(WaveProbe<R, Views, E>& probe, const DecoderFitSettings& settings,
-                                             E& executor, O&& observer = {}) {
+                                             E& executor, O&& observer = {}, const Jpeg& jpeg = {}) {
   using T = typename R::Scalar;
   const std::size_t waves = static_cast<std::size_t>(settings.waves),
-                    samples = static_cast<std::size_t>(settings.statistics_views);
+                    samples = static_cast<std::size_t>(settings.statistics_views),
+                    edits = static_cast<std::size_t>(settings.edits_per_view), readings = samples * (1 + edits);
   constexpr std::size_t draws = 6;
   std::size_t done = 0;
   const std::size_t total = samples + static_cast<std::size_t>(settings.gradient_views) * (draws + waves);
   WaveStatistics found;
-  std::vector<double>& means = found.deviation;
-  means.resize(waves * samples);
+  found.clean = samples;
+  found.deviation.resize(waves * readings);
   found.mean.assign(waves, 0.0);
+  const auto keep = [&](const std::vector<T>& p, std::size_t n) {
+    for (std::size_t k = 0; k < waves; ++k) found.deviation[k * readings + n] = static_cast<double>(p[k]);
+  };
   for (std::size_t n = 0; n < samples; ++n) {
     probe.render("decoder fit", n, settings.reach);
-    const std::vector<T>& p = probe.means();
-    for (std::size_t k = 0; k < waves; ++k) {
-      means[k * samples + n] = static_cast<double>(p[k]);
-      found.mean[k] += static_cast<double>(p[k]) / static_cast<double>(samples);
-    }
+    keep(probe.means(), n);
+    for (std::size_t e = 0; e < edits; ++e) keep(probe.edited_means(n * edits + e, jpeg), samples + n * edits + e);
     observer.on_progress(++done, total);
   }
   for (std::size_t k = 0; k < waves; ++k) {
-    for (std::size_t n = 0; n < samples; ++n) means[k * samples + n] -= found.mean[k];
+    double* const row = found.deviation.data() + k * readings;
+    for (std::size_t n = 0; n < samples; ++n) found.mean[k] += row[n] / static_cast<double>(samples);
+    for (std::size_t n = 0; n < readings; ++n) row[n] -= found.mean[k];
   }
-  found.noise = row_products(std::span<const double>(means), waves, samples, executor);
-  for (double& x : found.noise) x /= static_cast<double>(samples);
+  found.noise = weighted_products(found.deviation, waves, samples, settings.edit_weight, executor);
 
   // The metric: features that show much are moved less, by the root of their mean square gradient.
   const std::size_t parameters = probe.parameters(), views = static_cast<std::size_t>(settings.gradient_views);
