@@ -289,6 +289,7 @@
 #include "compmark/fwd.hpp"
 #include "compmark/io/exif.hpp"
 #include "compmark/io/npy.hpp"
+#include "compmark/mark/host_prediction.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/lattice_file.hpp"
 #include "compmark/mark/lattice_kernel.hpp"
