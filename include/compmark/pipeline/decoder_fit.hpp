@@ -3,15 +3,17 @@
 //
 // A message decoder for one scene. The waves of a lattice decoder of colour (mark/lattice_decoder.hpp) say something of every scene by themselves,
 // and that changes from view to view; and a mark can move them at the same time in all views that see a surface, or only in some. Both are known
-// before anything is hidden, from the unmarked host alone, so that the head can read where the scene is silent and a mark is heard. With p(v) the
-// waves' means in view v, J(v) their gradient to the anchors' features in a metric that counts a feature by how much it shows,
-//   noise      N = covariance of p over drawn views,
+// before anything is hidden, from the unmarked host alone, so that the head can read where the scene is silent and a mark is heard.
+// What the host says is told from the view, as far as it can be, and subtracted (quiet_waves.hpp, mark/host_prediction.hpp). With q(v) what is left
+// of the waves' means in view v, and J(v) their gradient to the anchors' features in a metric that counts a feature by how much it shows,
+//   noise      N = covariance of q over drawn views, as they are and after gentle edits,
 //   energy     E = mean over v of J(v) J(v)^T         what a mark that is made for one view would move there,
 //   agreement  A = mean over u != v of J(u) J(v)^T    what a mark that is made for one view moves in another,
-// the bits are read along the directions w of largest  w^T A w / w^T (N / tr N + conflict E / tr E) w : Fisher's discriminant with the signal's
-// covariance A. They are then mixed by a random rotation, so that all bits are as strong, and scaled to deviation 1 on the unmarked host.
-// The message plays no part, so the p-value of a random key stays exact (docs/verification.md); the decoder belongs to the scene and has to be
-// kept, with its hash, like the key. Measured gain: docs/watermark.md. Cost: a render for every statistics view, `waves` ways back for every gradient view.
+// the bits are read along the directions w of largest  w^T A w / w^T (N / n + conflict E / tr E) w, n the variance of the waves themselves: Fisher's
+// discriminant with the signal's covariance A. They are then mixed by a random rotation, so that all bits are as strong, and scaled to deviation 1 on
+// the unmarked host. The message plays no part, so the p-value of a random key stays exact (docs/verification.md); the decoder belongs to the scene and
+// has to be kept, with its hash, like the key. Measured gain: docs/watermark.md. Cost: a render and 1 + edits readings for every statistics view, `waves`
+// ways back for every gradient view, and the kernel ridge regression of all readings.
 #pragma once
 
 #include <algorithm>
@@ -26,127 +28,16 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
-#include "compmark/mark/host_prediction.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/pretrain/lattice_network.hpp"
 #include "compmark/mark/pretrain/whitening.hpp"
 #include "compmark/math/eigen_pairs.hpp"
-#include "compmark/math/kernel_ridge.hpp"
-#include "compmark/math/row_products.hpp"
+#include "compmark/pipeline/decoder_fit_settings.hpp"
 #include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/quiet_waves.hpp"
 #include "compmark/pipeline/wave_statistics.hpp"
 
 namespace compmark::inline v0 {
-
-namespace detail {
-
-/// What is left of the waves when the loud directions are taken to tell the view: `direction` [count, waves], orthonormal rows, and the covariance
-/// `noise` [count, count] of what the prediction from the loud ones misses in a view that it was not fitted to.
-struct QuietWaves {
-  std::size_t count = 0;
-  std::vector<double> direction, noise;
-  std::vector<double> coefficient;                    ///< [views, count] of the prediction; empty without one
-  std::vector<double> centre;                         ///< [views, coordinates]
-  std::vector<double> coordinate, coordinate_offset;  ///< [coordinates, waves], [coordinates]
-
-  /// Bit `bit` reads `row` [count] of the quiet directions: the host's part of it.
-  template <class T>
-  void add_prediction(std::size_t bit, std::size_t bits, const std::vector<double>& row,
-                      HostPrediction<T>& host) const {
-    if (coefficient.empty()) return;
-    if (host.empty()) {
-      host.direction.assign(coordinate.begin(), coordinate.end());
-      host.offset.assign(coordinate_offset.begin(), coordinate_offset.end());
-      host.centre.assign(centre.begin(), centre.end());
-      host.coefficient.resize(host.centres() * bits);
-    }
-    for (std::size_t i = 0; i < host.centres(); ++i) {
-      double sum = 0;
-      for (std::size_t k = 0; k < count; ++k) sum += coefficient[i * count + k] * row[k];
-      host.coefficient[i * bits + bit] = static_cast<T>(sum);
-    }
-  }
-};
-
-/// D M D^T for the rows D [m, n] and a symmetric M [n, n].
-[[nodiscard]] inline std::vector<double> seen_along(const std::vector<double>& matrix, const std::vector<double>& rows,
-                                                    std::size_t n) {
-  const std::size_t m = rows.size() / n;
-  std::vector<double> half(m * n, 0.0), result(m * m, 0.0);
-  for (std::size_t i = 0; i < m; ++i) {
-    for (std::size_t k = 0; k < n; ++k) {
-      for (std::size_t j = 0; j < n; ++j) half[i * n + j] += rows[i * n + k] * matrix[k * n + j];
-    }
-  }
-  for (std::size_t i = 0; i < m; ++i) {
-    for (std::size_t j = 0; j <= i; ++j) {
-      double sum = 0;
-      for (std::size_t k = 0; k < n; ++k) sum += half[i * n + k] * rows[j * n + k];
-      result[i * m + j] = result[j * m + i] = sum;
-    }
-  }
-  return result;
-}
-
-template <Executor E>
-[[nodiscard]] std::optional<QuietWaves> quiet_waves(const WaveStatistics& found, const DecoderFitSettings& settings,
-                                                    E& executor) {
-  const std::size_t waves = found.mean.size(), views = found.deviation.size() / waves;
-  const std::size_t loud = static_cast<std::size_t>(settings.coordinates);
-  QuietWaves quiet;
-  quiet.count = waves - loud;
-  if (loud == 0) {
-    quiet.direction.assign(waves * waves, 0.0);
-    for (std::size_t k = 0; k < waves; ++k) quiet.direction[k * (waves + 1)] = 1;
-    quiet.noise = found.noise;
-    return quiet;
-  }
-  std::vector<double> covariance = found.noise, variance, direction;
-  symmetric_eigen(covariance, waves, variance, direction);
-  quiet.direction.assign(direction.begin() + static_cast<std::ptrdiff_t>(loud * waves), direction.end());
-  // Coordinates between those of equal noise and those of equal length: loud ones tell more of the view, but not all.
-  double length = 0;
-  for (std::size_t d = 0; d < loud; ++d) length += std::sqrt(std::max(variance[d], 1e-12 * variance[0]));
-  quiet.coordinate.assign(direction.begin(), direction.begin() + static_cast<std::ptrdiff_t>(loud * waves));
-  for (std::size_t d = 0; d < loud; ++d) {
-    const double scale =
-        1 / (std::sqrt(std::sqrt(std::max(variance[d], 1e-12 * variance[0])) * length) * settings.width);
-    double offset = 0;
-    for (std::size_t k = 0; k < waves; ++k) {
-      quiet.coordinate[d * waves + k] *= scale;
-      offset += quiet.coordinate[d * waves + k] * found.mean[k];
-    }
-    quiet.coordinate_offset.push_back(offset);
-  }
-  const auto along = [&](const std::vector<double>& rows) {  // [views, rows]
-    const std::size_t count = rows.size() / waves;
-    std::vector<double> values(views * count, 0.0);
-    executor.for_chunks(count, 1, [&](std::size_t begin, std::size_t end, std::size_t) {
-      std::vector<double> line(views);
-      for (std::size_t d = begin; d < end; ++d) {
-        std::fill(line.begin(), line.end(), 0.0);
-        for (std::size_t k = 0; k < waves; ++k) {
-          for (std::size_t n = 0; n < views; ++n) line[n] += rows[d * waves + k] * found.deviation[k * views + n];
-        }
-        for (std::size_t n = 0; n < views; ++n) values[n * count + d] = line[n];
-      }
-    });
-    return values;
-  };
-  quiet.centre = along(quiet.coordinate);
-  std::optional<KernelRidge> fit =
-      kernel_ridge(quiet.centre, along(quiet.direction), views, settings.prediction_ridge, executor);
-  if (!fit) return std::nullopt;
-  quiet.coefficient = std::move(fit->coefficient);
-  std::vector<double> missed(quiet.count * views);
-  for (std::size_t k = 0; k < quiet.count; ++k) {
-    for (std::size_t n = 0; n < views; ++n) missed[k * views + n] = fit->left_out_error[n * quiet.count + k];
-  }
-  quiet.noise = weighted_products(std::move(missed), quiet.count, found.clean, settings.edit_weight, executor);
-  return quiet;
-}
-
-}  // namespace detail
 
 template <class T>
 struct DecoderFit {
