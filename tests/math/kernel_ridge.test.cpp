@@ -84,6 +84,47 @@ TEST_CASE("math/kernel_ridge: the error of a point is that of the fit without it
   CHECK(off > 0.01);  // the control: what the point's own fit leaves of it is another number, and a flattering one
 }
 
+TEST_CASE("math/kernel_ridge: points of a group are left out together: a twin knows too much") {
+  const std::size_t n = 42, dimensions = 2, group = 3;
+  std::vector<double> points = normals(n * dimensions, 8, 1.5), targets = normals(2 * n, 9, 1);
+  for (std::size_t i = 0; i < n; ++i) {  // those of a group are nearly the same
+    for (std::size_t d = 0; d < dimensions; ++d)
+      points[i * dimensions + d] = points[i / group * group * dimensions + d] + 0.01 * static_cast<double>(i % group);
+    for (std::size_t t = 0; t < 2; ++t) targets[i * 2 + t] = targets[i / group * group * 2 + t];
+  }
+  ThreadExecutor executor(2);
+  const std::optional<KernelRidge> together = kernel_ridge(points, targets, n, 0.05, executor, group),
+                                   alone = kernel_ridge(points, targets, n, 0.05, executor);
+  REQUIRE(together);
+  REQUIRE(alone);
+  CHECK(together->coefficient == alone->coefficient);
+  double missed = 0, flattered = 0;
+  for (std::size_t i = 0; i < 2 * n; ++i) {
+    missed += together->left_out_error[i] * together->left_out_error[i];
+    flattered += alone->left_out_error[i] * alone->left_out_error[i];
+  }
+  CHECK(missed > 5 * flattered);                 // the control
+  for (const std::size_t out : {0u, 5u, 13u}) {  // groups
+    std::vector<double> others, values;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (i / group == out) continue;
+      for (std::size_t d = 0; d < dimensions; ++d) others.push_back(points[i * dimensions + d]);
+      for (std::size_t t = 0; t < 2; ++t) values.push_back(targets[i * 2 + t]);
+    }
+    const std::optional<KernelRidge> fit = kernel_ridge(others, values, n - group, 0.05, executor);
+    REQUIRE(fit);
+    for (std::size_t i = out * group; i < (out + 1) * group; ++i) {
+      for (std::size_t t = 0; t < 2; ++t) {
+        double said = 0;
+        for (std::size_t j = 0, at = 0; j < n; ++j) {
+          if (j / group != out) said += fit->coefficient[2 * at++ + t] * kernel(points, i, j, dimensions);
+        }
+        CHECK(together->left_out_error[i * 2 + t] == doctest::Approx(targets[i * 2 + t] - said).epsilon(1e-8));
+      }
+    }
+  }
+}
+
 TEST_CASE("math/kernel_ridge: a smooth function is known between its points, noise is not") {
   const std::size_t n = 600, dimensions = 2;
   const std::vector<double> points = normals(n * dimensions, 5, 1), noise = normals(n, 6, 1);

@@ -22,7 +22,6 @@ constexpr std::size_t waves = 10, views = 300, loud = 2;
 /// Readings that two hidden numbers decide: loudly and in a straight line in two waves, quietly and in curves in the others; or quietly by chance.
 detail::WaveStatistics readings(bool curves, ThreadExecutor& executor) {
   detail::WaveStatistics found;
-  found.clean = views;
   found.mean.assign(waves, 0.0);
   found.deviation.resize(waves * views);
   const Random random(21, 0, random_stage("test/quiet waves"));
@@ -40,7 +39,7 @@ detail::WaveStatistics readings(bool curves, ThreadExecutor& executor) {
     for (std::size_t n = 0; n < views; ++n) found.deviation[k * views + n] -= mean;
     found.mean[k] = mean;
   }
-  found.noise = detail::weighted_products(found.deviation, waves, views, 0, executor);
+  found.noise = detail::weighted_products(found.deviation, waves, 1, 0, executor);
   return found;
 }
 DecoderFitSettings settings_of(int coordinates) {

@@ -218,22 +218,22 @@ TEST_CASE("pipeline/wave_statistics: every view is read edited too, and the nois
   const detail::WaveStatistics found = detail::wave_statistics(probe, bench.settings, bench.executor);
   const std::size_t waves = 6, samples = 20, readings = 60;
   REQUIRE(found.deviation.size() == waves * readings);
-  CHECK(found.clean == samples);
+  CHECK(found.per_view == 3);
   // The readings are those of the probe, in the order that is promised, less the clean ones' mean.
   probe.render("decoder fit", 3, bench.settings.reach);
   const std::vector<double> clean = probe.means(), edited = probe.edited_means(6, NoJpeg{});
   CHECK(clean != edited);
   for (std::size_t k = 0; k < waves; ++k) {
-    CHECK(found.deviation[k * readings + 3] == doctest::Approx(clean[k] - found.mean[k]).epsilon(1e-12));
-    CHECK(found.deviation[k * readings + samples + 6] == doctest::Approx(edited[k] - found.mean[k]).epsilon(1e-12));
+    CHECK(found.deviation[k * readings + 9] == doctest::Approx(clean[k] - found.mean[k]).epsilon(1e-12));
+    CHECK(found.deviation[k * readings + 10] == doctest::Approx(edited[k] - found.mean[k]).epsilon(1e-12));
     double mean = 0;
-    for (std::size_t n = 0; n < samples; ++n) mean += found.deviation[k * readings + n];
+    for (std::size_t n = 0; n < samples; ++n) mean += found.deviation[k * readings + 3 * n];
     CHECK(std::abs(mean) < 1e-12);
     for (std::size_t l = 0; l < waves; ++l) {
       double product = 0;
       for (std::size_t n = 0; n < readings; ++n) {
         product +=
-            (n < samples ? 0.7 / 20 : 0.3 / 40) * found.deviation[k * readings + n] * found.deviation[l * readings + n];
+            (n % 3 == 0 ? 0.7 / 20 : 0.3 / 40) * found.deviation[k * readings + n] * found.deviation[l * readings + n];
       }
       CHECK(found.noise[k * waves + l] == doctest::Approx(product).epsilon(1e-9));
     }
@@ -260,9 +260,11 @@ TEST_CASE("pipeline/wave_statistics: views with room around them are drawn more 
     return single;
   };
   const std::vector<double> line = rooms({0, 1, 2, 3, 4, 20});
-  CHECK(line == std::vector<double>{9, 4, 4, 4, 9, 18 * 18});  // the third nearest of 2 is at 0 or 4
+  CHECK(line == std::vector<double>{9, 4, 4, 4, 9, 36});  // the third nearest of 2 is at 0 or 4; 36 instead of 324
   CHECK(rooms({5}) == std::vector<double>{1});
   CHECK(rooms({5, 5, 5}) == std::vector<double>{1, 1, 1});
+  CHECK(rooms({5, 5, 5, 5, 9}) == std::vector<double>{1, 1, 1, 1, 1});  // a tripod's are not left out
+  CHECK(rooms({0, 0, 0, 0, 1, 2, 3, 4, 5}).front() > 0);
   CHECK(rooms({0, 3}) == std::vector<double>{9, 9});  // with fewer others, the farthest
 }
 

@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Kernel ridge regression: smooth functions of a few thousand points, f(x) = sum_i c_i exp(-|x - x_i|^2 / 2) with (K + ridge I) c = targets, and how
-// far each point's value would be missed without it, which needs no second fit: e_i = c_i / ((K + ridge I)^-1)_ii. A Cholesky factor in blocks of
+// far the values of each group of points would be missed without them, which needs no second fit: e_G = (((K + ridge I)^-1)_GG)^-1 c_G. A Cholesky factor in blocks of
 // columns and triangular solves of 16 right-hand sides, in plain loops that a compiler turns into vectors. The same bits at any thread count.
 // Cost: n^2 (n / 3 + dimensions / 2 + 2 targets) multiply-adds and 8 n^2 bytes.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <optional>
@@ -21,7 +22,7 @@ namespace compmark::inline v0 {
 
 struct KernelRidge {
   std::vector<double> coefficient;     ///< [points, targets]
-  std::vector<double> left_out_error;  ///< [points, targets]: target less what the fit to all other points says there
+  std::vector<double> left_out_error;  ///< [points, targets]: target less what the fit to all other groups says there
 };
 
 namespace detail {
@@ -115,11 +116,14 @@ inline void solve_upper(const std::vector<double>& lower, std::size_t n, double*
 }  // namespace detail
 
 /// `points` is [n, dimensions], scaled so that the kernel's width is 1; `targets` is [n, k], of mean zero where nothing is known. `ridge` above 0: what
-/// of a target's variance, relative to the kernel's 1, no neighbour can know. Nothing if a number is not finite.
+/// of a target's variance, relative to the kernel's 1, no neighbour can know. `group` consecutive points, at most 16, are left out together: readings that
+/// know of each other say nothing of how well a new one is told. Nothing if a number is not finite.
 template <Executor E>
 [[nodiscard]] std::optional<KernelRidge> kernel_ridge(std::span<const double> points, std::span<const double> targets,
-                                                      std::size_t n, double ridge, E& executor) {
-  COMPMARK_ASSERT(n > 0 && points.size() % n == 0 && targets.size() % n == 0 && ridge > 0, "kernel_ridge: sizes");
+                                                      std::size_t n, double ridge, E& executor, std::size_t group = 1) {
+  COMPMARK_ASSERT(n > 0 && points.size() % n == 0 && targets.size() % n == 0 && ridge > 0 && group > 0 &&
+                      group <= detail::solved_at_once && n % group == 0,
+                  "kernel_ridge: sizes");
   const std::size_t dimensions = points.size() / n, count = targets.size() / n;
   for (const std::span<const double> values : {points, targets}) {
     for (const double x : values) {
@@ -143,14 +147,26 @@ template <Executor E>
   if (!detail::cholesky_in_place(lower, n, executor)) return std::nullopt;
 
   constexpr std::size_t wide = detail::solved_at_once;
-  std::vector<double> inverse_diagonal(n, 0.0);
-  executor.for_chunks(n, wide, [&](std::size_t first, std::size_t last, std::size_t) {
+  const std::size_t whole = wide / group * group;  // groups are not cut
+  std::vector<double> inverse(n * group, 0.0);  // of K + ridge I, its blocks on the diagonal, then their lower factors
+  executor.for_chunks(n, whole, [&](std::size_t first, std::size_t last, std::size_t) {
     std::vector<double> unit(n * wide, 0.0);
     for (std::size_t i = first; i < last; ++i) unit[i * wide + i - first] = 1;
     detail::solve_lower(lower, n, first, unit.data());
     for (std::size_t k = first; k < n; ++k) {
-      for (std::size_t i = first; i < last; ++i)
-        inverse_diagonal[i] += unit[k * wide + i - first] * unit[k * wide + i - first];
+      const double* const row = unit.data() + k * wide;
+      for (std::size_t i = first; i < last; ++i) {
+        const std::size_t start = i - i % group;
+        for (std::size_t j = start; j <= i; ++j) inverse[i * group + j - start] += row[i - first] * row[j - first];
+      }
+    }
+    for (std::size_t i = first; i < last; ++i) {
+      const std::size_t start = i - i % group;
+      for (std::size_t j = start; j <= i; ++j) {
+        double sum = inverse[i * group + j - start];
+        for (std::size_t k = start; k < j; ++k) sum -= inverse[i * group + k - start] * inverse[j * group + k - start];
+        inverse[i * group + j - start] = j < i ? sum / inverse[j * group + j - start] : std::sqrt(sum);
+      }
     }
   });
   KernelRidge fit;
@@ -162,10 +178,24 @@ template <Executor E>
       std::copy_n(targets.data() + i * count + first, last - first, x.data() + i * wide);
     detail::solve_lower(lower, n, 0, x.data());
     detail::solve_upper(lower, n, x.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t c = 0; c < last - first; ++c) {
-        fit.coefficient[i * count + first + c] = x[i * wide + c];
-        fit.left_out_error[i * count + first + c] = x[i * wide + c] / inverse_diagonal[i];
+    std::array<double, wide> error{};
+    for (std::size_t c = 0; c < last - first; ++c) {
+      for (std::size_t start = 0; start < n; start += group) {
+        for (std::size_t i = 0; i < group; ++i) {
+          const double* const row = inverse.data() + (start + i) * group;
+          error[i] = x[(start + i) * wide + c];
+          for (std::size_t k = 0; k < i; ++k) error[i] -= row[k] * error[k];
+          error[i] /= row[i];
+        }
+        for (std::size_t i = group; i-- > 0;) {
+          const double* const row = inverse.data() + (start + i) * group;
+          error[i] /= row[i];
+          for (std::size_t k = 0; k < i; ++k) error[k] -= row[k] * error[i];
+        }
+        for (std::size_t i = 0; i < group; ++i) {
+          fit.coefficient[(start + i) * count + first + c] = x[(start + i) * wide + c];
+          fit.left_out_error[(start + i) * count + first + c] = error[i];
+        }
       }
     }
   });

@@ -57,7 +57,9 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   using T = typename R::Scalar;
   COMPMARK_ASSERT(settings.bits > 0 && settings.waves >= settings.bits && settings.gradient_views >= 2 &&
                       settings.statistics_views >= settings.waves && settings.anchors > 0 &&
-                      settings.coordinates >= 0 && settings.waves - settings.coordinates >= settings.bits,
+                      settings.coordinates >= 0 && settings.waves - settings.coordinates >= settings.bits &&
+                      settings.edits_per_view >= 0 && settings.edits_per_view < 16 && settings.edit_weight >= 0 &&
+                      settings.edit_weight <= 1 && settings.width > 0 && settings.prediction_ridge > 0,
                   "fit_decoder: settings");
   if (views.size() == 0 || host.anchor_count() == 0) {
     return Error{ErrorKind::invalid, {}, "views", "there is no view or no anchor to fit a decoder to", "give a scene"};
@@ -117,6 +119,13 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     double square = 0;
     for (std::size_t k = 0; k < left; ++k) square += w[k] * w[k];
     const double scale = 1 / std::sqrt(std::sqrt(e * (n + settings.ridge * noise / count * square)));
+    if (!(scale > 0) || !std::isfinite(scale)) {
+      return Error{ErrorKind::invalid,
+                   {},
+                   "host",
+                   "its views agree on fewer directions of colour than there are bits",
+                   "fewer bits, or a scene that is seen from more sides"};
+    }
     for (std::size_t k = 0; k < left; ++k) w[k] *= scale;
     loud += n * scale * scale;
   }

@@ -30,8 +30,8 @@ namespace detail {
 struct QuietWaves {
   std::size_t count = 0;
   std::vector<double> direction, noise;
-  std::vector<double> coefficient;                    ///< [views, count] of the prediction; empty without one
-  std::vector<double> centre;                         ///< [views, coordinates]
+  std::vector<double> coefficient;                    ///< [readings, count] of the prediction; empty without one
+  std::vector<double> centre;                         ///< [readings, coordinates]
   std::vector<double> coordinate, coordinate_offset;  ///< [coordinates, waves], [coordinates]
 
   /// Bit `bit` reads `row` [count] of the quiet directions: the host's part of it.
@@ -76,7 +76,7 @@ struct QuietWaves {
 template <Executor E>
 [[nodiscard]] std::optional<QuietWaves> quiet_waves(const WaveStatistics& found, const DecoderFitSettings& settings,
                                                     E& executor) {
-  const std::size_t waves = found.mean.size(), views = found.deviation.size() / waves;
+  const std::size_t waves = found.mean.size(), readings = found.deviation.size() / waves;
   const std::size_t loud = static_cast<std::size_t>(settings.coordinates);
   QuietWaves quiet;
   quiet.count = waves - loud;
@@ -103,31 +103,31 @@ template <Executor E>
     }
     quiet.coordinate_offset.push_back(offset);
   }
-  const auto along = [&](const std::vector<double>& rows) {  // [views, rows]
+  const auto along = [&](const std::vector<double>& rows) {  // [readings, rows]
     const std::size_t count = rows.size() / waves;
-    std::vector<double> values(views * count, 0.0);
+    std::vector<double> values(readings * count, 0.0);
     executor.for_chunks(count, 1, [&](std::size_t begin, std::size_t end, std::size_t) {
-      std::vector<double> line(views);
+      std::vector<double> line(readings);
       for (std::size_t d = begin; d < end; ++d) {
         std::fill(line.begin(), line.end(), 0.0);
         for (std::size_t k = 0; k < waves; ++k) {
-          for (std::size_t n = 0; n < views; ++n) line[n] += rows[d * waves + k] * found.deviation[k * views + n];
+          for (std::size_t n = 0; n < readings; ++n) line[n] += rows[d * waves + k] * found.deviation[k * readings + n];
         }
-        for (std::size_t n = 0; n < views; ++n) values[n * count + d] = line[n];
+        for (std::size_t n = 0; n < readings; ++n) values[n * count + d] = line[n];
       }
     });
     return values;
   };
   quiet.centre = along(quiet.coordinate);
   std::optional<KernelRidge> fit =
-      kernel_ridge(quiet.centre, along(quiet.direction), views, settings.prediction_ridge, executor);
+      kernel_ridge(quiet.centre, along(quiet.direction), readings, settings.prediction_ridge, executor, found.per_view);
   if (!fit) return std::nullopt;
   quiet.coefficient = std::move(fit->coefficient);
-  std::vector<double> missed(quiet.count * views);
+  std::vector<double> missed(quiet.count * readings);
   for (std::size_t k = 0; k < quiet.count; ++k) {
-    for (std::size_t n = 0; n < views; ++n) missed[k * views + n] = fit->left_out_error[n * quiet.count + k];
+    for (std::size_t n = 0; n < readings; ++n) missed[k * readings + n] = fit->left_out_error[n * quiet.count + k];
   }
-  quiet.noise = weighted_products(std::move(missed), quiet.count, found.clean, settings.edit_weight, executor);
+  quiet.noise = weighted_products(std::move(missed), quiet.count, found.per_view, settings.edit_weight, executor);
   return quiet;
 }
 

@@ -35,12 +35,12 @@ namespace compmark::inline v0 {
 namespace detail {
 
 /// How much room every view has, summed up: the square of its distance to the third nearest other one, which is as an area where views stand on a
-/// surface. Views that are drawn in proportion to it cover the gaps of a capture, where what a scene says is known least. `cameras(i)`, i < views.
+/// surface; not below a quarter of the median nor above four of them, so that no view is left out and none takes over. Views that are drawn in
+/// proportion to it cover the gaps of a capture, where what a scene says is known least. `cameras(i)`, i < views.
 template <class Cameras>
 [[nodiscard]] std::vector<double> summed_room(const Cameras& cameras, std::size_t views) {
   constexpr std::size_t nearest = 3;
-  std::vector<double> sums;
-  double sum = 0;
+  std::vector<double> rooms;
   for (std::size_t i = 0; i < views; ++i) {
     const std::array<double, 3> self = cameras(i).center_world;
     std::vector<double> squares;
@@ -52,16 +52,19 @@ template <class Cameras>
       squares.push_back(square);
     }
     const std::size_t third = std::min(nearest, squares.size());
-    if (third > 0) {
+    if (third > 0)
       std::nth_element(squares.begin(), squares.begin() + static_cast<std::ptrdiff_t>(third - 1), squares.end());
-      sum += squares[third - 1];
-    }
-    sums.push_back(sum);
+    rooms.push_back(third > 0 ? squares[third - 1] : 0);
   }
-  if (!(sum > 0)) {  // one view, or all in one place
-    for (std::size_t i = 0; i < views; ++i) sums[i] = static_cast<double>(i + 1);
+  std::vector<double> sorted = rooms;
+  std::sort(sorted.begin(), sorted.end());
+  const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
+  double sum = 0;
+  for (double& room : rooms) {
+    sum += median > 0 ? std::clamp(room, median / 4, 4 * median) : 1;  // half of them in one place: as often each
+    room = sum;
   }
-  return sums;
+  return rooms;
 }
 
 /// Renders a host in drawn views and asks how its features move waves of the colour.
@@ -103,9 +106,7 @@ class WaveProbe {
   [[nodiscard]] const std::vector<T>& edited_means(std::size_t n, const Jpeg& jpeg) {
     const Random random(settings_.seed, n, random_stage("decoder fit edit"));
     const AugmentationDraw draw = draw_augmentation(settings_.edits, random);
-    static_cast<void>(means());  // an edit is one of 8 bits
-    const ImageView<const T> rounded{rounded_.data(), 3, context_.image.height, context_.image.width};
-    return read(augmenter_.forward(rounded, draw, jpeg, *executor_));
+    return read(augmenter_.forward(round(context_.image), draw, jpeg, *executor_));  // an edit is one of 8 bits
   }
   /// The render of the view, as it is.
   [[nodiscard]] ImageView<const T> image() const { return context_.image; }
@@ -135,11 +136,14 @@ class WaveProbe {
   }
 
  private:
-  const std::vector<T>& read(ImageView<const T> image) {
+  ImageView<const T> round(ImageView<const T> image) {
     rounded_.resize(image.size());
     const ImageView<T> rounded{rounded_.data(), 3, image.height, image.width};
     round_to_8bit<T>(image, rounded);
-    decoder_.pool(rounded, reading_, *executor_);
+    return rounded;
+  }
+  const std::vector<T>& read(ImageView<const T> image) {
+    decoder_.pool(round(image), reading_, *executor_);
     return reading_.pooled;
   }
   void way_back(const LatticeDecoder<T>& decoder, std::span<T> gradient) {
@@ -176,20 +180,20 @@ class WaveProbe {
   ViewCamera<R> camera_;
 };
 
-/// `mean` is [waves], `deviation` from it [waves, readings], the others [waves, waves]. Readings are the clean ones of all views, then the edited ones.
+/// `mean` is [waves], `deviation` from it [waves, readings], the others [waves, waves]. Readings are `per_view` a view: as it is, then edited.
 struct WaveStatistics {
   std::vector<double> mean, deviation, noise, energy, agreement;
-  std::size_t clean = 0;  ///< readings
+  std::size_t per_view = 1;
 };
-/// Mean product of the rows of `table` [rows, readings]: of the `clean` first ones, and of the edited ones after them by `edit_weight`.
+/// Mean product of the rows of `table` [rows, readings]: of the first of every `per_view` readings, and of the others by `edit_weight`.
 template <Executor E>
-[[nodiscard]] std::vector<double> weighted_products(std::vector<double> table, std::size_t rows, std::size_t clean,
+[[nodiscard]] std::vector<double> weighted_products(std::vector<double> table, std::size_t rows, std::size_t per_view,
                                                     double edit_weight, E& executor) {
-  const std::size_t readings = table.size() / rows, edited = readings - clean;
+  const std::size_t readings = table.size() / rows, clean = readings / per_view, edited = readings - clean;
   const double weight = edited == 0 ? 0 : edit_weight;
   for (std::size_t n = 0; n < readings; ++n) {
     const double scale =
-        std::sqrt(n < clean ? (1 - weight) / static_cast<double>(clean) : weight / static_cast<double>(edited));
+        std::sqrt(n % per_view == 0 ? (1 - weight) / static_cast<double>(clean) : weight / static_cast<double>(edited));
     for (std::size_t k = 0; k < rows; ++k) table[k * readings + n] *= scale;
   }
   return row_products(std::span<const double>(table), rows, readings, executor);
@@ -216,12 +220,13 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   using T = typename R::Scalar;
   const std::size_t waves = static_cast<std::size_t>(settings.waves),
                     samples = static_cast<std::size_t>(settings.statistics_views),
-                    edits = static_cast<std::size_t>(settings.edits_per_view), readings = samples * (1 + edits);
+                    edits = static_cast<std::size_t>(settings.edits_per_view), per_view = 1 + edits,
+                    readings = samples * per_view;
   constexpr std::size_t draws = 6;
   std::size_t done = 0;
   const std::size_t total = samples + static_cast<std::size_t>(settings.gradient_views) * (draws + waves);
   WaveStatistics found;
-  found.clean = samples;
+  found.per_view = per_view;
   found.deviation.resize(waves * readings);
   found.mean.assign(waves, 0.0);
   const auto keep = [&](const std::vector<T>& p, std::size_t n) {
@@ -229,16 +234,16 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   };
   for (std::size_t n = 0; n < samples; ++n) {
     probe.render("decoder fit", n, settings.reach);
-    keep(probe.means(), n);
-    for (std::size_t e = 0; e < edits; ++e) keep(probe.edited_means(n * edits + e, jpeg), samples + n * edits + e);
+    keep(probe.means(), n * per_view);
+    for (std::size_t e = 0; e < edits; ++e) keep(probe.edited_means(n * edits + e, jpeg), n * per_view + 1 + e);
     observer.on_progress(++done, total);
   }
   for (std::size_t k = 0; k < waves; ++k) {
     double* const row = found.deviation.data() + k * readings;
-    for (std::size_t n = 0; n < samples; ++n) found.mean[k] += row[n] / static_cast<double>(samples);
+    for (std::size_t n = 0; n < samples; ++n) found.mean[k] += row[n * per_view] / static_cast<double>(samples);
     for (std::size_t n = 0; n < readings; ++n) row[n] -= found.mean[k];
   }
-  found.noise = weighted_products(found.deviation, waves, samples, settings.edit_weight, executor);
+  found.noise = weighted_products(found.deviation, waves, per_view, settings.edit_weight, executor);
 
   // The metric: features that show much are moved less, by the root of their mean square gradient.
   const std::size_t parameters = probe.parameters(), views = static_cast<std::size_t>(settings.gradient_views);
