@@ -54,7 +54,26 @@ Result<Done> make_decoder(TrainOptions& options) {
   fit.data = options.data;
   fit.out = options.out / "decoder.safetensors";
   options.mark.decoder = fit.out;
-  if (options.resume && std::filesystem::exists(fit.out)) return Done{};
+  if (std::filesystem::exists(fit.out)) {
+    const Result<SafetensorsFile> file = read_safetensors(fit.out);
+    if (!file) return file.error();
+    const Result<std::string> model = file_sha256(options.model);
+    if (!model) return model.error();
+    const auto note = file->metadata.find("note");
+    const bool of_this = note != file->metadata.end() && note->second.find(*model) != std::string::npos;
+    if (options.resume && of_this) return Done{};
+    return Error{ErrorKind::invalid, fit.out.string(), "--decoder",
+                 of_this ? "is missing, and a decoder of an earlier run is in this folder"
+                         : "is missing, and a decoder of another model is in this folder",
+                 "keep it: choose another --out, or name it with --decoder; --resume goes on with one of this model"};
+  }
+  if (std::filesystem::exists(options.out / "checkpoint.safetensors")) {
+    return Error{ErrorKind::invalid,
+                 (options.out / "checkpoint.safetensors").string(),
+                 {},
+                 "an unfinished run with another decoder is in this folder",
+                 "continue it with its --decoder and --resume, or remove the file to start over"};
+  }
   fit.fit.bits = static_cast<int>(key->bits);
   if (options.seed) fit.fit.seed = *options.seed;
   fit.downscale = options.downscale;

@@ -32,11 +32,12 @@ Command add_fit(CLI::App& app) {
   app.add_option("--out", options->out, "decoder file to write (safetensors); keep it with the key")->required();
   app.add_option("--bits", options->fit.bits, "length of the message")
       ->capture_default_str()
-      ->check(CLI::Range(1, 256));
+      ->check(CLI::Range(1, 128));
   app.add_option("--waves", options->fit.waves, "to choose from (default: 20 for 3 bits)")->check(CLI::Range(1, 1024));
-  app.add_option("--views", options->fit.statistics_views,
-                 "drawn views that say what the scene says (default: eight a wave)")
-      ->check(CLI::Range(1, 100000));
+  app.add_option(
+         "--views", options->fit.statistics_views,
+         "drawn views that say what the scene says (default: eight a wave); 32 bytes times their square are taken")
+      ->check(CLI::Range(1, 20000));
   app.add_option("--coordinates", options->fit.coordinates,
                  "loud directions of the waves that tell the view, and so what the scene says in the others; 0: none "
                  "(default: two of five waves)")

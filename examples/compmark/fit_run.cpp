@@ -11,12 +11,15 @@
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/lattice_file.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/decoder_fit.hpp>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -50,7 +53,8 @@ Result<Done> check(FitOptions& options) {
   if (options.fit.statistics_views == 0) options.fit.statistics_views = 8 * options.fit.waves;
   if (options.fit.statistics_views < options.fit.waves)
     return refuse("--views", "is less than --waves", "give some eight times as many, or leave it out");
-  return keep_inputs(options.out, {options.model}, "--out");
+  if (Result<Done> kept = keep_inputs(options.out, {options.model, options.json}, "--out"); !kept) return kept;
+  return keep_inputs(options.json, {options.model}, "--json");
 }
 
 /// A figure on a terminal, a line every ten seconds elsewhere.
@@ -91,6 +95,15 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   Result<Dataset> dataset = open_for(loaded->info, options.data, settings);
   if (!dataset) return dataset.error();
   for (const std::string& warning : dataset->warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
+  std::vector<StoredView> now;
+  for (const View& view : dataset->views) now.push_back(stored_view(view));
+  const std::optional<OtherView> other =
+      now.size() == loaded->info.views.size() ? other_view(loaded->info.views, now) : std::nullopt;
+  if (now.size() != loaded->info.views.size() || other) {
+    return Error{ErrorKind::invalid, options.model.string(), other ? other->field : "views",
+                 other ? "of view " + other->name + " is another one in the data" : "are not those of the data",
+                 "give the data that it was trained on, as large as then (--downscale)"};
+  }
   const DatasetViews views{&*dataset, nullptr, dataset->indices(Split::train)};  // cameras alone: no photograph is read
   if (options.fit.stride == 0) {  // of the largest view: as many positions as 500 x 500 pixels have
     double pixels = 0;
@@ -111,7 +124,10 @@ Result<FittedFile> fit_to_file(FitOptions options) {
 
   const Result<std::string> model = file_sha256(options.model);
   if (!model) return model.error();
-  const std::string note = "fitted to the unmarked model of sha256 " + *model;
+  const DecoderFitSettings& f = options.fit;
+  const std::string note = "fitted to the unmarked model of sha256 " + *model + " with seed " + std::to_string(f.seed) +
+                           ", views " + std::to_string(f.statistics_views) + ", gradient views " +
+                           std::to_string(f.gradient_views);
   if (Result<Done> written = write_lattice<SafetensorsWriter>(fit->decoder, note, options.out); !written)
     return written.error();
   const Result<std::string> decoder = file_sha256(options.out);

@@ -67,7 +67,10 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
     return Error{ErrorKind::invalid, {}, option, "is missing", remedy};
   };
   if (options.key.empty()) return missing("--key", "make one with compmark keygen");
-  if (options.decoder.empty()) return missing("--decoder", "give a file of weights/ or one of compmark pretrain");
+  if (options.decoder.empty())
+    return missing("--decoder",
+                   "give one of compmark fit or of weights/: only embed, and train without --twin, --codec and "
+                   "--for-compression, fit one");
   const Result<OwnerKey> key = load_key(options.key);
   if (!key) return key.error();
   Result<Decoder> decoder = load_decoder(options.decoder, &*key);

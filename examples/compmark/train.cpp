@@ -14,11 +14,13 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "commands.hpp"
 #include "effects.hpp"
 #include "recipe_list.hpp"
+#include "results.hpp"
 #include "train_coded.hpp"
 #include "train_marked.hpp"
 #include "train_recipe.hpp"
@@ -26,10 +28,21 @@
 namespace tool {
 namespace {
 
+/// Where the host of a run is trained that is marked afterwards.
+constexpr const char* unmarked_folder = "unmarked";
+
+/// Whether the message is hidden when the scene is finished: a key, and nothing that says how else.
+bool marks_afterwards(const TrainOptions& options) {
+  return options.codec == "none" && !is_coded_recipe(options.recipe) && options.mark.decoder.empty() &&
+         !options.mark.key.empty() && options.mark.twin.empty() && !options.mark.for_compression;
+}
+
 /// A run that goes on has the recipe, the effects and the background that it began with, whatever a probe would say today. False where nothing was
 /// begun, or the command says otherwise.
 Result<bool> continue_begun(TrainOptions& options) {
-  const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
+  std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
+  if (!std::filesystem::exists(checkpoint) && marks_afterwards(options))
+    checkpoint = options.out / unmarked_folder / "checkpoint.safetensors";
   if (!options.resume || !options.recipe.empty() || options.effects != "auto" || !std::filesystem::exists(checkpoint))
     return false;
   const Result<SafetensorsFile> file = read_safetensors(checkpoint);
@@ -193,16 +206,61 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   return Done{};
 }
 
+/// Whether the unmarked half of a run is there, and is the one that is asked for.
+Result<bool> host_is_finished(const TrainOptions& host, const TrainSettings& settings) {
+  const std::filesystem::path results = host.out / "results.json";
+  if (!std::filesystem::exists(results) || std::filesystem::exists(host.out / "checkpoint.safetensors")) return false;
+  const Result<Results> found = read_results(results);
+  if (!found) return found.error();
+  const Result<std::string> digest = file_sha256(host.out / "model.safetensors");
+  if (!digest) return digest.error();
+  if (found->model_sha256 == *digest && found->seed == settings.seed && found->iterations == settings.iterations &&
+      found->recipe == host.recipe) {
+    return true;
+  }
+  return Error{ErrorKind::invalid, results.string(), "--resume",
+               "is of a run with another seed, length or recipe, or of another model",
+               "give the options of that run, or choose another --out"};
+}
+
 /// The whole training as if there were no mark, into a folder of its own, and then the mark beside it: with the decoder fitted in between, and
 /// the unmarked model kept.
 int train_then_mark(const TrainOptions& options, const TrainSettings& settings) {
-  if (Result<OwnerKey> key = load_key(options.mark.key); !key) return fail(key.error());  // before hours of work
+  // What is wrong is said before hours of work.
+  const Result<OwnerKey> key = load_key(options.mark.key);
+  if (!key) return fail(key.error());
+  if (options.mark.bits != 0 && options.mark.bits != key->bits) {
+    return fail({ErrorKind::invalid, options.mark.key.string(), "bits",
+                 "is " + std::to_string(key->bits) + ", and --bits is " + std::to_string(options.mark.bits),
+                 "leave out --bits, or make a key of that length with compmark keygen"});
+  }
+  if (reading_recipe(options.recipe) != "scaffold") {
+    return fail({ErrorKind::unsupported,
+                 {},
+                 "--recipe",
+                 "\"" + options.recipe + "\" is not built with a message",
+                 "this tool marks scaffold, scaffold+mask and scaffold+alpha: train with one of them (--recipe)"});
+  }
+  if (!options.resume && std::filesystem::exists(options.out / "checkpoint.safetensors")) {
+    return fail({ErrorKind::invalid,
+                 (options.out / "checkpoint.safetensors").string(),
+                 {},
+                 "an unfinished run is in this folder",
+                 "continue it with --resume, or remove the file to start over"});
+  }
+  if (!options.resume && std::filesystem::exists(options.out / "decoder.safetensors")) {
+    return fail({ErrorKind::invalid, (options.out / "decoder.safetensors").string(), "--out",
+                 "holds the decoder of an earlier run", "keep it: choose another --out, or go on with --resume"});
+  }
   TrainOptions host = options;
   host.mark = {};
-  host.out = options.out / "unmarked";
-  host.json_log.clear();
-  const bool finished = options.resume && std::filesystem::exists(host.out / "results.json");
-  if (!finished) {
+  host.out = options.out / unmarked_folder;
+  host.json_log.clear();  // its own: host.out/log.jsonl
+  const Result<bool> finished = options.resume ? host_is_finished(host, settings) : false;
+  if (!finished) return fail(finished.error());
+  if (!*finished) {
+    std::error_code ignored;
+    std::filesystem::remove(host.out / "results.json", ignored);  // an earlier run's says nothing of this one
     const int code = with_recipe(
         options.recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(host, settings); }));
     if (code != success) return code;
@@ -312,9 +370,7 @@ Command add_train(CLI::App& app) {
     if (options->recipe.find("+antialiasing") != std::string::npos)
       settings->blur_variance = recipes::antialiasing_blur_variance;
     if (options->mark.wanted()) {
-      const bool afterwards = !coded && options->mark.decoder.empty() && !options->mark.key.empty() &&
-                              options->mark.twin.empty() && !options->mark.for_compression;
-      if (afterwards) return train_then_mark(*options, *settings);
+      if (marks_afterwards(*options)) return train_then_mark(*options, *settings);
       Result<MarkInput> mark = load_mark(options->mark, *settings);
       if (mark && coded) return train_coded(*options, *settings, &*mark);
       return mark ? train_marked(*options, *settings, *mark) : fail(mark.error());

@@ -183,6 +183,9 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
                 {"nowhere.safetensors"});
 
   check_refused(tool(fit + at("unmarked/model.safetensors")), {"--out", "model.safetensors"});
+  check_refused(tool(fit + at("no.safetensors") + " --json " + at("unmarked/model.safetensors")),
+                {"--json", "model.safetensors"});
+  check_refused(tool(fit + at("no.safetensors") + " --downscale 2"), {"model.safetensors", "--downscale"});
   check_refused(tool(scene + " --waves 23 --out " + at("no.safetensors")), {"--waves", "--bits"});
   check_refused(tool(scene + " --views 70 --out " + at("no.safetensors")), {"--views", "--waves"});
   check_refused(tool(scene + " --waves 72 --coordinates 60 --out " + at("no.safetensors")),
@@ -198,9 +201,13 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
 
 TEST_CASE(
     "tool: train with a key alone: a decoder is fitted to the finished scene, which is marked beside what it was") {
+  // A short message: the fewer bits, the fewer waves there are to fit.
+  const std::string key = at("short.key"), other = at("short-other.key");
+  REQUIRE(write_key(key, testing::fixed_key(1, 12)).ok());
+  REQUIRE(write_key(other, testing::fixed_key(2, 12)).ok());
   const std::string run =
       "train --effects none --iterations 600 --mark-iterations 400 --fidelity 300 --message-rate 0.004 --data " +
-      setting().scene + " --key " + setting().key + " --out " + at("whole");
+      setting().scene + " --key " + key + " --out " + at("whole");
   const Outcome outcome = tool(run);
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
@@ -211,21 +218,23 @@ TEST_CASE(
   CHECK(results["psnr_marked_vs_unmarked"].get<double>() > 30);
   CHECK(json_of(at("whole/decoder.json"))["model_sha256"] == unmarked()["model_sha256"]);
   const std::string decoder = at("whole/decoder.safetensors");
-  CHECK(verdict("whole", setting().key, "--split all", decoder) == 0);
-  CHECK(not_detected(verdict("whole", setting().other, "--split all", decoder)));
-  CHECK(not_detected(verdict("unmarked", setting().key, "--split all", decoder)));
-  // Resumed, it neither trains the host nor fits again; embed of the same model with no decoder fits the same.
+  CHECK(verdict("whole", key, "--split all", decoder) == 0);
+  CHECK(not_detected(verdict("whole", other, "--split all", decoder)));
+  CHECK(not_detected(verdict("unmarked", key, "--split all", decoder)));
+  // Resumed, it neither trains the host nor fits again.
   const fs::file_time_type before = fs::last_write_time(at("whole/unmarked/model.safetensors"));
+  const fs::file_time_type fitted = fs::last_write_time(at("whole/decoder.safetensors"));
   const Outcome again = tool(run + " --resume");
   INFO(again.text);
   REQUIRE(again.code == 0);
   CHECK(fs::last_write_time(at("whole/unmarked/model.safetensors")) == before);
+  CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
+  // A decoder is kept, and a host of other options is not taken for this one.
+  check_refused(tool(run), {"decoder.safetensors", "--out"});
+  check_refused(tool(run + " --resume --seed 9"), {"results.json", "seed"});
+  check_refused(tool(run + " --bits 48"), {"short.key", "12", "48"});
+  CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
   CHECK(json_of(at("whole/results.json"))["model_sha256"] == results["model_sha256"]);
-  REQUIRE(tool("embed --iterations 20 --model " + at("unmarked/model.safetensors") + " --data " + setting().scene +
-               " --key " + setting().key + " --out " + at("whole-embedded"))
-              .code == 0);
-  CHECK(json_of(at("whole-embedded/decoder.json"))["decoder_sha256"] ==
-        json_of(at("whole/decoder.json"))["decoder_sha256"]);
 }
 
 TEST_CASE("tool: train --fidelity leaves the host its bits, and writes it as the twin") {

@@ -40,7 +40,8 @@ template <class T = float, class TensorFile>
   if (reader.text("format") != decoder_format)
     reader.fail(ErrorKind::unsupported, "__metadata__.format", "is not \"" + std::string(decoder_format) + "\"",
                 reader.remedy);
-  if (reader.integer("format_version", 1, 1 << 30) > lattice_host_format_version)
+  const int version_number = reader.integer("format_version", 1, 1 << 30);
+  if (version_number > lattice_host_format_version)
     reader.fail(ErrorKind::unsupported, "__metadata__.format_version", "is newer than this program's",
                 "use a newer program");
   if (reader.text("kind") != "lattice")
@@ -83,7 +84,8 @@ template <class T = float, class TensorFile>
   const std::vector<float> head = reader.tensor("head.weight", settings.bits, settings.features);
   const std::vector<float> bias = reader.tensor("head.bias", settings.bits);
   LatticeWeights<T> weights;
-  if (file.metadata.contains("centres")) {
+  if (version_number >=
+      lattice_host_format_version) {  // without its prediction such a file would be read as another decoder
     const int coordinates = reader.integer("coordinates", 1, settings.features);
     const int centres = reader.integer("centres", 1, 1 << 20);
     const auto part = [&](const char* name, std::vector<T>& values, auto... extents) {
