@@ -201,10 +201,7 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
 
 TEST_CASE(
     "tool: train with a key alone: a decoder is fitted to the finished scene, which is marked beside what it was") {
-  // A short message: the fewer bits, the fewer waves there are to fit.
-  const std::string key = at("short.key"), other = at("short-other.key");
-  REQUIRE(write_key(key, testing::fixed_key(1, 12)).ok());
-  REQUIRE(write_key(other, testing::fixed_key(2, 12)).ok());
+  const std::string key = setting().key, other = setting().other;
   const std::string run =
       "train --effects none --iterations 600 --mark-iterations 400 --fidelity 300 --message-rate 0.004 --data " +
       setting().scene + " --key " + key + " --out " + at("whole");
@@ -232,7 +229,7 @@ TEST_CASE(
   // A decoder is kept, and a host of other options is not taken for this one.
   check_refused(tool(run), {"decoder.safetensors", "--out"});
   check_refused(tool(run + " --resume --seed 9"), {"results.json", "seed"});
-  check_refused(tool(run + " --bits 48"), {"short.key", "12", "48"});
+  check_refused(tool(run + " --bits 48"), {"owner.key", "24", "48"});
   CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
   CHECK(json_of(at("whole/results.json"))["model_sha256"] == results["model_sha256"]);
 }
