@@ -199,6 +199,7 @@ TEST_CASE(
     settings.iterations = 600;
     settings.mark = mark_beside_the_host();
     settings.mark.logit_scale = decoder.logit_scale();
+    settings.mark.hinge_margin = 1.5 * decoder.logit_scale();  // a small scene bears no more
     settings.mark.fidelity = 150;
     settings.mark.residual_rate = 0.005;
     settings.grow_until = 0;
@@ -236,7 +237,8 @@ TEST_CASE(
     without += hidden({settings, weights}, plain_db);
   }
   MESSAGE("fitted ", with_fit, " of the bits at ", fitted_db, " dB, a wave a bit ", without, " at ", plain_db, " dB");
-  CHECK(with_fit > without + 0.02);  // measured .831 at 34.6 dB and .752 at 33.6 dB; .838 and .755 at -O3
+  CHECK(with_fit >
+        without + 0.02);  // measured .749 at 35.9 dB and .665 at 35.9; with clang++ .765 at 34.5 and .695 at 35.4
   CHECK(fitted_db > plain_db - 1);
 }
 
