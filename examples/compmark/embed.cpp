@@ -47,7 +47,7 @@ TrainSettings embed_settings(TrainSettings settings) {
 /// Fits a decoder for the scene, of the key's length, into the run's folder; a run that is resumed has one.
 Result<Done> make_decoder(TrainOptions& options) {
   if (options.mark.key.empty()) return Done{};  // load_mark says so
-  const Result<OwnerKey> key = load_key(options.mark.key);
+  const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return key.error();
   FitOptions fit;
   fit.model = options.model;

@@ -48,6 +48,11 @@ Command add_fit(CLI::App& app) {
   app.add_option("--gradient-views", options->fit.gradient_views, "drawn views that say what a mark can move")
       ->capture_default_str()
       ->check(CLI::Range(2, 1000));
+  app.add_option("--edit-weight", options->fit.edit_weight,
+                 "of edited readings (JPEG, noise, resize, crop, brightness, blur) beside those of clean renders: more "
+                 "outlives more of them, 0 is the least visible")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0));
   app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 64.0));

@@ -50,6 +50,7 @@ Result<Done> check(FitOptions& options) {
     options.fit.coordinates = std::min(2 * options.fit.waves / 5, options.fit.waves - options.fit.bits);
   if (options.fit.coordinates > options.fit.waves - options.fit.bits)
     return refuse("--coordinates", "leaves fewer waves than --bits", "give fewer, or more --waves");
+  if (options.fit.edit_weight == 0) options.fit.edits_per_view = 0;  // nothing to read them for
   if (options.fit.statistics_views == 0) options.fit.statistics_views = 8 * options.fit.waves;
   if (options.fit.statistics_views < options.fit.waves)
     return refuse("--views", "is less than --waves", "give some eight times as many, or leave it out");
@@ -141,6 +142,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
                                     {"coordinates", options.fit.coordinates},
                                     {"stride", options.fit.stride},
                                     {"edits_per_view", options.fit.edits_per_view},
+                                    {"edit_weight", options.fit.edit_weight},
                                     {"wave_deviation", fit->wave_deviation},
                                     {"wave_agreement", fit->wave_agreement},
                                     {"agreement", fit->agreement},

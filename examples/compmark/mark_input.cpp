@@ -62,6 +62,16 @@ bool fitted_decoder(const std::filesystem::path& path) {
 
 }  // namespace
 
+Result<OwnerKey> key_of(const MarkOptions& options) {
+  Result<OwnerKey> key = load_key(options.key);
+  if (key && options.bits != 0 && options.bits != key->bits) {
+    return Error{ErrorKind::invalid, options.key.string(), "bits",
+                 "is " + std::to_string(key->bits) + ", and --bits is " + std::to_string(options.bits),
+                 "leave out --bits, or make a key of that length with compmark keygen"};
+  }
+  return key;
+}
+
 Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings) {
   const auto missing = [](const char* option, const char* remedy) {
     return Error{ErrorKind::invalid, {}, option, "is missing", remedy};
@@ -71,7 +81,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
     return missing("--decoder",
                    "give one of compmark fit or of weights/: only embed, and train without --twin, --codec and "
                    "--for-compression, fit one");
-  const Result<OwnerKey> key = load_key(options.key);
+  const Result<OwnerKey> key = key_of(options);
   if (!key) return key.error();
   Result<Decoder> decoder = load_decoder(options.decoder, &*key);
   if (!decoder) return decoder.error();
@@ -83,11 +93,6 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
     input.twin_origin = (*twin)->info.origin;
   }
   input.message = message_of(*key);
-  if (options.bits != 0 && options.bits != input.message.size()) {
-    return Error{ErrorKind::invalid, options.key.string(), "bits",
-                 "is " + std::to_string(input.message.size()) + ", and --bits is " + std::to_string(options.bits),
-                 "leave out --bits, or make a key of that length with compmark keygen"};
-  }
   for (std::size_t i = 0; i < input.message.size(); ++i) input.bits.push_back(input.message[i] ? 1 : 0);
   const Result<std::string> digest = file_sha256(options.decoder);
   if (!digest) return digest.error();

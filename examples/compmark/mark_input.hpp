@@ -55,6 +55,8 @@ struct MarkInput {
   std::array<double, 3> twin_origin{0, 0, 0};
   bool for_compression = false;
 };
+/// The key of --key, whose message is as long as --bits says, if it says anything.
+compmark::Result<compmark::OwnerKey> key_of(const MarkOptions& options);
 /// Reads key and decoder, which must agree on the length, and writes what they say into the settings of the run.
 compmark::Result<MarkInput> load_mark(const MarkOptions& options, compmark::TrainSettings& settings);
 

@@ -227,27 +227,11 @@ Result<bool> host_is_finished(const TrainOptions& host, const TrainSettings& set
 /// the unmarked model kept.
 int train_then_mark(const TrainOptions& options, const TrainSettings& settings) {
   // What is wrong is said before hours of work.
-  const Result<OwnerKey> key = load_key(options.mark.key);
+  const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return fail(key.error());
-  if (options.mark.bits != 0 && options.mark.bits != key->bits) {
-    return fail({ErrorKind::invalid, options.mark.key.string(), "bits",
-                 "is " + std::to_string(key->bits) + ", and --bits is " + std::to_string(options.mark.bits),
-                 "leave out --bits, or make a key of that length with compmark keygen"});
-  }
-  if (reading_recipe(options.recipe) != "scaffold") {
-    return fail({ErrorKind::unsupported,
-                 {},
-                 "--recipe",
-                 "\"" + options.recipe + "\" is not built with a message",
-                 "this tool marks scaffold, scaffold+mask and scaffold+alpha: train with one of them (--recipe)"});
-  }
-  if (!options.resume && std::filesystem::exists(options.out / "checkpoint.safetensors")) {
-    return fail({ErrorKind::invalid,
-                 (options.out / "checkpoint.safetensors").string(),
-                 {},
-                 "an unfinished run is in this folder",
-                 "continue it with --resume, or remove the file to start over"});
-  }
+  if (reading_recipe(options.recipe) != "scaffold") return fail(no_message_in(options.recipe));
+  const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
+  if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
   if (!options.resume && std::filesystem::exists(options.out / "decoder.safetensors")) {
     return fail({ErrorKind::invalid, (options.out / "decoder.safetensors").string(), "--out",
                  "holds the decoder of an earlier run", "keep it: choose another --out, or go on with --resume"});

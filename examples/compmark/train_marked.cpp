@@ -10,6 +10,14 @@
 
 namespace tool {
 
+Error no_message_in(const std::string& recipe) {
+  return {ErrorKind::unsupported,
+          {},
+          "--recipe",
+          "\"" + recipe + "\" is not built with a message",
+          "this tool marks scaffold, scaffold+mask and scaffold+alpha: train with one of them (--recipe)"};
+}
+
 int train_marked(const TrainOptions& options, TrainSettings settings, const MarkInput& mark) {
   using namespace recipes;
   if (options.recipe == "scaffold") {
@@ -25,11 +33,7 @@ int train_marked(const TrainOptions& options, TrainSettings settings, const Mark
   }
   if (options.recipe == "scaffold+mask") return run<Marked<ScaffoldMasked, Decoder>>(options, settings, &mark);
   if (options.recipe == "scaffold+alpha") return run<Marked<ScaffoldAlpha, Decoder>>(options, settings, &mark);
-  return fail({ErrorKind::unsupported,
-               {},
-               "--recipe",
-               "\"" + options.recipe + "\" is not built with a message",
-               "this tool marks scaffold, scaffold+mask and scaffold+alpha: train with one of them (--recipe)"});
+  return fail(no_message_in(options.recipe));
 }
 
 }  // namespace tool

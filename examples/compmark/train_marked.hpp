@@ -4,13 +4,18 @@
 // Training runs that hide a message. They are compiled apart from the others: each is a recipe of its own.
 #pragma once
 
+#include <compmark/core/result.hpp>
 #include <compmark/pipeline/settings.hpp>
+#include <string>
 
 #include "mark_input.hpp"
 
 namespace tool {
 
 struct TrainOptions;
+
+/// What is said where no message can be hidden in a recipe.
+[[nodiscard]] compmark::Error no_message_in(const std::string& recipe);
 
 /// Trains options.recipe with a mark, or marks options.model by training on from it. Returns the exit code.
 int train_marked(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput& mark);

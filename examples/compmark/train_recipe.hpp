@@ -167,13 +167,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     std::fprintf(stderr, "compmark: resuming after iteration %lld\n",
                  static_cast<long long>(trainer.state().iteration));
   } else {
-    if (!options.resume && std::filesystem::exists(data.checkpoint)) {
-      return fail({ErrorKind::invalid,
-                   data.checkpoint.string(),
-                   {},
-                   "an unfinished run is in this folder",
-                   "continue it with --resume, or remove the file to start over"});
-    }
+    if (!options.resume && std::filesystem::exists(data.checkpoint)) return fail(unfinished_run(data.checkpoint));
     if (loaded) {
       if constexpr (is_marked) trainer.start_from(with_room_for_mark<R>(loaded->model, data.settings.seed));
     } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position); !ready) {

@@ -39,6 +39,14 @@ std::string rounded(double value, int digits) {
 
 }  // namespace
 
+Error unfinished_run(const std::filesystem::path& checkpoint) {
+  return {ErrorKind::invalid,
+          checkpoint.string(),
+          {},
+          "an unfinished run is in this folder",
+          "continue it with --resume, or remove the file to start over"};
+}
+
 LensTreatment lens_treatment(const TrainOptions& options) {
   if (options.lens == "ignore") return LensTreatment::ignore;
   return options.lens == "project" ? LensTreatment::keep : LensTreatment::undistort;

@@ -57,6 +57,9 @@ struct TrainOptions {
   double rate_lambda = 0.001;           ///< loss of one bit more a scalar
 };
 
+/// What is said where a run without --resume would write over a checkpoint.
+[[nodiscard]] compmark::Error unfinished_run(const std::filesystem::path& checkpoint);
+
 /// What --lens says.
 compmark::LensTreatment lens_treatment(const TrainOptions& options);
 

@@ -44,6 +44,7 @@
 #include "compmark/math/adaptive_step.hpp"
 #include "compmark/math/area_resize.hpp"
 #include "compmark/math/binomial.hpp"
+#include "compmark/math/cholesky.hpp"
 #include "compmark/math/circular_filter.hpp"
 #include "compmark/math/conv.hpp"
 #include "compmark/math/conv_backward.hpp"

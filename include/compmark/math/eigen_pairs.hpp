@@ -16,6 +16,8 @@
 #include <vector>
 
 #include "compmark/core/config.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/math/cholesky.hpp"
 
 namespace compmark::inline v0 {
 
@@ -37,26 +39,22 @@ inline void symmetric_eigen(std::vector<double>& matrix, std::size_t n, std::vec
         const double theta = (matrix[q * n + q] - matrix[p * n + p]) / (2 * apq);
         const double t = (theta >= 0 ? 1.0 : -1.0) / (std::abs(theta) + std::sqrt(theta * theta + 1));
         const double c = 1 / std::sqrt(t * t + 1), s = t * c;
-        double* const row_p = matrix.data() + p * n;
-        double* const row_q = matrix.data() + q * n;
-        for (std::size_t k = 0; k < n; ++k) {
-          const double a = row_p[k], b = row_q[k];
-          row_p[k] = c * a - s * b;
-          row_q[k] = s * a + c * b;
-        }
+        const auto rotate_rows = [&](std::vector<double>& m) {
+          double *const row_p = m.data() + p * n, *const row_q = m.data() + q * n;
+          for (std::size_t k = 0; k < n; ++k) {
+            const double x = row_p[k], y = row_q[k];
+            row_p[k] = c * x - s * y;
+            row_q[k] = s * x + c * y;
+          }
+        };
+        rotate_rows(matrix);
         for (std::size_t k = 0; k < n; ++k) {
           double* const row = matrix.data() + k * n;
-          const double a = row[p], b = row[q];
-          row[p] = c * a - s * b;
-          row[q] = s * a + c * b;
+          const double x = row[p], y = row[q];
+          row[p] = c * x - s * y;
+          row[q] = s * x + c * y;
         }
-        double* const vector_p = rows.data() + p * n;
-        double* const vector_q = rows.data() + q * n;
-        for (std::size_t k = 0; k < n; ++k) {
-          const double a = vector_p[k], b = vector_q[k];
-          vector_p[k] = c * a - s * b;
-          vector_q[k] = s * a + c * b;
-        }
+        rotate_rows(rows);
       }
     }
   }
@@ -81,25 +79,13 @@ struct EigenPairs {
 [[nodiscard]] inline std::optional<EigenPairs> symmetric_eigen_pairs(std::span<const double> a,
                                                                      std::span<const double> b, std::size_t n) {
   COMPMARK_ASSERT(a.size() == n * n && b.size() == n * n, "symmetric_eigen_pairs: sizes");
-  std::vector<double> lower(n * n, 0.0);
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j <= i; ++j) {
-      double sum = b[i * n + j];
-      for (std::size_t k = 0; k < j; ++k) sum -= lower[i * n + k] * lower[j * n + k];
-      if (i == j && !(sum > 1e-14 * std::abs(b[i * n + i]))) return std::nullopt;
-      lower[i * n + j] = i == j ? std::sqrt(sum) : sum / lower[j * n + j];
-    }
-  }
-  // m = L^-1 A L^-T: solve for the columns, then for the rows of what came out.
+  std::vector<double> lower(b.begin(), b.end());
+  SerialExecutor executor;
+  if (!cholesky_in_place(std::span<double>(lower), n, executor)) return std::nullopt;
+  // m = L^-1 A L^-T: a row of the symmetric A is a column, so solving for the rows gives A L^-T, and for the rows of its transpose the whole.
   std::vector<double> m(a.begin(), a.end());
   for (int side = 0; side < 2; ++side) {
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t k = 0; k < i; ++k) {
-        const double factor = lower[i * n + k];
-        for (std::size_t c = 0; c < n; ++c) m[i * n + c] -= factor * m[k * n + c];
-      }
-      for (std::size_t c = 0; c < n; ++c) m[i * n + c] /= lower[i * n + i];
-    }
+    for (std::size_t i = 0; i < n; ++i) solve_lower<1>(lower, n, 0, m.data() + i * n);
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t j = 0; j < i; ++j) std::swap(m[i * n + j], m[j * n + i]);
     }
@@ -109,13 +95,8 @@ struct EigenPairs {
   }
   EigenPairs pairs;
   symmetric_eigen(m, n, pairs.values, pairs.vectors);
-  for (std::size_t r = 0; r < n; ++r) {
-    double* const w = pairs.vectors.data() + r * n;  // L^T w = v
-    for (std::size_t i = n; i-- > 0;) {
-      w[i] /= lower[i * n + i];
-      for (std::size_t k = 0; k < i; ++k) w[k] -= lower[i * n + k] * w[i];
-    }
-  }
+  for (std::size_t r = 0; r < n; ++r)  // L^T w = v
+    solve_lower_transposed<1>(lower, n, pairs.vectors.data() + r * n);
   return pairs;
 }
 

@@ -4,8 +4,8 @@
 // The only file that knows SIMD: Pack<T, W> is W lanes of T, Mask<T, W> the result of comparing two. Kernels are written once on Pack
 // and instantiated at native_width<T> (production), at 1 (any scalar, long double too) and at other widths (tests).
 // Built on the vector extensions that g++ and clang++ share, with intrinsics only where these do not reach one instruction (fused
-// multiply-add, masks, compress, gather). docs/rationale.md says why not a SIMD library (measured). Every file longer than 300 lines
-// says why: this one keeps the one place of intrinsics together. The zero-masking forms (maskz) with a full mask compile to the plain
+// multiply-add, masks, compress, gather). docs/rationale.md says why not a SIMD library (measured). Longer than 300 lines: the one
+// place of intrinsics is kept together. The zero-masking forms (maskz) with a full mask compile to the plain
 // instruction and avoid a false -Wuninitialized of g++ 12 in its own headers.
 #pragma once
 

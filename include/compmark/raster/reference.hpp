@@ -5,8 +5,8 @@
 // scalar up to long double; nothing is tiled, approximated or vectorised. Method sheet sections 2.1 to 2.4 in the robust formulas of the
 // numerics sheet (CV1-CV3, BF1-BF3, BB1); with accuracy::inria the published behaviour: square of whole tiles, exclusive stop, clamps that
 // are not differentiated. (The published conic backward divides by det^2 + 1e-7; this bias is not reproduced.)
-// Cost: width * height * Gaussians evaluations of exp, each way. It is longer than a file should be because the whole road, both ways,
-// is meant to be read in one place.
+// Cost: width * height * Gaussians evaluations of exp, each way. Longer than 300 lines: the whole road, both ways, is meant to be read in
+// one place.
 #pragma once
 
 #include <algorithm>
