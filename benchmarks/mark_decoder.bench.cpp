@@ -108,6 +108,37 @@ BENCHMARK(lattice)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
 
+/// A decoder as compmark fit makes them but for the prediction: 320 waves of colour, every pixel. Arguments: side of the image, percent of its
+/// rows that are not background, threads.
+void lattice_of_colour(benchmark::State& bench) {
+  const int side = static_cast<int>(bench.range(0));
+  ThreadExecutor executor(static_cast<std::size_t>(bench.range(2)));
+  LatticeSettings settings;
+  settings.measure = LatticeMeasure::colour;
+  settings.bits = 48;
+  settings.features = 320;
+  settings.sigma = {0.5};
+  settings.stride = 1;
+  const LatticeDecoder<float> decoder(settings, LatticeWeights<float>(settings));
+  LatticeDecoder<float>::Context context;
+  auto image = testing::random_image<float>(side, side);
+  const std::size_t plane = static_cast<std::size_t>(side) * static_cast<std::size_t>(side),
+                    shown = plane * static_cast<std::size_t>(bench.range(1)) / 100;
+  for (std::size_t i = 0; i < image.size(); ++i) image[i] = i % plane < shown ? image[i] : 0.f;
+  std::vector<float> logits(48), d_logits(48, 0.1f), d_image(image.size());
+  for (auto _ : bench) {
+    decoder.forward({image.data(), 3, side, side}, std::span<float>(logits), context, executor);
+    decoder.backward(std::span<const float>(d_logits), {d_image.data(), 3, side, side}, context, executor);
+  }
+  bench.counters["pixels/s"] =
+      benchmark::Counter(static_cast<double>(plane), benchmark::Counter::kIsIterationInvariantRate);
+}
+BENCHMARK(lattice_of_colour)
+    ->Name("decoder_lattice_of_colour/side/percent_shown/threads")
+    ->ArgsProduct({{400}, {100, 30}, {1, 2}})
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+
 void reference(benchmark::State& bench) {
   const DecoderWeights weights = make(64, 8, 1);
   const auto image = testing::random_image<float>(16, 16);

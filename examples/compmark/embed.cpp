@@ -120,7 +120,7 @@ int embed_model(TrainOptions options) {
 
 Command add_embed(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
-  options->iterations = 3000;
+  options->iterations = 2000;
   app.add_option("--model", options->model, "the model to mark (model.safetensors of a training)")->required();
   app.add_option("--data", options->data, "the dataset it was trained on")->required();
   app.add_option("--out", options->out, "folder for the marked model, results.json and report.html")->required();

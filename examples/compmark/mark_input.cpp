@@ -36,14 +36,15 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
       ->check(CLI::PositiveNumber);
   app.add_option(
          "--message-rate", options.rate,
-         "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: train "
-         "0.002, embed 0.001)")
+         "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: 0.001 "
+         "in a finished model, 0.002 beside its training)")
       ->check(CLI::PositiveNumber);
-  app.add_option("--fidelity", options.fidelity,
-                 "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
-                 "by so much; "
-                 "0: the message joins the loss of the photographs, as published (default: train 0, embed 3000, or 500 "
-                 "with a decoder that was fitted to the scene)")
+  app.add_option(
+         "--fidelity", options.fidelity,
+         "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
+         "by so much; "
+         "0: the message joins the loss of the photographs, as published (default: 1000 with a decoder that was fitted "
+         "to the scene; with another embed 3000, train 0)")
       ->check(CLI::Range(0.0, 1e6));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
@@ -113,7 +114,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
     mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
   }
-  if (fitted_decoder(options.decoder) && mark.fidelity > 0) mark.fidelity = 500;
+  if (fitted_decoder(options.decoder) && mark.fidelity > 0) mark.fidelity = 1000;
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;

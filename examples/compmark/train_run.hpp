@@ -52,7 +52,7 @@ struct TrainOptions {
   LpipsFiles lpips;
   MarkOptions mark;
   std::filesystem::path model;          ///< embed: the finished model that is marked
-  std::int64_t mark_iterations = 3000;  ///< of a mark that is hidden after the training
+  std::int64_t mark_iterations = 2000;  ///< of a mark that is hidden after the training
   std::string codec = "none";           ///< that the model is trained for
   double rate_lambda = 0.001;           ///< loss of one bit more a scalar
 };

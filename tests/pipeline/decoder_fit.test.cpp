@@ -167,6 +167,7 @@ TEST_CASE("pipeline/decoder_fit: what was fitted with edits is told from edited 
   };
   DecoderFitSettings with = predicting();
   with.edits_per_view = 1;
+  with.edit_weight = 0.5;
   with.edits.weight = {0, 0, 0, 0, 0, 1, 0, 0};
   const DecoderFit<float> hardened = fitted(with, 2, large), fragile = fitted(predicting(), 2, large);
   const double clean = mean_square(hardened, 0), noisy = mean_square(hardened, 0.02),

@@ -246,28 +246,6 @@ TEST_CASE("pipeline/wave_statistics: every view is read edited too, and the nois
   CHECK(plain.edited_means(6, NoJpeg{}) == clean);
 }
 
-TEST_CASE("pipeline/wave_statistics: views with room around them are drawn more often") {
-  const auto rooms = [](const std::vector<double>& x) {  // cameras on a line
-    const std::vector<double> sums = detail::summed_room(
-        [&](std::size_t i) {
-          Camera<double> camera;
-          camera.center_world = {x[i], 0, 0};
-          return camera;
-        },
-        x.size());
-    std::vector<double> single;
-    for (std::size_t i = 0; i < sums.size(); ++i) single.push_back(sums[i] - (i == 0 ? 0 : sums[i - 1]));
-    return single;
-  };
-  const std::vector<double> line = rooms({0, 1, 2, 3, 4, 20});
-  CHECK(line == std::vector<double>{9, 4, 4, 4, 9, 36});  // the third nearest of 2 is at 0 or 4; 36 instead of 324
-  CHECK(rooms({5}) == std::vector<double>{1});
-  CHECK(rooms({5, 5, 5}) == std::vector<double>{1, 1, 1});
-  CHECK(rooms({5, 5, 5, 5, 9}) == std::vector<double>{1, 1, 1, 1, 1});  // a tripod's are not left out
-  CHECK(rooms({0, 0, 0, 0, 1, 2, 3, 4, 5}).front() > 0);
-  CHECK(rooms({0, 3}) == std::vector<double>{9, 9});  // with fewer others, the farthest
-}
-
 TEST_CASE("pipeline/wave_statistics: where all views are one, what moves one moves the other") {
   // A single camera has no neighbour: its drawn views differ by roll and zoom alone.
   Bench one;

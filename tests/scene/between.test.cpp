@@ -115,3 +115,27 @@ TEST_CASE("scene/between: drawn cameras fill the triangle of a view and two neig
   const Camera<double> alone = drawn_camera(camera, 1, 0, Random(1, 0, 0));
   CHECK(alone.center_world == cameras[0].center_world);
 }
+
+TEST_CASE("scene/between: views with room around them are drawn more often") {
+  // Of so many equal parts of [0, 1), how many draw each view; cameras on a line.
+  const auto drawn = [](const std::vector<double>& x, int parts) {
+    const ViewRoom room(
+        [&](std::size_t i) {
+          Camera<double> camera;
+          camera.center_world = {x[i], 0, 0};
+          return camera;
+        },
+        x.size());
+    std::vector<int> count(x.size());
+    for (int n = 0; n < parts; ++n) ++count[room.view((n + 0.5) / parts)];
+    return count;
+  };
+  // The third nearest of 2 is at 0 or 4; 20 has 36, four times the median of 9, instead of 324.
+  CHECK(drawn({0, 1, 2, 3, 4, 20}, 66) == std::vector<int>{9, 4, 4, 4, 9, 36});
+  CHECK(drawn({5}, 3) == std::vector<int>{3});
+  CHECK(drawn({5, 5, 5}, 3) == std::vector<int>{1, 1, 1});
+  CHECK(drawn({5, 5, 5, 5, 9}, 5) == std::vector<int>{1, 1, 1, 1, 1});  // a tripod's are not left out
+  CHECK(drawn({0, 0, 0, 0, 1, 2, 3, 4, 5}, 1000).front() > 0);
+  CHECK(drawn({0, 3}, 2) == std::vector<int>{1, 1});  // with fewer others, the farthest
+  CHECK(ViewRoom().empty());
+}

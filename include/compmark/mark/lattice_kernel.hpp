@@ -4,7 +4,8 @@
 // Kernels of the lattice decoder: with u [dimensions, positions] and gates w [positions],
 //   sum_k = sum_i w_i cos(2 pi t_ik),   t_ik = phase_k + sum_j frequency_kj u_ji   (in turns),
 // and the two gradients of it. The waves are computed again in the gradients instead of being kept: features x positions numbers would not
-// fit the caches. Positions come in whole packs (padded with gate 0). Cost: per feature and position `dimensions` multiply-adds and ~22
+// fit the caches. Positions come in whole packs (padded with gate 0), and a pack whose gates are all 0, a background, is not worked on. One colour
+// (three dimensions) has kernels of its own, whose sums stay in registers. Cost: per feature and open position `dimensions` multiply-adds and ~22
 // operations for the wave; the gradients twice that.
 #pragma once
 
@@ -69,47 +70,22 @@ struct LatticeWaves {
   static constexpr int lanes = native_width<T>;
   using P = Pack<T, lanes>;
 
-  [[nodiscard]] COMPMARK_INLINE Wave<P> wave(std::size_t k, std::size_t i) const {
-    P turns(phase[k]);
-    const T* f = frequency + k * dimensions;
-    for (std::size_t j = 0; j < dimensions; ++j) turns = fma(P(f[j]), P::load(u + j * stride + i), turns);
-    return wave_of_turns(turns);
-  }
+  [[nodiscard]] COMPMARK_INLINE Wave<P> wave(std::size_t k, std::size_t i) const { return wave_in<0>(k, i); }
 
   /// sums[k] of positions [begin, end).
   void sum(std::size_t begin, std::size_t end, T* sums) const {
-    for (std::size_t k = 0; k < features; ++k) {
-      P total(T(0));
-      for (std::size_t i = begin; i < end; i += lanes) total = fma(P::load(gate + i), wave(k, i).cosine, total);
-      sums[k] = reduce_add(total);
-    }
+    dimensions == 3 ? sum_in<3>(begin, end, sums) : sum_in<0>(begin, end, sums);
   }
 
-  /// With e_k = dL/dsum_k: fills d_u [dimensions, stride] and d_gate, positions [begin, end).
+  /// With e_k = dL/dsum_k: fills d_u [dimensions, stride] and d_gate, positions [begin, end). Both are 0 in a pack without an open gate.
   void input_gradient(std::size_t begin, std::size_t end, const T* e, T* d_u, T* d_gate) const {
-    constexpr std::size_t most_dimensions = 24;
-    const P turn(-2 * std::numbers::pi_v<T>);
-    for (std::size_t i = begin; i < end; i += lanes) {
-      P slope[most_dimensions];
-      for (std::size_t j = 0; j < dimensions; ++j) slope[j] = P(T(0));
-      P share(T(0));
-      for (std::size_t k = 0; k < features; ++k) {
-        const Wave<P> at = wave(k, i);
-        share = fma(P(e[k]), at.cosine, share);
-        const P s = P(e[k]) * at.sine;
-        const T* f = frequency + k * dimensions;
-        for (std::size_t j = 0; j < dimensions; ++j) slope[j] = fma(P(f[j]), s, slope[j]);
-      }
-      const P scale = turn * P::load(gate + i);
-      for (std::size_t j = 0; j < dimensions; ++j) (scale * slope[j]).store(d_u + j * stride + i);
-      share.store(d_gate + i);
-    }
+    dimensions == 3 ? input_gradient_in<3>(begin, end, e, d_u, d_gate)
+                    : input_gradient_in<0>(begin, end, e, d_u, d_gate);
   }
 
   /// Adds to sines[k] = sum w sin and to moments[k, j] = sum w u_j sin over [begin, end): dL/dphase_k = -2 pi e_k sines[k], and so on.
   void weight_sums(std::size_t begin, std::size_t end, T* sines, T* moments) const {
     for (std::size_t k = 0; k < features; ++k) {
-      constexpr std::size_t most_dimensions = 24;
       P total(T(0)), moment[most_dimensions];
       for (std::size_t j = 0; j < dimensions; ++j) moment[j] = P(T(0));
       for (std::size_t i = begin; i < end; i += lanes) {
@@ -119,6 +95,62 @@ struct LatticeWaves {
       }
       sines[k] += reduce_add(total);
       for (std::size_t j = 0; j < dimensions; ++j) moments[k * dimensions + j] += reduce_add(moment[j]);
+    }
+  }
+
+ private:
+  static constexpr std::size_t most_dimensions = 24;
+
+  [[nodiscard]] COMPMARK_INLINE bool open(std::size_t i) const { return any(P::load(gate + i) > P(T(0))); }
+
+  /// Fixed: the number of dimensions, or 0 where it is known at run time alone.
+  template <int Fixed>
+  [[nodiscard]] COMPMARK_INLINE Wave<P> wave_in(std::size_t k, std::size_t i) const {
+    const std::size_t count = Fixed == 0 ? dimensions : static_cast<std::size_t>(Fixed);
+    P turns(phase[k]);
+    const T* f = frequency + k * count;
+    for (std::size_t j = 0; j < count; ++j) turns = fma(P(f[j]), P::load(u + j * stride + i), turns);
+    return wave_of_turns(turns);
+  }
+
+  template <int Fixed>
+  void sum_in(std::size_t begin, std::size_t end, T* sums) const {
+    for (std::size_t k = 0; k < features; ++k) sums[k] = T(0);
+    constexpr std::size_t most = 64;  // packs at a time
+    std::size_t opened[most];
+    while (begin < end) {
+      std::size_t count = 0;
+      for (; begin < end && count < most; begin += lanes) {
+        if (open(begin)) opened[count++] = begin;
+      }
+      for (std::size_t k = 0; k < features && count > 0; ++k) {
+        P total(T(0));
+        for (std::size_t n = 0; n < count; ++n)
+          total = fma(P::load(gate + opened[n]), wave_in<Fixed>(k, opened[n]).cosine, total);
+        sums[k] += reduce_add(total);
+      }
+    }
+  }
+
+  template <int Fixed>
+  void input_gradient_in(std::size_t begin, std::size_t end, const T* e, T* d_u, T* d_gate) const {
+    const std::size_t count = Fixed == 0 ? dimensions : static_cast<std::size_t>(Fixed);
+    const P turn(-2 * std::numbers::pi_v<T>);
+    for (std::size_t i = begin; i < end; i += lanes) {
+      P slope[Fixed == 0 ? most_dimensions : static_cast<std::size_t>(Fixed)];
+      for (std::size_t j = 0; j < count; ++j) slope[j] = P(T(0));
+      P share(T(0));
+      const std::size_t open_features = open(i) ? features : 0;
+      for (std::size_t k = 0; k < open_features; ++k) {
+        const Wave<P> at = wave_in<Fixed>(k, i);
+        share = fma(P(e[k]), at.cosine, share);
+        const P s = P(e[k]) * at.sine;
+        const T* f = frequency + k * count;
+        for (std::size_t j = 0; j < count; ++j) slope[j] = fma(P(f[j]), s, slope[j]);
+      }
+      const P scale = turn * P::load(gate + i);
+      for (std::size_t j = 0; j < count; ++j) (scale * slope[j]).store(d_u + j * stride + i);
+      share.store(d_gate + i);
     }
   }
 };

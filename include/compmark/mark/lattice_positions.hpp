@@ -172,6 +172,7 @@ struct LatticePositions {
     const T scale = T(1) / static_cast<T>(settings.gate);
     const T low = mean * scale, high = (T(1) - mean) * scale;
     const T dark = std::exp(-low * low), bright = std::exp(-high * high);
+    if ((T(1) - dark) * (T(1) - bright) == T(0)) return {T(0), T(0)};  // to rounding: nothing is read there
     return {(T(1) - dark) * (T(1) - bright),
             T(2) * scale * (low * dark * (T(1) - bright) - high * bright * (T(1) - dark))};
   }

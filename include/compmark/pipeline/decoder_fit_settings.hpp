@@ -45,7 +45,7 @@ struct DecoderFitSettings {
   /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much weight in the noise as `edit_weight`
   /// says: what is quiet in clean renders alone is drowned by a JPEG.
   int edits_per_view = 1;
-  double edit_weight = 0.5;
+  double edit_weight = 0.15;
   AugmentationSettings edits = gentle_edits();
   /// Anchors looked at for the gradients at most; 8 bytes for each of their features and waves.
   std::size_t anchors = 8000;

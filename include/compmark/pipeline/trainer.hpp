@@ -292,6 +292,7 @@ class Trainer {
   /// An iteration beside a host that does not train: no photograph is looked at. The last one steps too: nothing was saved before it.
   template <class Views>
   IterationReport mark_alone(const Views& views, double rate, IterationReport report) requires(marks_beside) {
+    report.view = drawn_.roomy_view(views, settings_.seed, report.iteration);
     noise(report.iteration);
     report.forward = learn_residual(views, rate, report);
     report.loss.total = drawn_.report().total;

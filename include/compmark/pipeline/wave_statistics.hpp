@@ -34,39 +34,6 @@ namespace compmark::inline v0 {
 
 namespace detail {
 
-/// How much room every view has, summed up: the square of its distance to the third nearest other one, which is as an area where views stand on a
-/// surface; not below a quarter of the median nor above four of them, so that no view is left out and none takes over. Views that are drawn in
-/// proportion to it cover the gaps of a capture, where what a scene says is known least. `cameras(i)`, i < views.
-template <class Cameras>
-[[nodiscard]] std::vector<double> summed_room(const Cameras& cameras, std::size_t views) {
-  constexpr std::size_t nearest = 3;
-  std::vector<double> rooms;
-  for (std::size_t i = 0; i < views; ++i) {
-    const std::array<double, 3> self = cameras(i).center_world;
-    std::vector<double> squares;
-    for (std::size_t j = 0; j < views; ++j) {
-      if (j == i) continue;
-      const std::array<double, 3> other = cameras(j).center_world;
-      double square = 0;
-      for (std::size_t c = 0; c < 3; ++c) square += (other[c] - self[c]) * (other[c] - self[c]);
-      squares.push_back(square);
-    }
-    const std::size_t third = std::min(nearest, squares.size());
-    if (third > 0)
-      std::nth_element(squares.begin(), squares.begin() + static_cast<std::ptrdiff_t>(third - 1), squares.end());
-    rooms.push_back(third > 0 ? squares[third - 1] : 0);
-  }
-  std::vector<double> sorted = rooms;
-  std::sort(sorted.begin(), sorted.end());
-  const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
-  double sum = 0;
-  for (double& room : rooms) {
-    sum += median > 0 ? std::clamp(room, median / 4, 4 * median) : 1;  // half of them in one place: as often each
-    room = sum;
-  }
-  return rooms;
-}
-
 /// Renders a host in drawn views and asks how its features move waves of the colour.
 template <Recipe R, class Views, Executor E>
 class WaveProbe {
@@ -86,16 +53,14 @@ class WaveProbe {
     const std::size_t rows = std::min(settings.anchors, gradients.rows);
     for (std::size_t i = 0; i < rows; ++i) anchors_.push_back(i * gradients.rows / rows);
     columns_ = gradients.columns;
-    room_ = summed_room([&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); }, views_->size());
+    room_ = ViewRoom([&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); }, views_->size());
   }
 
   /// Number n of the views of a stage.
   void render(const char* stage, std::size_t n, double reach = 1) {
     const Random random(settings_.seed, n, random_stage(stage));
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); };
-    const double at = random.uniform(std::uint64_t{1} << 20) * room_.back();
-    view_ = std::min(static_cast<std::size_t>(std::upper_bound(room_.begin(), room_.end(), at) - room_.begin()),
-                     room_.size() - 1);
+    view_ = room_.view(random.uniform(std::uint64_t{1} << 20));
     camera_ = drawn_camera(camera_of, views_->size(), view_, random, reach);
     static_cast<void>(pipeline_.forward(*host_, camera_, view_, context_, *executor_));
   }
@@ -175,7 +140,7 @@ class WaveProbe {
   Augmenter<T> augmenter_;
   BlockHandle feature_;
   std::vector<std::size_t> anchors_;
-  std::vector<double> room_;  ///< of the views, summed up
+  ViewRoom room_;
   std::size_t columns_ = 0, view_ = 0;
   ViewCamera<R> camera_;
 };

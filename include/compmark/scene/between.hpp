@@ -3,7 +3,7 @@
 //
 // Views that nobody took: cameras between two neighbouring training cameras. What needs no photograph, such as reading a message, can be
 // asked of them, and then holds between the photographs too (docs/watermark.md). Position and axes are interpolated, the latter along the
-// shorter arc; the intrinsics are those of the first camera. Cost: O(views) for a choice, nothing to store.
+// shorter arc; the intrinsics are those of the first camera. Cost: O(views) for a choice; O(views^2) once for their room.
 #pragma once
 
 #include <algorithm>
@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
 #include "compmark/core/random.hpp"
 #include "compmark/scene/camera.hpp"
@@ -84,6 +85,51 @@ template <class Cameras>
   }
   return found == 0 ? view : index[random.below(draw, found)];
 }
+
+/// How much room every view has: the square of its distance to the third nearest other one, which is as an area where views stand on a surface; not below
+/// a quarter of the median nor above four of them, so that no view is left out and none takes over. Views that are drawn in proportion to it cover the
+/// gaps of a capture, where what a scene says is known least.
+class ViewRoom {
+ public:
+  ViewRoom() = default;
+  /// `cameras(i)` gives the camera of view i < views.
+  template <class Cameras>
+  ViewRoom(const Cameras& cameras, std::size_t views) {
+    constexpr std::size_t nearest = 3;
+    for (std::size_t i = 0; i < views; ++i) {
+      const std::array<double, 3> self = cameras(i).center_world;
+      std::vector<double> squares;
+      for (std::size_t j = 0; j < views; ++j) {
+        if (j == i) continue;
+        const std::array<double, 3> other = cameras(j).center_world;
+        double square = 0;
+        for (std::size_t c = 0; c < 3; ++c) square += (other[c] - self[c]) * (other[c] - self[c]);
+        squares.push_back(square);
+      }
+      const std::size_t third = std::min(nearest, squares.size());
+      if (third > 0)
+        std::nth_element(squares.begin(), squares.begin() + static_cast<std::ptrdiff_t>(third - 1), squares.end());
+      summed_.push_back(third > 0 ? squares[third - 1] : 0);
+    }
+    std::vector<double> sorted = summed_;
+    std::sort(sorted.begin(), sorted.end());
+    const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
+    double sum = 0;
+    for (double& room : summed_) {
+      sum += median > 0 ? std::clamp(room, median / 4, 4 * median) : 1;  // half of them in one place: as often each
+      room = sum;
+    }
+  }
+  [[nodiscard]] bool empty() const { return summed_.empty(); }
+  /// The view at `uniform` in [0, 1): each as often as it has room. Not of none.
+  [[nodiscard]] std::size_t view(double uniform) const {
+    const auto found = std::upper_bound(summed_.begin(), summed_.end(), uniform * summed_.back());
+    return std::min(static_cast<std::size_t>(found - summed_.begin()), summed_.size() - 1);
+  }
+
+ private:
+  std::vector<double> summed_;  ///< of the views up to each
+};
 
 /// Turned round its optical axis by `roll_radians`, with the image `zoom` times as large round the principal point.
 template <class AnyCamera>
