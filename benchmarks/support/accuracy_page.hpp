@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The page that the programs accuracy_vs_time… write: a heading, a line that says what was measured, plots, a table. No script, nothing loaded.
+// The page that the programs accuracy_vs_time… and ablations write: a heading, a line that says what was measured, plots, a table. No script, nothing loaded.
 #pragma once
 
 #include <filesystem>
@@ -15,8 +15,9 @@
 
 namespace accuracy_bench {
 
+/// `body` is HTML.
 inline std::string html_page(const std::string& title, const std::string& head, const std::vector<tool::Plot>& plots,
-                             const std::string& note, const Table& table) {
+                             const std::string& note, const std::string& body) {
   const std::string heading = tool::escape_html(title);
   std::string page =
       "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>" + heading +
@@ -31,7 +32,11 @@ inline std::string html_page(const std::string& title, const std::string& head, 
       std::string(tool::plot_style) + "</style></head><body><h1>" + heading + "</h1><p>" + tool::escape_html(head) +
       "</p>";
   for (const tool::Plot& plot : plots) page += tool::svg(plot);
-  return page + "<p>" + tool::escape_html(note) + "</p>" + table.html() + "</body></html>\n";
+  return page + "<p>" + tool::escape_html(note) + "</p>" + body + "</body></html>\n";
+}
+inline std::string html_page(const std::string& title, const std::string& head, const std::vector<tool::Plot>& plots,
+                             const std::string& note, const Table& table) {
+  return html_page(title, head, plots, note, table.html());
 }
 
 /// Writes what was asked for: the page, and its first plot alone.

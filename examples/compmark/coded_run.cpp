@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <compmark/codec/container.hpp>
 #include <compmark/codec/context_gs_format.hpp>
 #include <compmark/codec/hac_format.hpp>
+#include <compmark/io/atomic_file.hpp>
 #include <cstdio>
+#include <map>
 #include <memory>
 
 #include "codec_file.hpp"
@@ -52,6 +55,26 @@ std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const CodecRep
   if (report.extra_bytes != 0) sections.emplace_back("sections of others", report.extra_bytes);
   std::stable_sort(sections.begin(), sections.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
   return sections;
+}
+
+Result<CodedFile> coded_file(const std::filesystem::path& path) {
+  const Result<std::vector<std::byte>> bytes = read_file(path);
+  if (!bytes) return bytes.error();
+  const Result<Container> container = parse_container(*bytes, path.string());
+  if (!container) return container.error();
+  CodedFile file;
+  file.codec = codec_file_name(container->header.profile);
+  std::map<std::string, std::uint64_t> sizes;
+  std::uint64_t left = bytes->size();
+  for (const SectionEntry& entry : container->sections) {
+    sizes[purpose(entry.kind)] += entry.size;
+    left -= std::min(left, entry.size);
+  }
+  sizes["header and table of contents"] = left;
+  file.sections.assign(sizes.begin(), sizes.end());
+  std::stable_sort(file.sections.begin(), file.sections.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
+  return file;
 }
 
 std::string coded_text(const CodecReport& report) {
@@ -137,6 +160,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
     const Result<MarkMeasurement> found = measure_mark(**decoded, *mark, measured, executor);
     if (!found) return found.error();
     run.metrics.watermark = watermark_metrics(found->report.verification);
+    run.bits = logit_plot(mark->message, found->report.verification, "Bits of all views, compressed");
   }
   run.table.heading = "Compressed";
   run.table.rows = {{"codec", run.metrics.codec},

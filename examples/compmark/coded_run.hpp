@@ -8,6 +8,7 @@
 #include <compmark/codec/encoding.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -24,7 +25,8 @@ namespace tool {
 
 struct CodedRun {
   CompressedMetrics metrics;
-  ReportTable table;  ///< for the page
+  ReportTable table;         ///< for the page
+  std::optional<Plot> bits;  ///< for the page, of a marked model
 };
 
 /// Writes `file`, loads it and measures it over `measured`; `mark` may be null.
@@ -34,6 +36,12 @@ compmark::Result<CodedRun> write_and_measure(const compmark::CodecModel& model, 
 
 /// Bytes by what they are for, largest first; they add up to the file.
 std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const compmark::CodecReport& report);
+/// The same of a file that is there. Nothing of it is decoded; its checksums are looked at.
+struct CodedFile {
+  std::string codec;
+  std::vector<std::pair<std::string, std::uint64_t>> sections;
+};
+compmark::Result<CodedFile> coded_file(const std::filesystem::path& path);
 /// What an encoder found, for people and for programs.
 std::string coded_text(const compmark::CodecReport& report);
 nlohmann::ordered_json coded_json(const compmark::CodecReport& report);

@@ -35,6 +35,12 @@ compmark::Result<std::string> file_sha256(const std::filesystem::path& path) {
   return compmark::Sha256{}.update(*bytes).hex();
 }
 
+std::string base_name(const std::filesystem::path& path) {
+  std::filesystem::path clean = path.lexically_normal();
+  if (!clean.has_filename()) clean = clean.parent_path();
+  return clean.filename().string();
+}
+
 compmark::Result<compmark::Done> make_folder(const std::filesystem::path& path) {
   std::error_code status;
   std::filesystem::create_directories(path, status);

@@ -48,6 +48,8 @@ struct DatasetViews {
 
 /// SHA-256 of a file, 64 hexadecimal digits.
 compmark::Result<std::string> file_sha256(const std::filesystem::path& path);
+/// The last name of a path, also of "scene/": what a dataset is called.
+std::string base_name(const std::filesystem::path& path);
 /// Creates a folder and checks that files can be written in it.
 compmark::Result<compmark::Done> make_folder(const std::filesystem::path& path);
 

@@ -1,18 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark evaluate: PSNR, SSIM and, given weights, LPIPS of a model against a dataset.
-#include <compmark/scene/open.hpp>
+// compmark evaluate: what models are worth against a dataset, one or several side by side: PSNR, SSIM and, given weights, LPIPS; what a mark costs and
+// how much of a message is read; bytes by section and milliseconds.
+#include <compmark/io/json_file.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
-
-#include <compmark/io/json_file.hpp>
+#include <tuple>
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "effects.hpp"
-#include "evaluation.hpp"
+#include "comparison.hpp"
+#include "reading.hpp"
 
 namespace tool {
 namespace {
@@ -20,71 +20,60 @@ namespace {
 using namespace compmark;
 
 struct EvaluateOptions {
-  std::filesystem::path model;
-  std::filesystem::path data;
-  std::filesystem::path json;
-  std::string split = "test";
-  double downscale = 1;
-  std::size_t threads = 0;
-  LpipsFiles lpips;
+  ComparisonInput input;
+  std::filesystem::path json, csv, html;
 };
 
 int run(const EvaluateOptions& options) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
-  if (!model) return fail(model.error());
-  DatasetSettings settings = settings_of((*model)->info);
-  settings.downscale = options.downscale;
-  for (std::size_t c = 0; c < 3; ++c)
-    settings.background[c] = static_cast<float>((*model)->render_settings.background[c]);
-  Result<Dataset> dataset = open_for((*model)->info, options.data, settings);
-  if (!dataset) return fail(dataset.error());
-  for (const std::string& warning : dataset->warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
-  ImageStore store(*dataset, settings, {});
-  const DatasetViews views{&*dataset, &store, dataset->indices(options.split == "test" ? Split::test : Split::train)};
-  if (views.size() == 0) {
-    return fail({ErrorKind::invalid, options.data.string(), options.split + " split", "holds no view",
-                 "choose the other split with --split"});
+  const ComparisonInput& input = options.input;
+  std::vector<std::filesystem::path> read = input.models;
+  for (const std::filesystem::path& path :
+       {input.unmarked, input.key, input.decoder, input.lpips.alex, input.lpips.squeeze})
+    read.push_back(path);
+  for (const auto& [output, option, other, another] :
+       {std::tuple(&options.json, "--json", &options.csv, &options.html),
+        std::tuple(&options.csv, "--csv", &options.json, &options.html),
+        std::tuple(&options.html, "--html", &options.json, &options.csv)}) {
+    for (const std::filesystem::path& path : read) {
+      if (Result<Done> kept = keep_inputs(*output, {path, *other, *another}, option); !kept) return fail(kept.error());
+    }
   }
-  ThreadExecutor executor(options.threads);
-  Result<Evaluation> evaluation =
-      evaluate_views(**model, views, options.lpips, executor,
-                     [](std::size_t, const ViewResult& view, ImageView<const float>, ImageView<const float>) {
-                       std::printf("%-24s PSNR %6.2f dB  SSIM %.4f", view.name.c_str(), view.psnr, view.ssim);
-                       if (view.lpips_alex) std::printf("  LPIPS-alex %.4f", *view.lpips_alex);
-                       if (view.lpips_squeeze) std::printf("  LPIPS-squeeze %.4f", *view.lpips_squeeze);
-                       std::printf("  %.1f ms\n", view.milliseconds);
-                     });
-  if (!evaluation) return fail(evaluation.error());
-  const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
-  const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
-  std::printf("mean over %zu views: PSNR %.3f dB  SSIM %.4f", views.size(), mean_psnr, mean_ssim);
-  nlohmann::ordered_json json{
-      {"schema", "compmark.evaluation.1"}, {"split", options.split}, {"psnr", mean_psnr}, {"ssim", mean_ssim}};
-  if (!options.lpips.alex.empty()) {
-    json["lpips_alex"] = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
-    std::printf("  LPIPS-alex %.4f", json["lpips_alex"].get<double>());
+  ThreadExecutor executor(input.threads);
+  const Result<Comparison> comparison = compare_models(input, executor);
+  if (!comparison) return fail(comparison.error());
+  if (comparison->models.size() == 1) {
+    for (const ViewResult& view : comparison->models[0].evaluation.views) {
+      std::printf("%-24s PSNR %6.2f dB  SSIM %.4f", view.name.c_str(), view.psnr, view.ssim);
+      if (view.lpips_alex) std::printf("  LPIPS-alex %.4f", *view.lpips_alex);
+      if (view.lpips_squeeze) std::printf("  LPIPS-squeeze %.4f", *view.lpips_squeeze);
+      std::printf("  %.1f ms\n", view.milliseconds);
+    }
   }
-  if (!options.lpips.squeeze.empty()) {
-    json["lpips_squeeze"] = evaluation->mean([](const ViewResult& v) { return *v.lpips_squeeze; });
-    std::printf("  LPIPS-squeeze %.4f", json["lpips_squeeze"].get<double>());
+  std::printf("mean over %zu views\n%s", comparison->models[0].evaluation.views.size(),
+              grid_text(comparison_grid(*comparison)).c_str());
+  if (const std::optional<double> fitted = comparison->models[0].evaluation.colour_fitted())
+    std::printf("PSNR %.3f dB with the photographs' exposure fitted\n", *fitted);
+  for (const ComparedModel& model : comparison->models) {
+    if (model.sections.empty()) continue;
+    std::printf("%s\n", model.path.filename().string().c_str());
+    for (const auto& [name, bytes] : model.sections) {
+      std::printf("  %-30s %10llu  %5.1f %%\n", name.c_str(), static_cast<unsigned long long>(bytes),
+                  100 * static_cast<double>(bytes) / static_cast<double>(model.bytes));
+    }
   }
-  const std::optional<double> fitted = evaluation->colour_fitted();
-  if (fitted) {
-    json["psnr_colour_fitted"] = *fitted;
-    std::printf("  (PSNR %.3f dB with colours fitted)", *fitted);
+  if (!options.json.empty()) {
+    if (Result<Done> written = write_file(options.json, comparison_json(*comparison).dump(2) + "\n"); !written)
+      return fail(written.error());
   }
-  std::printf("\n");
-  if (options.json.empty()) return success;
-  json["views"] = nlohmann::ordered_json::array();
-  for (const ViewResult& view : evaluation->views) {
-    nlohmann::ordered_json entry{
-        {"name", view.name}, {"psnr", view.psnr}, {"ssim", view.ssim}, {"milliseconds", view.milliseconds}};
-    if (view.psnr_colour_fitted) entry["psnr_colour_fitted"] = *view.psnr_colour_fitted;
-    if (view.lpips_alex) entry["lpips_alex"] = *view.lpips_alex;
-    if (view.lpips_squeeze) entry["lpips_squeeze"] = *view.lpips_squeeze;
-    json["views"].push_back(std::move(entry));
+  if (!options.csv.empty()) {
+    if (Result<Done> written = write_file(options.csv, comparison_csv(*comparison)); !written)
+      return fail(written.error());
   }
-  if (Result<Done> written = write_file(options.json, json.dump(2) + "\n"); !written) return fail(written.error());
+  if (!options.html.empty()) {
+    ReportInput report = comparison_report(*comparison, base_name(input.data));
+    report.tables.push_back(machine_table(static_cast<int>(executor.concurrency())));
+    if (Result<Done> written = write_report(options.html, report); !written) return fail(written.error());
+  }
   return success;
 }
 
@@ -92,21 +81,31 @@ int run(const EvaluateOptions& options) {
 
 Command add_evaluate(CLI::App& app) {
   auto options = std::make_shared<EvaluateOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
-  app.add_option("--data", options->data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+  ComparisonInput& input = options->input;
+  app.add_option("--model", input.models,
+                 "model.safetensors of a run or a compressed .cmk; several are compared, as before and after a codec")
       ->required();
-  app.add_option("--split", options->split, "test or train")
+  app.add_option("--data", input.data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")->required();
+  app.add_option("--unmarked", input.unmarked, "the same model without a mark, to say what the mark costs");
+  app.add_option("--key", input.key, "owner's key: is its message read from the renders? (with --decoder)");
+  app.add_option("--decoder", input.decoder, "decoder file that reads it");
+  app.add_option("--split", input.split, "test or train")
       ->capture_default_str()
       ->check(CLI::IsMember({"test", "train"}));
   app.add_option("--json", options->json, "write the figures to this file");
-  app.add_option("--downscale", options->downscale, "divide the images' size by this")
+  app.add_option("--csv", options->csv, "write a line a view and model to this file");
+  app.add_option("--html", options->html, "write a page with the table, bytes by section, bits and pictures");
+  app.add_option("--downscale", input.downscale, "divide the images' size by this")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 64.0));
-  app.add_option("--threads", options->threads, "0: all")->capture_default_str();
-  app.add_option("--lpips-alex", options->lpips.alex, "LPIPS AlexNet weights (safetensors)");
-  app.add_option("--lpips-squeeze", options->lpips.squeeze, "LPIPS SqueezeNet weights (safetensors)");
-  app.add_flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
-  return [options]() -> int { return run(*options); };
+  app.add_option("--threads", input.threads, "0: all")->capture_default_str();
+  app.add_option("--lpips-alex", input.lpips.alex, "LPIPS AlexNet weights (safetensors)");
+  app.add_option("--lpips-squeeze", input.lpips.squeeze, "LPIPS SqueezeNet weights (safetensors)");
+  app.add_flag("--lpips-family-range", input.lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
+  return [options]() -> int {
+    options->input.shown = options->html.empty() ? 0 : 3;
+    return run(*options);
+  };
 }
 
 }  // namespace tool

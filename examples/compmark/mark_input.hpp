@@ -21,6 +21,7 @@
 #include "common.hpp"
 #include "reading.hpp"
 #include "results.hpp"
+#include "svg_plot.hpp"
 
 namespace tool {
 
@@ -70,6 +71,8 @@ struct MarkMeasurement {
 compmark::Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, DatasetViews views,
                                                compmark::ThreadExecutor& executor);
 
+/// The fused logits, a dot a bit: above 0 those that are right.
+Plot logit_plot(const compmark::Message& message, const compmark::Verification& verification, const std::string& title);
 /// What of it results.json says.
 WatermarkMetrics watermark_metrics(const compmark::Verification& verification);
 

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <iterator>
 #include <string_view>
 #include <thread>
 
@@ -118,7 +119,17 @@ std::string curves(const std::vector<ProgressLine>& curve) {
       .title = "Gaussians of a view", .x_label = "iteration", .y_label = "Gaussians", .series = {}, .from_zero = true};
   gaussians.series.push_back(
       thinned(curve, 300, "Gaussians", 3, [](const ProgressLine& l) { return static_cast<double>(l.gaussians); }));
-  return "<h2>Training</h2><div class=\"row\">" + svg(loss) + svg(psnr) + svg(anchors) + svg(gaussians) + "</div>\n";
+  std::string text = "<h2>Training</h2><div class=\"row\">" + svg(loss) + svg(psnr) + svg(anchors) + svg(gaussians);
+  std::vector<ProgressLine> read;
+  std::copy_if(curve.begin(), curve.end(), std::back_inserter(read),
+               [](const ProgressLine& line) { return line.bit_accuracy.has_value(); });
+  if (!read.empty()) {
+    Plot bits{.title = "Bits that are right", .x_label = "iteration", .y_label = "share of a view's", .series = {}};
+    bits.series.push_back(
+        thinned(read, 300, "views of the training", 0, [](const ProgressLine& l) { return *l.bit_accuracy; }));
+    text += svg(bits);
+  }
+  return text + "</div>\n";
 }
 
 std::string table(const ReportTable& input) {
@@ -172,6 +183,11 @@ std::string make_report(const ReportInput& input) {
     page += "</div>\n";
   }
   page += curves(input.curve);
+  if (!input.plots.empty()) {
+    page += "<h2>Message</h2><div class=\"row\">";
+    for (const Plot& plot : input.plots) page += svg(plot);
+    page += "</div>\n";
+  }
   if (!input.views.empty()) {
     page += "<h2>Test views: ground truth, render, difference ×" + std::to_string(input.difference_gain) + "</h2>\n";
     for (const ReportView& view : input.views) {

@@ -15,6 +15,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "progress.hpp"
+#include "svg_plot.hpp"
 
 namespace tool {
 
@@ -56,6 +57,7 @@ struct ReportInput {
   std::vector<ProgressLine> curve;                            ///< Progress::history() or read_progress_log()
   std::vector<ReportTable> tables;                            ///< metrics, machine, settings …
   std::vector<ReportGrid> grids;
+  std::vector<Plot> plots;  ///< of the message that was read
   std::vector<ReportView> views;
   int difference_gain = 5;
 };

@@ -26,11 +26,6 @@ using namespace compmark;
 
 namespace {
 
-std::string base_name(const std::filesystem::path& path) {
-  std::filesystem::path clean = path.lexically_normal();
-  if (!clean.has_filename()) clean = clean.parent_path();
-  return clean.filename().string();
-}
 std::string rounded(double value, int digits) {
   char text[64];
   std::snprintf(text, sizeof text, "%.*f", digits, value);
@@ -275,6 +270,8 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
     if (m.psnr_marked_vs_unmarked)
       table.rows.push_back({"PSNR of marked against unmarked", rounded(*m.psnr_marked_vs_unmarked, 2) + " dB"});
     report.tables.push_back(std::move(table));
+    report.plots.push_back(logit_plot(mark->message, measured_mark->report.verification, "Bits of all views"));
+    if (coded && coded->bits) report.plots.push_back(*coded->bits);
   }
   ReportGrid grid{std::string("Every ") + split + " view", {"view", "PSNR dB", "SSIM", "ms", "Gaussians"}, {}};
   for (const ViewResult& view : evaluation->views) {

@@ -104,6 +104,17 @@ TEST_CASE("tool: every command that reads a model reads a compressed one, in a p
     CHECK(figures["psnr"] == compressed["test"]["psnr"]);
     CHECK(figures["ssim"] == compressed["test"]["ssim"]);
   }
+  // Before and after, side by side.
+  const Outcome both =
+      done("evaluate --model " + at("run/model.safetensors") + " " + small() + data + " --json " + at("both.json"));
+  CHECK(both.text.find("positions") != std::string::npos);
+  const nlohmann::json models = json_of(at("both.json"))["models"];
+  REQUIRE(models.size() == 2);
+  CHECK(models[0]["psnr"].get<double>() == doctest::Approx(results()["test"]["psnr"].get<double>()).epsilon(1e-12));
+  CHECK_FALSE(models[0].contains("codec"));
+  CHECK(models[1]["codec"] == "hac");
+  CHECK(models[1]["psnr"] == compressed["test"]["psnr"]);
+  CHECK(models[1]["sections"] == compressed["sections"]);
   done("render --model " + small() + " --out " + at("renders"));
   std::size_t images = 0;
   for (const auto& entry : fs::directory_iterator(at("renders"))) images += entry.path().extension() == ".png";

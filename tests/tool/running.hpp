@@ -38,6 +38,11 @@ inline nlohmann::json json_of(const std::filesystem::path& path) {
   REQUIRE(json.ok());
   return *json;
 }
+inline std::string text_of(const std::filesystem::path& path) {
+  const Result<std::vector<std::byte>> bytes = read_file(path);
+  REQUIRE(bytes.ok());
+  return {reinterpret_cast<const char*>(bytes->data()), bytes->size()};
+}
 inline std::vector<std::byte> file_bytes(const std::filesystem::path& path) {
   Result<std::vector<std::byte>> bytes = read_file(path);
   REQUIRE(bytes.ok());

@@ -5,6 +5,7 @@
 // marked, unmarked and foreign models; the same bits at any thread count and after a stop; bad input.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <compmark/core/random.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>
@@ -101,6 +102,38 @@ TEST_CASE(
   CHECK(verdict("marked", setting().key, "--split test --json " + at("report.json")) != 2);
   CHECK(json_of(at("report.json"))["p_value"] == marked["p_value"]);
   CHECK(json_of(at("marked/verification.json"))["model"]["sha256"] == marked["model_sha256"]);
+
+  // evaluate says the same of the files, and of the twin beside it.
+  const std::string evaluate = "evaluate --model " + at("marked/model.safetensors") + " --data " + setting().scene,
+                    twin = " --unmarked " + at("unmarked/model.safetensors");
+  const Outcome outcome = tool(evaluate + twin + setting().mark() + " --json " + at("evaluate.json") + " --csv " +
+                               at("evaluate.csv") + " --html " + at("evaluate.html"));
+  INFO(outcome.text);
+  REQUIRE(outcome.code == 0);
+  const nlohmann::json found = json_of(at("evaluate.json"));
+  CHECK(found["psnr"].get<double>() == doctest::Approx(marked["test"]["psnr"].get<double>()).epsilon(1e-12));
+  CHECK(found["p_value"] == marked["p_value"]);
+  CHECK(found["bit_accuracy"] == marked["bit_accuracy"]);
+  CHECK(found["psnr_cost_vs_unmarked"].get<double>() ==
+        doctest::Approx(marked["psnr_cost_vs_unmarked"].get<double>()).epsilon(1e-9));
+  CHECK(found["psnr_vs_unmarked"].get<double>() ==
+        doctest::Approx(marked["psnr_marked_vs_unmarked"].get<double>()).epsilon(1e-9));
+  REQUIRE(found["models"].size() == 2);
+  CHECK(found["models"][1]["unmarked"] == true);
+  CHECK(found["models"][1]["psnr"].get<double>() ==
+        doctest::Approx(plain["test"]["psnr"].get<double>()).epsilon(1e-12));
+  CHECK_FALSE(found["models"][1].contains("psnr_vs_unmarked"));
+  const std::string csv = testing::text_of(at("evaluate.csv"));
+  CHECK(std::count(csv.begin(), csv.end(), '\n') == 1 + 2 * 4);
+  const std::string page = testing::text_of(at("evaluate.html"));
+  for (const char* part : {"<h2>Message</h2>", "<svg", "data:image/png", "against unmarked"}) {
+    INFO(part);
+    CHECK(page.find(part) != std::string::npos);
+  }
+  check_refused(tool(evaluate + " --key " + setting().key), {"--decoder", "is missing"});
+  check_refused(tool(evaluate + twin + " --json " + at("unmarked/model.safetensors")), {"--json"});
+  check_refused(tool(evaluate + " --json " + at("same.txt") + " --csv " + at("same.txt")), {"same.txt"});
+  CHECK_FALSE(fs::exists(at("same.txt")));
 }
 
 TEST_CASE("tool: embed marks a finished model and leaves the file it read as it was") {
