@@ -51,17 +51,19 @@ class DrawnReading {
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
     const ViewCamera<R> camera = drawn_camera(camera_of, views.size(), view, random, reach);
     if constexpr (present<typename R::DistortionLayer>) context_.road.phase = photographed.road.phase;
-    if constexpr (present<typename R::EntropyModel>) {
-      context_.road.rate.phase = photographed.road.rate.phase;
-      context_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
-    }
+    if constexpr (present<typename R::EntropyModel>) set_rate_phase(photographed);
     if constexpr (can_stand_beside) {
       if (phases.beside_the_host()) {
         context_.road.embeds = false;
+        if constexpr (present<typename R::EntropyModel>) {
+          // What rounding did to the host is not held to: steps that take some of it back are as good as steps that carry the message.
+          if (photographed.road.rate.phase.round) context_.road.rate.phase = {};
+        }
         static_cast<void>(pipeline.forward(model, camera, view, context_, executor));
         host_storage_.resize(context_.image.size());
         std::copy_n(context_.image.data, context_.image.size(), host_storage_.data());
         context_.road.embeds = true;
+        if constexpr (present<typename R::EntropyModel>) set_rate_phase(photographed);
       }
     }
     const ForwardReport report = pipeline.forward(model, camera, view, context_, executor);
@@ -81,6 +83,11 @@ class DrawnReading {
   bool alone = false;
 
  private:
+  void set_rate_phase(const Context& photographed) requires(present<typename R::EntropyModel>) {
+    context_.road.rate.phase = photographed.road.rate.phase;
+    context_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
+  }
+
   Context context_;  ///< its own, so that the photographed view's stays
   Buffer<Scalar> host_storage_;
   ViewRoom room_;
