@@ -10,8 +10,12 @@
 #include <string>
 #include <system_error>
 
+#include "any_model.hpp"
+#include "codec_file.hpp"
 #include "commands.hpp"
 #include "fit_run.hpp"
+#include "recipe_list.hpp"
+#include "train_coded.hpp"
 #include "train_marked.hpp"
 #include "train_recipe.hpp"
 
@@ -31,6 +35,11 @@ TrainSettings embed_settings(TrainSettings settings) {
           &settings.mlp_color, &settings.feature_bank, &settings.appearance, &settings.effects.exposure}) {
       *rate = {0, 0};
     }
+    // A model for a codec is read as the file is: rounded from the first iteration on, by a context that stays.
+    RateNumbers& rate = settings.rate;
+    rate.mask = rate.grid = rate.context = {0, 0};
+    rate.hyperprior = 0;
+    rate.noise_after = rate.context_after = rate.round_after = -60000;
     settings.mark.distortion_rate = 0;
     return settings;
   }
@@ -50,7 +59,7 @@ Result<Done> make_decoder(TrainOptions& options) {
   const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return key.error();
   FitOptions fit;
-  fit.model = options.model;
+  fit.model = options.model;  // of a codec: before it is rounded
   fit.data = options.data;
   fit.out = options.out / "decoder.safetensors";
   options.mark.decoder = fit.out;
@@ -85,6 +94,20 @@ Result<Done> make_decoder(TrainOptions& options) {
   return Done{};
 }
 
+/// The unmarked model as its codec writes it: what a marked file is compared with.
+Result<Done> write_unmarked_file(TrainOptions& options) {
+  const Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
+  if (!model) return model.error();
+  const Result<CodecModel> coded = (*model)->coded({});
+  if (!coded) return coded.error();
+  if (Result<Done> folder = make_folder(options.out); !folder) return folder;
+  options.mark.twin = options.out / "unmarked.cmk";
+  ThreadExecutor executor(options.threads);
+  const Result<CodecEncoded> written = write_codec_file(options.mark.twin, *coded, executor);
+  if (!written) return written.error();
+  return Done{};
+}
+
 }  // namespace
 
 int embed_model(TrainOptions options) {
@@ -95,6 +118,16 @@ int embed_model(TrainOptions options) {
   }();
   if (!recipe) return fail(recipe.error());
   options.recipe = *recipe;
+  options.codec = recipe_codec(*recipe);
+  const bool coded = is_coded_recipe(*recipe);
+  if (coded && reading_recipe(*recipe) != options.codec) return fail(no_message_in(*recipe));
+  if (coded && options.mark.fidelity && *options.mark.fidelity == 0) {
+    return fail({ErrorKind::unsupported,
+                 {},
+                 "--fidelity",
+                 "is 0, and a model for a codec is marked beside what it is alone",
+                 "leave it out, or train with the message: compmark train --codec --key --decoder"});
+  }
   std::error_code ignored;
   if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
     return fail({ErrorKind::invalid, options.model.string(), "--out", "is the folder of the model that is marked",
@@ -106,6 +139,9 @@ int embed_model(TrainOptions options) {
   TrainSettings settings = *profile_settings(options.profile);
   settings.iterations = options.iterations;
   if (options.seed) settings.seed = *options.seed;
+  if (options.mark.twin.empty() && coded) {
+    if (Result<Done> written = write_unmarked_file(options); !written) return fail(written.error());
+  }
   if (options.mark.twin.empty()) options.mark.twin = options.model;
   settings.mark = mark_beside_the_host();
   settings.mark.residual_rate =
@@ -115,7 +151,8 @@ int embed_model(TrainOptions options) {
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);  // a run is resumed from the same model alone
-  return train_marked(options, embed_settings(settings), *mark);
+  return coded ? train_coded(options, embed_settings(settings), &*mark)
+               : train_marked(options, embed_settings(settings), *mark);
 }
 
 Command add_embed(CLI::App& app) {

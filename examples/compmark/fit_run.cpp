@@ -2,40 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fit_run.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/lattice_file.hpp>
-#include <compmark/pipeline/checkpoint.hpp>
-#include <compmark/pipeline/decoder_fit.hpp>
-#include <compmark/scene/open.hpp>
-#include <cstdio>
-#include <memory>
+#include <compmark/recipes/scaffold.hpp>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include "commands.hpp"
-#include "common.hpp"
-#include "effects.hpp"
-#include "evaluation.hpp"
-#include "jpeg_codec.hpp"
-#include "model_source.hpp"
-#include "progress.hpp"
+#include "fit_model.hpp"
 #include "reading.hpp"
 #include "recipe_list.hpp"
 
 namespace tool {
 namespace {
-
-using namespace compmark;
-using Host = recipes::Scaffold;
 
 Result<Done> check(FitOptions& options) {
   const auto refuse = [](const char* option, const std::string& problem, const char* remedy) {
@@ -58,68 +38,22 @@ Result<Done> check(FitOptions& options) {
   return keep_inputs(options.json, {options.model}, "--json");
 }
 
-/// A figure on a terminal, a line every ten seconds elsewhere.
-class FitLine {
- public:
-  void on_progress(std::size_t done, std::size_t total) {
-    const double since = std::chrono::duration<double>(Clock::now() - last_).count();
-    if (done != total && since < (terminal_ ? 0.2 : 10)) return;
-    last_ = Clock::now();
-    const double spent = std::chrono::duration<double>(last_ - start_).count(),
-                 left = spent * static_cast<double>(total - done) / static_cast<double>(done);
-    std::fprintf(stderr, "%sfit %.0f %%  ETA %s%s", terminal_ ? "\r" : "",
-                 100 * static_cast<double>(done) / static_cast<double>(total), format_duration(left).c_str(),
-                 !terminal_ || done == total ? "\n" : "\x1b[K");
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  bool terminal_ = isatty(STDERR_FILENO) == 1;
-  Clock::time_point start_ = Clock::now(), last_ = start_;
-};
-
 }  // namespace
 
 Result<FittedFile> fit_to_file(FitOptions options) {
   if (Result<Done> good = check(options); !good) return good.error();
   const Result<ModelSource> source = ModelSource::open(options.model, options.threads);
   if (!source) return source.error();
-  if (reading_recipe(source->recipe) != "scaffold") {
+  const std::string plain = reading_recipe(source->recipe);
+  if (plain != "scaffold" && plain != "hac" && plain != "context_gs") {
     return Error{ErrorKind::unsupported, options.model.string(), "recipe",
                  "\"" + source->recipe + "\" is not one that a message is hidden in",
-                 "a model of scaffold, scaffold+mask or scaffold+alpha"};
-  }
-  Result<LoadedModel<Host>> loaded = source->load<Host>();
-  if (!loaded) return loaded.error();
-  DatasetSettings settings = settings_of(loaded->info);
-  settings.downscale = options.downscale;
-  Result<Dataset> dataset = open_for(loaded->info, options.data, settings);
-  if (!dataset) return dataset.error();
-  for (const std::string& warning : dataset->warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
-  std::vector<StoredView> now;
-  for (const View& view : dataset->views) now.push_back(stored_view(view));
-  const std::optional<OtherView> other =
-      now.size() == loaded->info.views.size() ? other_view(loaded->info.views, now) : std::nullopt;
-  if (now.size() != loaded->info.views.size() || other) {
-    return Error{ErrorKind::invalid, options.model.string(), other ? other->field : "views",
-                 other ? "of view " + other->name + " is another one in the data" : "are not those of the data",
-                 "give the data that it was trained on, as large as then (--downscale)"};
-  }
-  const DatasetViews views{&*dataset, nullptr, dataset->indices(Split::train)};  // cameras alone: no photograph is read
-  if (options.fit.stride == 0) {  // of the largest view: as many positions as 500 x 500 pixels have
-    double pixels = 0;
-    for (std::size_t i = 0; i < views.size(); ++i) {
-      const Camera<double> camera = views.camera(i);
-      pixels = std::max(pixels, static_cast<double>(camera.width) * static_cast<double>(camera.height));
-    }
-    options.fit.stride = std::clamp(static_cast<int>(std::lround(std::sqrt(pixels) / 500)), 1, 64);
+                 "a model of scaffold, hac or context_gs, alone or with +mask or +alpha"};
   }
   ThreadExecutor executor(options.threads);
   const auto begin = std::chrono::steady_clock::now();
-  std::fprintf(stderr, "compmark: %d waves in %d drawn views, their gradients in %d\n", options.fit.waves,
-               options.fit.statistics_views, options.fit.gradient_views);
-  const Result<DecoderFit<float>> fit =
-      fit_decoder(loaded->model, views, options.fit, executor, FitLine{}, JpegCodec{});
+  const Result<DecoderFit<float>> fit = plain == "scaffold" ? fit_model<recipes::Scaffold>(*source, options, executor)
+                                                            : fit_coded(plain, *source, options, executor);
   if (!fit) return fit.error();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 

@@ -80,7 +80,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.key.empty()) return missing("--key", "make one with compmark keygen");
   if (options.decoder.empty())
     return missing("--decoder",
-                   "give one of compmark fit or of weights/: only embed, and train without --twin, --codec and "
+                   "give one of compmark fit or of weights/: only embed, and train without --twin and "
                    "--for-compression, fit one");
   const Result<OwnerKey> key = key_of(options);
   if (!key) return key.error();

@@ -33,8 +33,8 @@ constexpr const char* unmarked_folder = "unmarked";
 
 /// Whether the message is hidden when the scene is finished: a key, and nothing that says how else.
 bool marks_afterwards(const TrainOptions& options) {
-  return options.codec == "none" && !is_coded_recipe(options.recipe) && options.mark.decoder.empty() &&
-         !options.mark.key.empty() && options.mark.twin.empty() && !options.mark.for_compression;
+  return options.mark.decoder.empty() && !options.mark.key.empty() && options.mark.twin.empty() &&
+         !options.mark.for_compression;
 }
 
 /// A run that goes on has the recipe, the effects and the background that it began with, whatever a probe would say today. False where nothing was
@@ -229,7 +229,9 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
   // What is wrong is said before hours of work.
   const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return fail(key.error());
-  if (reading_recipe(options.recipe) != "scaffold") return fail(no_message_in(options.recipe));
+  const bool coded = is_coded_recipe(options.recipe);
+  if (reading_recipe(options.recipe) != (coded ? recipe_codec(options.recipe) : "scaffold"))
+    return fail(no_message_in(options.recipe));
   const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
   if (!options.resume && std::filesystem::exists(options.out / "decoder.safetensors")) {
@@ -245,8 +247,10 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
   if (!*finished) {
     std::error_code ignored;
     std::filesystem::remove(host.out / "results.json", ignored);  // an earlier run's says nothing of this one
-    const int code = with_recipe(
-        options.recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(host, settings); }));
+    const int code =
+        coded ? train_coded(host, settings, nullptr)
+              : with_recipe(options.recipe,
+                            ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(host, settings); }));
     if (code != success) return code;
   }
   TrainOptions marked = options;
