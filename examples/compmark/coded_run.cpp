@@ -159,7 +159,10 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
   if (mark != nullptr) {
     const Result<MarkMeasurement> found = measure_mark(**decoded, *mark, measured, executor);
     if (!found) return found.error();
-    run.metrics.watermark = watermark_metrics(found->report.verification);
+    WatermarkMetrics metrics = watermark_metrics(found->report.verification);
+    if (found->unmarked_psnr) metrics.psnr_cost_vs_unmarked = *found->unmarked_psnr - run.metrics.test.psnr;
+    metrics.psnr_marked_vs_unmarked = found->psnr_marked_vs_unmarked;
+    run.metrics.watermark = metrics;
     run.bits = logit_plot(mark->message, found->report.verification, "Bits of all views, compressed");
   }
   run.table.heading = "Compressed";

@@ -40,17 +40,17 @@ Result<Done> write_results(const std::filesystem::path& path, const Results& res
                               {"test", std::move(test)},
                               {"model_sha256", results.model_sha256},
                               {"effects", results.effects}};
-  if (results.watermark) {
-    const WatermarkMetrics& m = *results.watermark;
+  const auto add_mark = [](nlohmann::ordered_json& target, const WatermarkMetrics& m) {
     const auto or_null = [](const std::optional<double>& value) {
       return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
     };
-    json["bit_accuracy"] = {{"mean", m.mean}, {"min", m.min}, {"views", m.views}};
-    json["p_value"] = m.p_value;
-    json["largest_view_p_value"] = m.largest_view_p_value;
-    json["psnr_cost_vs_unmarked"] = or_null(m.psnr_cost_vs_unmarked);
-    json["psnr_marked_vs_unmarked"] = or_null(m.psnr_marked_vs_unmarked);
-  }
+    target["bit_accuracy"] = {{"mean", m.mean}, {"min", m.min}, {"views", m.views}};
+    target["p_value"] = m.p_value;
+    target["largest_view_p_value"] = m.largest_view_p_value;
+    target["psnr_cost_vs_unmarked"] = or_null(m.psnr_cost_vs_unmarked);
+    target["psnr_marked_vs_unmarked"] = or_null(m.psnr_marked_vs_unmarked);
+  };
+  if (results.watermark) add_mark(json, *results.watermark);
   if (results.compressed) {
     const CompressedMetrics& c = *results.compressed;
     nlohmann::ordered_json sections;
@@ -66,12 +66,7 @@ Result<Done> write_results(const std::filesystem::path& path, const Results& res
                           {"decode_seconds", c.decode_seconds},
                           {"test", std::move(metrics)},
                           {"sections", std::move(sections)}};
-    if (c.watermark) {
-      json["compressed"]["bit_accuracy"] = {
-          {"mean", c.watermark->mean}, {"min", c.watermark->min}, {"views", c.watermark->views}};
-      json["compressed"]["p_value"] = c.watermark->p_value;
-      json["compressed"]["largest_view_p_value"] = c.watermark->largest_view_p_value;
-    }
+    if (c.watermark) add_mark(json["compressed"], *c.watermark);
   }
   return compmark::write_json(path, json);
 }

@@ -293,6 +293,11 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
     std::printf("compressed %s: %llu bytes, PSNR %.2f dB, SSIM %.4f\n", (options.out / "model.cmk").string().c_str(),
                 static_cast<unsigned long long>(coded->metrics.bytes), coded->metrics.test.psnr,
                 coded->metrics.test.ssim);
+    if (const std::optional<WatermarkMetrics>& m = coded->metrics.watermark) {
+      std::printf("  bits read: %.1f %% in the mean, %.1f %% in the worst view", 100 * m->mean, 100 * m->min);
+      if (m->psnr_cost_vs_unmarked) std::printf(", %.2f dB lost to the twin", *m->psnr_cost_vs_unmarked);
+      std::printf("\n");
+    }
   }
   if (measured_mark) {
     std::printf("bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s", 100 * results.watermark->mean,
