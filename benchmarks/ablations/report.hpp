@@ -66,6 +66,7 @@ namespace detail {
                    "lost after, dB",
                    "SSIM before",
                    "SSIM after",
+                   "anchors",
                    "file, KiB",
                    "runs"};
   for (const FilledLine& line : filled.lines) {
@@ -74,8 +75,8 @@ namespace detail {
                           any ? tool::format_text("%.1f", 100 * line.worst_after) : "", text_of(line.psnr_before, 1, 2),
                           text_of(line.psnr_after, 1, 2), text_of(line.lost_before, 1, 2),
                           text_of(line.lost_after, 1, 2), text_of(line.ssim_before, 1, 3),
-                          text_of(line.ssim_after, 1, 3), text_of(line.bytes, 1.0 / 1024, 0),
-                          std::to_string(line.accuracy_before.count)});
+                          text_of(line.ssim_after, 1, 3), text_of(line.anchors, 1, 0),
+                          text_of(line.bytes, 1.0 / 1024, 0), std::to_string(line.accuracy_before.count)});
   }
   return table;
 }
@@ -164,6 +165,7 @@ inline constexpr std::string_view note =
                                {"psnr_lost", spread(line.lost_after)},
                                {"ssim", spread(line.ssim_after)},
                                {"file_bytes", spread(line.bytes)}};
+  json["anchors"] = spread(line.anchors);
   json["paper"] = {{"bit_accuracy", line.line.paper.accuracy / 100},
                    {"psnr", line.line.paper.psnr ? nlohmann::ordered_json(*line.line.paper.psnr) : nullptr}};
   if (!line.reference) {

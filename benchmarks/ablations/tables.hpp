@@ -75,7 +75,7 @@ struct FilledLine {
   bool reference = false;
   Spread accuracy_before, accuracy_after, psnr_before, psnr_after, ssim_before, ssim_after;
   Spread lost_before, lost_after;  ///< PSNR of the twin minus that of the row
-  Spread bytes;
+  Spread bytes, anchors;
   double worst_before = 1, worst_after = 1;     ///< the worst view of all runs
   Spread accuracy_difference, psnr_difference;  ///< from the reference, where the paper measures
   Direction accuracy_direction = Direction::no_paper, psnr_direction = Direction::no_paper;
@@ -132,6 +132,7 @@ namespace detail {
     out.ssim_before = over([](const Record& r) { return r.before.ssim; });
     out.ssim_after = over([](const Record& r) { return r.after.ssim; });
     out.bytes = over([](const Record& r) { return static_cast<double>(r.file_bytes); });
+    out.anchors = over([](const Record& r) { return static_cast<double>(r.anchors); });
     out.lost_before = spread_of(lost_before);
     out.lost_after = spread_of(lost_after);
     out.accuracy_difference = spread_of(accuracy_difference);

@@ -86,7 +86,11 @@ Result<std::vector<std::unique_ptr<Scene>>> built_in_scenes(const std::filesyste
 
 Result<Record> train_row(const Row& row, Scene& scene, std::int64_t iterations, std::uint64_t seed,
                          const std::filesystem::path& scratch, ThreadExecutor& executor) {
-  const TrainSettings settings = row_settings(row, iterations, seed);
+  TrainSettings settings = row_settings(row, iterations, seed);
+  if (scene.dataset.kind != "blender") {  // points that were measured say how fine the scene is
+    settings.voxel_size = 0;
+    settings.init_factor = 16;
+  }
   const Decoder decoder = waves(row.bits, seed);
   const std::vector<std::uint8_t> bits = message_bits(row.bits, seed);
   Record record;
