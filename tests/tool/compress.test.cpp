@@ -8,6 +8,9 @@
 #include <compmark/codec/container.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
+#include <compmark/io/owner_key.hpp>
+#include <compmark/io/safetensors.hpp>
+#include <compmark/mark/lattice_file.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -170,6 +173,34 @@ TEST_CASE("tool: what cannot be compressed is refused in one line, and nothing i
   check_refused(tool("train --codec hac --recipe compmark-host --data " + at("scene") + " --out " + at("no")),
                 {"--codec", "compmark-host"});
   CHECK(json_of(at("run/results.json"))["compressed"]["bytes"] == fs::file_size(small()));
+}
+
+TEST_CASE("tool: embed marks a model for a codec as its file is read, beside an unmarked file") {
+  static_cast<void>(small());
+  const std::string key = at("owner.key"), other = at("other.key"), decoder = at("colours.safetensors"),
+                    out = at("embedded");
+  REQUIRE(write_key(key, testing::fixed_key(1, 24)).ok());
+  REQUIRE(write_key(other, testing::fixed_key(2, 24)).ok());
+  REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
+  const std::string embed = "embed --iterations 600 --fidelity 100 --message-rate 0.02 --model " +
+                            at("run/model.safetensors") + " --data " + at("scene") + " --key " + key + " --decoder " +
+                            decoder + " --out " + out;
+  check_refused(tool(embed + " --fidelity 0"), {"--fidelity", "train --codec"});
+  CHECK_FALSE(fs::exists(out));
+  done(embed);
+  const nlohmann::json compressed = json_of(out + "/results.json")["compressed"];
+  MESSAGE(compressed["bit_accuracy"].dump(), " p ", compressed["p_value"].dump(), " cost ",
+          compressed["psnr_cost_vs_unmarked"].dump(), " dB, ", compressed["psnr_marked_vs_unmarked"].dump(), " dB, ",
+          compressed["bytes"].dump(), " bytes of ", fs::file_size(small()));
+  CHECK(file_bytes(out + "/unmarked.cmk") == file_bytes(small()));
+  CHECK(compressed["psnr_marked_vs_unmarked"].get<double>() > 20);
+  CHECK(compressed["bytes"].get<double>() < 1.1 * static_cast<double>(fs::file_size(small())));
+  const auto verdict = [&](const std::string& file, const std::string& whose) {
+    return tool("verify --alpha 1e-3 --split all --model " + file + " --key " + whose + " --decoder " + decoder).code;
+  };
+  CHECK(verdict(out + "/model.cmk", key) == 0);
+  CHECK(verdict(out + "/model.cmk", other) != 0);  // negative controls
+  CHECK(verdict(out + "/unmarked.cmk", key) != 0);
 }
 
 TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvaged by chunks") {
