@@ -41,7 +41,8 @@ const char* purpose(std::uint32_t section) {
   if (section == F::context) return "context network";
   if (section == F::networks) return "rendering networks";
   if (section == F::stream) return "features, extents, offsets";
-  return section == F::digests ? "digests" : "digest of the tables";
+  if (section == F::digests) return "digests";
+  return section == F::tables ? "digest of the tables" : "sections of others";
 }
 
 }  // namespace
@@ -157,7 +158,9 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
   if (!lpips.alex.empty())
     run.metrics.test.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
   if (mark != nullptr) {
-    const Result<MarkMeasurement> found = measure_mark(**decoded, *mark, measured, executor);
+    MarkInput compared = *mark;
+    if (!mark->coded_twin.empty()) compared.twin = mark->coded_twin;
+    const Result<MarkMeasurement> found = measure_mark(**decoded, compared, measured, executor);
     if (!found) return found.error();
     WatermarkMetrics metrics = watermark_metrics(found->report.verification);
     if (found->unmarked_psnr) metrics.psnr_cost_vs_unmarked = *found->unmarked_psnr - run.metrics.test.psnr;

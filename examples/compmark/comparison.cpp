@@ -137,6 +137,22 @@ Result<ComparedModel> measure(Opened& opened, const std::filesystem::path& path,
   return found;
 }
 
+Error other_views(const std::filesystem::path& path, const std::filesystem::path& first) {
+  return {ErrorKind::invalid, path.string(), "views",
+          "are other ones, or of another size, than those of " + first.string(), "compare models of one capture"};
+}
+/// Whether two models are rendered at the same views, pixel by pixel.
+Result<Done> check_views(const Opened& opened, const std::filesystem::path& path, const Opened& twin,
+                         const std::filesystem::path& twin_path) {
+  bool same = opened.views.size() == twin.views.size();
+  for (std::size_t i = 0; same && i < opened.views.size(); ++i) {
+    const Camera<double> a = opened.views.camera(i), b = twin.views.camera(i);
+    same = a.width == b.width && a.height == b.height;
+  }
+  if (!same) return other_views(path, twin_path);
+  return Done{};
+}
+
 double milliseconds(const ComparedModel& model) {
   return model.evaluation.mean([](const ViewResult& v) { return v.milliseconds; });
 }
@@ -213,10 +229,10 @@ Result<Comparison> compare_models(const ComparisonInput& input, ThreadExecutor& 
   for (const std::filesystem::path& path : input.models) {
     const Result<std::unique_ptr<Opened>> opened = open_model(path, input, warned);
     if (!opened) return opened.error();
-    if (twin && twin->views.size() != (*opened)->views.size()) {
-      return Error{ErrorKind::invalid, path.string(), "views",
-                   "are other ones than those of " + input.unmarked.string(), "compare models of one capture"};
-    }
+    if (Result<Done> same = check_views(**opened, path, twin ? *twin : **opened, input.unmarked); !same)
+      return same.error();
+    if (!comparison.models.empty() && comparison.models[0].evaluation.views.size() != (*opened)->views.size())
+      return other_views(path, input.models[0]);
     Result<ComparedModel> found = measure(**opened, path, twin.get(), reader->get(), input, executor);
     if (!found) return found.error();
     comparison.models.push_back(std::move(*found));

@@ -7,8 +7,10 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include "any_model.hpp"
 #include "codec_file.hpp"
@@ -94,21 +96,30 @@ Result<Done> make_decoder(TrainOptions& options) {
   return Done{};
 }
 
-/// The unmarked model as its codec writes it: what a marked file is compared with.
-Result<Done> write_unmarked_file(TrainOptions& options) {
+/// What a codec writes of the unmarked model; an Error if it cannot.
+Result<CodecModel> coded_host(const TrainOptions& options) {
   const Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
   if (!model) return model.error();
-  const Result<CodecModel> coded = (*model)->coded({});
-  if (!coded) return coded.error();
-  if (Result<Done> folder = make_folder(options.out); !folder) return folder;
-  options.mark.twin = options.out / "unmarked.cmk";
-  ThreadExecutor executor(options.threads);
-  const Result<CodecEncoded> written = write_codec_file(options.mark.twin, *coded, executor);
-  if (!written) return written.error();
-  return Done{};
+  Result<CodecModel> coded = (*model)->coded({});
+  if (coded) return coded;
+  Error error = coded.error();
+  error.file = options.model.string();
+  return error;
 }
 
 }  // namespace
+
+Result<Done> can_mark_finished(const TrainOptions& options) {
+  const bool coded = is_coded_recipe(options.recipe);
+  if (reading_recipe(options.recipe) != (coded ? recipe_codec(options.recipe) : "scaffold"))
+    return no_message_in(options.recipe);
+  if (!coded || !options.mark.fidelity || *options.mark.fidelity > 0) return Done{};
+  return Error{ErrorKind::unsupported,
+               {},
+               "--fidelity",
+               "is 0, and a model for a codec is marked beside what it is alone",
+               "leave it out, or train with the message: compmark train --codec --key --decoder"};
+}
 
 int embed_model(TrainOptions options) {
   const Result<std::string> recipe = [&]() -> Result<std::string> {
@@ -120,18 +131,18 @@ int embed_model(TrainOptions options) {
   options.recipe = *recipe;
   options.codec = recipe_codec(*recipe);
   const bool coded = is_coded_recipe(*recipe);
-  if (coded && reading_recipe(*recipe) != options.codec) return fail(no_message_in(*recipe));
-  if (coded && options.mark.fidelity && *options.mark.fidelity == 0) {
-    return fail({ErrorKind::unsupported,
-                 {},
-                 "--fidelity",
-                 "is 0, and a model for a codec is marked beside what it is alone",
-                 "leave it out, or train with the message: compmark train --codec --key --decoder"});
-  }
+  if (coded) options.profile = "hac";  // as their training
+  if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
   std::error_code ignored;
   if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
     return fail({ErrorKind::invalid, options.model.string(), "--out", "is the folder of the model that is marked",
                  "choose another, the unmarked model is worth keeping"});
+  }
+  std::optional<CodecModel> unmarked;
+  if (coded) {
+    Result<CodecModel> found = coded_host(options);
+    if (!found) return fail(found.error());
+    unmarked = std::move(*found);
   }
   if (options.mark.decoder.empty()) {
     if (Result<Done> made = make_decoder(options); !made) return fail(made.error());
@@ -139,18 +150,25 @@ int embed_model(TrainOptions options) {
   TrainSettings settings = *profile_settings(options.profile);
   settings.iterations = options.iterations;
   if (options.seed) settings.seed = *options.seed;
-  if (options.mark.twin.empty() && coded) {
-    if (Result<Done> written = write_unmarked_file(options); !written) return fail(written.error());
-  }
-  if (options.mark.twin.empty()) options.mark.twin = options.model;
+  const bool own_twin = options.mark.twin.empty();
+  if (own_twin) options.mark.twin = options.model;
   settings.mark = mark_beside_the_host();
   settings.mark.residual_rate =
       0.001;  // nothing else moves, so that small steps find what is read in every view (docs/watermark.md)
-  const Result<MarkInput> mark = load_mark(options.mark, settings);
+  Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);  // a run is resumed from the same model alone
+  if (coded && own_twin) {
+    const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
+    if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
+    if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
+    mark->coded_twin = options.out / "unmarked.cmk";
+    ThreadExecutor executor(options.threads);
+    const Result<CodecEncoded> written = write_codec_file(mark->coded_twin, *unmarked, executor);
+    if (!written) return fail(written.error());
+  }
   return coded ? train_coded(options, embed_settings(settings), &*mark)
                : train_marked(options, embed_settings(settings), *mark);
 }
@@ -160,7 +178,10 @@ Command add_embed(CLI::App& app) {
   options->iterations = 2000;
   app.add_option("--model", options->model, "the model to mark (model.safetensors of a training)")->required();
   app.add_option("--data", options->data, "the dataset it was trained on")->required();
-  app.add_option("--out", options->out, "folder for the marked model, results.json and report.html")->required();
+  app.add_option("--out", options->out,
+                 "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "
+                 "with unmarked.cmk beside it")
+      ->required();
   app.add_option("--iterations", options->iterations, "length of the run")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);

@@ -62,7 +62,9 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   const DecoderFitSettings& f = options.fit;
   const std::string note = "fitted to the unmarked model of sha256 " + *model + " with seed " + std::to_string(f.seed) +
                            ", views " + std::to_string(f.statistics_views) + ", gradient views " +
-                           std::to_string(f.gradient_views);
+                           std::to_string(f.gradient_views) + ", waves " + std::to_string(f.waves) + ", coordinates " +
+                           std::to_string(f.coordinates) + ", stride " + std::to_string(f.stride) + ", edit weight " +
+                           nlohmann::json(f.edit_weight).dump();
   if (Result<Done> written = write_lattice<SafetensorsWriter>(fit->decoder, note, options.out); !written)
     return written.error();
   const Result<std::string> decoder = file_sha256(options.out);

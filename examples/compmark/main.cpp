@@ -35,7 +35,7 @@ int main(int argc, char** argv) {
   add("compress", "write a model as one small file", tool::add_compress);
   add("decompress", "write the model of a small file, or what is left of it", tool::add_decompress);
   add("render", "render views of a model to PNG", tool::add_render);
-  add("evaluate", "measure a model against a dataset's test views", tool::add_evaluate);
+  add("evaluate", "measure models against a dataset's test views", tool::add_evaluate);
   add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);
   add("info", "say what a model file holds", tool::add_info);
   add("keygen", "make an owner's key", tool::add_keygen);

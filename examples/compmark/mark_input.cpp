@@ -29,22 +29,23 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
   }
   app.add_option("--bits", options.bits, "length of the message (default: the key's)");
   app.add_option("--twin", options.twin,
-                 "an unmarked model of the same scene, to say what the mark costs (embed: the model that is marked)");
+                 "an unmarked model of the same scene, to say what the mark costs (default of embed: the model that is "
+                 "marked; of its compressed file: the unmarked one)");
   app.add_option("--message-weight", options.weight, "of the message in the loss (default: the profile's)")
       ->check(CLI::PositiveNumber);
   app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
       ->check(CLI::PositiveNumber);
-  app.add_option(
-         "--message-rate", options.rate,
-         "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: 0.001 "
-         "in a finished model, 0.002 beside its training)")
+  app.add_option("--message-rate", options.rate,
+                 "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: "
+                 "embed 0.001; "
+                 "train with --decoder 0.002, with --fidelity too 0.006)")
       ->check(CLI::PositiveNumber);
   app.add_option(
          "--fidelity", options.fidelity,
          "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
          "by so much; "
-         "0: the message joins the loss of the photographs, as published (default: 1000 with a decoder that was fitted "
-         "to the scene; with another embed 3000, train 0)")
+         "0: the message joins the loss of the photographs, as published (default: embed 3000, or 1000 with a decoder "
+         "that was fitted to the scene; train with --decoder 0)")
       ->check(CLI::Range(0.0, 1e6));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()

@@ -52,7 +52,8 @@ struct MarkInput {
   std::vector<std::uint8_t> bits;  ///< the same, one a byte
   compmark::ReportSources sources;
   std::filesystem::path twin;
-  double twin_unit = 1;  ///< as in the twin's ModelInfo, likewise the origin
+  std::filesystem::path coded_twin;  ///< of the compressed model; empty: `twin`
+  double twin_unit = 1;              ///< as in the twin's ModelInfo, likewise the origin
   std::array<double, 3> twin_origin{0, 0, 0};
   bool for_compression = false;
 };

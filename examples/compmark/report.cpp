@@ -189,7 +189,7 @@ std::string make_report(const ReportInput& input) {
     page += "</div>\n";
   }
   if (!input.views.empty()) {
-    page += "<h2>Test views: ground truth, render, difference ×" + std::to_string(input.difference_gain) + "</h2>\n";
+    page += "<h2>Views: ground truth, render, difference ×" + std::to_string(input.difference_gain) + "</h2>\n";
     for (const ReportView& view : input.views) {
       std::string figures = format_text("%.2f dB, SSIM %.4f", view.psnr, view.ssim);
       if (view.lpips) figures += format_text(", LPIPS %.4f", *view.lpips);

@@ -50,6 +50,7 @@ Result<Done> write_results(const std::filesystem::path& path, const Results& res
     target["psnr_cost_vs_unmarked"] = or_null(m.psnr_cost_vs_unmarked);
     target["psnr_marked_vs_unmarked"] = or_null(m.psnr_marked_vs_unmarked);
   };
+  if (results.rate_lambda) json["rate_lambda"] = *results.rate_lambda;
   if (results.watermark) add_mark(json, *results.watermark);
   if (results.compressed) {
     const CompressedMetrics& c = *results.compressed;
@@ -126,6 +127,11 @@ Result<Results> read_results(const std::filesystem::path& path) {
     for (const nlohmann::json& effect : (*json)["effects"]) {
       if (effect.is_string()) results.effects.push_back(effect.get<std::string>());
     }
+  }
+  if (json->contains("rate_lambda")) {
+    double lambda = 0;
+    read(*json, "rate_lambda", lambda, "");
+    results.rate_lambda = lambda;
   }
   if (json->contains("bit_accuracy")) {
     const nlohmann::json& object = (*json)["bit_accuracy"];

@@ -63,6 +63,7 @@ struct Results {
   double peak_memory_mb = 0;                    ///< resident, 10^6 bytes
   std::optional<TestMetrics> test;              ///< null when the data set has no test views
   std::string model_sha256;                     ///< of RUN/model.safetensors
+  std::optional<double> rate_lambda;            ///< of a run for a codec
   std::vector<std::string> effects;             ///< names of the scene effects that the recipe models
   std::optional<WatermarkMetrics> watermark;    ///< not in the file of an unmarked run
   std::optional<CompressedMetrics> compressed;  ///< not in the file of a run without a codec

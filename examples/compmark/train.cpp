@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark train: a dataset in, a model, its measurements and a page to look at out, with a message in it if a key and a decoder are given.
+// compmark train: a dataset in, a model, its measurements and a page to look at out, with a message in it if a key is given.
 // Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
 #include <algorithm>
 #include <array>
@@ -215,11 +215,12 @@ Result<bool> host_is_finished(const TrainOptions& host, const TrainSettings& set
   const Result<std::string> digest = file_sha256(host.out / "model.safetensors");
   if (!digest) return digest.error();
   if (found->model_sha256 == *digest && found->seed == settings.seed && found->iterations == settings.iterations &&
-      found->recipe == host.recipe) {
+      found->recipe == host.recipe && found->profile == settings.profile &&
+      (!is_coded_recipe(host.recipe) || found->rate_lambda == settings.rate.lambda)) {
     return true;
   }
   return Error{ErrorKind::invalid, results.string(), "--resume",
-               "is of a run with another seed, length or recipe, or of another model",
+               "is of a run with another seed, length, recipe, profile or lambda, or of another model",
                "give the options of that run, or choose another --out"};
 }
 
@@ -230,8 +231,7 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
   const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return fail(key.error());
   const bool coded = is_coded_recipe(options.recipe);
-  if (reading_recipe(options.recipe) != (coded ? recipe_codec(options.recipe) : "scaffold"))
-    return fail(no_message_in(options.recipe));
+  if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
   const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
   if (!options.resume && std::filesystem::exists(options.out / "decoder.safetensors")) {

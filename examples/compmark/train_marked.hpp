@@ -17,6 +17,9 @@ struct TrainOptions;
 /// What is said where no message can be hidden in a recipe.
 [[nodiscard]] compmark::Error no_message_in(const std::string& recipe);
 
+/// Whether a finished model of options.recipe can be marked as options.mark says: what is wrong is said before hours of work.
+[[nodiscard]] compmark::Result<compmark::Done> can_mark_finished(const TrainOptions& options);
+
 /// Trains options.recipe with a mark, or marks options.model by training on from it. Returns the exit code.
 int train_marked(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput& mark);
 

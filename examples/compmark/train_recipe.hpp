@@ -6,6 +6,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
@@ -26,6 +27,7 @@
 #include "evaluation.hpp"
 #include "mark_input.hpp"
 #include "progress.hpp"
+#include "train_marked.hpp"
 #include "train_run.hpp"
 
 namespace tool {
@@ -144,6 +146,12 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     loaded = std::move(*read);
     source = {&loaded->info, loaded->model.train_views};
     for (std::size_t c = 0; c < 3; ++c) wanted.background[c] = static_cast<float>(loaded->model.render.background[c]);
+    if constexpr (present<typename R::EntropyModel>) {
+      const std::array<double, 3>& step = loaded->info.base_step;
+      wanted.rate.feature_step = step[0];
+      wanted.rate.scaling_step = step[1];
+      wanted.rate.offset_step = step[2];
+    }
   }
   constexpr RunNeeds needs{present<typename R::Space>,
                            present<typename R::Background> || present<typename R::AlphaLoss>};
@@ -236,11 +244,7 @@ template <class R>
 int run_coded(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark) {
   if (mark == nullptr) return run<R>(options, settings);
   if constexpr (present<typename R::Exposure>) {
-    return fail({ErrorKind::unsupported,
-                 {},
-                 "--recipe",
-                 "\"" + options.recipe + "\" is not built with a message",
-                 "choose " + options.codec + ", " + options.codec + "+mask or " + options.codec + "+alpha"});
+    return fail(no_message_in(options.recipe));
   } else {
     return run<recipes::Marked<R, Decoder>>(options, settings, mark);
   }

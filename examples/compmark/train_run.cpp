@@ -53,8 +53,10 @@ Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSett
   run->model = options.out / "model.safetensors";
   run->checkpoint = options.out / "checkpoint.safetensors";
   run->json_log = options.json_log.empty() ? options.out / "log.jsonl" : options.json_log;
-  if (std::error_code none; mark != nullptr && std::filesystem::equivalent(mark->twin, run->model, none)) {
-    return Error{ErrorKind::invalid, mark->twin.string(), "--twin", "would be replaced by the marked model",
+  for (const char* written : {"model.safetensors", "model.cmk"}) {
+    std::error_code none;
+    if (mark == nullptr || !std::filesystem::equivalent(mark->twin, options.out / written, none)) continue;
+    return Error{ErrorKind::invalid, mark->twin.string(), "--twin", "would be replaced by this run",
                  "choose another --out, the unmarked model is worth keeping"};
   }
   DatasetSettings& data_settings = run->data_settings;
@@ -215,6 +217,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   }
   results.model_sha256 = *digest;
   results.effects = run.info.effects;
+  if (coded) results.rate_lambda = settings.rate.lambda;
   if (coded) results.compressed = coded->metrics;
   if (measured_mark) {
     WatermarkMetrics metrics = watermark_metrics(measured_mark->report.verification);

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "compmark/core/random.hpp"
@@ -85,7 +86,7 @@ TEST_CASE("math/cholesky: L L^T is the matrix, the solves solve, and no thread c
       for (std::size_t c = 0; c < columns; ++c) {
         double sum = -b[i * columns + c];
         for (std::size_t j = 0; j < n; ++j) sum += matrix[i * n + j] * x[j * columns + c];
-        residual = std::fmax(residual, std::abs(sum));
+        if (!(std::abs(sum) <= residual) && !std::isnan(residual)) residual = std::abs(sum);  // a NaN stays
       }
     }
     CHECK(residual < 1e-11);  // measured 2e-13 at 250 rows; the condition is about 1,000
@@ -101,6 +102,9 @@ TEST_CASE("math/cholesky: rows before the first that is not zero are not worked 
   for (std::size_t i = first; i < n; ++i) whole[i] = static_cast<double>(i);
   std::vector<double> part = whole;
   solve_lower<1>(lower, n, 0, whole.data());
+  for (std::size_t i = 0; i < n; ++i) {  // what stands before is not looked at
+    for (std::size_t k = 0; k < first; ++k) lower[i * n + k] = std::numeric_limits<double>::quiet_NaN();
+  }
   solve_lower<1>(lower, n, first, part.data());
   CHECK(part == whole);
 }

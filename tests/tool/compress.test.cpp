@@ -182,12 +182,11 @@ TEST_CASE("tool: embed marks a model for a codec as its file is read, beside an 
   REQUIRE(write_key(key, testing::fixed_key(1, 24)).ok());
   REQUIRE(write_key(other, testing::fixed_key(2, 24)).ok());
   REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
-  const std::string embed = "embed --iterations 600 --fidelity 100 --message-rate 0.02 --model " +
-                            at("run/model.safetensors") + " --data " + at("scene") + " --key " + key + " --decoder " +
-                            decoder + " --out " + out;
+  const std::string embed = "embed --iterations 600 --message-rate 0.02 --model " + at("run/model.safetensors") +
+                            " --data " + at("scene") + " --key " + key + " --decoder " + decoder + " --out " + out;
   check_refused(tool(embed + " --fidelity 0"), {"--fidelity", "train --codec"});
   CHECK_FALSE(fs::exists(out));
-  done(embed);
+  done(embed + " --fidelity 100");
   const nlohmann::json compressed = json_of(out + "/results.json")["compressed"];
   MESSAGE(compressed["bit_accuracy"].dump(), " p ", compressed["p_value"].dump(), " cost ",
           compressed["psnr_cost_vs_unmarked"].dump(), " dB, ", compressed["psnr_marked_vs_unmarked"].dump(), " dB, ",
@@ -201,6 +200,16 @@ TEST_CASE("tool: embed marks a model for a codec as its file is read, beside an 
   CHECK(verdict(out + "/model.cmk", key) == 0);
   CHECK(verdict(out + "/model.cmk", other) != 0);  // negative controls
   CHECK(verdict(out + "/unmarked.cmk", key) != 0);
+
+  // Stopped, it ends in the same file; begun anew or with another host, it says so.
+  const std::string again = "embed --iterations 100 --model " + at("run/model.safetensors") + " --data " + at("scene") +
+                            " --key " + key + " --decoder " + decoder;
+  testing::killed(again, at("stopped"));
+  check_refused(tool(again + " --out " + at("stopped")), {"checkpoint.safetensors", "--resume"});
+  done(again + " --resume --out " + at("stopped"));
+  done(again + " --out " + at("straight"));
+  CHECK(file_bytes(at("stopped/model.cmk")) == file_bytes(at("straight/model.cmk")));
+  check_refused(tool(again + " --out " + at("straight") + " --twin " + at("straight/model.cmk")), {"--twin"});
 }
 
 TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvaged by chunks") {
@@ -231,6 +240,19 @@ TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvag
     CHECK(json_of(at("gs_evaluate.json"))["psnr"] == compressed["test"]["psnr"]);
   }
   done("export --model " + at("gs/model.cmk") + " --out " + at("gs.ply") + " --sh-degree 0 --compare 0");
+  // Marked as its file is read.
+  REQUIRE(write_key(at("gs.key"), testing::fixed_key(1, 24)).ok());
+  REQUIRE(
+      write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(at("gs_colours.safetensors")))
+          .ok());
+  done("embed --iterations 150 --fidelity 100 --message-rate 0.02 --model " + at("gs/model.safetensors") + " --data " +
+       at("scene") + " --key " + at("gs.key") + " --decoder " + at("gs_colours.safetensors") + " --out " +
+       at("gs_marked"));
+  const nlohmann::json marked = json_of(at("gs_marked/results.json"))["compressed"];
+  MESSAGE(marked["bit_accuracy"].dump(), ", ", marked["psnr_cost_vs_unmarked"].dump(), " dB, ", marked["bytes"].dump(),
+          " bytes of ", compressed["bytes"].dump());
+  CHECK(file_bytes(at("gs_marked/unmarked.cmk")) == expected);
+  CHECK(marked["bit_accuracy"]["mean"].get<double>() > 0.6);
   // A byte of the last z: a chunk of level 0.
   const Result<Container> container = parse_container(expected, "whole");
   REQUIRE(container.ok());

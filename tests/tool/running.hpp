@@ -33,6 +33,14 @@ inline Outcome done(const std::string& arguments) {
   REQUIRE(outcome.code == 0);
   return outcome;
 }
+/// Runs a training or an embedding into the folder `out` and kills it (SIGKILL) as soon as a checkpoint is there.
+inline void killed(const std::string& command, const std::string& out) {
+  const std::string checkpoint = out + "/checkpoint.safetensors";
+  static_cast<void>(tool(command + " --checkpoint-every 20 --out " + out + " 2>&1 & pid=$!; while [ ! -f " +
+                         checkpoint +
+                         " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -9 $pid; wait $pid #"));
+  REQUIRE(std::filesystem::exists(checkpoint));
+}
 inline nlohmann::json json_of(const std::filesystem::path& path) {
   const Result<nlohmann::json> json = read_json(path);
   REQUIRE(json.ok());

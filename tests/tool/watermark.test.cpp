@@ -290,14 +290,6 @@ TEST_CASE("tool: a marked training has the same model_sha256 at any thread count
 
 TEST_CASE("tool: a marked training and an embedding that were stopped end in the bits of one that was not") {
   static_cast<void>(unmarked());
-  // Stopped by SIGKILL as soon as a checkpoint is there.
-  const auto killed = [](const std::string& command, const std::string& out) {
-    const std::string checkpoint = at(out + "/checkpoint.safetensors");
-    static_cast<void>(tool(command + " --checkpoint-every 20 --out " + at(out) + " 2>&1 & pid=$!; while [ ! -f " +
-                           checkpoint +
-                           " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -9 $pid; wait $pid #"));
-    REQUIRE(fs::exists(checkpoint));
-  };
   const auto finished = [](const std::string& command, const std::string& out) {
     const Outcome outcome = tool(command + " --out " + at(out));
     INFO(outcome.text);
@@ -305,13 +297,13 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
     return json_of(at(out) + "/results.json")["model_sha256"].get<std::string>();
   };
   const std::string data = " --data " + setting().scene, run = "train --effects none --iterations 200" + data;
-  killed(run + setting().mark(), "stopped");
+  testing::killed(run + setting().mark(), at("stopped"));
   check_refused(
       tool(run + " --key " + setting().other + " --decoder " + setting().decoder + " --resume --out " + at("stopped")),
       {"checkpoint.safetensors", "watermark"});
   CHECK(finished(run + setting().mark() + " --resume", "stopped") == finished(run + setting().mark(), "straight"));
   const std::string embed = "embed --iterations 200" + data + setting().mark() + " --model ";
-  killed(embed + at("unmarked/model.safetensors"), "stopped-embed");
+  testing::killed(embed + at("unmarked/model.safetensors"), at("stopped-embed"));
   check_refused(tool(embed + at("straight/model.safetensors") + " --resume --out " + at("stopped-embed")),
                 {"checkpoint.safetensors", "watermark"});
   CHECK(finished(embed + at("unmarked/model.safetensors") + " --resume", "stopped-embed") ==
@@ -320,7 +312,8 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
 
 TEST_CASE("tool: bad input to a marked training is one line, and nothing is written") {
   const std::string common = "train --effects none --iterations 20 --data " + setting().scene + " --out " + at("none");
-  check_refused(tool(common + " --key " + setting().key + " --codec hac"), {"--decoder", "missing"});
+  check_refused(tool(common + " --key " + setting().key + " --codec hac --for-compression"), {"--decoder", "missing"});
+  check_refused(tool(common + " --key " + setting().key + " --codec hac --fidelity 0"), {"--fidelity", "--decoder"});
   check_refused(tool(common + " --key " + at("nowhere.key")), {"nowhere.key"});
   check_refused(tool(common + " --decoder " + setting().decoder), {"--key", "missing"});
   check_refused(tool(common + setting().mark() + " --bits 48"), {"owner.key", "bits", "24", "48"});
