@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of fit_run.hpp that is compiled for every recipe that a message is hidden in, half a minute of a compiler apiece. Include it where that is done.
+// The part of fit_run.hpp that is compiled for every recipe that a message is hidden in. Include it where that is done.
 #pragma once
 
 #include <unistd.h>
