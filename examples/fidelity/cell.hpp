@@ -1,0 +1,212 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// One cell of the fidelity table, a scene with a codec: its commands, and what their files say. One training makes all four models of it: the
+// unmarked one, its compressed file, the marked one, and its compressed file.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/io/json_file.hpp"
+
+namespace fidelity {
+
+namespace fs = std::filesystem;
+using compmark::Done, compmark::Error, compmark::ErrorKind, compmark::Result;
+
+struct Scene {
+  fs::path folder;
+  std::string name;
+  double downscale = 1;
+};
+
+/// What every cell has in common.
+struct Settings {
+  fs::path out, tool = "compmark";
+  std::int64_t iterations = 10000;
+  double rate_lambda = 0.004;
+  int bits = 48;
+  std::size_t threads = 0;
+  fs::path lpips;                  ///< LPIPS-Alex weights; may be empty
+  std::vector<std::string> extra;  ///< words for `compmark train`
+
+  [[nodiscard]] fs::path key() const { return out / "owner.key"; }
+};
+
+/// A model of a cell, by the files of its folder. The order of `models`.
+enum Model : std::size_t { unmarked, unmarked_coded, marked, marked_coded };
+inline constexpr std::array<const char*, 4> model_files = {"unmarked/model.safetensors", "unmarked.cmk",
+                                                           "model.safetensors", "model.cmk"};
+
+struct Figures {
+  double psnr = 0, ssim = 0, bytes = 0;
+  std::optional<double> lpips;
+  double accuracy = 0, worst = 0;         ///< shares of the bits: mean over the views, and of the worst
+  double p_value = 1, worst_p_value = 1;  ///< of all views together; of the worst by itself
+  std::size_t views = 0;
+};
+
+struct Row {
+  std::string scene, codec;
+  std::array<Figures, 4> models;
+  double train_seconds = 0, fit_seconds = 0, mark_seconds = 0;
+
+  /// dB that the mark costs, before or after compression.
+  [[nodiscard]] double lost(bool compressed) const {
+    return compressed ? models[unmarked_coded].psnr - models[marked_coded].psnr
+                      : models[unmarked].psnr - models[marked].psnr;
+  }
+  /// Share of the file that the mark adds.
+  [[nodiscard]] double more_bytes() const { return models[marked_coded].bytes / models[unmarked_coded].bytes - 1; }
+  /// Points of bit accuracy that compression costs.
+  [[nodiscard]] double lost_points() const { return 100 * (models[marked].accuracy - models[marked_coded].accuracy); }
+};
+
+struct Cell {
+  Scene scene;
+  std::string codec;
+
+  [[nodiscard]] fs::path folder(const Settings& settings) const { return settings.out / (scene.name + "_" + codec); }
+};
+
+[[nodiscard]] inline std::string number_text(double value) { return nlohmann::json(value).dump(); }
+
+/// What the folder was made with: another is another table.
+[[nodiscard]] inline nlohmann::ordered_json settings_json(const Cell& cell, const Settings& settings) {
+  return {{"schema", "compmark.fidelity-cell.1"},
+          {"scene", fs::weakly_canonical(cell.scene.folder).string()},
+          {"downscale", cell.scene.downscale},
+          {"codec", cell.codec},
+          {"lambda", settings.rate_lambda},
+          {"iterations", settings.iterations},
+          {"bits", settings.bits},
+          {"train", settings.extra}};
+}
+
+/// The cell's folder, made or found again with the same settings.
+[[nodiscard]] inline Result<Done> open_cell(const Cell& cell, const Settings& settings) {
+  const fs::path folder = cell.folder(settings), file = folder / "cell.json";
+  const nlohmann::ordered_json wanted = settings_json(cell, settings);
+  if (fs::exists(file)) {
+    const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(file);
+    if (!found) return found.error();
+    if (*found == wanted) return Done{};
+    return Error{ErrorKind::invalid,
+                 file.string(),
+                 {},
+                 "is of other settings: " + found->dump(),
+                 "give those, or choose another --out"};
+  }
+  std::error_code status;
+  fs::create_directories(folder, status);
+  if (status) {
+    return Error{
+        ErrorKind::unwritable, folder.string(), {}, "cannot be created: " + status.message(), "choose another --out"};
+  }
+  return compmark::write_json(file, wanted);
+}
+
+[[nodiscard]] inline std::vector<std::string> train_command(const Cell& cell, const Settings& settings) {
+  std::vector<std::string> words = {settings.tool.string(),
+                                    "train",
+                                    "--data",
+                                    cell.scene.folder.string(),
+                                    "--downscale",
+                                    number_text(cell.scene.downscale),
+                                    "--iterations",
+                                    std::to_string(settings.iterations),
+                                    "--codec",
+                                    cell.codec,
+                                    "--lambda",
+                                    number_text(settings.rate_lambda),
+                                    "--threads",
+                                    std::to_string(settings.threads),
+                                    "--key",
+                                    settings.key().string(),
+                                    "--out",
+                                    cell.folder(settings).string(),
+                                    "--resume"};
+  words.insert(words.end(), settings.extra.begin(), settings.extra.end());
+  return words;
+}
+
+[[nodiscard]] inline std::vector<std::string> evaluate_command(const Cell& cell, const Settings& settings) {
+  const fs::path folder = cell.folder(settings);
+  std::vector<std::string> words = {settings.tool.string(), "evaluate", "--model"};
+  for (const char* file : model_files) words.push_back((folder / file).string());
+  for (const std::string& word :
+       {std::string("--data"), cell.scene.folder.string(), std::string("--downscale"),
+        number_text(cell.scene.downscale), std::string("--threads"), std::to_string(settings.threads),
+        std::string("--key"), settings.key().string(), std::string("--decoder"),
+        (folder / "decoder.safetensors").string(), std::string("--json"), (folder / "evaluate.json").string(),
+        std::string("--csv"), (folder / "evaluate.csv").string(), std::string("--html"),
+        (folder / "evaluate.html").string()})
+    words.push_back(word);
+  if (!settings.lpips.empty()) {
+    words.emplace_back("--lpips-alex");
+    words.push_back(settings.lpips.string());
+  }
+  return words;
+}
+
+/// Whether the training is over: the last file that it writes is there, and no checkpoint waits.
+[[nodiscard]] inline bool is_trained(const fs::path& folder) {
+  return fs::exists(folder / "results.json") && !fs::exists(folder / "checkpoint.safetensors");
+}
+/// Whether the models were measured after they were trained, with the measures that are asked for.
+[[nodiscard]] inline bool is_measured(const fs::path& folder, const Settings& settings) {
+  const Result<nlohmann::json> found = compmark::read_json(folder / "evaluate.json");
+  return found && found->is_object() && (settings.lpips.empty() || found->contains("lpips_alex")) &&
+         fs::last_write_time(folder / "evaluate.json") >= fs::last_write_time(folder / "results.json");
+}
+
+/// The row of a finished cell, from what the tool wrote.
+[[nodiscard]] inline Result<Row> read_row(const Cell& cell, const Settings& settings) {
+  const fs::path folder = cell.folder(settings);
+  fs::path file = folder / "evaluate.json";
+  Row row;
+  row.scene = cell.scene.name;
+  row.codec = cell.codec;
+  try {
+    const auto read = [&](const char* name) {
+      file = folder / name;
+      Result<nlohmann::json> json = compmark::read_json(file);
+      return json ? *json : nlohmann::json();
+    };
+    const nlohmann::json measured = read("evaluate.json");
+    const nlohmann::json& models = measured.at("models");
+    for (std::size_t m = 0; m < row.models.size(); ++m) {
+      const nlohmann::json& model = models.at(m);
+      Figures& figures = row.models[m];
+      figures.psnr = model.at("psnr").get<double>();
+      figures.ssim = model.at("ssim").get<double>();
+      figures.bytes = model.at("bytes").get<double>();
+      if (model.contains("lpips_alex")) figures.lpips = model.at("lpips_alex").get<double>();
+      const nlohmann::json& accuracy = model.at("bit_accuracy");
+      figures.accuracy = accuracy.at("mean").get<double>();
+      figures.worst = accuracy.at("min").get<double>();
+      figures.views = accuracy.at("views").get<std::size_t>();
+      figures.p_value = model.at("p_value").get<double>();
+      figures.worst_p_value = model.at("largest_view_p_value").get<double>();
+    }
+    row.mark_seconds = read("results.json").at("train_seconds").get<double>();
+    row.train_seconds = read("unmarked/results.json").at("train_seconds").get<double>();
+    row.fit_seconds = read("decoder.json").at("seconds").get<double>();
+  } catch (const nlohmann::json::exception& problem) {
+    return Error{ErrorKind::malformed,
+                 file.string(),
+                 {},
+                 std::string("does not say what it should: ") + problem.what(),
+                 "remove it, and its step is run again"};
+  }
+  return row;
+}
+
+}  // namespace fidelity
