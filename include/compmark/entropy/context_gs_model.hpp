@@ -87,6 +87,8 @@ class ContextGsModel {
   };
   struct Context {
     RatePhase phase;
+    bool all_features =
+        false;  ///< whoever calls: the table of features that is distorted holds every row, not the listed ones alone
     double unit = 0;  ///< loss of one bit of the sample
     ContextGsLevels<T> levels;
     ContextGsPlan plan;
@@ -140,7 +142,8 @@ class ContextGsModel {
                                        arena.gradients(handles.mask), executor);
   }
 
-  /// Distorts the listed rows of the three tables in place; `position` is the whole table.
+  /// Distorts the listed rows of the three tables in place; `position` is the whole table. Ancestors that are not listed are read from the arena;
+  /// with Context::all_features their features from `feature`, and their gradients go to its.
   template <Executor E>
   RateReport forward(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
                      const RatePhase& phase, MatrixView<const T> position, MatrixView<T> feature, MatrixView<T> scaling,
@@ -165,7 +168,9 @@ class ContextGsModel {
     executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t) {
       std::fill_n(context.prior_sums.data() + chunk * Prior::count, Prior::count, T(0));
     });
-    const Forward state{arena, handles, position, to, tables<const T>(arena, handles), context};
+    Tables<const T> raw = tables<const T>(arena, handles);
+    if (context.all_features) raw.feature = feature;
+    const Forward state{arena, handles, position, to, raw, context};
     level_forward<Root>(2, state, executor);
     level_forward<Child>(1, state, executor);
     level_forward<Child>(0, state, executor);
@@ -191,7 +196,9 @@ class ContextGsModel {
     context.active.resize(context.plan.capacity);
     context.back.resize(context.plan.capacity);
     context.chunk_gradients.resize(most_chunks * Child::gradient_count);
-    const Backward state{arena, handles, d_rows, tables<T>(arena, handles), context};
+    Tables<T> outside = tables<T>(arena, handles);
+    if (context.all_features) outside.feature = d_feature;
+    const Backward state{arena, handles, d_rows, outside, context};
     level_backward<Child>(0, state, executor);
     level_backward<Child>(1, state, executor);
     level_backward<Root>(2, state, executor);

@@ -121,8 +121,7 @@ class AnchorRoad {
     context.changed = {};
     if constexpr (marks_geometry) {
       if (!context.embeds) return columns;
-      context.all_rows.resize(columns.rows());
-      for (std::size_t i = 0; i < columns.rows(); ++i) context.all_rows[i] = static_cast<std::uint32_t>(i);
+      list_all(columns, context);
       embed(arena, handles, std::as_const(context.all_rows).span(), columns, context, executor);
     }
     return columns;
@@ -134,7 +133,14 @@ class AnchorRoad {
                                                std::span<const std::uint32_t> visible, AnchorColumns<const T> columns,
                                                Context& context, E& executor) const {
     if constexpr (marks && !marks_geometry) {
-      if (context.embeds) embed(arena, handles, visible, columns, context, executor);
+      if (context.embeds && !embeds_ancestors(context)) embed(arena, handles, visible, columns, context, executor);
+    }
+    if constexpr (reads_ancestors) {
+      context.rate.context.all_features = embeds_ancestors(context);
+      if (embeds_ancestors(context)) {
+        list_all(columns, context);
+        embed(arena, handles, std::as_const(context.all_rows).span(), columns, context, executor);
+      }
     }
     context.distortion = {};
     if constexpr (distorts) {
@@ -214,10 +220,11 @@ class AnchorRoad {
       if (!context.changed[which]) continue;
       const MatrixView<const T> source = changed(static_cast<MarkTarget>(which));
       const MatrixView<T> into = attribute(target, static_cast<MarkTarget>(which));
-      executor.for_chunks(visible.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+      const std::span<const std::uint32_t> rows = rows_of(static_cast<MarkTarget>(which), visible, context);
+      executor.for_chunks(rows.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
         for (std::size_t i = begin; i < end; ++i) {
-          const T* const from = source.row(visible[i]);
-          T* const to = into.row(visible[i]);
+          const T* const from = source.row(rows[i]);
+          T* const to = into.row(rows[i]);
           for (std::size_t c = 0; c < source.columns; ++c) to[c] += from[c];
         }
       });
@@ -248,11 +255,30 @@ class AnchorRoad {
     }
     return columns.feature;
   }
-  /// Rows that were written: all of them where the geometry is marked.
+  /// Whether the entropy model reads anchors that are not visible, ancestors, and these carry the mark.
+  static constexpr bool reads_ancestors = [] {
+    if constexpr (marks && rates && !marks_geometry) {
+      return Embed::target == MarkTarget::feature && requires(typename Rate::Context c) { c.all_features; };
+    } else {
+      return false;
+    }
+  }();
+  [[nodiscard]] static bool embeds_ancestors(const Context& context) {
+    if constexpr (reads_ancestors) return context.embeds && context.rate.phase.active();
+    return false;
+  }
+  static void list_all(const AnchorColumns<const T>& columns, Context& context) {
+    context.all_rows.resize(columns.rows());
+    for (std::size_t i = 0; i < columns.rows(); ++i) context.all_rows[i] = static_cast<std::uint32_t>(i);
+  }
+  /// Rows that were written: all of them where the geometry is marked, or ancestors are.
   [[nodiscard]] static std::span<const std::uint32_t> rows_of(MarkTarget which, std::span<const std::uint32_t> visible,
                                                               const Context& context) {
     if constexpr (marks_geometry) {
       if (which == Embed::target && context.embeds) return context.all_rows.span();
+    }
+    if constexpr (reads_ancestors) {
+      if (which == Embed::target && embeds_ancestors(context)) return context.all_rows.span();
     }
     return visible;
   }

@@ -58,6 +58,7 @@ class DrawnReading {
         if constexpr (present<typename R::EntropyModel>) {
           // What rounding did to the host is not held to: steps that take some of it back are as good as steps that carry the message.
           if (photographed.road.rate.phase.round) context_.road.rate.phase = {};
+          context_.road.rate.phase.counts = false;
         }
         static_cast<void>(pipeline.forward(model, camera, view, context_, executor));
         host_storage_.resize(context_.image.size());
@@ -85,7 +86,7 @@ class DrawnReading {
  private:
   void set_rate_phase(const Context& photographed) requires(present<typename R::EntropyModel>) {
     context_.road.rate.phase = photographed.road.rate.phase;
-    context_.road.rate.phase.counts = false;  // the same noise; the rate was counted in the photographed view
+    context_.road.rate.phase.counts = alone;  // the same noise; else the rate was counted in the photographed view
   }
 
   Context context_;  ///< its own, so that the photographed view's stays
