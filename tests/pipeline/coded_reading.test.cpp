@@ -1,0 +1,113 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Readings of a model for a codec beside its host: what is read is rounded as the file is, what it is held to is the host before rounding.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <compmark/mark/lattice_decoder.hpp>
+#include <compmark/mark/pretrain/lattice_network.hpp>
+#include <compmark/pipeline/bake.hpp>
+#include <compmark/pipeline/drawn_reading.hpp>
+#include <compmark/recipes/hac.hpp>
+#include <compmark/recipes/marked.hpp>
+#include <vector>
+
+#include "coded_training.hpp"
+#include "small_scene.hpp"
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::BlobViews;
+
+struct Small : recipes::Hac<DefaultRecipe<float, compmark::testing::coded_test_shape>> {};
+using Marked = recipes::Marked<Small, LatticeDecoder<float>>;
+constexpr std::uint64_t seed = 3;
+constexpr std::int64_t iteration = 2;
+constexpr std::size_t view = 1;
+
+/// A model trained for the codec, with a residual, and a decoder of four bits.
+struct Bench {
+  Bench() : model(with_room_for_mark<Marked>(testing::train_coded<Small>(2).model, 1)) {
+    LatticeSettings lattice;
+    lattice.measure = LatticeMeasure::colour;
+    lattice.bits = lattice.features = 4;
+    lattice.sigma = {0.5};
+    lattice.stride = 2;
+    pipeline.marks().decoder = {lattice, random_lattice<float>(lattice, std::vector<double>{0.4}, 1, 1)};
+    pipeline.marks().message = {1, 0, 0, 1};
+    const Random random(8, 0, random_stage("test residual"));
+    const MatrixView<float> residual = model.arena.values(model.road.embedder.residual);
+    for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = 0.3f * static_cast<float>(random.normal(i));
+    pipeline.road() = Pipeline<Marked>::Road(entropy_model<Marked>(testing::short_settings(90).rate));
+    rounded.context = rounded.round = true;
+    rounded.seed = seed;
+  }
+  static MarkPhases phases() {
+    MarkNumbers numbers = mark_beside_the_host();
+    numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
+    numbers.lambda_message = 1;
+    numbers.between_every = 1;
+    numbers.fidelity = 40;
+    return {numbers, 100};
+  }
+  void read(DrawnReading<Marked>& drawn) {
+    Pipeline<Marked>::Context photographed;
+    photographed.road.rate.phase = rounded;
+    std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0f);
+    static_cast<void>(drawn.read(pipeline, model, views, view, seed, iteration, phases(), photographed, executor));
+  }
+  /// The render of the same camera.
+  std::vector<float> render(bool marked, const RatePhase& phase) {
+    const Random random(seed, static_cast<std::uint64_t>(iteration), random_stage("between"));
+    const auto cameras = [&](std::size_t i) -> Camera<double> { return views.camera(i); };
+    Pipeline<Marked>::Context context;
+    context.road.embeds = marked;
+    context.road.rate.phase = phase;
+    static_cast<void>(pipeline.forward(model,
+                                       drawn_camera(cameras, views.size(), view, random, DrawnReading<Marked>::reach),
+                                       view, context, executor));
+    return {context.image.data, context.image.data + context.image.size()};
+  }
+  [[nodiscard]] double residual_gradient() const {
+    double sum = 0;
+    for (const float d : std::as_const(model).arena.gradients(model.road.embedder.residual).flat())
+      sum += std::abs(static_cast<double>(d));
+    return sum;
+  }
+
+  Model<Marked> model;
+  Pipeline<Marked> pipeline;
+  BlobViews views{.count = 6, .width = 24, .height = 20};
+  ThreadExecutor executor{2};
+  RatePhase rounded;
+};
+
+}  // namespace
+
+TEST_CASE("pipeline/coded_reading: the marked render is rounded, the host that it is held to is not, to the bit") {
+  Bench bench;
+  DrawnReading<Marked> drawn;
+  drawn.alone = true;
+  bench.read(drawn);
+  const std::vector<float> host(drawn.host().data, drawn.host().data + drawn.host().size());
+  const std::vector<float> image(drawn.image().data, drawn.image().data + drawn.image().size());
+  RatePhase silent = bench.rounded;
+  silent.counts = false;
+  CHECK(image == bench.render(true, silent));
+  CHECK(host == bench.render(false, {}));
+  CHECK(host != bench.render(false, silent));  // negative control: rounding shows
+}
+
+TEST_CASE("pipeline/coded_reading: the rate counts where no photograph counts it, and there alone") {
+  Bench bench;
+  DrawnReading<Marked> drawn;
+  bench.read(drawn);
+  const double message = bench.residual_gradient();
+  drawn.alone = true;
+  bench.read(drawn);
+  const double both = bench.residual_gradient();
+  CHECK(message > 0);
+  CHECK(both != message);
+}
