@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The training loop of the ablations. It is Trainer's (pipeline/trainer.hpp), made of the same parts in the same order, with two things that a
-// Trainer has no door for: growing that looks at the frequency loss' error map (FAG), and an entropy model without its noise. No checkpoints, no
+// The training loop of the ablations. It is Trainer's (pipeline/trainer.hpp), made of the same parts in the same order, with two switches at run time
+// that a Trainer, whose recipe decides them, has no door for: frequency-aware growing, and an entropy model without its noise. No checkpoints, no
 // views between photographs.
 #pragma once
 

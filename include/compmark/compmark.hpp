@@ -328,6 +328,7 @@
 #include "compmark/recipes/context_gs.hpp"
 #include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/marked.hpp"
+#include "compmark/recipes/marked_codecs.hpp"
 #include "compmark/scene/colmap_camera.hpp"
 #include "compmark/scene/decode.hpp"
 #include "compmark/scene/finish.hpp"

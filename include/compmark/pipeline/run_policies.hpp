@@ -5,6 +5,7 @@
 // them. The entropy model's is in rate_phases.hpp. Cost: none.
 #pragma once
 
+#include "compmark/core/absent.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
@@ -17,9 +18,31 @@ namespace compmark::inline v0 {
           closed_window(run.pause_from, run.pause_until, run.iterations), run.grow_interval};
 }
 
+/// Whether growing looks at the error map of the frequency loss in a window of the run (anchor/frequency_growth.hpp).
+template <class Growth>
+inline constexpr bool grows_by_frequency = false;
+template <class Growth>
+  requires(present<Growth>&& requires(typename Growth::Settings s) {
+    s.in_window;
+    s.band;
+  })
+inline constexpr bool grows_by_frequency<Growth> = true;
+
+[[nodiscard]] inline Window frequency_window(const TrainSettings& run) {
+  return closed_window(run.mark.frequency_grow_from, run.mark.frequency_grow_until, run.iterations);
+}
+
+/// `in_window`: of frequency-aware growing, where the recipe has it.
 template <Recipe R>
-[[nodiscard]] typename R::DensityControl density_control(const TrainSettings& run) {
+[[nodiscard]] typename R::DensityControl density_control(const TrainSettings& run, bool in_window = false) {
   typename R::DensityControl::Settings settings;
+  if constexpr (grows_by_frequency<typename R::DensityControl>) {
+    settings.in_window = in_window;
+    settings.band.lowest = run.mark.frequency_band_lowest;
+    settings.band.highest = run.mark.frequency_band_highest;
+  } else {
+    static_cast<void>(in_window);
+  }
   if constexpr (requires { settings.gradient_threshold; }) settings.gradient_threshold = run.gradient_threshold;
   if constexpr (requires { settings.success_threshold; }) settings.success_threshold = run.success_threshold;
   if constexpr (requires { settings.min_opacity; }) settings.min_opacity = run.min_opacity;

@@ -50,7 +50,11 @@ struct MarkNumbers {
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;
   std::int64_t frequency_after = 9999;
-  double image_weight = 1;  ///< of every other loss once the message has begun
+  std::int64_t frequency_grow_from = 10000,
+               frequency_grow_until = 15000;  ///< window of frequency-aware growing; it looks where the loss is on
+  double frequency_band_lowest = 0.1,
+         frequency_band_highest = 0.3;  ///< of the error beside its median: where it looks; the paper's is -0.3 to 0.3
+  double image_weight = 1;              ///< of every other loss once the message has begun
 
   double residual_rate = 0.0015;    ///< learning rate of the embedder's residual
   double residual_decay = 1;        ///< of that rate, over the iterations in which the residual trains
@@ -181,6 +185,7 @@ struct TrainSettings {
   }
   if (profile == "paper") {
     settings.seed = 42;
+    settings.mark.frequency_band_lowest = -0.3;
     settings.grow_after = 1599;
     return settings;
   }

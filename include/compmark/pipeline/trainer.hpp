@@ -164,9 +164,7 @@ class Trainer {
 
     if constexpr (present<Growth>) {
       if (host_trains && phases_.observes(t)) {
-        const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(model.render).screen(context_.raster);
-        growth_.observe(pipeline_.decoder().statistics(context_.decoder), screen.visible, screen.gradient_norm,
-                        state_.growth, *executor_);
+        observe(t, camera);
         if (phases_.adjusts(t)) adjust(t, report);
       }
     }
@@ -315,15 +313,57 @@ class Trainer {
     }
   }
 
+  /// What growing learns from a photographed view: in the window of frequency-aware growing with the error map of this iteration's loss.
+  void observe(std::int64_t t, const ViewCamera<R>& camera) requires(present<Growth>) {
+    const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(state_.model.render).screen(context_.raster);
+    const auto decoded = pipeline_.decoder().statistics(context_.decoder);
+    if constexpr (grows_by_frequency<Growth>) {
+      static_assert(present<typename R::FrequencyLoss>,
+                    "Trainer: FrequencyGrowth looks at the error map of a FrequencyLoss, and this recipe has none");
+      static_assert(std::is_same_v<ViewCamera<R>, Camera<double>>,
+                    "Trainer: FrequencyGrowth projects means as a pinhole does, and this recipe has a lens");
+      if (looks_at_frequency(t)) {
+        const auto world = std::as_const(context_.gaussians).columns();
+        const auto mean = [&](std::size_t i) {
+          std::array<double, 3> seen{};
+          for (std::size_t k = 0; k < 3; ++k) {
+            for (std::size_t j = 0; j < 3; ++j) {
+              seen[k] += camera.rotation_camera_world[3 * k + j] *
+                         (static_cast<double>(world.mean[j][i]) - camera.center_world[j]);
+            }
+          }
+          return std::array<Scalar, 2>{static_cast<Scalar>(camera.fx * seen[0] / seen[2] + camera.cx),
+                                       static_cast<Scalar>(camera.fy * seen[1] / seen[2] + camera.cy)};
+        };
+        density_control<R>(settings_, true)
+            .observe(decoded, screen.visible, screen.gradient_norm, context_.marks.frequency.error_map(), camera.height,
+                     camera.width, mean, state_.growth, *executor_);
+        return;
+      }
+    }
+    growth_.observe(decoded, screen.visible, screen.gradient_norm, state_.growth, *executor_);
+  }
+
+  /// Whether growing is frequency-aware in this iteration: in its window, and with a loss to look at.
+  [[nodiscard]] bool looks_at_frequency(std::int64_t t) const {
+    if constexpr (grows_by_frequency<Growth>) {
+      return frequency_window(settings_).contains(t) && context_.marks.weights.frequency != 0;
+    } else {
+      static_cast<void>(t);
+      return false;
+    }
+  }
+
   /// Grows and prunes; the optimiser's moments follow every edit.
   void adjust(std::int64_t t, IterationReport& report) {
     Model<R>& model = state_.model;
-    const auto grown = growth_.adapt(model.arena, model.anchors, state_.growth,
-                                     SpaceAdaptContext<typename R::Space>{
-                                         {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size}, space()},
-                                     [&](const RowEdit& edit, const ArenaLayout& old_layout) {
-                                       optimizer_.edit_rows(edit, old_layout, model.arena.layout(), state_.optimizer);
-                                     });
+    const Growth growth = looks_at_frequency(t) ? density_control<R>(settings_, true) : growth_;
+    const auto grown = growth.adapt(model.arena, model.anchors, state_.growth,
+                                    SpaceAdaptContext<typename R::Space>{
+                                        {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size}, space()},
+                                    [&](const RowEdit& edit, const ArenaLayout& old_layout) {
+                                      optimizer_.edit_rows(edit, old_layout, model.arena.layout(), state_.optimizer);
+                                    });
     report.grown = grown.grown;
     report.pruned = grown.pruned;
     report.adjusted = true;

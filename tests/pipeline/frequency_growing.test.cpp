@@ -1,0 +1,135 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Frequency-aware growing in a whole training: in its window and nowhere else, the same bits however it is run and stopped.
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <initializer_list>
+#include <span>
+#include <utility>
+
+#include "coded_training.hpp"
+#include "compmark/mark/lattice_decoder.hpp"
+#include "compmark/recipes/marked_codecs.hpp"
+#include "small_scene.hpp"
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::BlobViews;
+
+using Decoder = LatticeDecoder<float>;
+static_assert(Recipe<recipes::MarkedHac<Decoder>> && Recipe<recipes::MarkedContextGs<Decoder>>);
+static_assert(grows_by_frequency<recipes::MarkedHac<Decoder>::DensityControl>);
+static_assert(!grows_by_frequency<recipes::Scaffold::DensityControl>);
+
+struct Host : DefaultRecipe<float, compmark::testing::coded_test_shape> {};
+/// The loss alone, and with the growing that looks at it.
+struct Loss : Host {
+  using FrequencyLoss = compmark::FrequencyLoss<float>;
+};
+struct Growing : Loss {
+  using DensityControl = FrequencyGrowth<float>;
+};
+
+constexpr std::int64_t iterations = 120;
+
+TrainSettings settings() {
+  TrainSettings s = *profile_settings("scaffold");
+  s.iterations = iterations;
+  s.voxel_size = 0.05;
+  s.statistics_after = 1000;  // of 30,000: the statistics begin with iteration 5
+  s.grow_after = 1500;
+  s.grow_until = 25000;
+  s.grow_interval = 5;
+  s.mark.frequency_after = 2000;
+  s.mark.frequency_grow_from = 10000;   // iteration 40 …
+  s.mark.frequency_grow_until = 17500;  // … to 69
+  return s;
+}
+
+/// A training up to an iteration, or all of it; stopped after `stop` and read back if that is above 0.
+template <class R>
+Model<R> train(const TrainSettings& s, std::size_t threads = 2, std::int64_t until = iterations,
+               std::int64_t stop = 0) {
+  BlobViews views;
+  ThreadExecutor executor(threads);
+  using Run = Trainer<R, ThreadExecutor>;
+  Run trainer(s, views.size(), 1.0, executor);
+  REQUIRE(trainer.initialise(testing::cloud(300, 7)));
+  const auto go = [&](Run& run, std::int64_t last) {
+    while (run.state().iteration < last) REQUIRE(run.step(views));
+  };
+  if (stop == 0) {
+    go(trainer, until);
+    return trainer.model();
+  }
+  go(trainer, stop);
+  const testing::ScratchFolder folder("compmark-frequency-growing-test");
+  const std::filesystem::path path = folder.path / "checkpoint.safetensors";
+  REQUIRE(write_checkpoint(path, trainer.state(), s, ModelInfo{}, 1.0));
+  auto restored = read_checkpoint<R, ThreadExecutor>(path, s, ModelInfo{});
+  REQUIRE(restored.ok());
+  Run again(s, views.size(), 1.0, executor);
+  again.restore(std::move(restored->state));
+  go(again, until);
+  return again.model();
+}
+template <class A, class B>
+bool same(const Model<A>& a, const Model<B>& b) {
+  const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
+  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size_bytes()) == 0;
+}
+
+}  // namespace
+
+TEST_CASE("pipeline/frequency_growing: it is the other growing until its window begins, and another one in it") {
+  const TrainSettings s = settings();
+  CHECK(same(train<Loss>(s, 2, 39), train<Growing>(s, 2, 39)));
+  const Model<Loss> plain = train<Loss>(s);
+  const Model<Growing> growing = train<Growing>(s);
+  MESSAGE(plain.anchor_count(), " anchors, frequency-aware ", growing.anchor_count());
+  CHECK(growing.anchor_count() != plain.anchor_count());
+
+  // Without a loss there is nothing to look at, and without a window no time to: the other growing, to the bit.
+  TrainSettings silent = s;
+  silent.mark.lambda_frequency = 0;
+  CHECK(same(train<Loss>(silent), train<Growing>(silent)));
+  TrainSettings never = s;
+  never.mark.frequency_grow_until = never.mark.frequency_grow_from;
+  CHECK(same(plain, train<Growing>(never)));
+}
+
+TEST_CASE(
+    "pipeline/frequency_growing: the same bits at any thread count, and after a stop before, in and after the window") {
+  const TrainSettings s = settings();
+  const Model<Growing> once = train<Growing>(s, 1);
+  CHECK(same(once, train<Growing>(s, 4)));
+  for (const std::int64_t stop : {30, 52, 90}) {
+    CAPTURE(stop);
+    CHECK(same(once, train<Growing>(s, 2, iterations, stop)));
+  }
+}
+
+TEST_CASE("pipeline/frequency_growing: a run with another window is not resumed") {
+  const TrainSettings s = settings();
+  BlobViews views;
+  ThreadExecutor executor(2);
+  Trainer<Growing, ThreadExecutor> trainer(s, views.size(), 1.0, executor);
+  REQUIRE(trainer.initialise(testing::cloud(300, 7)));
+  REQUIRE(trainer.step(views));
+  const testing::ScratchFolder folder("compmark-frequency-window-test");
+  const std::filesystem::path path = folder.path / "checkpoint.safetensors";
+  REQUIRE(write_checkpoint(path, trainer.state(), s, ModelInfo{}, 1.0));
+  for (const auto& change : std::initializer_list<std::function<void(MarkNumbers&)>>{
+           [](MarkNumbers& m) { m.frequency_grow_until = 15000; },
+           [](MarkNumbers& m) { m.frequency_band_lowest = -0.3; }}) {
+    TrainSettings other = s;
+    change(other.mark);
+    CHECK_FALSE((read_checkpoint<Growing, ThreadExecutor>(path, other, ModelInfo{}).ok()));
+  }
+}
