@@ -47,21 +47,23 @@ if [ -z "$data" ]; then
 else
   "$compmark" probe --data "$data"
 fi
+split=test # what is measured; a capture without test views is measured in its training views
+case $("$compmark" probe --data "$data" --json) in *'"views_test": 0,'*) split=train ;; esac
 decoder=weights/lattice_48.safetensors
 [ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
 # shellcheck disable=SC2086 # two words or none
 "$compmark" train --data "$data" --downscale "$downscale" --out "$out/run" --iterations "$iterations" $voxel_size --codec hac --lambda 0.001 \
-  --key "$out/owner.key" --decoder "$decoder" --message-weight 0.005
+  --key "$out/owner.key" --decoder "$decoder" --message-weight 0.005 --resume
 small=$out/run/model.cmk
 "$compmark" info "$small"
-"$compmark" render --model "$small" --out "$out/images"
+"$compmark" render --model "$small" --split "$split" --out "$out/images"
 echo
 echo "Before and after the codec, from the files:"
-"$compmark" evaluate --model "$out/run/model.safetensors" "$small" --data "$data" --downscale "$downscale" --key "$out/owner.key" --decoder "$decoder" \
-  --json "$out/figures.json" --html "$out/before_and_after.html"
+"$compmark" evaluate --model "$out/run/model.safetensors" "$small" --data "$data" --downscale "$downscale" --split "$split" --key "$out/owner.key" \
+  --decoder "$decoder" --json "$out/figures.json" --html "$out/before_and_after.html"
 echo
 echo "Is it ours? From the small file, which another process decodes:"
-"$compmark" verify --model "$small" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || true
+"$compmark" verify --model "$small" --split "$split" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || true
 
 echo
 echo "pictures:   $out/images"

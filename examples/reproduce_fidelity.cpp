@@ -7,11 +7,11 @@
 //
 // A scene is a folder that compmark train takes, or one with such folders in it; lego@2 is trained at half its size. Each scene and codec has a
 // folder of its own in DIR, trained by compmark train --codec --key and measured by compmark evaluate; what is finished is not run again, what was
-// stopped goes on from its checkpoint. DIR/fidelity.json, .md and .html are written after each. Cost: docs/reproducing_the_paper.md.
+// stopped goes on from its checkpoint. DIR/fidelity.json, .md and .html are written after each, with the rows of earlier commands into DIR. Cost of a
+// cell: a training, a fit and a marking (compmark train --codec --key), and four times the test views.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
@@ -29,6 +29,8 @@
 namespace {
 
 using namespace fidelity;
+
+constexpr int stopped_exit = 130;  // the tool's, after Ctrl-C
 
 int fail(const Error& error) {
   std::fprintf(stderr, "reproduce_fidelity: error: %s\n", error.line().c_str());
@@ -54,7 +56,15 @@ Result<std::vector<Scene>> scenes_of(const std::string& word) {
     one.name = (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
     return one;
   };
-  const Result<compmark::Dataset> whole = compmark::open_dataset(folder, {});
+  const auto testable = [](const fs::path& path) -> Result<Done> {
+    const Result<compmark::Dataset> dataset = compmark::open_dataset(path, {});
+    if (!dataset) return dataset.error();
+    if (dataset->indices(compmark::Split::test).empty())
+      return Error{ErrorKind::invalid, path.string(), "test split", "holds no view",
+                   "the table is measured in test views"};
+    return Done{};
+  };
+  const Result<Done> whole = testable(folder);
   if (whole) return std::vector<Scene>{named(folder)};
   std::vector<fs::path> inside;
   std::error_code status;
@@ -65,7 +75,7 @@ Result<std::vector<Scene>> scenes_of(const std::string& word) {
   std::vector<Scene> found;
   std::vector<std::string> passed_over;
   for (const fs::path& path : inside) {
-    const Result<compmark::Dataset> one = compmark::open_dataset(path, {});
+    const Result<Done> one = testable(path);
     if (one)
       found.push_back(named(path));
     else
@@ -85,14 +95,14 @@ Result<std::optional<Row>> finish(const Cell& cell, const Settings& settings) {
     const Result<int> code = run_program(command, folder / (std::string(what) + ".txt"));
     if (!code) return code.error();
     if (*code == 0) return true;
-    if (*code >= 128) return false;
+    if (stopped() || *code == stopped_exit) return false;
     return Error{ErrorKind::invalid, folder.string(), what, "ended with exit code " + std::to_string(*code),
                  "see what it printed; the same command goes on from there"};
   };
   if (!is_trained(folder)) {
     const Result<bool> trained = step("train", train_command(cell, settings));
     if (!trained) return trained.error();
-    if (!*trained) return std::optional<Row>();
+    if (!*trained || stopped()) return std::optional<Row>();
   }
   if (!is_measured(folder, settings)) {
     const Result<bool> measured = step("evaluate", evaluate_command(cell, settings));
@@ -137,14 +147,21 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::IsMember({"hac", "context_gs"}));
   app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--lpips-alex", settings.lpips, "LPIPS weights (safetensors)");
+  app.add_option("--lpips-alex", settings.lpips, "LPIPS weights (safetensors)")->check(CLI::ExistingFile);
   app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)");
   app.allow_extras();
-  CLI11_PARSE(app, argc, argv);
-  settings.extra = app.remaining();
-  settings.extra.erase(std::remove(settings.extra.begin(), settings.extra.end(), "--"), settings.extra.end());
-  if (std::find(settings.extra.begin(), settings.extra.end(), "--decoder") != settings.extra.end()) {
-    return fail({ErrorKind::invalid, {}, "--decoder", "cannot be given", "one is fitted to each scene"});
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  for (const std::string& word : app.remaining()) {
+    const std::string name = word.substr(0, word.find('='));
+    for (const char* own : {"--decoder", "--key", "--out", "--twin", "--codec", "--recipe", "--for-compression"}) {
+      if (name == own)
+        return fail({ErrorKind::invalid, {}, name, "cannot be given", "every cell has its own, or all have one"});
+    }
+    if (word != "--" && word != "--resume") settings.extra.push_back(word);  // what is there is always gone on with
   }
 
   std::vector<Cell> cells;
@@ -170,22 +187,31 @@ int main(int argc, char** argv) {
   if (!has_key) return fail(has_key.error());
   if (!*has_key) return 2;  // keygen said why
 
-  std::vector<Row> rows;
-  std::size_t failures = 0;
+  watch_stop();
+  std::vector<Row> rows = finished_rows(settings);
+  std::vector<std::string> failures;
   for (const Cell& cell : cells) {
     Result<std::optional<Row>> row = finish(cell, settings);
     if (!row) {
       fail(row.error());  // the other cells are worth having
-      ++failures;
+      failures.push_back(cell.scene.name + ", " + cell.codec);
       continue;
     }
-    if (!*row) {
+    if (!*row || stopped()) {
       std::fprintf(stderr, "reproduce_fidelity: stopped; the same command goes on\n");
-      return 130;
+      return stopped_exit;
     }
-    rows.push_back(std::move(**row));
+    const auto known = std::find_if(rows.begin(), rows.end(), [&](const Row& other) {
+      return other.scene == (*row)->scene && other.codec == (*row)->codec;
+    });
+    if (known != rows.end())
+      *known = std::move(**row);
+    else
+      rows.push_back(std::move(**row));
     if (Result<Done> written = write_table(settings, rows); !written) return fail(written.error());
   }
   if (!rows.empty()) std::printf("%s", table_markdown(settings, rows).c_str());
-  return failures == 0 ? 0 : 1;
+  for (const std::string& cell : failures)
+    std::fprintf(stderr, "reproduce_fidelity: not in the table: %s\n", cell.c_str());
+  return failures.empty() ? 0 : 1;
 }

@@ -24,6 +24,7 @@
 #include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
 #include "compmark/recipes/marked.hpp"
+#include "compmark/scene/image_point.hpp"
 
 namespace ablation {
 
@@ -129,15 +130,7 @@ class Loop {
     }
     const auto gaussians = std::as_const(context_.gaussians).columns();
     const auto mean = [&](std::size_t i) {
-      std::array<double, 3> seen{};
-      for (std::size_t k = 0; k < 3; ++k) {
-        for (std::size_t j = 0; j < 3; ++j) {
-          seen[k] += camera.rotation_camera_world[3 * k + j] *
-                     (static_cast<double>(gaussians.mean[j][i]) - camera.center_world[j]);
-        }
-      }
-      return std::array<float, 2>{static_cast<float>(camera.fx * seen[0] / seen[2] + camera.cx),
-                                  static_cast<float>(camera.fy * seen[1] / seen[2] + camera.cy)};
+      return compmark::image_point<float>(camera, {gaussians.mean[0][i], gaussians.mean[1][i], gaussians.mean[2][i]});
     };
     density.observe(decoded, screen.visible, screen.gradient_norm, context_.marks.frequency.error_map(), camera.height,
                     camera.width, mean, statistics_, executor_);

@@ -187,7 +187,8 @@ Command add_embed(CLI::App& app) {
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   app.add_option("--lambda", options->rate_lambda,
-                 "of a model for a codec: loss of one bit more a scalar that the mark costs its file")
+                 "of a model for a codec: loss of one bit more a scalar, in its file, that the mark costs; that of its "
+                 "training suits")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")

@@ -5,12 +5,15 @@
 // unmarked one, its compressed file, the marked one, and its compressed file.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "compmark/core/result.hpp"
@@ -116,6 +119,8 @@ struct Cell {
 [[nodiscard]] inline std::vector<std::string> train_command(const Cell& cell, const Settings& settings) {
   std::vector<std::string> words = {settings.tool.string(),
                                     "train",
+                                    "--bits",
+                                    std::to_string(settings.bits),
                                     "--data",
                                     cell.scene.folder.string(),
                                     "--downscale",
@@ -170,20 +175,22 @@ struct Cell {
 /// The row of a finished cell, from what the tool wrote.
 [[nodiscard]] inline Result<Row> read_row(const Cell& cell, const Settings& settings) {
   const fs::path folder = cell.folder(settings);
-  fs::path file = folder / "evaluate.json";
   Row row;
   row.scene = cell.scene.name;
   row.codec = cell.codec;
+  fs::path file = folder / "evaluate.json";
+  const auto malformed = [&](const std::string& problem) {
+    return Error{ErrorKind::malformed,
+                 file.string(),
+                 {},
+                 "does not say what it should: " + problem,
+                 "remove it to measure again, or the folder to train again"};
+  };
   try {
-    const auto read = [&](const char* name) {
-      file = folder / name;
-      Result<nlohmann::json> json = compmark::read_json(file);
-      return json ? *json : nlohmann::json();
-    };
-    const nlohmann::json measured = read("evaluate.json");
-    const nlohmann::json& models = measured.at("models");
+    const Result<nlohmann::json> measured = compmark::read_json(file);
+    if (!measured) return measured.error();
     for (std::size_t m = 0; m < row.models.size(); ++m) {
-      const nlohmann::json& model = models.at(m);
+      const nlohmann::json& model = measured->at("models").at(m);
       Figures& figures = row.models[m];
       figures.psnr = model.at("psnr").get<double>();
       figures.ssim = model.at("ssim").get<double>();
@@ -196,17 +203,49 @@ struct Cell {
       figures.p_value = model.at("p_value").get<double>();
       figures.worst_p_value = model.at("largest_view_p_value").get<double>();
     }
-    row.mark_seconds = read("results.json").at("train_seconds").get<double>();
-    row.train_seconds = read("unmarked/results.json").at("train_seconds").get<double>();
-    row.fit_seconds = read("decoder.json").at("seconds").get<double>();
+    for (const auto& [name, field, seconds] : {std::tuple("results.json", "train_seconds", &row.mark_seconds),
+                                               std::tuple("unmarked/results.json", "train_seconds", &row.train_seconds),
+                                               std::tuple("decoder.json", "seconds", &row.fit_seconds)}) {
+      file = folder / name;
+      const Result<nlohmann::json> json = compmark::read_json(file);
+      if (!json) return json.error();
+      *seconds = json->at(field).get<double>();
+    }
   } catch (const nlohmann::json::exception& problem) {
-    return Error{ErrorKind::malformed,
-                 file.string(),
-                 {},
-                 std::string("does not say what it should: ") + problem.what(),
-                 "remove it, and its step is run again"};
+    return malformed(problem.what());
   }
   return row;
+}
+
+/// The finished cells of an earlier command into the same folder, with the same settings but for scene and codec, in the order of their names.
+[[nodiscard]] inline std::vector<Row> finished_rows(const Settings& settings) {
+  std::vector<fs::path> folders;
+  std::error_code status;
+  for (fs::directory_iterator entry(settings.out, status), end; !status && entry != end; entry.increment(status)) {
+    if (fs::exists(entry->path() / "cell.json")) folders.push_back(entry->path());
+  }
+  std::sort(folders.begin(), folders.end());
+  std::vector<Row> rows;
+  for (const fs::path& folder : folders) {
+    const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(folder / "cell.json");
+    if (!found) continue;
+    Cell cell;
+    const std::string name = folder.filename().string();
+    for (const char* codec : {"hac", "context_gs"}) {
+      const std::string end = std::string("_") + codec;
+      if (name.size() > end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0) {
+        cell.codec = codec;
+        cell.scene.name = name.substr(0, name.size() - end.size());
+      }
+    }
+    nlohmann::ordered_json wanted = settings_json(cell, settings);
+    for (const char* own : {"scene", "downscale"}) {
+      if (found->is_object() && found->contains(own)) wanted[own] = (*found)[own];
+    }
+    if (*found != wanted || !is_trained(folder) || !is_measured(folder, settings)) continue;
+    if (Result<Row> row = read_row(cell, settings); row) rows.push_back(std::move(*row));
+  }
+  return rows;
 }
 
 }  // namespace fidelity

@@ -96,6 +96,7 @@
 #include "compmark/scene/far_field.hpp"
 #include "compmark/scene/fisheye_pack.hpp"
 #include "compmark/scene/image.hpp"
+#include "compmark/scene/image_point.hpp"
 #include "compmark/scene/image_store.hpp"
 #include "compmark/scene/lens.hpp"
 #include "compmark/scene/lens_camera.hpp"

@@ -29,7 +29,7 @@ constexpr std::size_t view = 1;
 
 /// A model trained for the codec, with a residual, and a decoder of four bits.
 struct Bench {
-  Bench() : model(with_room_for_mark<Marked>(testing::train_coded<Small>(2).model, 1)) {
+  explicit Bench(double lambda = 0.001) : model(with_room_for_mark<Marked>(testing::train_coded<Small>(2).model, 1)) {
     LatticeSettings lattice;
     lattice.measure = LatticeMeasure::colour;
     lattice.bits = lattice.features = 4;
@@ -40,15 +40,17 @@ struct Bench {
     const Random random(8, 0, random_stage("test residual"));
     const MatrixView<float> residual = model.arena.values(model.road.embedder.residual);
     for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = 0.3f * static_cast<float>(random.normal(i));
-    pipeline.road() = Pipeline<Marked>::Road(entropy_model<Marked>(testing::short_settings(90).rate));
+    RateNumbers numbers = testing::short_settings(90).rate;
+    numbers.lambda = lambda;
+    pipeline.road() = Pipeline<Marked>::Road(entropy_model<Marked>(numbers));
     rounded.context = rounded.round = true;
     rounded.seed = seed;
   }
-  static MarkPhases phases() {
+  [[nodiscard]] MarkPhases phases() const {
     MarkNumbers numbers = mark_beside_the_host();
     numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
     numbers.lambda_message = 1;
-    numbers.between_every = 1;
+    numbers.between_every = every;
     numbers.fidelity = 40;
     return {numbers, 100};
   }
@@ -82,6 +84,7 @@ struct Bench {
   BlobViews views{.count = 6, .width = 24, .height = 20};
   ThreadExecutor executor{2};
   RatePhase rounded;
+  std::int64_t every = 1;
 };
 
 }  // namespace
@@ -101,13 +104,35 @@ TEST_CASE("pipeline/coded_reading: the marked render is rounded, the host that i
 }
 
 TEST_CASE("pipeline/coded_reading: the rate counts where no photograph counts it, and there alone") {
-  Bench bench;
-  DrawnReading<Marked> drawn;
-  bench.read(drawn);
-  const double message = bench.residual_gradient();
-  drawn.alone = true;
-  bench.read(drawn);
-  const double both = bench.residual_gradient();
+  const auto gradient = [](double lambda, bool alone) {
+    Bench bench(lambda);
+    DrawnReading<Marked> drawn;
+    drawn.alone = alone;
+    bench.read(drawn);
+    CHECK((drawn.rate_report().sampled != 0) == alone);
+    return bench.residual_gradient();
+  };
+  const double message = gradient(0, true);
   CHECK(message > 0);
-  CHECK(both != message);
+  CHECK(gradient(0, false) == message);
+  CHECK(gradient(0.001, false) == message);
+  CHECK(gradient(0.001, true) != message);
+}
+
+TEST_CASE("pipeline/coded_reading: readings of every n-th iteration weigh n times, rate and message alike") {
+  // The rate alone: what the gradient has more than that without it.
+  const auto rate = [](std::int64_t every) {
+    double sum[2] = {};
+    for (const bool counted : {false, true}) {
+      Bench bench(counted ? 0.5 : 0.0);
+      bench.every = every;
+      DrawnReading<Marked> drawn;
+      drawn.alone = true;
+      bench.read(drawn);
+      sum[counted ? 1 : 0] = drawn.rate_report().loss;
+    }
+    return sum[1] - sum[0];
+  };
+  CHECK(rate(1) > 0);
+  CHECK(rate(4) == doctest::Approx(4 * rate(1)));
 }

@@ -4,6 +4,9 @@
 // Frequency-aware growing in a whole training: in its window and nowhere else, the same bits however it is run and stopped.
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -11,9 +14,11 @@
 #include <initializer_list>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "coded_training.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
+#include "compmark/mark/pretrain/lattice_network.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
 #include "small_scene.hpp"
 
@@ -35,6 +40,9 @@ struct Loss : Host {
 struct Growing : Loss {
   using DensityControl = FrequencyGrowth<float>;
 };
+
+struct SmallHac : recipes::Hac<Host> {};
+struct SmallContextGs : recipes::ContextGs<Host> {};
 
 constexpr std::int64_t iterations = 120;
 
@@ -95,6 +103,31 @@ TEST_CASE("pipeline/frequency_growing: it is the other growing until its window 
   MESSAGE(plain.anchor_count(), " anchors, frequency-aware ", growing.anchor_count());
   CHECK(growing.anchor_count() != plain.anchor_count());
 
+  // In the window it chooses among the visible Gaussians; the band decides which.
+  BlobViews views;
+  ThreadExecutor executor(2);
+  Trainer<Growing, ThreadExecutor> trainer(s, views.size(), 1.0, executor);
+  REQUIRE(trainer.initialise(testing::cloud(300, 7)));
+  const auto go = [&](std::int64_t last) {
+    while (trainer.state().iteration < last) REQUIRE(trainer.step(views));
+    return trainer.state().growth.last;
+  };
+  CHECK(go(39).visible == 0);
+  const FrequencySelection inside = go(41);
+  CHECK(inside.visible > 0);
+  CHECK(inside.selected < inside.visible);
+  CHECK(inside.coverage > 0);
+  TrainSettings wide = s;
+  wide.mark.frequency_band_lowest = -2;  // an error lies in 0 to 2
+  wide.mark.frequency_band_highest = 2;
+  Trainer<Growing, ThreadExecutor> other(wide, views.size(), 1.0, executor);
+  REQUIRE(other.initialise(testing::cloud(300, 7)));
+  while (other.state().iteration < 41) REQUIRE(other.step(views));
+  const FrequencySelection all = other.state().growth.last;
+  CHECK(all.coverage == 1);
+  CHECK(all.selected > inside.selected);
+  CHECK(2 * all.selected > all.visible);  // but for those whose mean is beyond the image
+
   // Without a loss there is nothing to look at, and without a window no time to: the other growing, to the bit.
   TrainSettings silent = s;
   silent.mark.lambda_frequency = 0;
@@ -132,4 +165,43 @@ TEST_CASE("pipeline/frequency_growing: a run with another window is not resumed"
     change(other.mark);
     CHECK_FALSE((read_checkpoint<Growing, ThreadExecutor>(path, other, ModelInfo{}).ok()));
   }
+}
+
+TEST_CASE_TEMPLATE("pipeline/frequency_growing: the whole method inside the codecs' hosts trains through its window", R,
+                   recipes::MarkedHac<Decoder, SmallHac>, recipes::MarkedContextGs<Decoder, SmallContextGs>) {
+  TrainSettings s = testing::short_settings(60);
+  s.statistics_after = 1000;
+  s.grow_after = 1500;
+  s.grow_until = 25000;
+  s.pause_from = s.pause_until = 0;
+  s.grow_interval = 5;
+  s.mark = mark_in_the_photographs();
+  s.mark.message_after = s.mark.residual_after = 0;
+  BlobViews views;
+  ThreadExecutor executor(2);
+  Trainer<R, ThreadExecutor> trainer(s, views.size(), 1.0, executor);
+  LatticeSettings lattice;
+  lattice.measure = LatticeMeasure::colour;
+  lattice.bits = lattice.features = 4;
+  lattice.sigma = {0.5};
+  lattice.stride = 2;
+  const std::vector<std::uint8_t> message{1, 0, 0, 1};
+  trainer.set_watermark({lattice, random_lattice<float>(lattice, std::vector<double>{0.4}, 1, 1)}, message);
+  REQUIRE(trainer.initialise(testing::cloud(300, 7)));
+  std::size_t adjusted = 0, selected = 0;
+  while (!trainer.finished()) {
+    const Result<IterationReport> report = trainer.step(views);
+    REQUIRE(report);
+    adjusted += report->adjusted ? 1 : 0;
+    selected = std::max(selected, trainer.state().growth.last.selected);
+    CHECK(report->skipped_blocks == 0);
+  }
+  CHECK(adjusted > 3);
+  CHECK(selected > 0);
+  CHECK(trainer.rate_report().sampled > 0);
+  double size = 0;
+  const Model<R>& model = trainer.model();
+  for (const float f : model.arena.values(model.road.embedder.residual).flat())
+    size += std::abs(static_cast<double>(f));
+  CHECK(size > 0);
 }

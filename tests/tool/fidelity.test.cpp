@@ -96,6 +96,15 @@ TEST_CASE("fidelity: a row is what the tool wrote, and the table shows what the 
   CHECK(json["rows"][1]["psnr_cost_after"].get<double>() == doctest::Approx(0.3));
   CHECK(lines_with(text_of(scratch.path / "fidelity.md"), "HAC + CompMarkGS") == 1);
   CHECK(lines_with(text_of(scratch.path / "fidelity.html"), "lego_hac/evaluate.html") == 1);
+
+  // What an earlier command finished is found again, that of other settings is not.
+  const std::vector<Row> found = finished_rows(settings);
+  REQUIRE(found.size() == 2);
+  CHECK(found[0].scene == "chair");
+  CHECK(found[1].models[marked_coded].psnr == row->models[marked_coded].psnr);
+  Settings other_settings = settings;
+  other_settings.rate_lambda = 0.001;
+  CHECK(finished_rows(other_settings).empty());
 }
 
 TEST_CASE("fidelity: a folder of other settings, a step that is not over and a file that is none are told apart") {
@@ -171,6 +180,10 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   CHECK(fs::exists(at("run/one_hac/evaluate.json")));
   CHECK(run(command + "300").code == 1);  // other settings in this folder
   CHECK(run(command + "200 --decoder x").code == 2);
+  CHECK(run(command + "200 --decoder=x").code == 2);
+  CHECK(run(command + "twice").code == 2);
+  CHECK(run(command + "200 --resume").code == 0);  // it always does
+  CHECK(fs::last_write_time(at("run/one_hac/model.cmk")) == trained);
   CHECK(run("--data " + at("scenes/empty") + " --out " + at("nothing")).code == 2);
   CHECK(run("--data " + at("scenes/one@half") + " --out " + at("nothing")).code == 2);
   CHECK_FALSE(fs::exists(at("nothing")));

@@ -10,7 +10,7 @@
 // ones, times their share); z counts for every live anchor. Gradients reach parents through what their children read of them.
 // Noise is a function of (seed, iteration, row, scalar): an anchor has one value in an iteration, whoever looks at it. Dead rows pass
 // unchanged. Rows that are looked at without being listed are read from the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and
-// have their gradients there: a residual of an Embedder is not in them. Everything runs in panels of 64 anchors, level by level, sums in
+// have their gradients there; where an Embedder marks features, its table holds every row and is read instead (Context::all_features). Everything runs in panels of 64 anchors, level by level, sums in
 // fixed order: same bits at any thread count. Cost an anchor that is looked at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k
 // more and 12 scalars of the prior where its rate counts; memory 2.2 KB.
 // Longer than 300 lines: both ways of both kinds of panels share one layout.
@@ -163,7 +163,7 @@ class ContextGsModel {
     ContextGsPlan& plan = context.plan;
     plan.build(context.levels.levels(), rows, Random(phase.seed, phase.iteration, random_stage("context gs sample")),
                phase.counts ? settings_.sample : 0);
-    context.unit = plan.drawn == 0 ? 0 : settings_.lambda / static_cast<double>(plan.drawn * scalars);
+    context.unit = plan.drawn == 0 ? 0 : phase.weight * settings_.lambda / static_cast<double>(plan.drawn * scalars);
     prepare(arena, handles, context, executor.concurrency());
     executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t) {
       std::fill_n(context.prior_sums.data() + chunk * Prior::count, Prior::count, T(0));

@@ -3,8 +3,8 @@
 //
 // The road of the anchors before they are decoded: table -> Embedder (x + tanh x') -> DistortionLayer (noise of the quantizer's step), or the
 // EntropyModel with the noise of its own step and its rate -> what the GaussianDecoder reads; and back. Attributes that a stage changes are written to a table of their own, rows that are not visible
-// stay unwritten; attributes that nobody changes are read where they are. A recipe with none of these stages has no such table and no code here.
-// Cost: one copy of a visible anchor's changed attributes, forward and backward.
+// stay unwritten, but for marked features where the entropy model reads ancestors (ContextGS): these are all embedded; attributes that nobody changes are read where they are. A recipe with none of these stages has no such table and no code here.
+// Cost: one copy of a visible anchor's changed attributes, forward and backward; of marked ancestors the features of every anchor.
 #pragma once
 
 #include <algorithm>
@@ -113,7 +113,7 @@ class AnchorRoad {
     }
   }
 
-  /// What decides which anchors are visible. A watermark in the geometry is embedded in every row here, any other only where it is seen.
+  /// What decides which anchors are visible. A watermark in the geometry is embedded in every row here, any other in forward().
   template <Executor E>
   [[nodiscard]] AnchorColumns<const T> before_culling(const ParameterArena<T>& arena, const AnchorHandles& anchors,
                                                       const Handles& handles, Context& context, E& executor) const {

@@ -132,6 +132,12 @@ consteval void check_recipe() {
   }
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
+  if constexpr (requires(typename R::DensityControl::Settings s) { s.band; }) {
+    static_assert(present<typename R::FrequencyLoss>,
+                  "Recipe: this DensityControl looks at the error map of a FrequencyLoss, which the recipe lacks");
+    static_assert(std::is_same_v<RecipeLens<R>, PinholeLens>,
+                  "Recipe: this DensityControl finds Gaussians as a pinhole projects them, and the recipe has a lens");
+  }
   static_assert(EntropyModel<typename R::EntropyModel>,
                 "Recipe: EntropyModel lacks Settings (see entropy/concept.hpp)");
   static_assert(!present<typename R::EntropyModel> || !present<typename R::DistortionLayer>,

@@ -33,6 +33,7 @@
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
+#include "compmark/scene/image_point.hpp"
 
 namespace compmark::inline v0 {
 
@@ -222,6 +223,9 @@ class Trainer {
   }
   /// Bits a scalar and steps of the entropy model in the last iteration.
   [[nodiscard]] const auto& rate_report() const requires(present<typename R::EntropyModel>) {
+    if constexpr (marks_beside) {
+      if (drawn_.alone) return drawn_.rate_report();
+    }
     return context_.road.rate.report;
   }
   /// Tells the decoder and the bits that every render shall carry; call before the first step.
@@ -294,6 +298,7 @@ class Trainer {
     noise(report.iteration);
     report.forward = learn_residual(views, rate, report);
     report.loss.total = drawn_.report().total;
+    if constexpr (present<typename R::EntropyModel>) report.loss.total += drawn_.rate_report().loss;
     report.anchors = state_.model.anchor_count();
     state_.iteration = report.iteration;
     return report;
@@ -318,22 +323,12 @@ class Trainer {
     const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(state_.model.render).screen(context_.raster);
     const auto decoded = pipeline_.decoder().statistics(context_.decoder);
     if constexpr (grows_by_frequency<Growth>) {
-      static_assert(present<typename R::FrequencyLoss>,
-                    "Trainer: FrequencyGrowth looks at the error map of a FrequencyLoss, and this recipe has none");
-      static_assert(std::is_same_v<ViewCamera<R>, Camera<double>>,
-                    "Trainer: FrequencyGrowth projects means as a pinhole does, and this recipe has a lens");
       if (looks_at_frequency(t)) {
         const auto world = std::as_const(context_.gaussians).columns();
         const auto mean = [&](std::size_t i) {
-          std::array<double, 3> seen{};
-          for (std::size_t k = 0; k < 3; ++k) {
-            for (std::size_t j = 0; j < 3; ++j) {
-              seen[k] += camera.rotation_camera_world[3 * k + j] *
-                         (static_cast<double>(world.mean[j][i]) - camera.center_world[j]);
-            }
-          }
-          return std::array<Scalar, 2>{static_cast<Scalar>(camera.fx * seen[0] / seen[2] + camera.cx),
-                                       static_cast<Scalar>(camera.fy * seen[1] / seen[2] + camera.cy)};
+          return image_point<Scalar>(camera,
+                                     {static_cast<double>(world.mean[0][i]), static_cast<double>(world.mean[1][i]),
+                                      static_cast<double>(world.mean[2][i])});
         };
         density_control<R>(settings_, true)
             .observe(decoded, screen.visible, screen.gradient_norm, context_.marks.frequency.error_map(), camera.height,

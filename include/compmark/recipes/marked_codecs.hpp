@@ -4,11 +4,12 @@
 // The whole method, and the same inside the hosts that train for compression (method sheet 5.8): there the residual is added before the codec's own
 // step of quantization, so that f^w is what is distorted, what is rated and what the file holds, and the message is read from what comes out.
 //
-//   CompMarkGs<Host, Decoder>  Marked, with the frequency loss and the growing that looks at it
+//   CompMarkGs<Host, Decoder>  MarkedForCompression, with the frequency loss and the growing that looks at it
 //   MarkedHac<Decoder>         in HAC        (HacScaffold, or another of hac.hpp)
 //   MarkedContextGs<Decoder>   in ContextGS  (ContextGsScaffold, or another of context_gs.hpp)
 //
-// Differs from the paper: the distortion layer is the host's own, so its step is learned from the rate too; no second one is drawn.
+// Differs from the paper inside those hosts: the distortion layer is the host's own, so its step is learned from the rate too; no second one is
+// drawn.
 #pragma once
 
 #include "compmark/anchor/frequency_growth.hpp"
@@ -19,17 +20,20 @@
 
 namespace compmark::inline v0::recipes {
 
-/// Without a distortion layer of its own; see MarkedForCompression for hosts that have none.
-template <class HostRecipe, class Decoder>
-struct CompMarkGs : Marked<HostRecipe, Decoder> {
-  using FrequencyLoss = compmark::FrequencyLoss<typename HostRecipe::Scalar>;
-  using DensityControl = FrequencyGrowth<typename HostRecipe::Scalar, typename HostRecipe::DensityControl>;
+/// A marked recipe with the frequency loss and the growing that looks at it.
+template <class MarkedRecipe>
+struct WithFrequency : MarkedRecipe {
+  using FrequencyLoss = compmark::FrequencyLoss<typename MarkedRecipe::Scalar>;
+  using DensityControl = FrequencyGrowth<typename MarkedRecipe::Scalar, typename MarkedRecipe::Host::DensityControl>;
 };
 
+template <class HostRecipe, class Decoder>
+struct CompMarkGs : WithFrequency<MarkedForCompression<HostRecipe, Decoder>> {};
+
 template <class Decoder, class HostRecipe = HacScaffold>
-struct MarkedHac : CompMarkGs<HostRecipe, Decoder> {};
+struct MarkedHac : WithFrequency<Marked<HostRecipe, Decoder>> {};
 
 template <class Decoder, class HostRecipe = ContextGsScaffold>
-struct MarkedContextGs : CompMarkGs<HostRecipe, Decoder> {};
+struct MarkedContextGs : WithFrequency<Marked<HostRecipe, Decoder>> {};
 
 }  // namespace compmark::inline v0::recipes
