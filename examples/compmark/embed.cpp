@@ -152,7 +152,6 @@ int embed_model(TrainOptions options) {
   if (options.seed) settings.seed = *options.seed;
   const bool own_twin = options.mark.twin.empty();
   if (own_twin) options.mark.twin = options.model;
-  settings.rate.lambda = options.rate_lambda;
   settings.mark = mark_beside_the_host();
   settings.mark.residual_rate =
       0.001;  // nothing else moves, so that small steps find what is read in every view (docs/watermark.md)
@@ -186,11 +185,6 @@ Command add_embed(CLI::App& app) {
   app.add_option("--iterations", options->iterations, "length of the run")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  app.add_option("--lambda", options->rate_lambda,
-                 "of a model for a codec: loss of one bit more a scalar, in its file, that the mark costs; that of its "
-                 "training suits")
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 1.0));
   app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 64.0));

@@ -163,7 +163,7 @@ class ContextGsModel {
     ContextGsPlan& plan = context.plan;
     plan.build(context.levels.levels(), rows, Random(phase.seed, phase.iteration, random_stage("context gs sample")),
                phase.counts ? settings_.sample : 0);
-    context.unit = plan.drawn == 0 ? 0 : phase.weight * settings_.lambda / static_cast<double>(plan.drawn * scalars);
+    context.unit = plan.drawn == 0 ? 0 : settings_.lambda / static_cast<double>(plan.drawn * scalars);
     prepare(arena, handles, context, executor.concurrency());
     executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t) {
       std::fill_n(context.prior_sums.data() + chunk * Prior::count, Prior::count, T(0));

@@ -304,10 +304,8 @@ class HacModel {
   void set_weights(std::size_t anchors, const RateReport& report, Context& context) const {
     const double share = settings_.anchor_mask ? 1 : report.live_share;
     const std::size_t full = context.entries.full;
-    context.unit =
-        full == 0 ? 0 : context.phase.weight * settings_.lambda * share / static_cast<double>(full * scalars);
-    context.hash_weight =
-        context.phase.weight * settings_.lambda / static_cast<double>(std::max<std::size_t>(1, anchors) * scalars);
+    context.unit = full == 0 ? 0 : settings_.lambda * share / static_cast<double>(full * scalars);
+    context.hash_weight = settings_.lambda / static_cast<double>(std::max<std::size_t>(1, anchors) * scalars);
   }
   /// Grid and hidden layer at a panel of positions. Cheaper twice than kept: 830 bytes an anchor, written and read.
   static void see(const T* unit, Scratch& s, const Context& context) {

@@ -15,8 +15,7 @@ struct RatePhase {
   bool noise = false;    ///< noise of the base steps
   bool context = false;  ///< noise of the predicted steps …
   bool round = false;    ///< … or rounding by them
-  bool counts = true;    ///< with context: the rate is a loss …
-  double weight = 1;     ///< … times this
+  bool counts = true;    ///< with context: the rate is a loss
   std::uint64_t seed = 0, iteration = 0;
 
   [[nodiscard]] constexpr bool active() const { return noise || context; }

@@ -51,7 +51,7 @@ class DrawnReading {
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
     const ViewCamera<R> camera = drawn_camera(camera_of, views.size(), view, random, reach);
     if constexpr (present<typename R::DistortionLayer>) context_.road.phase = photographed.road.phase;
-    if constexpr (present<typename R::EntropyModel>) set_rate_phase(photographed, phases);
+    if constexpr (present<typename R::EntropyModel>) set_rate_phase(photographed);
     if constexpr (can_stand_beside) {
       if (phases.beside_the_host()) {
         context_.road.embeds = false;
@@ -64,7 +64,7 @@ class DrawnReading {
         host_storage_.resize(context_.image.size());
         std::copy_n(context_.image.data, context_.image.size(), host_storage_.data());
         context_.road.embeds = true;
-        if constexpr (present<typename R::EntropyModel>) set_rate_phase(photographed, phases);
+        if constexpr (present<typename R::EntropyModel>) set_rate_phase(photographed);
       }
     }
     const ForwardReport report = pipeline.forward(model, camera, view, context_, executor);
@@ -74,11 +74,7 @@ class DrawnReading {
   }
 
   [[nodiscard]] const MarkReport& report() const { return context_.marks.report; }  ///< of the last reading
-  /// Bits and steps of the last reading; the rate is there if it was alone.
-  [[nodiscard]] const auto& rate_report() const requires(present<typename R::EntropyModel>) {
-    return context_.road.rate.report;
-  }
-  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< what was read
+  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }    ///< what was read
   /// The host's render of the same view, beside the host.
   [[nodiscard]] ImageView<const Scalar> host() const {
     return {host_storage_.data(), 3, context_.image.height, context_.image.width};
@@ -88,11 +84,10 @@ class DrawnReading {
   bool alone = false;
 
  private:
-  void set_rate_phase(const Context& photographed,
-                      const MarkPhases& phases) requires(present<typename R::EntropyModel>) {
+  void set_rate_phase(const Context& photographed) requires(present<typename R::EntropyModel>) {
     context_.road.rate.phase = photographed.road.rate.phase;
-    context_.road.rate.phase.counts = alone;  // the same noise; else the rate was counted in the photographed view
-    if (alone) context_.road.rate.phase.weight = phases.weight_of_readings();
+    context_.road.rate.phase.counts =
+        false;  // the same noise; the rate was counted in the photographed view, or does not count (docs/watermark.md)
   }
 
   Context context_;  ///< its own, so that the photographed view's stays

@@ -46,10 +46,8 @@ class MarkPhases {
 
   /// Whether the host trains as if there were no mark, and the residual beside it (MarkNumbers::fidelity).
   [[nodiscard]] bool beside_the_host() const { return numbers_.fidelity > 0; }
-  /// As many times the weight as iterations pass from one reading between the training views to the next.
-  [[nodiscard]] double weight_of_readings() const { return static_cast<double>(between_every()); }
   /// Weight of the departure from the host's render in an iteration that reads.
-  [[nodiscard]] double fidelity() const { return numbers_.fidelity * weight_of_readings(); }
+  [[nodiscard]] double fidelity() const { return numbers_.fidelity * static_cast<double>(between_every()); }
 
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
   [[nodiscard]] bool reads_between(std::int64_t t) const {
@@ -57,7 +55,7 @@ class MarkPhases {
   }
   [[nodiscard]] double between_weight(std::int64_t t) const {
     if (t <= message_.begin) return 0;
-    return numbers_.lambda_message * message_.progress(t) * weight_of_readings();
+    return numbers_.lambda_message * message_.progress(t) * static_cast<double>(between_every());
   }
 
   [[nodiscard]] DistortionPhase distortion(std::int64_t t, std::uint64_t seed) const {

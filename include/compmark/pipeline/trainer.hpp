@@ -223,9 +223,6 @@ class Trainer {
   }
   /// Bits a scalar and steps of the entropy model in the last iteration.
   [[nodiscard]] const auto& rate_report() const requires(present<typename R::EntropyModel>) {
-    if constexpr (marks_beside) {
-      if (drawn_.alone) return drawn_.rate_report();
-    }
     return context_.road.rate.report;
   }
   /// Tells the decoder and the bits that every render shall carry; call before the first step.
@@ -298,7 +295,6 @@ class Trainer {
     noise(report.iteration);
     report.forward = learn_residual(views, rate, report);
     report.loss.total = drawn_.report().total;
-    if constexpr (present<typename R::EntropyModel>) report.loss.total += drawn_.rate_report().loss;
     report.anchors = state_.model.anchor_count();
     state_.iteration = report.iteration;
     return report;
