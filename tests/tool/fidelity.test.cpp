@@ -188,3 +188,21 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   CHECK(run("--data " + at("scenes/one@half") + " --out " + at("nothing")).code == 2);
   CHECK_FALSE(fs::exists(at("nothing")));
 }
+
+TEST_CASE("fidelity: who stops it stops the training too, which writes its checkpoint first") {
+  const ScratchFolder scratch("compmark-fidelity-stop-test");
+  const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
+  done("scene --out " + at("one") + " --width 64 --height 64 --train 12 --test 3");
+  const std::string arguments =
+      " --codecs hac --voxel-size 0 --iterations 100000 --data " + at("one") + " --out " + at("run");
+  // The parent alone is told, as by a batch system, once the training has begun.
+  const Outcome outcome = run_tool(
+      "sh", "-c '\"$0\" " + arguments + " & pid=$!; while [ ! -s " + at("run/one_hac/unmarked/log.jsonl") +
+                " ]; do kill -0 $pid || exit 9; sleep 0.02; done; kill -TERM $pid; wait $pid; echo ended with $?' \"" +
+                COMPMARK_REPRODUCE_FIDELITY + "\"");
+  INFO(outcome.text);
+  CHECK(outcome.text.find("ended with 130") != std::string::npos);
+  CHECK(outcome.text.find("the same command goes on") != std::string::npos);
+  CHECK(fs::exists(at("run/one_hac/unmarked/checkpoint.safetensors")));
+  CHECK_FALSE(fs::exists(at("run/fidelity.json")));
+}
