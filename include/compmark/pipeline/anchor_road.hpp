@@ -5,6 +5,7 @@
 // EntropyModel with the noise of its own step and its rate -> what the GaussianDecoder reads; and back. Attributes that a stage changes are written to a table of their own, rows that are not visible
 // stay unwritten, but for marked features where the entropy model reads ancestors (ContextGS): these are all embedded; attributes that nobody changes are read where they are. A recipe with none of these stages has no such table and no code here.
 // Cost: one copy of a visible anchor's changed attributes, forward and backward; of marked ancestors the features of every anchor.
+// Longer than 300 lines: which rows a stage wrote, and which gradients it is given back, are to be read in one place.
 #pragma once
 
 #include <algorithm>

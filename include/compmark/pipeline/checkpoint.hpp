@@ -90,14 +90,10 @@ template <class Json = nlohmann::json>
     mark["hsv_after"] = m.hsv_after;
     mark["lambda_frequency"] = m.lambda_frequency;
     mark["frequency_after"] = m.frequency_after;
-    if (m.frequency_grow_from != 10000 || m.frequency_grow_until != 15000) {
-      mark["frequency_grow_from"] = m.frequency_grow_from;
-      mark["frequency_grow_until"] = m.frequency_grow_until;
-    }
-    if (m.frequency_band_lowest != 0.1 || m.frequency_band_highest != 0.3) {
-      mark["frequency_band_lowest"] = m.frequency_band_lowest;
-      mark["frequency_band_highest"] = m.frequency_band_highest;
-    }
+    if (m.frequency_grow_from != 10000 || m.frequency_grow_until != 15000)
+      mark["frequency_grow"] = {m.frequency_grow_from, m.frequency_grow_until};
+    if (m.frequency_band_lowest != 0.1 || m.frequency_band_highest != 0.3)
+      mark["frequency_band"] = {m.frequency_band_lowest, m.frequency_band_highest};
     mark["image_weight"] = m.image_weight;
     mark["residual_rate"] = m.residual_rate;
     mark["residual_decay"] = m.residual_decay;
