@@ -39,7 +39,7 @@ namespace detail {
 [[nodiscard]] inline std::string lpips_text(const Figures& before, const Figures& after) {
   return before.lpips && after.lpips ? format("%.3f / %.3f", *before.lpips, *after.lpips) : std::string("–");
 }
-[[nodiscard]] inline std::vector<std::string> pair_of(const std::string& name, const char* method,
+[[nodiscard]] inline std::vector<std::string> pair_of(const std::string& name, const std::string& method,
                                                       const Figures& before, const Figures& after, bool marked) {
   return {name,
           method,
@@ -74,11 +74,13 @@ namespace detail {
   return mean;
 }
 
+[[nodiscard]] inline std::string codec_title(const Row& row) { return row.codec == "hac" ? "HAC" : "ContextGS"; }
+
 inline void add_rows(Grid& grid, const Row& row) {
-  grid.rows.push_back(pair_of(row.scene, row.codec == "hac" ? "HAC, unmarked" : "ContextGS, unmarked",
-                              row.models[unmarked], row.models[unmarked_coded], false));
-  grid.rows.push_back(pair_of(row.scene, row.codec == "hac" ? "HAC, marked" : "ContextGS, marked", row.models[marked],
-                              row.models[marked_coded], true));
+  grid.rows.push_back(
+      pair_of(row.scene, codec_title(row) + ", unmarked", row.models[unmarked], row.models[unmarked_coded], false));
+  grid.rows.push_back(
+      pair_of(row.scene, codec_title(row) + ", marked", row.models[marked], row.models[marked_coded], true));
 }
 
 }  // namespace detail
@@ -123,11 +125,10 @@ inline void add_rows(Grid& grid, const Row& row) {
   for (const Row& row : rows) {
     const Figures& after = row.models[marked_coded];
     grid.rows.push_back(
-        {row.scene, row.codec == "hac" ? "HAC" : "ContextGS", std::to_string(after.views),
-         format("%.2f", 100 * after.accuracy), format("%.2f", 100 * after.worst), format("%.1e", after.worst_p_value),
-         format("%.1e", after.p_value), format("%.2f", 100 * row.models[unmarked_coded].accuracy),
-         format("%+.2f", row.lost_points()), format("%+.2f / %+.2f", row.lost(false), row.lost(true)),
-         format("%+.2f", 100 * row.more_bytes()),
+        {row.scene, detail::codec_title(row), std::to_string(after.views), format("%.2f", 100 * after.accuracy),
+         format("%.2f", 100 * after.worst), format("%.1e", after.worst_p_value), format("%.1e", after.p_value),
+         format("%.2f", 100 * row.models[unmarked_coded].accuracy), format("%+.2f", row.lost_points()),
+         format("%+.2f / %+.2f", row.lost(false), row.lost(true)), format("%+.2f", 100 * row.more_bytes()),
          format("%.1f, %.1f, %.1f", row.train_seconds / 60, row.fit_seconds / 60, row.mark_seconds / 60)});
   }
   return grid;

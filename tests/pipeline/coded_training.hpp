@@ -36,32 +36,43 @@ struct Trained {
   Model<R> model;
   RateReport rate;
 };
-/// `stop` > 0: written to a checkpoint after so many iterations, read back and continued.
-template <class R>
-Trained<R> train_coded(std::size_t threads, std::int64_t iterations = 90, std::int64_t stop = 0) {
-  const TrainSettings settings = short_settings(iterations);
+/// Trains up to an iteration and shows the trainer to `use`. `stop` > 0: written to a checkpoint after so many iterations, read back and continued.
+template <class R, class Use>
+void train_until(const TrainSettings& settings, std::size_t threads, std::int64_t until, std::int64_t stop,
+                 const Use& use) {
   BlobViews views;
   ThreadExecutor executor(threads);
   using Run = Trainer<R, ThreadExecutor>;
   Run trainer(settings, views.size(), 1.0, executor);
   REQUIRE(trainer.initialise(cloud(300, 7)));
-  if (stop != 0) {
-    const ScratchFolder folder("compmark-coded-test");
-    while (trainer.state().iteration < stop) REQUIRE(trainer.step(views));
-    const std::filesystem::path path = folder.path / "checkpoint.safetensors";
-    REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1.0));
-    auto restored = read_checkpoint<R, ThreadExecutor>(path, settings, ModelInfo{});
-    REQUIRE(restored.ok());
-    Run again(settings, views.size(), 1.0, executor);
-    again.restore(std::move(restored->state));
-    REQUIRE(again.run(views));
-    return {again.model(), again.rate_report()};
+  const auto go = [&](Run& run, std::int64_t last) {
+    while (run.state().iteration < last) REQUIRE(run.step(views));
+  };
+  if (stop == 0) {
+    go(trainer, until);
+    return use(std::as_const(trainer));
   }
-  REQUIRE(trainer.run(views));
-  return {trainer.model(), trainer.rate_report()};
+  go(trainer, stop);
+  const ScratchFolder folder("compmark-stopped-training-test");
+  const std::filesystem::path path = folder.path / "checkpoint.safetensors";
+  REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1.0));
+  auto restored = read_checkpoint<R, ThreadExecutor>(path, settings, ModelInfo{});
+  REQUIRE(restored.ok());
+  Run again(settings, views.size(), 1.0, executor);
+  again.restore(std::move(restored->state));
+  go(again, until);
+  use(std::as_const(again));
 }
 template <class R>
-bool same_bits(const Model<R>& a, const Model<R>& b) {
+Trained<R> train_coded(std::size_t threads, std::int64_t iterations = 90, std::int64_t stop = 0) {
+  Trained<R> trained;
+  train_until<R>(short_settings(iterations), threads, iterations, stop, [&](const auto& trainer) {
+    trained = {trainer.model(), trainer.rate_report()};
+  });
+  return trained;
+}
+template <class A, class B>
+bool same_bits(const Model<A>& a, const Model<B>& b) {
   const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
   return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size_bytes()) == 0;
 }

@@ -8,12 +8,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <functional>
 #include <initializer_list>
-#include <span>
-#include <utility>
 #include <vector>
 
 #include "coded_training.hpp"
@@ -64,40 +61,16 @@ TrainSettings settings() {
 template <class R>
 Model<R> train(const TrainSettings& s, std::size_t threads = 2, std::int64_t until = iterations,
                std::int64_t stop = 0) {
-  BlobViews views;
-  ThreadExecutor executor(threads);
-  using Run = Trainer<R, ThreadExecutor>;
-  Run trainer(s, views.size(), 1.0, executor);
-  REQUIRE(trainer.initialise(testing::cloud(300, 7)));
-  const auto go = [&](Run& run, std::int64_t last) {
-    while (run.state().iteration < last) REQUIRE(run.step(views));
-  };
-  if (stop == 0) {
-    go(trainer, until);
-    return trainer.model();
-  }
-  go(trainer, stop);
-  const testing::ScratchFolder folder("compmark-frequency-growing-test");
-  const std::filesystem::path path = folder.path / "checkpoint.safetensors";
-  REQUIRE(write_checkpoint(path, trainer.state(), s, ModelInfo{}, 1.0));
-  auto restored = read_checkpoint<R, ThreadExecutor>(path, s, ModelInfo{});
-  REQUIRE(restored.ok());
-  Run again(s, views.size(), 1.0, executor);
-  again.restore(std::move(restored->state));
-  go(again, until);
-  return again.model();
-}
-template <class A, class B>
-bool same(const Model<A>& a, const Model<B>& b) {
-  const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
-  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size_bytes()) == 0;
+  Model<R> model;
+  testing::train_until<R>(s, threads, until, stop, [&](const auto& trainer) { model = trainer.model(); });
+  return model;
 }
 
 }  // namespace
 
 TEST_CASE("pipeline/frequency_growing: it is the other growing until its window begins, and another one in it") {
   const TrainSettings s = settings();
-  CHECK(same(train<Loss>(s, 2, 39), train<Growing>(s, 2, 39)));
+  CHECK(testing::same_bits(train<Loss>(s, 2, 39), train<Growing>(s, 2, 39)));
   const Model<Loss> plain = train<Loss>(s);
   const Model<Growing> growing = train<Growing>(s);
   MESSAGE(plain.anchor_count(), " anchors, frequency-aware ", growing.anchor_count());
@@ -131,20 +104,20 @@ TEST_CASE("pipeline/frequency_growing: it is the other growing until its window 
   // Without a loss there is nothing to look at, and without a window no time to: the other growing, to the bit.
   TrainSettings silent = s;
   silent.mark.lambda_frequency = 0;
-  CHECK(same(train<Loss>(silent), train<Growing>(silent)));
+  CHECK(testing::same_bits(train<Loss>(silent), train<Growing>(silent)));
   TrainSettings never = s;
   never.mark.frequency_grow_until = never.mark.frequency_grow_from;
-  CHECK(same(plain, train<Growing>(never)));
+  CHECK(testing::same_bits(plain, train<Growing>(never)));
 }
 
 TEST_CASE(
     "pipeline/frequency_growing: the same bits at any thread count, and after a stop before, in and after the window") {
   const TrainSettings s = settings();
   const Model<Growing> once = train<Growing>(s, 1);
-  CHECK(same(once, train<Growing>(s, 4)));
+  CHECK(testing::same_bits(once, train<Growing>(s, 4)));
   for (const std::int64_t stop : {30, 52, 90}) {
     CAPTURE(stop);
-    CHECK(same(once, train<Growing>(s, 2, iterations, stop)));
+    CHECK(testing::same_bits(once, train<Growing>(s, 2, iterations, stop)));
   }
 }
 

@@ -10,8 +10,8 @@
 // ones, times their share); z counts for every live anchor. Gradients reach parents through what their children read of them.
 // Noise is a function of (seed, iteration, row, scalar): an anchor has one value in an iteration, whoever looks at it. Dead rows pass
 // unchanged. Rows that are looked at without being listed are read from the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and
-// have their gradients there; where an Embedder marks features, its table holds every row and is read instead (Context::all_features). Everything runs in panels of 64 anchors, level by level, sums in
-// fixed order: same bits at any thread count. Cost an anchor that is looked at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k
+// have their gradients there; where an Embedder marks features, its table holds every row and is read instead (Context::all_features).
+// Everything runs in panels of 64 anchors, level by level, sums in fixed order: same bits at any thread count. Cost an anchor that is looked at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k
 // more and 12 scalars of the prior where its rate counts; memory 2.2 KB.
 // Longer than 300 lines: both ways of both kinds of panels share one layout.
 #pragma once
@@ -87,9 +87,8 @@ class ContextGsModel {
   };
   struct Context {
     RatePhase phase;
-    bool all_features =
-        false;  ///< whoever calls: the table of features that is distorted holds every row, not the listed ones alone
-    double unit = 0;  ///< loss of one bit of the sample
+    bool all_features = false;  ///< the caller's: the table of features holds every row, not the listed ones alone
+    double unit = 0;            ///< loss of one bit of the sample
     ContextGsLevels<T> levels;
     ContextGsPlan plan;
     Buffer<T> input;                         ///< of the networks, by entry; rows of `input_row`

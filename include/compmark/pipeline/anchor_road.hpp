@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The road of the anchors before they are decoded: table -> Embedder (x + tanh x') -> DistortionLayer (noise of the quantizer's step), or the
-// EntropyModel with the noise of its own step and its rate -> what the GaussianDecoder reads; and back. Attributes that a stage changes are written to a table of their own, rows that are not visible
-// stay unwritten, but for marked features where the entropy model reads ancestors (ContextGS): these are all embedded; attributes that nobody changes are read where they are. A recipe with none of these stages has no such table and no code here.
+// EntropyModel with the noise of its own step and its rate -> what the GaussianDecoder reads; and back. Attributes that a stage changes are
+// written to a table of their own, rows that are not visible stay unwritten, but for marked features where the entropy model reads ancestors
+// (ContextGS): these are all embedded. Attributes that nobody changes are read where they are. A recipe with none of these stages has no such
+// table and no code here.
 // Cost: one copy of a visible anchor's changed attributes, forward and backward; of marked ancestors the features of every anchor.
 // Longer than 300 lines: which rows a stage wrote, and which gradients it is given back, are to be read in one place.
 #pragma once
@@ -133,15 +135,12 @@ class AnchorRoad {
   [[nodiscard]] AnchorColumns<const T> forward(const ParameterArena<T>& arena, const Handles& handles,
                                                std::span<const std::uint32_t> visible, AnchorColumns<const T> columns,
                                                Context& context, E& executor) const {
-    if constexpr (marks && !marks_geometry) {
-      if (context.embeds && !embeds_ancestors(context)) embed(arena, handles, visible, columns, context, executor);
-    }
     if constexpr (reads_ancestors) {
       context.rate.context.all_features = embeds_ancestors(context);
-      if (embeds_ancestors(context)) {
-        list_all(columns, context);
-        embed(arena, handles, std::as_const(context.all_rows).span(), columns, context, executor);
-      }
+      if (embeds_ancestors(context)) list_all(columns, context);
+    }
+    if constexpr (marks && !marks_geometry) {
+      if (context.embeds) embed(arena, handles, rows_of(Embed::target, visible, context), columns, context, executor);
     }
     context.distortion = {};
     if constexpr (distorts) {

@@ -58,7 +58,6 @@ class DrawnReading {
         if constexpr (present<typename R::EntropyModel>) {
           // What rounding did to the host is not held to: steps that take some of it back are as good as steps that carry the message.
           if (photographed.road.rate.phase.round) context_.road.rate.phase = {};
-          context_.road.rate.phase.counts = false;
         }
         static_cast<void>(pipeline.forward(model, camera, view, context_, executor));
         host_storage_.resize(context_.image.size());
@@ -86,8 +85,8 @@ class DrawnReading {
  private:
   void set_rate_phase(const Context& photographed) requires(present<typename R::EntropyModel>) {
     context_.road.rate.phase = photographed.road.rate.phase;
-    context_.road.rate.phase.counts =
-        false;  // the same noise; the rate was counted in the photographed view, or does not count (docs/watermark.md)
+    // The same noise. The rate was counted in the photographed view; without one it is no loss (docs/watermark.md).
+    context_.road.rate.phase.counts = false;
   }
 
   Context context_;  ///< its own, so that the photographed view's stays

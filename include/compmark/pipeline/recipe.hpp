@@ -85,6 +85,16 @@ using RecipeLens = typename detail::LensOf<typename R::Rasterizer>::type;
 template <class R>
 using ViewCamera = CameraOf<RecipeLens<R>>;
 
+/// Whether growing looks at the error map of the frequency loss in a window of the run (anchor/frequency_growth.hpp).
+template <class Growth>
+inline constexpr bool grows_by_frequency = false;
+template <class Growth>
+  requires(present<Growth>&& requires(typename Growth::Settings s) {
+    s.in_window;
+    s.band;
+  })
+inline constexpr bool grows_by_frequency<Growth> = true;
+
 /// Cross-stage facts, each a sentence. Called by Pipeline, so a wrong recipe is told at the door.
 template <Recipe R>
 consteval void check_recipe() {
@@ -132,7 +142,7 @@ consteval void check_recipe() {
   }
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
-  if constexpr (requires(typename R::DensityControl::Settings s) { s.band; }) {
+  if constexpr (grows_by_frequency<typename R::DensityControl>) {
     static_assert(present<typename R::FrequencyLoss>,
                   "Recipe: this DensityControl looks at the error map of a FrequencyLoss, which the recipe lacks");
     static_assert(std::is_same_v<RecipeLens<R>, PinholeLens>,

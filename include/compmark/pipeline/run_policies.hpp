@@ -5,7 +5,6 @@
 // them. The entropy model's is in rate_phases.hpp. Cost: none.
 #pragma once
 
-#include "compmark/core/absent.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
@@ -17,16 +16,6 @@ namespace compmark::inline v0 {
           open_window(run.grow_after, run.grow_until, run.iterations),
           closed_window(run.pause_from, run.pause_until, run.iterations), run.grow_interval};
 }
-
-/// Whether growing looks at the error map of the frequency loss in a window of the run (anchor/frequency_growth.hpp).
-template <class Growth>
-inline constexpr bool grows_by_frequency = false;
-template <class Growth>
-  requires(present<Growth>&& requires(typename Growth::Settings s) {
-    s.in_window;
-    s.band;
-  })
-inline constexpr bool grows_by_frequency<Growth> = true;
 
 [[nodiscard]] inline Window frequency_window(const TrainSettings& run) {
   return closed_window(run.mark.frequency_grow_from, run.mark.frequency_grow_until, run.iterations);
