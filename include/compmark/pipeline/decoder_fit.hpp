@@ -70,7 +70,8 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   shape.features = settings.waves;
   shape.sigma = {settings.blur};
   shape.stride = settings.stride;
-  shape.logit_scale = 1.6;  // a hinge with the margin of the profile, 4, lets go at 2.5 deviations of the host
+  // A hinge with the profile's margin, 4, lets go at 2.5 deviations of the host.
+  shape.logit_scale = 1.6;
   LatticeWeights<T> weights =
       random_lattice<T>(shape, std::vector<double>{settings.period}, settings.seed, settings.spread_octaves);
   detail::WaveProbe<R, Views, E> probe(host, views, shape, weights, settings, executor);

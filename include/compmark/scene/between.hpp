@@ -87,8 +87,8 @@ template <class Cameras>
 }
 
 /// How much room every view has: the square of its distance to the third nearest other one, which is as an area where views stand on a surface; not below
-/// a quarter of the median nor above four of them, so that no view is left out and none takes over. Views that are drawn in proportion to it cover the
-/// gaps of a capture, where what a scene says is known least.
+/// a quarter of the median nor above sixteen of them, so that no view is left out and none takes over. Views that are drawn in proportion to it cover
+/// the gaps of a capture, where what a scene says is known least; four medians at most left them thin, sixty-four took from the rest (docs/watermark.md).
 class ViewRoom {
  public:
   ViewRoom() = default;
@@ -116,7 +116,7 @@ class ViewRoom {
     const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
     double sum = 0;
     for (double& room : summed_) {
-      sum += median > 0 ? std::clamp(room, median / 4, 4 * median) : 1;  // half of them in one place: as often each
+      sum += median > 0 ? std::clamp(room, median / 4, 16 * median) : 1;  // half of them in one place: as often each
       room = sum;
     }
   }
@@ -148,18 +148,16 @@ template <class AnyCamera>
 
 /// A camera drawn near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and zoomed by up to a fifth either way, so
 /// that what is learned from such views holds for more than the places where somebody stood. With a `reach` above 1 the triangle is stretched away
-/// from `view`: past the neighbours, where at the rim of a capture nobody stood on the other side.
+/// from `view`: past the neighbours, where at the rim of a capture nobody stood on the other side. The distance from `view` is uniform, not the place
+/// in the triangle, where a view that stands by itself would hardly ever be drawn from near by (docs/watermark.md).
 template <class Cameras>
 [[nodiscard]] auto drawn_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
                                 double reach = 1) {
   constexpr double most_roll = 0.26, most_zoom = 1.2;
   const std::size_t second = neighbouring_view(cameras, views, view, random, 0);
   const std::size_t third = neighbouring_view(cameras, views, view, random, 1);
-  // Uniform in the triangle: u <= v sorted uniforms, weights u, v - u, 1 - v.
-  const double a = random.uniform(2), b = random.uniform(3);
-  const double u = std::min(a, b), v = std::max(a, b);
-  const auto side = camera_between(cameras(second), cameras(third), v > 0 ? (v - u) / v : 0.0);
-  auto camera = camera_between(cameras(view), side, reach * v);
+  const auto side = camera_between(cameras(second), cameras(third), random.uniform(2));
+  const auto camera = camera_between(cameras(view), side, reach * random.uniform(3));
   return camera_turned(camera, most_roll * (2 * random.uniform(4) - 1), std::pow(most_zoom, 2 * random.uniform(5) - 1));
 }
 
