@@ -33,9 +33,7 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
                  "marked; of its compressed file: the unmarked one)");
   app.add_option("--message-weight", options.weight, "of the message in the loss (default: the profile's)")
       ->check(CLI::PositiveNumber);
-  app.add_option("--message-margin", options.margin,
-                 "logits by which a bit shall be right (default: 2 with a decoder that was fitted to the scene, else "
-                 "the profile's)")
+  app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
       ->check(CLI::PositiveNumber);
   app.add_option("--message-rate", options.rate,
                  "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: "
@@ -117,13 +115,8 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
     mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
   }
+  if (fitted_decoder(options.decoder) && mark.fidelity > 0) mark.fidelity = 1000;
   mark.logit_scale = decoder->logit_scale();
-  if (fitted_decoder(options.decoder) && mark.fidelity > 0) {
-    // In deviations of the unmarked host: as many bits as at 2.5, for fewer decibels (docs/watermark.md).
-    constexpr double margin = 2;
-    mark.hinge_margin = margin * mark.logit_scale;
-    mark.fidelity = 1000;
-  }
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
   if (options.rate) mark.residual_rate = *options.rate;
