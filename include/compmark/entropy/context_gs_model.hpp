@@ -11,8 +11,8 @@
 // Noise is a function of (seed, iteration, row, scalar): an anchor has one value in an iteration, whoever looks at it. Dead rows pass
 // unchanged. Rows that are looked at without being listed are read from the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and
 // have their gradients there; where an Embedder marks features, its table holds every row and is read instead (Context::all_features).
-// Everything runs in panels of 64 anchors, level by level, sums in fixed order: same bits at any thread count. Cost an anchor that is looked at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k
-// more and 12 scalars of the prior where its rate counts; memory 2.2 KB.
+// Everything runs in panels of 64 anchors, level by level, sums in fixed order: same bits at any thread count. Cost an anchor that is looked
+// at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k more and 12 scalars of the prior where its rate counts; memory 2.2 KB.
 // Longer than 300 lines: both ways of both kinds of panels share one layout.
 #pragma once
 
