@@ -28,6 +28,7 @@
 #include <utility>
 #include <vector>
 
+#include "../examples/compmark/plain_page.hpp"
 #include "compmark/anchor/visibility.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
@@ -35,7 +36,6 @@
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/recipes/scaffold.hpp"
 #include "support/accuracy_cases.hpp"
-#include "support/accuracy_page.hpp"
 #include "support/accuracy_rows.hpp"
 #include "support/live_bytes.hpp"
 
@@ -323,9 +323,9 @@ int main(int argc, char** argv) {
 
   std::size_t standard = 0;
   for (std::size_t i = 0; i < cases.size(); ++i) standard = cases[i]->name == "standard" ? i : standard;
-  Table table{{"case", "ms forward", "ms backward", "x standard", "PSNR exact", "max exact", "PSNR spec", "max spec",
-               "grad rel L2", "grad 1-cos", "grad bias", "MB", "pairs/1000", "Pareto"},
-              {}};
+  tool::Table table{{"case", "ms forward", "ms backward", "x standard", "PSNR exact", "max exact", "PSNR spec",
+                     "max spec", "grad rel L2", "grad 1-cos", "grad bias", "MB", "pairs/1000", "Pareto"},
+                    {}};
   nlohmann::ordered_json json{{"schema", 1},
                               {"model", options->model.filename().string()},
                               {"views", views.size()},
@@ -401,8 +401,8 @@ int main(int argc, char** argv) {
       }
       plot.series.push_back(std::move(series));
     }
-    const std::string page = html_page("Accuracy against time", head, {plot}, proof, table);
-    if (const Result<Done> written = write_pages(options->html, options->svg, page, plot); !written) {
+    const std::string page = tool::html_page("Accuracy against time", head, {plot}, proof, table);
+    if (const Result<Done> written = tool::write_pages(options->html, options->svg, page, plot); !written) {
       std::fprintf(stderr, "accuracy_vs_time: %s\n", written.error().line().c_str());
       return 1;
     }

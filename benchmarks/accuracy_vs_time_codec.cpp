@@ -27,13 +27,13 @@
 #include <utility>
 #include <vector>
 
+#include "../examples/compmark/plain_page.hpp"
 #include "compmark/codec/hac_decoder.hpp"
 #include "compmark/codec/hac_encoder.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/pipeline/coded_model.hpp"
 #include "compmark/recipes/hac.hpp"
-#include "support/accuracy_page.hpp"
 #include "support/codec_cases.hpp"
 #include "support/codec_model.hpp"
 
@@ -394,8 +394,8 @@ int main(int argc, char** argv) {
       "16-bit network free of charge, at its steps; "
       "of files, what the tables "
       "say. KB: tables, or the network in the file. A star marks what is shipped.";
-  accuracy_bench::Table table{
-      {"case", "group", "bits a scalar", "excess bits", "excess %", "encode M/s", "decode M/s", "KB", ""}, {}};
+  tool::Table table{{"case", "group", "bits a scalar", "excess bits", "excess %", "encode M/s", "decode M/s", "KB", ""},
+                    {}};
   nlohmann::ordered_json json{{"schema", 1},
                               {"model", options->model.filename().string()},
                               {"symbols", set.size()},
@@ -424,8 +424,8 @@ int main(int argc, char** argv) {
     if (const Result<Done> written = write_json(options->json, json); !written) stop(written.error().line());
   }
   const std::vector<tool::Plot> plots = plots_of(cases);
-  const std::string page = accuracy_bench::html_page("Accuracy against time: coding", head, plots, note, table);
-  if (const Result<Done> written = accuracy_bench::write_pages(options->html, options->svg, page, plots[0]); !written)
+  const std::string page = tool::html_page("Accuracy against time: coding", head, plots, note, table);
+  if (const Result<Done> written = tool::write_pages(options->html, options->svg, page, plots[0]); !written)
     stop(written.error().line());
   return 0;
 }

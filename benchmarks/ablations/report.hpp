@@ -12,13 +12,12 @@
 #include <string>
 #include <vector>
 
+#include "../../examples/compmark/plain_page.hpp"
 #include "ablations/record.hpp"
 #include "ablations/rows.hpp"
 #include "ablations/tables.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/json_file.hpp"
-#include "support/accuracy_page.hpp"
-#include "support/accuracy_rows.hpp"
 
 namespace ablation {
 
@@ -54,8 +53,8 @@ namespace detail {
   return tool::format_text("%+.*f ± %.*f", digits, spread.mean, digits, spread.standard_error());
 }
 
-[[nodiscard]] inline accuracy_bench::Table measured_table(const FilledTable& filled) {
-  accuracy_bench::Table table;
+[[nodiscard]] inline tool::Table measured_table(const FilledTable& filled) {
+  tool::Table table;
   table.columns = {"row",
                    "bits before, %",
                    "bits after, %",
@@ -82,8 +81,8 @@ namespace detail {
 }
 
 /// Row minus the method, here and in the paper.
-[[nodiscard]] inline accuracy_bench::Table direction_table(const FilledTable& filled) {
-  accuracy_bench::Table table;
+[[nodiscard]] inline tool::Table direction_table(const FilledTable& filled) {
+  tool::Table table;
   table.columns = {"row minus the method", "bits here, points", "in the paper",     "direction of the bits",
                    "PSNR here, dB",        "in the paper",      "direction of PSNR"};
   Published reference;
@@ -216,7 +215,7 @@ inline constexpr std::string_view note =
             "</h2><p>Paper: " + tool::escape_html(table.source) + ".</p>" + tool::svg(detail::plot_of(filled)) +
             detail::measured_table(filled).html() + "<p></p>" + detail::direction_table(filled).html();
   }
-  return accuracy_bench::html_page("Ablations", detail::head_text(head, records), {}, std::string(detail::note), body);
+  return tool::html_page("Ablations", detail::head_text(head, records), {}, std::string(detail::note), body);
 }
 
 /// Each file is replaced whole.

@@ -1,18 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Figures of one row of accuracy_vs_time: differences of images and gradients from the references, medians of times; and a table of them as
-// aligned Markdown or HTML.
+// Figures of one row of accuracy_vs_time: differences of images and gradients from the references, medians of times.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <string>
 #include <vector>
-
-#include "../../examples/compmark/svg_plot.hpp"
 
 namespace accuracy_bench {
 
@@ -75,45 +71,6 @@ struct Row {
   }
   [[nodiscard]] double bias() const {
     return mean_of_groups([](const GradientDifference& g) { return g.bias(); });
-  }
-};
-
-struct Table {
-  std::vector<std::string> columns;
-  std::vector<std::vector<std::string>> rows;
-  /// Aligned Markdown.
-  [[nodiscard]] std::string markdown() const {
-    std::vector<std::size_t> width;
-    for (const std::string& column : columns) width.push_back(column.size());
-    for (const std::vector<std::string>& row : rows) {
-      for (std::size_t c = 0; c < row.size(); ++c) width[c] = std::max(width[c], row[c].size());
-    }
-    const auto line = [&](const std::vector<std::string>& cells) {
-      std::string text = "|";
-      for (std::size_t c = 0; c < cells.size(); ++c) {
-        const std::string space(width[c] - cells[c].size(), ' ');
-        text.append(" ").append(c == 0 ? cells[c] : space).append(c == 0 ? space : cells[c]).append(" |");
-      }
-      return text + "\n";
-    };
-    std::string text = line(columns) + "|";
-    for (std::size_t c = 0; c < width.size(); ++c) {
-      text.append(c == 0 ? ":" : "-").append(width[c], '-').append(c == 0 ? "-|" : ":|");
-    }
-    text += "\n";
-    for (const std::vector<std::string>& row : rows) text += line(row);
-    return text;
-  }
-  [[nodiscard]] std::string html() const {
-    std::string text = "<table><tr>";
-    for (const std::string& column : columns) text += "<th>" + tool::escape_html(column) + "</th>";
-    text += "</tr>";
-    for (const std::vector<std::string>& row : rows) {
-      text += "<tr>";
-      for (const std::string& cell : row) text += "<td>" + tool::escape_html(cell) + "</td>";
-      text += "</tr>";
-    }
-    return text + "</table>\n";
   }
 };
 

@@ -16,9 +16,11 @@
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "commands.hpp"
 #include "effects.hpp"
+#include "presets.hpp"
 #include "recipe_list.hpp"
 #include "results.hpp"
 #include "train_coded.hpp"
@@ -260,6 +262,16 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
   return embed_model(marked);
 }
 
+/// What --preset says of the options that were not given.
+void apply_preset(const CLI::App& app, TrainOptions& options) {
+  for (const Preset& preset : presets) {
+    if (options.preset != preset.name) continue;
+    if (app.count("--iterations") == 0) options.iterations = preset.iterations;
+    if (app.count("--lambda") == 0) options.rate_lambda = preset.rate_lambda;
+    if (app.count("--mark-iterations") == 0) options.mark_iterations = preset.mark_iterations;
+  }
+}
+
 }  // namespace
 
 Command add_train(CLI::App& app) {
@@ -286,6 +298,13 @@ Command add_train(CLI::App& app) {
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  std::vector<std::string> preset_names;
+  for (const Preset& preset : presets) preset_names.emplace_back(preset.name);
+  app.add_option(
+         "--preset", options->preset,
+         "draft, standard or best: --iterations, --lambda and --mark-iterations by what there is time for; what "
+         "is given beside it holds")
+      ->check(CLI::IsMember(preset_names));
   app.add_option("--downscale", options->downscale, "divide the images' size by this")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 64.0));
@@ -323,7 +342,8 @@ Command add_train(CLI::App& app) {
                  "without --decoder: length of the run that hides the message after the training")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  return [options]() -> int {
+  return [options, &app]() -> int {
+    apply_preset(app, *options);
     const bool coded = options->codec != "none" || is_coded_recipe(options->recipe);
     if (coded && options->profile == "scaffold") options->profile = "hac";
     std::optional<TrainSettings> settings = profile_settings(options->profile);

@@ -32,6 +32,7 @@ struct TrainOptions {
   std::filesystem::path out;
   std::string recipe;
   std::string profile = "scaffold";
+  std::string preset;  ///< of presets.hpp, or none
   std::int64_t iterations = 30000;
   double downscale = 1;
   std::optional<std::uint64_t> seed;

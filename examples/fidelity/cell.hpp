@@ -172,6 +172,13 @@ struct Cell {
          fs::last_write_time(folder / "evaluate.json") >= fs::last_write_time(folder / "results.json");
 }
 
+/// Whether there is nothing left to run of a cell with these settings.
+[[nodiscard]] inline bool is_finished(const Cell& cell, const Settings& settings) {
+  const fs::path folder = cell.folder(settings);
+  const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(folder / "cell.json");
+  return found && *found == settings_json(cell, settings) && is_trained(folder) && is_measured(folder, settings);
+}
+
 /// The row of a finished cell, from what the tool wrote.
 [[nodiscard]] inline Result<Row> read_row(const Cell& cell, const Settings& settings) {
   const fs::path folder = cell.folder(settings);

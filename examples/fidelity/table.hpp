@@ -7,13 +7,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "../compmark/plain_page.hpp"
 #include "cell.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
@@ -21,33 +21,26 @@
 
 namespace fidelity {
 
-template <class... Values>
-[[nodiscard]] std::string format(const char* pattern, Values... values) {
-  char text[200];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
+using tool::format_text;
 
-struct Grid {
+struct Grid : tool::Table {
   std::string title;
-  std::vector<std::string> columns;
-  std::vector<std::vector<std::string>> rows;
 };
 
 namespace detail {
 
 [[nodiscard]] inline std::string lpips_text(const Figures& before, const Figures& after) {
-  return before.lpips && after.lpips ? format("%.3f / %.3f", *before.lpips, *after.lpips) : std::string("–");
+  return before.lpips && after.lpips ? format_text("%.3f / %.3f", *before.lpips, *after.lpips) : std::string("–");
 }
 [[nodiscard]] inline std::vector<std::string> pair_of(const std::string& name, const std::string& method,
                                                       const Figures& before, const Figures& after, bool marked) {
   return {name,
           method,
-          marked ? format("%.2f / %.2f", 100 * before.accuracy, 100 * after.accuracy) : std::string("–"),
-          format("%.2f / %.2f", before.psnr, after.psnr),
-          format("%.3f / %.3f", before.ssim, after.ssim),
+          marked ? format_text("%.2f / %.2f", 100 * before.accuracy, 100 * after.accuracy) : std::string("–"),
+          format_text("%.2f / %.2f", before.psnr, after.psnr),
+          format_text("%.3f / %.3f", before.ssim, after.ssim),
           lpips_text(before, after),
-          format("%.2f / %.3f", before.bytes / 1e6, after.bytes / 1e6)};
+          format_text("%.2f / %.3f", before.bytes / 1e6, after.bytes / 1e6)};
 }
 
 /// Mean over rows of one codec.
@@ -70,7 +63,7 @@ namespace detail {
     else
       figures.lpips.reset();
   }
-  mean.scene = format("mean of %zu", rows.size());
+  mean.scene = format_text("mean of %zu", rows.size());
   return mean;
 }
 
@@ -125,41 +118,28 @@ inline void add_rows(Grid& grid, const Row& row) {
   for (const Row& row : rows) {
     const Figures& after = row.models[marked_coded];
     grid.rows.push_back(
-        {row.scene, detail::codec_title(row), std::to_string(after.views), format("%.2f", 100 * after.accuracy),
-         format("%.2f", 100 * after.worst), format("%.1e", after.worst_p_value), format("%.1e", after.p_value),
-         format("%.2f", 100 * row.models[unmarked_coded].accuracy), format("%+.2f", row.lost_points()),
-         format("%+.2f / %+.2f", row.lost(false), row.lost(true)), format("%+.2f", 100 * row.more_bytes()),
-         format("%.1f, %.1f, %.1f", row.train_seconds / 60, row.fit_seconds / 60, row.mark_seconds / 60)});
+        {row.scene, detail::codec_title(row), std::to_string(after.views), format_text("%.2f", 100 * after.accuracy),
+         format_text("%.2f", 100 * after.worst), format_text("%.1e", after.worst_p_value),
+         format_text("%.1e", after.p_value), format_text("%.2f", 100 * row.models[unmarked_coded].accuracy),
+         format_text("%+.2f", row.lost_points()), format_text("%+.2f / %+.2f", row.lost(false), row.lost(true)),
+         format_text("%+.2f", 100 * row.more_bytes()),
+         format_text("%.1f, %.1f, %.1f", row.train_seconds / 60, row.fit_seconds / 60, row.mark_seconds / 60)});
   }
   return grid;
 }
 
-[[nodiscard]] inline std::string markdown(const Grid& grid) {
-  const auto line = [](const std::vector<std::string>& cells) {
-    std::string text = "|";
-    for (const std::string& cell : cells) {
-      text += " ";
-      for (const char c : cell) text += c == '|' ? std::string("\\|") : std::string(1, c);
-      text += " |";
-    }
-    return text + "\n";
-  };
-  std::string text = "## " + grid.title + "\n\n" + line(grid.columns);
-  text += line(std::vector<std::string>(grid.columns.size(), "---"));
-  for (const std::vector<std::string>& row : grid.rows) text += line(row);
-  return text;
-}
-
 [[nodiscard]] inline std::string settings_text(const Settings& settings) {
-  std::string text = format("%lld iterations, λ = %g, %d bits", static_cast<long long>(settings.iterations),
-                            settings.rate_lambda, settings.bits);
+  std::string text = format_text("%lld iterations, λ = %g, %d bits", static_cast<long long>(settings.iterations),
+                                 settings.rate_lambda, settings.bits);
   for (const std::string& word : settings.extra) text += " " + word;
   return text + ". Every figure is a mean over the test views; after compression means read from the file.";
 }
 
 [[nodiscard]] inline std::string table_markdown(const Settings& settings, const std::vector<Row>& rows) {
-  return "# Fidelity\n\n" + settings_text(settings) + "\n\n" + markdown(fidelity_grid(rows)) + "\n" +
-         markdown(cost_grid(rows));
+  std::string text = "# Fidelity\n\n" + settings_text(settings) + "\n";
+  for (const Grid& grid : {fidelity_grid(rows), cost_grid(rows)})
+    text += "\n## " + grid.title + "\n\n" + grid.markdown();
+  return text;
 }
 
 [[nodiscard]] inline nlohmann::ordered_json table_json(const Settings& settings, const std::vector<Row>& rows) {
@@ -188,38 +168,16 @@ inline void add_rows(Grid& grid, const Row& row) {
 }
 
 [[nodiscard]] inline std::string table_html(const Settings& settings, const std::vector<Row>& rows) {
-  const auto escaped = [](const std::string& text) {
-    std::string out;
-    for (const char c : text)
-      out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
-    return out;
-  };
-  std::string text =
-      "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Fidelity</title><style>"
-      "body{font:15px/1.5 system-ui,sans-serif;max-width:75rem;margin:2rem auto;padding:0 1rem;color:#1b1f24}"
-      "table{border-collapse:collapse;margin:1rem 0 2rem}th,td{padding:.25rem .7rem;border-bottom:1px solid #d5d9de;"
-      "text-align:right;font-variant-numeric:tabular-nums}th:first-child,td:first-child{text-align:left}"
-      "@media(prefers-color-scheme:dark){body{background:#15181c;color:#e4e7ea}th,td{border-color:#39404a}"
-      "a{color:#8ab4f8}}</style></head><body><h1>Fidelity</h1><p>" +
-      escaped(settings_text(settings)) + "</p>";
-  for (const Grid& grid : {fidelity_grid(rows), cost_grid(rows)}) {
-    text += "<h2>" + escaped(grid.title) + "</h2><table><tr>";
-    for (const std::string& column : grid.columns) text += "<th>" + escaped(column) + "</th>";
-    text += "</tr>";
-    for (const std::vector<std::string>& row : grid.rows) {
-      text += "<tr>";
-      for (const std::string& cell : row) text += "<td>" + escaped(cell) + "</td>";
-      text += "</tr>";
-    }
-    text += "</table>";
-  }
-  text += "<h2>Pages of the cells</h2><ul>";
+  std::string body;
+  for (const Grid& grid : {fidelity_grid(rows), cost_grid(rows)})
+    body += "<h2>" + tool::escape_html(grid.title) + "</h2>" + grid.html();
+  body += "<h2>Pages of the cells</h2><ul>";
   for (const Row& row : rows) {
-    const std::string folder = escaped(row.scene + "_" + row.codec);
-    text += "<li>" + folder + ": <a href=\"" + folder + "/evaluate.html\">the four models</a>, <a href=\"" + folder +
+    const std::string folder = tool::escape_html(row.scene + "_" + row.codec);
+    body += "<li>" + folder + ": <a href=\"" + folder + "/evaluate.html\">the four models</a>, <a href=\"" + folder +
             "/report.html\">the marking</a>, <a href=\"" + folder + "/unmarked/report.html\">the training</a></li>";
   }
-  return text + "</ul></body></html>\n";
+  return tool::html_page("Fidelity", settings_text(settings), {}, {}, body + "</ul>");
 }
 
 /// fidelity.json, .md and .html in the folder of the run.

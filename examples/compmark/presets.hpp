@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The recommended settings of a marked, compressed scene, by what there is time for. What each costs and gives is measured by examples/tradeoff.cpp
+// (docs/accuracy_vs_time.md).
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace tool {
+
+struct Preset {
+  const char* name;
+  std::int64_t iterations;       ///< of the training
+  double rate_lambda;            ///< loss of one bit more a scalar
+  std::int64_t mark_iterations;  ///< of hiding the message afterwards
+};
+
+inline constexpr std::array<Preset, 3> presets = {{
+    {"draft", 2000, 0.004, 500},
+    {"standard", 10000, 0.002, 2000},
+    {"best", 30000, 0.001, 5000},
+}};
+
+}  // namespace tool

@@ -1,0 +1,166 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The runs of the page "accuracy against time, whole": every preset of the tool with both codecs, and one change at a time from the standard one. What
+// each costs (seconds, bytes) and gives (decibels, bits), and which of them no other is better than.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "../compmark/plain_page.hpp"
+#include "../compmark/presets.hpp"
+#include "cell.hpp"
+
+namespace fidelity {
+
+struct Point {
+  std::string name;
+  std::string codec;
+  std::int64_t iterations = 0;
+  double rate_lambda = 0;
+  std::vector<std::string> words;  ///< for `compmark train`
+
+  /// Of its folder too.
+  [[nodiscard]] std::string label() const { return name + "_" + codec; }
+  /// Whether the unmarked models of the two are the same.
+  [[nodiscard]] bool same_host(const Point& other) const {
+    return codec == other.codec && iterations == other.iterations && rate_lambda == other.rate_lambda;
+  }
+};
+
+[[nodiscard]] inline std::vector<std::string> mark_words(std::int64_t iterations) {
+  return {"--mark-iterations", std::to_string(iterations)};
+}
+
+/// Those of the presets first.
+[[nodiscard]] inline std::vector<Point> all_points() {
+  std::vector<Point> points;
+  for (const char* codec : {"hac", "context_gs"}) {
+    for (const tool::Preset& preset : tool::presets) {
+      points.push_back({preset.name, codec, preset.iterations, preset.rate_lambda, mark_words(preset.mark_iterations)});
+    }
+  }
+  const tool::Preset& standard = tool::presets[1];
+  const auto from_standard = [&](const char* name, std::vector<std::string> words) {
+    return Point{std::string("standard_") + name, "hac", standard.iterations, standard.rate_lambda, std::move(words)};
+  };
+  for (const auto& [name, factor] : {std::pair{"marked_shorter", 0.25}, std::pair{"marked_longer", 2.5}}) {
+    points.push_back(from_standard(
+        name, mark_words(static_cast<std::int64_t>(static_cast<double>(standard.mark_iterations) * factor))));
+  }
+  for (const char* fidelity : {"300", "3000"}) {
+    std::vector<std::string> words = mark_words(standard.mark_iterations);
+    words.insert(words.end(), {"--fidelity", fidelity});
+    points.push_back(from_standard((std::string("fidelity_") + fidelity).c_str(), std::move(words)));
+  }
+  for (const auto& [name, lambda] : {std::pair{"larger_file", 0.0005}, std::pair{"smaller_file", 0.004}}) {
+    points.push_back(from_standard(name, mark_words(standard.mark_iterations)));
+    points.back().rate_lambda = lambda;
+  }
+  return points;
+}
+
+/// A finished point.
+struct PricedPoint {
+  Point point;
+  Row row;
+
+  [[nodiscard]] double seconds() const { return row.train_seconds + row.fit_seconds + row.mark_seconds; }
+  [[nodiscard]] const Figures& file() const { return row.models[marked_coded]; }
+  /// What is paid, and what is got with its sign turned: less is better in all four.
+  [[nodiscard]] std::array<double, 4> price() const {
+    return {seconds(), file().bytes, -file().psnr, -file().accuracy};
+  }
+};
+
+/// Whether nothing else is as good in all four and better in one.
+[[nodiscard]] inline bool on_front(const PricedPoint& one, const std::vector<PricedPoint>& all) {
+  const std::array<double, 4> mine = one.price();
+  return std::none_of(all.begin(), all.end(), [&](const PricedPoint& other) {
+    const std::array<double, 4> theirs = other.price();
+    bool better = false;
+    for (std::size_t i = 0; i < mine.size(); ++i) {
+      if (theirs[i] > mine[i]) return false;
+      better = better || theirs[i] < mine[i];
+    }
+    return better;
+  });
+}
+
+[[nodiscard]] inline tool::Table price_table(const std::vector<PricedPoint>& points) {
+  tool::Table table;
+  table.columns = {"settings",   "train, s",        "fit, s",     "mark, s",      "minutes", "PSNR, dB",
+                   "SSIM",       "bits right, %",   "worst, %",   "p, all views", "kB",      "dB lost to the mark",
+                   "bytes more", "PSNR before, dB", "iterations", "lambda",       "Pareto"};
+  for (const PricedPoint& one : points) {
+    const Figures& file = one.file();
+    table.rows.push_back({one.point.label(), tool::format_text("%.0f", one.row.train_seconds),
+                          tool::format_text("%.0f", one.row.fit_seconds),
+                          tool::format_text("%.0f", one.row.mark_seconds),
+                          tool::format_text("%.1f", one.seconds() / 60), tool::format_text("%.2f", file.psnr),
+                          tool::format_text("%.4f", file.ssim), tool::format_text("%.2f", 100 * file.accuracy),
+                          tool::format_text("%.1f", 100 * file.worst), tool::format_text("%.0e", file.p_value),
+                          tool::format_text("%.0f", file.bytes / 1e3), tool::format_text("%+.2f", one.row.lost(true)),
+                          tool::format_text("%+.1f %%", 100 * one.row.more_bytes()),
+                          tool::format_text("%.2f", one.row.models[marked].psnr), std::to_string(one.point.iterations),
+                          tool::format_text("%g", one.point.rate_lambda), on_front(one, points) ? "*" : ""});
+  }
+  return table;
+}
+
+/// Decibels, bits and bytes over minutes.
+[[nodiscard]] inline std::vector<tool::Plot> price_plots(const std::vector<PricedPoint>& points) {
+  const auto plot = [&](const char* title, const char* label, auto value) {
+    tool::Plot made{
+        .title = title, .x_label = "minutes, training to marked file", .y_label = label, .series = {}, .log_x = true};
+    for (const bool front : {true, false}) {
+      tool::PlotSeries series{.label = front ? "Pareto front of all four" : "the others",
+                              .points = {},
+                              .names = {},
+                              .color = front ? 0 : 5,
+                              .line = false,
+                              .dots = true};
+      for (const PricedPoint& one : points) {
+        if (on_front(one, points) != front) continue;
+        series.points.push_back({one.seconds() / 60, value(one)});
+        series.names.push_back(one.point.label());
+      }
+      if (!series.points.empty()) made.series.push_back(std::move(series));
+    }
+    return made;
+  };
+  return {plot("PSNR of the marked file", "dB", [](const PricedPoint& one) { return one.file().psnr; }),
+          plot("Bits right in a view", "%", [](const PricedPoint& one) { return 100 * one.file().accuracy; }),
+          plot("Size of the marked file", "kB", [](const PricedPoint& one) { return one.file().bytes / 1e3; })};
+}
+
+[[nodiscard]] inline nlohmann::ordered_json price_json(const std::vector<PricedPoint>& points) {
+  nlohmann::ordered_json json = {{"schema", "compmark.tradeoff.1"}, {"points", nlohmann::ordered_json::array()}};
+  for (const PricedPoint& one : points) {
+    const Figures& file = one.file();
+    json["points"].push_back(
+        {{"name", one.point.label()},
+         {"codec", one.point.codec},
+         {"iterations", one.point.iterations},
+         {"lambda", one.point.rate_lambda},
+         {"train", one.point.words},
+         {"seconds", {{"train", one.row.train_seconds}, {"fit", one.row.fit_seconds}, {"mark", one.row.mark_seconds}}},
+         {"psnr", file.psnr},
+         {"ssim", file.ssim},
+         {"bit_accuracy", {{"mean", file.accuracy}, {"min", file.worst}, {"views", file.views}}},
+         {"p_value", file.p_value},
+         {"bytes", file.bytes},
+         {"psnr_cost", one.row.lost(true)},
+         {"more_bytes", one.row.more_bytes()},
+         {"pareto", on_front(one, points)}});
+  }
+  return json;
+}
+
+}  // namespace fidelity

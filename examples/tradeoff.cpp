@@ -1,0 +1,175 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Accuracy against time, whole: what a marked, compressed scene costs in minutes and bytes and gives in decibels and bits, for the presets of the
+// tool with both codecs and for one change at a time from the standard one.
+//
+//   tradeoff --data SCENE[@DOWNSCALE] --out DIR [--points NAME ...] [words for compmark train]
+//
+// Every point is a cell of the fidelity table (examples/fidelity/cell.hpp) in a folder of its own; points that differ in the mark alone share the
+// training and the decoder. What is finished is not run again, what was stopped goes on. DIR/tradeoff.json, .md, .html and .svg are written after each.
+// Cost: that of its points; the presets alone are 84,000 iterations.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "compmark/io/atomic_file.hpp"
+#include "compmark/io/json_file.hpp"
+#include "fidelity/cell.hpp"
+#include "fidelity/points.hpp"
+#include "fidelity/process.hpp"
+#include "fidelity/run_cell.hpp"
+
+namespace {
+
+using namespace fidelity;
+
+constexpr const char* program = "tradeoff";
+
+int fail(const Error& error) {
+  std::fprintf(stderr, "%s: error: %s\n", program, error.line().c_str());
+  return 2;
+}
+
+Cell cell_of(const Scene& scene, const Point& point) {
+  Cell cell{scene, point.codec};
+  cell.scene.name = point.name;
+  return cell;
+}
+
+Settings settings_of(Settings settings, const Point& point) {
+  settings.iterations = point.iterations;
+  settings.rate_lambda = point.rate_lambda;
+  settings.extra.insert(settings.extra.begin(), point.words.begin(), point.words.end());
+  return settings;
+}
+
+/// The training and the decoder of a finished point with the same host, for one that has none: `train --resume` takes what is there.
+Result<Done> share_host(const fs::path& from, const fs::path& to) {
+  if (fs::exists(to / "unmarked")) return Done{};
+  std::error_code status;
+  const fs::path partial = to / "unmarked.partial";
+  fs::remove_all(partial, status);
+  const auto failed = [&](const fs::path& path) {
+    return Error{ErrorKind::unwritable, path.string(), {}, status.message(), "is there room on the disk?"};
+  };
+  fs::create_directories(to, status);
+  fs::copy(from / "unmarked", partial, fs::copy_options::recursive, status);
+  if (status) return failed(partial);
+  for (const char* file : {"decoder.safetensors", "decoder.json"}) {
+    fs::copy_file(from / file, to / file, fs::copy_options::overwrite_existing, status);
+    if (status) return failed(to / file);
+  }
+  fs::rename(partial, to / "unmarked", status);  // whole, or not there
+  if (status) return failed(to / "unmarked");
+  return Done{};
+}
+
+Result<Done> write_page(const Settings& settings, const Scene& scene, const std::vector<PricedPoint>& points) {
+  const tool::Table table = price_table(points);
+  const std::vector<tool::Plot> plots = price_plots(points);
+  const std::string head = scene.name + tool::format_text(
+                                            ": from nothing to a marked file, %d bits, test views read one by one from "
+                                            "the file. Seconds are of this machine.",
+                                            settings.bits);
+  const std::string note =
+      "* No other point is as good in minutes, bytes, decibels and bits and better in one of them.";
+  if (Result<Done> r = compmark::write_json(settings.out / "tradeoff.json", price_json(points)); !r) return r;
+  if (Result<Done> r =
+          compmark::write_file(settings.out / "tradeoff.md", head + "\n\n" + table.markdown() + "\n" + note + "\n");
+      !r)
+    return r;
+  return tool::write_pages(settings.out / "tradeoff.html", settings.out / "tradeoff.svg",
+                           tool::html_page("Accuracy against time, whole", head, plots, note, table), plots[0]);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "accuracy against time, whole: marked and compressed scenes by preset; options that are not of this list are "
+      "given "
+      "to compmark train"};
+  Settings settings;
+  if (const fs::path beside = fs::path(argv[0]).parent_path() / "compmark"; fs::exists(beside)) settings.tool = beside;
+  std::string data;
+  std::vector<std::string> chosen;
+  app.add_option("--data", data, "a scene; SCENE@2 at half its size")->required();
+  app.add_option("--out", settings.out, "folder of the run")->required();
+  app.add_option("--points", chosen, "of those that --list names (default: all)");
+  const std::vector<Point> points = all_points();
+  app.add_flag_callback(
+      "--list",
+      [&] {
+        for (const Point& point : points) std::printf("%s\n", point.label().c_str());
+        throw CLI::Success();
+      },
+      "names the points and ends");
+  app.add_option("--bits", settings.bits, "length of the message")->capture_default_str()->check(CLI::Range(16, 128));
+  app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")->capture_default_str();
+  app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)");
+  app.allow_extras();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  for (const std::string& name : chosen) {
+    if (std::none_of(points.begin(), points.end(), [&](const Point& point) { return point.label() == name; }))
+      return fail({ErrorKind::invalid, {}, "--points", "names no point: " + name, "--list names them"});
+  }
+  if (const std::optional<std::string> own =
+          word_of_the_cells(app.remaining(), {"--iterations", "--lambda", "--preset"}))
+    return fail({ErrorKind::invalid, {}, *own, "cannot be given", "the points have their own"});
+  settings.extra = train_words(app.remaining());
+  const Result<std::vector<Scene>> scenes = scenes_of(program, data);
+  if (!scenes) return fail(scenes.error());
+  if (scenes->size() != 1)
+    return fail({ErrorKind::invalid, data, "--data", "holds more than one scene", "name one of them"});
+  std::error_code status;
+  fs::create_directories(settings.out, status);
+  if (status) {
+    return fail({ErrorKind::unwritable, settings.out.string(), "--out", "cannot be created: " + status.message(),
+                 "choose another"});
+  }
+  const Result<bool> has_key = make_key(settings);
+  if (!has_key) return fail(has_key.error());
+  if (!*has_key) return 2;  // keygen said why
+
+  watch_stop();
+  std::vector<PricedPoint> finished;
+  bool failed = false;
+  for (const Point& point : points) {
+    const Cell cell = cell_of(scenes->front(), point);
+    const Settings own = settings_of(settings, point);
+    const bool wanted = chosen.empty() || std::find(chosen.begin(), chosen.end(), point.label()) != chosen.end();
+    if (!wanted) {  // one of an earlier command is shown all the same
+      if (!is_finished(cell, own)) continue;
+    } else if (const auto host = std::find_if(finished.begin(), finished.end(),
+                                              [&](const PricedPoint& other) { return other.point.same_host(point); });
+               host != finished.end()) {
+      const Result<Done> shared = share_host(cell_of(scenes->front(), host->point).folder(own), cell.folder(own));
+      if (!shared) return fail(shared.error());
+    }
+    Result<std::optional<Row>> row = finish_cell(program, cell, own);
+    if (!row) {
+      fail(row.error());  // the other points are worth having
+      failed = true;
+      continue;
+    }
+    if (!*row || stopped()) {
+      std::fprintf(stderr, "%s: stopped; the same command goes on\n", program);
+      return stopped_exit;
+    }
+    finished.push_back({point, std::move(**row)});
+    if (Result<Done> written = write_page(settings, scenes->front(), finished); !written) return fail(written.error());
+  }
+  if (!finished.empty()) std::printf("%s", price_table(finished).markdown().c_str());
+  return failed ? 1 : 0;
+}

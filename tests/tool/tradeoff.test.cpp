@@ -1,0 +1,169 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Accuracy against time, whole: which points are on the front, what the page says of them, and that the program runs each training once. Its runs are
+// those of the presets, hours long; here a script stands for the tool and writes files as a finished run does. What the tool itself writes into a cell
+// is the fidelity table's test.
+#include <doctest/doctest.h>
+
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/io/json_file.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "fidelity/points.hpp"
+#include "tool/running.hpp"
+
+namespace {
+
+using namespace compmark;
+using namespace fidelity;
+using testing::done;
+using testing::json_of;
+using testing::Outcome;
+using testing::run_tool;
+using testing::ScratchFolder;
+using testing::text_of;
+
+PricedPoint priced(const char* name, double seconds, double bytes, double psnr, double accuracy) {
+  PricedPoint one;
+  one.point.name = name;
+  one.point.codec = "hac";
+  one.row.train_seconds = seconds;
+  one.row.models[marked_coded].bytes = bytes;
+  one.row.models[marked_coded].psnr = psnr;
+  one.row.models[marked_coded].accuracy = accuracy;
+  return one;
+}
+
+std::size_t lines_with(const std::string& text, const std::string& piece) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(piece); at != std::string::npos; at = text.find(piece, at + 1)) ++count;
+  return count;
+}
+
+/// Says what it is asked to a file, trains in no time a host where there is none, and writes what tradeoff reads. A longer training is a better one.
+constexpr const char* stand_in = R"(#!/bin/sh
+set -e
+command=$1; shift
+out='' iterations='' json='' key='' words="$*"
+while [ $# -gt 0 ]; do
+  case $1 in --out) out=$2 ;; --iterations) iterations=$2 ;; --json) json=$2 ;; esac
+  shift
+done
+log=$(dirname "$0")/log.txt
+case $command in
+  keygen) echo key > "$out" ;;
+  train)
+    if [ -d "$out/unmarked" ]; then echo "marked $words" >> "$log"; else
+      echo "trained $words" >> "$log"
+      mkdir -p "$out/unmarked"
+      echo "{\"train_seconds\": $iterations}" > "$out/unmarked/results.json"
+      echo host > "$out/unmarked/model.safetensors"
+      echo decoder > "$out/decoder.safetensors"
+      echo '{"seconds": 10}' > "$out/decoder.json"
+    fi
+    echo '{"train_seconds": 20}' > "$out/results.json" ;;
+  evaluate)
+    seconds=$(sed 's/[^0-9]//g' "$(dirname "$json")/unmarked/results.json")
+    model="{\"psnr\": $seconds, \"ssim\": 0.9, \"bytes\": 1000, \"bit_accuracy\": {\"mean\": 0.99, \"min\": 0.9, \"views\": 3}, \"p_value\": 1e-9, \"largest_view_p_value\": 1e-7}"
+    echo "{\"models\": [$model, $model, $model, $model]}" > "$json" ;;
+esac
+)";
+
+}  // namespace
+
+TEST_CASE("tradeoff: a point is on the front where none is as good in all four and better in one") {
+  const std::vector<PricedPoint> points = {
+      priced("cheap", 10, 100, 30, .9),     priced("good", 100, 100, 35, .99), priced("dominated", 101, 100, 35, .99),
+      priced("small", 200, 50, 30, .9),     priced("same", 10, 100, 30, .9),   priced("readable", 300, 200, 20, 1.0),
+      priced("hopeless", 400, 300, 10, .5),
+  };
+  std::vector<std::string> front;
+  for (const PricedPoint& one : points) {
+    if (on_front(one, points)) front.push_back(one.point.name);
+  }
+  // Equals do not exclude each other.
+  CHECK(front == std::vector<std::string>{"cheap", "good", "small", "same", "readable"});
+  const tool::Table table = price_table(points);
+  for (const auto& line : table.rows) CHECK(line.size() == table.columns.size());
+  CHECK(price_plots(points).size() == 3);
+}
+
+TEST_CASE("tradeoff: the presets have points with both codecs, and every point a name of its own") {
+  const std::vector<Point> points = all_points();
+  for (const tool::Preset& preset : tool::presets) {
+    for (const char* codec : {"hac", "context_gs"}) {
+      std::size_t found = 0;
+      for (const Point& point : points) {
+        if (point.label() == std::string(preset.name) + "_" + codec && point.iterations == preset.iterations) ++found;
+      }
+      CHECK(found == 1);
+    }
+  }
+  for (const Point& point : points) {
+    std::size_t same = 0;
+    for (const Point& other : points) same += other.label() == point.label() ? 1 : 0;
+    CHECK(same == 1);
+  }
+}
+
+TEST_CASE("tradeoff: points that differ in the mark share a training, and what is finished is not run again") {
+  const ScratchFolder scratch("compmark-tradeoff-test");
+  const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
+  done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
+  REQUIRE(write_file(at("tool"), std::string(stand_in)).ok());
+  std::filesystem::permissions(at("tool"), std::filesystem::perms::owner_all);
+  const auto run = [&](const std::string& arguments) {
+    return run_tool(COMPMARK_TRADEOFF,
+                    "--data " + at("one") + " --out " + at("run") + " --compmark " + at("tool") + " " + arguments);
+  };
+  const Outcome first = run("--points draft_hac standard_hac standard_marked_longer_hac --seed 3");
+  INFO(first.text);
+  REQUIRE(first.code == 0);
+  std::string log = text_of(scratch.path / "log.txt");
+  CHECK(lines_with(log, "trained ") == 2);
+  CHECK(lines_with(log, "marked --bits") == 1);  // with the host that is there
+  CHECK(lines_with(log, "--seed 3") == 3);
+  CHECK(lines_with(log, "--mark-iterations 5000") == 1);
+  CHECK(text_of(at("run/standard_marked_longer_hac/decoder.safetensors")) == "decoder\n");
+  nlohmann::json json = json_of(at("run/tradeoff.json"));
+  REQUIRE(json["points"].size() == 3);
+  CHECK(json["points"][1]["name"] == "standard_hac");
+  CHECK(json["points"][1]["seconds"]["train"] == 10000);
+  CHECK(json["points"][1]["psnr"] == 10000);
+  for (const char* file : {"tradeoff.md", "tradeoff.html", "tradeoff.svg"})
+    CHECK(lines_with(text_of(scratch.path / "run" / file), "standard_hac") > 0);
+
+  // One more, beside those of the earlier command.
+  REQUIRE(run("--points best_hac --seed 3").code == 0);
+  log = text_of(scratch.path / "log.txt");
+  CHECK(lines_with(log, "trained ") == 3);
+  json = json_of(at("run/tradeoff.json"));
+  CHECK(json["points"].size() == 4);
+  CHECK(json["points"][2]["pareto"] == true);
+
+  CHECK(run("--points fastest").code == 2);
+  CHECK(run("--lambda 0.01").code == 2);
+  CHECK(run("--key mine").code == 2);
+  const Outcome listed = run_tool(COMPMARK_TRADEOFF, "--list");
+  CHECK(listed.code == 0);
+  CHECK(lines_with(listed.text, "_context_gs\n") == 3);
+}
+
+TEST_CASE("tradeoff: a preset says what was not given") {
+  const ScratchFolder scratch("compmark-preset-test");
+  const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
+  done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
+  const std::string train = "train --data " + at("one") + " --voxel-size 0 --codec hac --out ";
+  done(train + at("draft") + " --preset draft --iterations 30");
+  const nlohmann::json results = json_of(at("draft/results.json"));
+  CHECK(results["iterations"] == 30);
+  CHECK(results["rate_lambda"] == 0.004);
+  done(train + at("best") + " --preset best --iterations 30 --lambda 0.003");
+  CHECK(json_of(at("best/results.json"))["rate_lambda"] == 0.003);
+  CHECK(testing::tool(train + at("none") + " --preset fastest").code == 2);
+}
