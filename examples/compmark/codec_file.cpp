@@ -8,6 +8,9 @@ namespace tool {
 
 using namespace compmark;
 
+Result<CodecEncoded> encode_codec(const CodecModel& model, ThreadExecutor& executor) {
+  return encode_cmk(model, CodecEncodeSettings{}, executor);
+}
 Result<CodecEncoded> write_codec_file(const std::filesystem::path& path, const CodecModel& model,
                                       ThreadExecutor& executor) {
   return write_cmk(path, model, CodecEncodeSettings{}, executor);

@@ -15,6 +15,9 @@
 
 namespace tool {
 
+/// In memory; its `model` is what a reader of the bytes has.
+compmark::Result<compmark::CodecEncoded> encode_codec(const compmark::CodecModel& model,
+                                                      compmark::ThreadExecutor& executor);
 compmark::Result<compmark::CodecEncoded> write_codec_file(const std::filesystem::path& path,
                                                           const compmark::CodecModel& model,
                                                           compmark::ThreadExecutor& executor);

@@ -61,7 +61,7 @@ Result<Done> make_decoder(TrainOptions& options) {
   const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return key.error();
   FitOptions fit;
-  fit.model = options.model;  // of a codec: before it is rounded
+  fit.model = options.model;  // of a codec: as its file says it
   fit.data = options.data;
   fit.out = options.out / "decoder.safetensors";
   options.mark.decoder = fit.out;

@@ -1,18 +1,40 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Decoders for models that were trained for compression. They are fitted to the model before it is rounded, which is what a mark is held to.
+// Decoders for models that were trained for compression. They are fitted to what a file of the model says: rounding alone moves what a decoder of the
+// model before it reads by more than a mark may (docs/watermark.md).
 #include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/hac.hpp>
+#include <utility>
 
+#include "codec_file.hpp"
 #include "fit_model.hpp"
 
 namespace tool {
+namespace {
+
+template <class R>
+Result<DecoderFit<float>> fit(ModelSource source, FitOptions& options, ThreadExecutor& executor) {
+  if (!source.coded) {
+    const Result<LoadedModel<R>> loaded = source.load<R>();
+    if (!loaded) return loaded.error();
+    CodedModelSettings settings;
+    settings.cameras = StoredCameras::all;
+    const Result<CodecModel> coded = coded_model(loaded->model, loaded->info, settings);
+    if (!coded) return coded.error();
+    Result<CodecEncoded> file = encode_codec(*coded, executor);
+    if (!file) return file.error();
+    source.coded = std::move(file->model);
+  }
+  return fit_model<R>(source, options, executor);
+}
+
+}  // namespace
 
 Result<DecoderFit<float>> fit_coded(const std::string& plain, const ModelSource& source, FitOptions& options,
                                     ThreadExecutor& executor) {
-  return plain == "hac" ? fit_model<recipes::HacScaffold>(source, options, executor)
-                        : fit_model<recipes::ContextGsScaffold>(source, options, executor);
+  return plain == "hac" ? fit<recipes::HacScaffold>(source, options, executor)
+                        : fit<recipes::ContextGsScaffold>(source, options, executor);
 }
 
 }  // namespace tool

@@ -9,6 +9,7 @@
 #include <array>
 #include <chrono>
 #include <compmark/core/thread_executor.hpp>
+#include <compmark/pipeline/adopt_networks.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/coded_model.hpp>
 #include <compmark/pipeline/model_file.hpp>
@@ -23,6 +24,7 @@
 #include <utility>
 #include <vector>
 
+#include "codec_file.hpp"
 #include "common.hpp"
 #include "evaluation.hpp"
 #include "mark_input.hpp"
@@ -151,6 +153,12 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
       wanted.rate.feature_step = step[0];
       wanted.rate.scaling_step = step[1];
       wanted.rate.offset_step = step[2];
+      // The mark shall be read in a file: what is trained is rounded as that is.
+      const Result<CodecModel> coded = coded_model(loaded->model, loaded->info);
+      if (!coded) return fail(coded.error());
+      const Result<CodecEncoded> file = encode_codec(*coded, executor);
+      if (!file) return fail(file.error());
+      if (Result<Done> adopted = adopt_networks(file->model, loaded->model); !adopted) return fail(adopted.error());
     }
   }
   constexpr RunNeeds needs{present<typename R::Space>,

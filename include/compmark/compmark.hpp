@@ -261,6 +261,7 @@
 #include "compmark/entropy/factorised_prior.hpp"
 #include "compmark/entropy/mask_penalty.hpp"
 
+#include "compmark/pipeline/adopt_networks.hpp"
 #include "compmark/pipeline/bake.hpp"
 #include "compmark/pipeline/checkpoint.hpp"
 #include "compmark/pipeline/coded_context.hpp"

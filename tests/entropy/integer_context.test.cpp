@@ -230,6 +230,26 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("entropy/integer_network: a float network of the integers makes the same integers again") {
+  for (const int weight_bits : {2, 5, 7, 12, 16}) {
+    CAPTURE(weight_bits);
+    const testing::FloatContextModel model = testing::make_float_context(8);
+    const IntegerContext context = integers_of(model, weight_bits);
+    IntegerNetworkSettings settings;
+    settings.bits = WeightBits::all(weight_bits);
+    const FloatNetwork floats = float_network(context.network, context.heads, model.view().statistics, settings);
+    FloatContext view = model.view();
+    view.weight1 = floats.weight1;
+    view.bias1 = floats.bias1;
+    view.weight2 = floats.weight2;
+    view.bias2 = floats.bias2;
+    const auto again = quantize_network(view, context.heads, settings);
+    REQUIRE(again.ok());
+    CHECK(again->hidden == context.network.hidden);
+    CHECK(again->output == context.network.output);
+  }
+}
+
 TEST_CASE("entropy/integer_context: lanes do not know of one another") {
   const testing::FloatContextModel model = testing::make_float_context(10, small_grid, 8, 2, 12);
   const IntegerContext context = integers_of(model);

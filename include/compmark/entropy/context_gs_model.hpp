@@ -406,7 +406,10 @@ class ContextGsModel {
       const std::size_t e = at.first + i, row = plan.row[e];
       const T* const raw_step = full ? s.output + i * output_row + step_output : s.tail + i * tail_row;
       T step[3 + Attributes::W];
-      Attributes::steps(raw_step, base_steps(), step);
+      if (context.phase.context && context.phase.round)
+        Attributes::coded_steps(raw_step, base_steps(), step);
+      else
+        Attributes::steps(raw_step, base_steps(), step);
       std::copy_n(step, 3, context.step.data() + 3 * e);
       const std::array<T, 3> q{step[0], step[1], step[2]};
       bool good = false;

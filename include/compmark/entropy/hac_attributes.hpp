@@ -3,7 +3,7 @@
 //
 // What HacModel does with the scalars of one anchor: feature [D], extent l = exp(scaling) [6], offset [3 K], each group with a step q of its
 // own (compression sheet, 1.5, 1.6). Distortion x~ = x + q u, u uniform in (-1/2, 1/2) or, where training rounds, the error of rounding to
-// whole steps; l~ stays above a small positive least, and its table holds the logarithm. The rate predicts each scalar by a Gaussian of mean
+// whole steps (those of the file then, below); l~ stays above a small positive least, and its table holds the logarithm. The rate predicts each scalar by a Gaussian of mean
 // m + d mu and deviation d 2^s, where (m, d) are the mean and deviation of that scalar over all anchors and (mu, s) the network's outputs: HAC
 // takes both raw, so that a negative deviation has no gradient and channels ask for outputs of very different size.
 // Cost an anchor: D + 6 + 3 K random numbers, exponentials and logarithms of 6; where its rate counts, the bits of all scalars.
@@ -18,6 +18,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/entropy/gaussian_rate.hpp"
+#include "compmark/entropy/integer_functions.hpp"
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
@@ -49,6 +50,20 @@ struct HacAttributes {
     for (int g = 0; g < 3; g += W) {
       const P r = P::load(raw + g, P::MaskType::first(3 - g));
       max(P::load(doubled + g) * sigmoid(r + r), P::load(least + g)).store(q + g);
+    }
+  }
+  /// The steps of the file, which are whole sixteenths of an octave: a value that lies between the borders of the two would be another symbol
+  /// there than here. The same function of r as the coder's (integer_functions.hpp), of a float instead of a whole number of 2^-16.
+  static void coded_steps(const T* raw, const std::array<T, 3>& base, T* q) {
+    constexpr double unit = 1 << StepGrid::r_bits;
+    for (std::size_t g = 0; g < 3; ++g) {
+      const double r = static_cast<double>(raw[g]);
+      if (!(std::abs(r) < 64)) {  // beyond every border; a NaN stays one
+        q[g] = r > 0 ? 2 * base[g] : r < 0 ? static_cast<T>(least_step) * base[g] : raw[g];
+        continue;
+      }
+      const std::int64_t ratio = step_ratio(step_index(static_cast<std::int32_t>(std::lround(r * unit))));
+      q[g] = static_cast<T>(static_cast<double>(ratio) * (static_cast<double>(base[g]) * 0x1p-24));
     }
   }
   /// d loss / dr, dq / dr = q (2 - q / Q0). Where the step is held at its least, only a gradient that pulls it up passes (case EN2).

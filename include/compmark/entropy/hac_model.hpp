@@ -325,7 +325,10 @@ class HacModel {
   }
   [[nodiscard]] std::array<T, 3> steps(const T* raw, std::size_t entry, Context& context) const {
     T q[3 + native_width<T>];
-    Attributes::steps(raw, base_steps(), q);
+    if (context.phase.context && context.phase.round)
+      Attributes::coded_steps(raw, base_steps(), q);
+    else
+      Attributes::steps(raw, base_steps(), q);
     std::copy_n(q, 3, context.step.data() + 3 * entry);
     return {q[0], q[1], q[2]};
   }

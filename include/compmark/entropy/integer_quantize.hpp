@@ -67,7 +67,8 @@ namespace detail {
     bool fits = true;
     for (std::size_t i = 0; fits && i < weight.size(); ++i) {
       const double scaled = std::ldexp(weight[i] * unit[i], exponent);
-      fits = std::abs(scaled) <= static_cast<double>(greatest);
+      fits =
+          std::abs(scaled) < static_cast<double>(greatest) + 0.25;  // as near as that to the greatest is the greatest
       if (!fits) break;
       const std::int64_t rounded = std::llround(scaled);
       out[i] = static_cast<std::int16_t>(rounded);
@@ -80,6 +81,34 @@ namespace detail {
   }
 }
 
+/// Output row o of the integer network is scale * (the float network's) + offset, with `bits` fraction bits.
+struct OutputUnit {
+  double scale = 1, offset = 0;
+  int bits = IntegerNetwork::r_bits, weight_bits = 12;
+};
+[[nodiscard]] inline OutputUnit output_unit(std::size_t o, const ContextHeads& heads, std::span<const float> statistics,
+                                            const IntegerNetworkSettings& settings) {
+  OutputUnit unit;
+  unit.weight_bits = std::max(settings.bits.hidden, 12);
+  for (int group = 0; group < 3; ++group) {
+    const auto g = static_cast<std::size_t>(group);
+    const std::size_t width = heads.width(group),
+                      first = group == 0 ? 0 : heads.width(0) + (group == 2 ? heads.width(1) : 0);
+    const auto deviation = [&](std::size_t c) {
+      return std::max(static_cast<double>(statistics[heads.channels() + first + c]) / settings.base_step[g], 0x1p-16);
+    };
+    if (o >= heads.mean_row(group) && o < heads.mean_row(group) + width) {
+      const std::size_t c = o - heads.mean_row(group);
+      unit = {deviation(c), static_cast<double>(statistics[first + c]) / settings.base_step[g],
+              IntegerNetwork::mean_bits, settings.bits.mean[g]};
+    } else if (o >= heads.sigma_row(group) && o < heads.sigma_row(group) + width) {
+      unit = {8, 8 * std::log2(deviation(o - heads.sigma_row(group))), IntegerNetwork::sigma_bits,
+              settings.bits.deviation[g]};
+    }
+  }
+  return unit;
+}
+
 }  // namespace detail
 
 [[nodiscard]] inline Result<IntegerNetwork> quantize_network(const FloatContext& context, const ContextHeads& heads,
@@ -87,7 +116,8 @@ namespace detail {
   const auto fail = [](std::string field, std::string problem) {
     return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), "train the context again"};
   };
-  const std::size_t inputs = context.inputs, hidden = context.hidden, channels = heads.channels();
+  const std::size_t inputs = context.inputs, hidden = context.hidden,
+                    channels = heads.channels();
   if (!settings.bits.valid()) return fail("bits", "must be 2 to 16");
   if (context.weight1.size() != hidden * inputs || context.bias1.size() != hidden ||
       context.weight2.size() != heads.outputs() * hidden || context.bias2.size() != heads.outputs() ||
@@ -133,38 +163,51 @@ namespace detail {
 
   // Second layer, the outputs in the units of coding.
   for (std::size_t o = 0; o < heads.outputs(); ++o) {
-    double scale = 1, offset = 0;
-    int bits = IntegerNetwork::r_bits, weight_bits = std::max(settings.bits.hidden, 12);
-    for (int group = 0; group < 3; ++group) {
-      const auto g = static_cast<std::size_t>(group);
-      const std::size_t width = heads.width(group),
-                        first = group == 0 ? 0 : heads.width(0) + (group == 2 ? heads.width(1) : 0);
-      const auto deviation = [&](std::size_t c) {
-        return std::max(static_cast<double>(context.statistics[channels + first + c]) / settings.base_step[g], 0x1p-16);
-      };
-      if (o >= heads.mean_row(group) && o < heads.mean_row(group) + width) {
-        const std::size_t c = o - heads.mean_row(group);
-        scale = deviation(c);
-        offset = static_cast<double>(context.statistics[first + c]) / settings.base_step[g];
-        bits = IntegerNetwork::mean_bits;
-        weight_bits = settings.bits.mean[g];
-      } else if (o >= heads.sigma_row(group) && o < heads.sigma_row(group) + width) {
-        scale = 8;
-        offset = 8 * std::log2(deviation(o - heads.sigma_row(group)));
-        bits = IntegerNetwork::sigma_bits;
-        weight_bits = settings.bits.deviation[g];
-      }
-    }
-    for (std::size_t j = 0; j < hidden; ++j) row[j] = scale * static_cast<double>(context.weight2[o * hidden + j]);
+    const detail::OutputUnit unit = detail::output_unit(o, heads, context.statistics, settings);
+    for (std::size_t j = 0; j < hidden; ++j) row[j] = unit.scale * static_cast<double>(context.weight2[o * hidden + j]);
     const int exponent = detail::quantize_row(
-        std::span(row).first(hidden), scale * static_cast<double>(context.bias2[o]) + offset, unit2, most2, weight_bits,
-        bits + 31, network.output.weight.data() + o * hidden, network.output.bias[o]);
-    if (exponent - bits < -24) return fail("context", "an output is too large to be coded");
-    network.output.shift[o] = static_cast<std::int8_t>(exponent - bits);
+        std::span(row).first(hidden), unit.scale * static_cast<double>(context.bias2[o]) + unit.offset, unit2, most2,
+        unit.weight_bits, unit.bits + 31, network.output.weight.data() + o * hidden, network.output.bias[o]);
+    if (exponent - unit.bits < -24) return fail("context", "an output is too large to be coded");
+    network.output.shift[o] = static_cast<std::int8_t>(exponent - unit.bits);
   }
   const Result<Done> checked = network.check(inputs, heads, settings.most_input);
   if (!checked) return checked.error();
   return network;
+}
+
+/// Weights of a float network, as FloatContext looks at them.
+struct FloatNetwork {
+  std::vector<float> weight1, bias1, weight2, bias2;
+};
+
+/// The float network that says what the integer one does, to the rounding of its hidden units and outputs. Those are in the integers' units
+/// (a factor that ReLU lets pass). In the same bits quantize_network makes the same integers of it again. `statistics` and `settings` as there.
+[[nodiscard]] inline FloatNetwork float_network(const IntegerNetwork& network, const ContextHeads& heads,
+                                                std::span<const float> statistics,
+                                                const IntegerNetworkSettings& settings) {
+  const std::size_t inputs = network.hidden.inputs, hidden = network.hidden.outputs, outputs = network.output.outputs;
+  FloatNetwork floats{std::vector<float>(hidden * inputs), std::vector<float>(hidden),
+                      std::vector<float>(outputs * hidden), std::vector<float>(outputs)};
+  for (std::size_t j = 0; j < hidden; ++j) {
+    const int shift = network.hidden.shift[j];
+    for (std::size_t i = 0; i < inputs; ++i) {
+      floats.weight1[j * inputs + i] =
+          std::ldexp(static_cast<float>(network.hidden.weight[j * inputs + i]), settings.input_bits - shift);
+    }
+    floats.bias1[j] = static_cast<float>(std::ldexp(static_cast<double>(network.hidden.bias[j]), -shift));
+  }
+  for (std::size_t o = 0; o < outputs; ++o) {
+    const detail::OutputUnit unit = detail::output_unit(o, heads, statistics, settings);
+    const int exponent = -network.output.shift[o] - unit.bits;
+    for (std::size_t j = 0; j < hidden; ++j) {
+      const double weight = std::ldexp(static_cast<double>(network.output.weight[o * hidden + j]), exponent);
+      floats.weight2[o * hidden + j] = static_cast<float>(weight / unit.scale);
+    }
+    const double bias = std::ldexp(static_cast<double>(network.output.bias[o]), exponent);
+    floats.bias2[o] = static_cast<float>((bias - unit.offset) / unit.scale);
+  }
+  return floats;
 }
 
 }  // namespace compmark::inline v0

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is trained on after a model was compressed once (a message in a file, docs/watermark.md) shall see what the file will say. Rounded to a file's
+// steps (rate.hpp) it does, if these come out of the file's own networks: those of its context have weights of a few bits, and a step that is a
+// sixteenth of an octave longer makes another symbol of every value near the border of two. Cost: a copy of the networks.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "compmark/codec/codec_model.hpp"
+#include "compmark/codec/context_gs_context.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/entropy/integer_quantize.hpp"
+#include "compmark/pipeline/coded_context.hpp"
+#include "compmark/pipeline/coded_model.hpp"
+#include "compmark/pipeline/model.hpp"
+
+namespace compmark::inline v0 {
+
+namespace detail {
+
+template <class T>
+[[nodiscard]] bool fill_block(ParameterArena<T>& arena, BlockHandle handle, std::span<const float> values) {
+  const MatrixView<T> block = arena.values(handle);
+  if (block.size() != values.size()) return false;
+  std::copy(values.begin(), values.end(), block.data);
+  return true;
+}
+template <class T, class Handles>
+[[nodiscard]] bool fill_network(ParameterArena<T>& arena, const Handles& to, const FloatNetwork& from) {
+  return fill_block(arena, to.weight1, from.weight1) && fill_block(arena, to.bias1, from.bias1) &&
+         fill_block(arena, to.weight2, from.weight2) && fill_block(arena, to.bias2, from.bias2);
+}
+
+}  // namespace detail
+
+/// Replaces the networks of a trained model, those that render and those of its context, by what a file of it holds: `file` is the model of
+/// CodecEncoded or CodecDecoded. An Error, and the model as it was or in part replaced, if that file is of another model.
+template <Recipe R>
+  requires present<typename R::EntropyModel>
+[[nodiscard]] Result<Done> adopt_networks(const CodecModel& file, Model<R>& model) {
+  const Result<LoadedModel<R>> read = model_from<R>(file);
+  if (!read) return read.error();
+  const ParameterArena<typename R::Scalar>& from = read->model.arena;
+  const auto other = [] {
+    return detail::coded_error("context", "is that of another model", "give the file that was made of this one");
+  };
+  for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
+    if (part.kind != RowKind::fixed || detail::is_context_block(part.name)) continue;
+    const auto& blocks = from.layout().blocks();
+    const auto same = std::find_if(blocks.begin(), blocks.end(),
+                                   [&](const ArenaLayout::Block& block) { return block.name == part.name; });
+    if (same == blocks.end() || same->size() != part.size()) return other();
+    std::copy_n(from.all_values().begin() + static_cast<std::ptrdiff_t>(same->offset), part.size(),
+                model.arena.all_values().begin() + static_cast<std::ptrdiff_t>(part.offset));
+  }
+  auto& rate = model.road.rate;
+  const std::vector<float> statistics = detail::coded_floats(std::as_const(model.arena).values(rate.statistics));
+  if (statistics.size() != 2 * file.heads().channels()) return other();
+  if constexpr (requires { R::EntropyModel::shape.volume_levels; }) {
+    if (!file.context) return other();
+    IntegerNetworkSettings settings;
+    settings.base_step = file.base_step;
+    if (!detail::fill_network(model.arena, rate,
+                              float_network(file.context->network, file.context->heads, statistics, settings)))
+      return other();
+  } else {
+    if (!file.context_gs) return other();
+    const IntegerNetworkSettings settings = detail::context_gs_network_settings(file);
+    for (std::size_t level = 0; level < IntegerContextGs::levels; ++level) {
+      if (!detail::fill_network(
+              model.arena, rate.network[level],
+              float_network(file.context_gs->network[level], file.context_gs->heads, statistics, settings)))
+        return other();
+    }
+  }
+  return Done{};
+}
+
+}  // namespace compmark::inline v0
