@@ -50,6 +50,8 @@ Result<FittedFile> fit_to_file(FitOptions options) {
                  "\"" + source->recipe + "\" is not one that a message is hidden in",
                  "a model of scaffold, hac or context_gs, alone or with +mask or +alpha"};
   }
+  // A feature of a model for a codec moves by whole steps, and colours by many levels at once (docs/watermark.md).
+  if (options.fit.period == 0) options.fit.period = plain == "scaffold" ? 0.1 : 0.2;
   ThreadExecutor executor(options.threads);
   const auto begin = std::chrono::steady_clock::now();
   const Result<DecoderFit<float>> fit = plain == "scaffold" ? fit_model<recipes::Scaffold>(*source, options, executor)
@@ -62,8 +64,9 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   const DecoderFitSettings& f = options.fit;
   const std::string note = "fitted to the unmarked model of sha256 " + *model + " with seed " + std::to_string(f.seed) +
                            ", views " + std::to_string(f.statistics_views) + ", gradient views " +
-                           std::to_string(f.gradient_views) + ", waves " + std::to_string(f.waves) + ", coordinates " +
-                           std::to_string(f.coordinates) + ", stride " + std::to_string(f.stride) + ", edit weight " +
+                           std::to_string(f.gradient_views) + ", waves " + std::to_string(f.waves) + ", period " +
+                           nlohmann::json(f.period).dump() + ", coordinates " + std::to_string(f.coordinates) +
+                           ", stride " + std::to_string(f.stride) + ", edit weight " +
                            nlohmann::json(f.edit_weight).dump();
   if (Result<Done> written = write_lattice<SafetensorsWriter>(fit->decoder, note, options.out); !written)
     return written.error();
@@ -72,6 +75,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   const nlohmann::ordered_json json{{"schema", "compmark.fit.1"},
                                     {"bits", options.fit.bits},
                                     {"waves", options.fit.waves},
+                                    {"period", options.fit.period},
                                     {"seed", options.fit.seed},
                                     {"statistics_views", options.fit.statistics_views},
                                     {"gradient_views", options.fit.gradient_views},

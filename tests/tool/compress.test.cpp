@@ -182,6 +182,13 @@ TEST_CASE(
   REQUIRE(write_key(other, testing::fixed_key(2, 24)).ok());
   const std::string fit = "fit --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --model ";
   done(fit + at("run/model.safetensors") + " --out " + decoder);
+  // To what the file says: of a file with all cameras it is the same decoder.
+  done("compress --cameras all --model " + at("run/model.safetensors") + " --out " + at("all.cmk"));
+  done(fit + at("all.cmk") + " --out " + at("of-file.safetensors"));
+  for (const char* figure : {"wave_agreement", "agreement", "noise_ratio"}) {
+    CAPTURE(figure);
+    CHECK(json_of(at("of-file.json"))[figure] == json_of(at("fitted.json"))[figure]);
+  }
   const std::string embed = "embed --iterations 600 --message-rate 0.01 --model " + at("run/model.safetensors") + data +
                             " --key " + key + " --decoder " + decoder + " --out " + out;
   check_refused(tool(embed + " --fidelity 0"), {"--fidelity", "train --codec"});
