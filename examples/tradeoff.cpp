@@ -50,7 +50,13 @@ Settings settings_of(Settings settings, const Point& point) {
   return settings;
 }
 
-/// The training and the decoder of a finished point with the same host, for one that has none: `train --resume` takes what is there.
+/// Whether a point's training is over and its decoder fitted.
+bool has_host(const fs::path& folder) {
+  return fs::exists(folder / "unmarked/results.json") && !fs::exists(folder / "unmarked/checkpoint.safetensors") &&
+         fs::exists(folder / "decoder.safetensors") && fs::exists(folder / "decoder.json");
+}
+
+/// The training and the decoder of a point with the same host, for one that has none: `train --resume` takes what is there.
 Result<Done> share_host(const fs::path& from, const fs::path& to) {
   if (fs::exists(to / "unmarked")) return Done{};
   std::error_code status;
@@ -74,13 +80,15 @@ Result<Done> share_host(const fs::path& from, const fs::path& to) {
 Result<Done> write_page(const Settings& settings, const Scene& scene, const std::vector<PricedPoint>& points) {
   const tool::Table table = price_table(points);
   const std::vector<tool::Plot> plots = price_plots(points);
-  const std::string head = scene.name + tool::format_text(
-                                            ": from nothing to a marked file, %d bits, test views read one by one from "
-                                            "the file. Seconds are of this machine.",
-                                            settings.bits);
+  const std::string head =
+      scene.name + tool::format_text(
+                       " at 1 / %g of its size: from photographs to a marked file, %d bits, test views read one by one "
+                       "from the file. Seconds are those of the iterations and of the fit, on this machine.",
+                       scene.downscale, settings.bits);
   const std::string note =
       "* No other point is as good in minutes, bytes, decibels and bits and better in one of them.";
-  if (Result<Done> r = compmark::write_json(settings.out / "tradeoff.json", price_json(points)); !r) return r;
+  if (Result<Done> r = compmark::write_json(settings.out / "tradeoff.json", price_json(scene, settings, points)); !r)
+    return r;
   if (Result<Done> r =
           compmark::write_file(settings.out / "tradeoff.md", head + "\n\n" + table.markdown() + "\n" + note + "\n");
       !r)
@@ -125,7 +133,7 @@ int main(int argc, char** argv) {
       return fail({ErrorKind::invalid, {}, "--points", "names no point: " + name, "--list names them"});
   }
   if (const std::optional<std::string> own =
-          word_of_the_cells(app.remaining(), {"--iterations", "--lambda", "--preset"}))
+          word_of_the_cells(app.remaining(), {"--iterations", "--lambda", "--mark-iterations", "--fidelity"}))
     return fail({ErrorKind::invalid, {}, *own, "cannot be given", "the points have their own"});
   settings.extra = train_words(app.remaining());
   const Result<std::vector<Scene>> scenes = scenes_of(program, data);
@@ -143,21 +151,30 @@ int main(int argc, char** argv) {
   if (!*has_key) return 2;  // keygen said why
 
   watch_stop();
+  const auto folder = [&](const Point& point) { return cell_of(scenes->front(), point).folder(settings); };
+  const auto same_run = [&](const Point& point) {  // what is there was made with these settings
+    return is_of(cell_of(scenes->front(), point), settings_of(settings, point));
+  };
   std::vector<PricedPoint> finished;
   bool failed = false;
-  for (const Point& point : points) {
+  for (const Point& point : points) {  // of earlier commands, so that the page has them whatever becomes of this one
     const Cell cell = cell_of(scenes->front(), point);
     const Settings own = settings_of(settings, point);
-    const bool wanted = chosen.empty() || std::find(chosen.begin(), chosen.end(), point.label()) != chosen.end();
-    if (!wanted) {  // one of an earlier command is shown all the same
-      if (!is_finished(cell, own)) continue;
-    } else if (const auto host = std::find_if(finished.begin(), finished.end(),
-                                              [&](const PricedPoint& other) { return other.point.same_host(point); });
-               host != finished.end()) {
-      const Result<Done> shared = share_host(cell_of(scenes->front(), host->point).folder(own), cell.folder(own));
-      if (!shared) return fail(shared.error());
+    if (!is_finished(cell, own)) continue;
+    if (Result<Row> row = read_row(cell, own); row) finished.push_back({point, std::move(*row)});
+  }
+  for (const Point& point : points) {
+    if (!chosen.empty() && std::find(chosen.begin(), chosen.end(), point.label()) == chosen.end()) continue;
+    const auto is_this = [&](const PricedPoint& other) { return other.point.label() == point.label(); };
+    if (std::any_of(finished.begin(), finished.end(), is_this)) continue;
+    const auto host = std::find_if(points.begin(), points.end(), [&](const Point& other) {
+      return other.same_host(point) && has_host(folder(other)) && same_run(other);
+    });
+    if (host != points.end()) {
+      if (Result<Done> shared = share_host(folder(*host), folder(point)); !shared) return fail(shared.error());
     }
-    Result<std::optional<Row>> row = finish_cell(program, cell, own);
+    Result<std::optional<Row>> row =
+        finish_cell(program, cell_of(scenes->front(), point), settings_of(settings, point));
     if (!row) {
       fail(row.error());  // the other points are worth having
       failed = true;
@@ -168,6 +185,12 @@ int main(int argc, char** argv) {
       return stopped_exit;
     }
     finished.push_back({point, std::move(**row)});
+    const auto place = [&](const PricedPoint& one) {
+      return std::find_if(points.begin(), points.end(),
+                          [&](const Point& other) { return other.label() == one.point.label(); });
+    };
+    std::sort(finished.begin(), finished.end(),
+              [&](const PricedPoint& a, const PricedPoint& b) { return place(a) < place(b); });
     if (Result<Done> written = write_page(settings, scenes->front(), finished); !written) return fail(written.error());
   }
   if (!finished.empty()) std::printf("%s", price_table(finished).markdown().c_str());

@@ -46,6 +46,11 @@ struct DatasetViews {
                                                              compmark::TargetPlanes<float> planes);
 };
 
+/// The Error of what was read from, or made of, a file that it does not know of.
+[[nodiscard]] inline compmark::Error in_file(compmark::Error error, const std::filesystem::path& file) {
+  error.file = file.string();
+  return error;
+}
 /// SHA-256 of a file, 64 hexadecimal digits.
 compmark::Result<std::string> file_sha256(const std::filesystem::path& path);
 /// The last name of a path, also of "scene/": what a dataset is called.

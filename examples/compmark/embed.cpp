@@ -102,9 +102,7 @@ Result<CodecModel> coded_host(const TrainOptions& options) {
   if (!model) return model.error();
   Result<CodecModel> coded = (*model)->coded({});
   if (coded) return coded;
-  Error error = coded.error();
-  error.file = options.model.string();
-  return error;
+  return in_file(coded.error(), options.model);
 }
 
 }  // namespace
@@ -159,7 +157,8 @@ int embed_model(TrainOptions options) {
   if (!mark) return fail(mark.error());
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
-  settings.mark.identity += digest->substr(0, 16);  // a run is resumed from the same model alone
+  settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
+  if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
   if (coded && own_twin) {
     const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
     if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));

@@ -6,6 +6,7 @@
 #include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/hac.hpp>
 #include <utility>
+#include <vector>
 
 #include "codec_file.hpp"
 #include "fit_model.hpp"
@@ -18,12 +19,15 @@ Result<DecoderFit<float>> fit(ModelSource source, FitOptions& options, ThreadExe
   if (!source.coded) {
     const Result<LoadedModel<R>> loaded = source.load<R>();
     if (!loaded) return loaded.error();
+    const auto& arena = loaded->model.arena;
+    const std::vector<float> statistics = detail::coded_floats(arena.values(loaded->model.road.rate.statistics));
+    if (!detail::check_statistics(statistics)) return fit_model<R>(source, options, executor);  // decompressed
     CodedModelSettings settings;
     settings.cameras = StoredCameras::all;
     const Result<CodecModel> coded = coded_model(loaded->model, loaded->info, settings);
-    if (!coded) return coded.error();
+    if (!coded) return in_file(coded.error(), source.path);
     Result<CodecEncoded> file = encode_codec(*coded, executor);
-    if (!file) return file.error();
+    if (!file) return in_file(file.error(), source.path);
     source.coded = std::move(file->model);
   }
   return fit_model<R>(source, options, executor);

@@ -153,12 +153,6 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
       wanted.rate.feature_step = step[0];
       wanted.rate.scaling_step = step[1];
       wanted.rate.offset_step = step[2];
-      // The mark shall be read in a file: what is trained is rounded as that is.
-      const Result<CodecModel> coded = coded_model(loaded->model, loaded->info);
-      if (!coded) return fail(coded.error());
-      const Result<CodecEncoded> file = encode_codec(*coded, executor);
-      if (!file) return fail(file.error());
-      if (Result<Done> adopted = adopt_networks(file->model, loaded->model); !adopted) return fail(adopted.error());
     }
   }
   constexpr RunNeeds needs{present<typename R::Space>,
@@ -170,6 +164,16 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   if (!with_cameras) return fail(with_cameras.error());
   RecipeViews<R>& train = *with_cameras;
   if (Result<Done> usable = check_run(options, data, source, mark); !usable) return fail(usable.error());
+  std::optional<CodecModel> host_file;  // what a file of the model says that a mark is hidden in
+  if constexpr (present<typename R::EntropyModel>) {
+    if (loaded) {
+      const Result<CodecModel> coded = coded_model(loaded->model, loaded->info);
+      if (!coded) return fail(in_file(coded.error(), options.model));
+      Result<CodecEncoded> file = encode_codec(*coded, executor);
+      if (!file) return fail(in_file(file.error(), options.model));
+      host_file = std::move(file->model);
+    }
+  }
 
   Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
   if constexpr (is_marked) trainer.set_watermark(mark->decoder, mark->bits);
@@ -185,6 +189,9 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   } else {
     if (!options.resume && std::filesystem::exists(data.checkpoint)) return fail(unfinished_run(data.checkpoint));
     if (loaded) {
+      if constexpr (present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
+        if (Result<Done> adopted = adopt_networks(*host_file, loaded->model); !adopted) return fail(adopted.error());
+      }
       if constexpr (is_marked) trainer.start_from(with_room_for_mark<R>(loaded->model, data.settings.seed));
     } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position); !ready) {
       return fail(ready.error());
@@ -223,6 +230,10 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     if constexpr (present<typename R::EntropyModel>) {
       Result<CodecModel> coded = coded_model(model, data.info);
       if (!coded) return coded.error();
+      if (host_file) {  // the steps that were trained with, and not those that suit the marked symbols a little better
+        coded->context = host_file->context;
+        coded->context_gs = host_file->context_gs;
+      }
       end.coded = std::move(*coded);
     }
     return Done{};

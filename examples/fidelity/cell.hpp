@@ -172,11 +172,15 @@ struct Cell {
          fs::last_write_time(folder / "evaluate.json") >= fs::last_write_time(folder / "results.json");
 }
 
-/// Whether there is nothing left to run of a cell with these settings.
+/// Whether a cell's folder was made with these settings.
+[[nodiscard]] inline bool is_of(const Cell& cell, const Settings& settings) {
+  const Result<nlohmann::ordered_json> found =
+      compmark::read_json<nlohmann::ordered_json>(cell.folder(settings) / "cell.json");
+  return found && *found == settings_json(cell, settings);
+}
+/// Whether there is nothing left to run of it.
 [[nodiscard]] inline bool is_finished(const Cell& cell, const Settings& settings) {
-  const fs::path folder = cell.folder(settings);
-  const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(folder / "cell.json");
-  return found && *found == settings_json(cell, settings) && is_trained(folder) && is_measured(folder, settings);
+  return is_of(cell, settings) && is_trained(cell.folder(settings)) && is_measured(cell.folder(settings), settings);
 }
 
 /// The row of a finished cell, from what the tool wrote.

@@ -11,6 +11,8 @@
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "../compmark/plain_page.hpp"
@@ -46,7 +48,8 @@ struct Point {
       points.push_back({preset.name, codec, preset.iterations, preset.rate_lambda, mark_words(preset.mark_iterations)});
     }
   }
-  const tool::Preset& standard = tool::presets[1];
+  constexpr const tool::Preset& standard = tool::presets[1];
+  static_assert(std::string_view(standard.name) == "standard");
   const auto from_standard = [&](const char* name, std::vector<std::string> words) {
     return Point{std::string("standard_") + name, "hac", standard.iterations, standard.rate_lambda, std::move(words)};
   };
@@ -140,8 +143,12 @@ struct PricedPoint {
           plot("Size of the marked file", "kB", [](const PricedPoint& one) { return one.file().bytes / 1e3; })};
 }
 
-[[nodiscard]] inline nlohmann::ordered_json price_json(const std::vector<PricedPoint>& points) {
-  nlohmann::ordered_json json = {{"schema", "compmark.tradeoff.1"}, {"points", nlohmann::ordered_json::array()}};
+/// `settings.extra` are the words that all points have in common.
+[[nodiscard]] inline nlohmann::ordered_json price_json(const Scene& scene, const Settings& settings,
+                                                       const std::vector<PricedPoint>& points) {
+  nlohmann::ordered_json json = {{"schema", "compmark.tradeoff.1"}, {"scene", scene.name},
+                                 {"downscale", scene.downscale},    {"bits", settings.bits},
+                                 {"train", settings.extra},         {"points", nlohmann::ordered_json::array()}};
   for (const PricedPoint& one : points) {
     const Figures& file = one.file();
     json["points"].push_back(

@@ -79,7 +79,8 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
                                                                   const std::vector<std::string>& more = {}) {
   for (const std::string& word : words) {
     const std::string name = word.substr(0, word.find('='));
-    for (const char* own : {"--decoder", "--key", "--out", "--twin", "--codec", "--recipe", "--for-compression"}) {
+    for (const char* own :
+         {"--decoder", "--key", "--out", "--twin", "--codec", "--recipe", "--for-compression", "--preset"}) {
       if (name == own) return name;
     }
     if (std::find(more.begin(), more.end(), name) != more.end()) return name;

@@ -320,6 +320,32 @@ TEST_CASE("entropy/hac_model: noise of the base steps; extents stay positive; no
   for (const float d : scene.arena.gradients(scene.handles.weight1).flat()) CHECK(d == 0);
 }
 
+TEST_CASE("entropy/hac_model: coded steps are the sixteenths of an octave next to the steps, as the coder finds them") {
+  using Attributes = HacAttributes<double, 8, 3>;
+  const std::array<double, 3> base{1, 0.001, 0.2};
+  double farthest = 0;
+  for (double r = -2.5; r < 6; r += 0.0137) {
+    const double raw[3] = {r, r + 0.004, r + 0.009};
+    double q[3 + Attributes::W], coded[3];
+    Attributes::steps(raw, base, q);
+    Attributes::coded_steps(raw, base, coded);
+    for (std::size_t g = 0; g < 3; ++g) {
+      const double index = 16 * std::log2(coded[g] / base[g]);
+      CHECK(std::abs(index - std::nearbyint(index)) < 1e-4);  // ratios have 24 fraction bits: 4.4e-5 at the least
+      farthest = std::max(farthest, std::abs(16 * std::log2(q[g] / coded[g])));
+      CHECK(std::nearbyint(index) == step_index(static_cast<std::int32_t>(std::lround(raw[g] * 0x1p16))));
+    }
+  }
+  CHECK(farthest < 0.501);
+  CHECK(farthest > 0.45);
+  const double far[3] = {1e30, -1e30, std::numeric_limits<double>::quiet_NaN()};
+  double coded[3];
+  Attributes::coded_steps(far, base, coded);
+  CHECK(coded[0] == 2 * base[0]);
+  CHECK(coded[1] == Attributes::least_step * base[1]);
+  CHECK(std::isnan(coded[2]));
+}
+
 TEST_CASE("entropy/hac_model: rounding lands on whole steps, to within half of one (QZ2)") {
   Scene<double> scene;
   scene.phase.round = true;

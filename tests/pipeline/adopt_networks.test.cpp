@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <compmark/codec/cmk.hpp>
+#include <compmark/core/random.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/pipeline/adopt_networks.hpp>
 #include <compmark/recipes/context_gs.hpp>
@@ -34,12 +35,16 @@ struct Bench {
     info.base_step = {1, 0.01, 0.2};
     executor.emplace(2);
   }
-  CodecModel file_of(const Model<R>& of, CodecEncodeSettings settings = {}) {
-    const Result<CodecModel> coded = coded_model(of, info);
+  /// With the context of another file, if that is given.
+  CodecModel file_of(const Model<R>& of, const CodecModel* other = nullptr) {
+    Result<CodecModel> coded = coded_model(of, info);
     REQUIRE(coded.ok());
-    const Result<CodecEncoded> encoded = encode_cmk(*coded, settings, *executor);
+    if (other != nullptr) {
+      coded->context = other->context;
+      coded->context_gs = other->context_gs;
+    }
+    const Result<CodecEncoded> encoded = encode_cmk(*coded, CodecEncodeSettings{}, *executor);
     REQUIRE_MESSAGE(encoded.ok(), (encoded.ok() ? "" : encoded.error().line()));
-    bytes = encoded->bytes;
     return encoded->model;
   }
   /// Of the model, rounded to its own steps.
@@ -63,7 +68,6 @@ struct Bench {
   Model<R> model;
   ModelInfo info;
   std::optional<ThreadExecutor> executor;
-  std::vector<std::byte> bytes;  ///< of the last file
 };
 
 double rms(const std::vector<float>& a, const std::vector<float>& b) {
@@ -79,7 +83,6 @@ template <class R>
 void check_adopted(const char* recipe) {
   Bench<R> bench(recipe);
   const CodecModel file = bench.file_of(bench.model);
-  const std::vector<std::byte> bytes = bench.bytes;
   const Result<LoadedModel<R>> decoded = model_from<R>(file);
   REQUIRE(decoded.ok());
   const std::vector<float> says = bench.plain(decoded->model);
@@ -92,11 +95,18 @@ void check_adopted(const char* recipe) {
   // Measured .017 and .008 of it: steps whose r lies on a border but for the last bits of a sum.
   CHECK(with_file < 0.04 * host);
   CHECK(own > 10 * with_file);  // negative control; measured 24 and 93 times
-  // And a file of it is as large: its networks are what they would be rounded to. To the byte with HAC; ContextGS tries a part's bits beside other
-  // parts in 16, which are now those in few.
-  static_cast<void>(bench.file_of(adopted));
-  const double size = static_cast<double>(bytes.size());
-  CHECK(std::abs(static_cast<double>(bench.bytes.size()) - size) < 0.01 * size);
+  // So it is of features that were changed afterwards, in a file with the context of the first. Without that the bits of the networks, and so the
+  // steps, are chosen anew.
+  const Random random(5, 0, random_stage("test adopted features"));
+  const MatrixView<float> feature = adopted.arena.values(adopted.anchors.feature);
+  for (std::size_t i = 0; i < feature.size(); ++i) feature.data[i] += 0.3f * static_cast<float>(random.normal(i));
+  const std::vector<float> changed = bench.rounded(adopted);
+  const Result<LoadedModel<R>> kept = model_from<R>(bench.file_of(adopted, &file));
+  REQUIRE(kept.ok());
+  const double with_context = rms(changed, bench.plain(kept->model));
+  MESSAGE("changed, with the first file's context ", with_context);
+  CHECK(with_context < 0.04 * host);
+  CHECK(rms(changed, says) > 0.5 * host);  // negative control: it did change
 
   CodecModel stranger = file;
   stranger.context.reset();

@@ -138,23 +138,38 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   for (const char* file : {"tradeoff.md", "tradeoff.html", "tradeoff.svg"})
     CHECK(lines_with(text_of(scratch.path / "run" / file), "standard_hac") > 0);
 
-  // One more, beside those of the earlier command.
-  REQUIRE(run("--points best_hac --seed 3").code == 0);
+  CHECK(json["scene"] == "one");
+  CHECK(json["train"] == nlohmann::json({"--seed", "3"}));
+
+  // One more, beside those of the earlier command, of which one is asked for again.
+  REQUIRE(run("--points best_hac standard_hac --seed 3").code == 0);
   log = text_of(scratch.path / "log.txt");
   CHECK(lines_with(log, "trained ") == 3);
+  CHECK(lines_with(log, "marked --bits") == 1);
   json = json_of(at("run/tradeoff.json"));
   CHECK(json["points"].size() == 4);
   CHECK(json["points"][2]["pareto"] == true);
 
+  // A host is found wherever in the list it was trained, one of other settings is not.
+  REQUIRE(run("--points draft_context_gs --seed 4").code == 0);
+  fs::remove_all(at("run/standard_hac"));
+  REQUIRE(run("--points standard_hac --seed 3").code == 0);
+  log = text_of(scratch.path / "log.txt");
+  CHECK(lines_with(log, "trained ") == 4);
+  CHECK(lines_with(log, "marked --bits") == 2);
+  CHECK(run("--points draft_hac --seed 4").code == 1);  // another's folder
+  CHECK(json_of(at("run/tradeoff.json"))["points"].size() == 4);
+
   CHECK(run("--points fastest").code == 2);
-  CHECK(run("--lambda 0.01").code == 2);
+  for (const char* own : {"--lambda 0.01", "--mark-iterations 10", "--fidelity=1", "--preset best"})
+    CHECK(run(own).code == 2);
   CHECK(run("--key mine").code == 2);
   const Outcome listed = run_tool(COMPMARK_TRADEOFF, "--list");
   CHECK(listed.code == 0);
   CHECK(lines_with(listed.text, "_context_gs\n") == 3);
 }
 
-TEST_CASE("tradeoff: a preset says what was not given") {
+TEST_CASE("tradeoff: a preset says lambda where it was not given, and gives way where it or the iterations were") {
   const ScratchFolder scratch("compmark-preset-test");
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
   done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
@@ -163,7 +178,7 @@ TEST_CASE("tradeoff: a preset says what was not given") {
   const nlohmann::json results = json_of(at("draft/results.json"));
   CHECK(results["iterations"] == 30);
   CHECK(results["rate_lambda"] == 0.004);
-  done(train + at("best") + " --preset best --iterations 30 --lambda 0.003");
+  done(train + at("best") + " --preset draft --iterations 30 --lambda 0.003");
   CHECK(json_of(at("best/results.json"))["rate_lambda"] == 0.003);
   CHECK(testing::tool(train + at("none") + " --preset fastest").code == 2);
 }

@@ -52,8 +52,9 @@ struct HacAttributes {
       max(P::load(doubled + g) * sigmoid(r + r), P::load(least + g)).store(q + g);
     }
   }
-  /// The steps of the file, which are whole sixteenths of an octave: a value that lies between the borders of the two would be another symbol
-  /// there than here. The same function of r as the coder's (integer_functions.hpp), of a float instead of a whole number of 2^-16.
+  /// The steps of the file, whole sixteenths of an octave: with others, values near the border of two symbols are another one there than here.
+  /// The coder's own function of r (integer_functions.hpp), of a float instead of a whole number of 2^-16. Straight through, the way back is that of
+  /// the step itself; at its greatest, 2 Q0, that is zero, so that who trains steps while they are rounded finds them stuck there.
   static void coded_steps(const T* raw, const std::array<T, 3>& base, T* q) {
     constexpr double unit = 1 << StepGrid::r_bits;
     for (std::size_t g = 0; g < 3; ++g) {

@@ -67,8 +67,8 @@ namespace detail {
     bool fits = true;
     for (std::size_t i = 0; fits && i < weight.size(); ++i) {
       const double scaled = std::ldexp(weight[i] * unit[i], exponent);
-      fits =
-          std::abs(scaled) < static_cast<double>(greatest) + 0.25;  // as near as that to the greatest is the greatest
+      // As near as that to the greatest is the greatest.
+      fits = std::abs(scaled) < static_cast<double>(greatest) + 0.25;
       if (!fits) break;
       const std::int64_t rounded = std::llround(scaled);
       out[i] = static_cast<std::int16_t>(rounded);
@@ -116,8 +116,7 @@ struct OutputUnit {
   const auto fail = [](std::string field, std::string problem) {
     return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), "train the context again"};
   };
-  const std::size_t inputs = context.inputs, hidden = context.hidden,
-                    channels = heads.channels();
+  const std::size_t inputs = context.inputs, hidden = context.hidden, channels = heads.channels();
   if (!settings.bits.valid()) return fail("bits", "must be 2 to 16");
   if (context.weight1.size() != hidden * inputs || context.bias1.size() != hidden ||
       context.weight2.size() != heads.outputs() * hidden || context.bias2.size() != heads.outputs() ||
@@ -182,7 +181,8 @@ struct FloatNetwork {
 };
 
 /// The float network that says what the integer one does, to the rounding of its hidden units and outputs. Those are in the integers' units
-/// (a factor that ReLU lets pass). In the same bits quantize_network makes the same integers of it again. `statistics` and `settings` as there.
+/// (a factor that ReLU lets pass). In the same bits quantize_network makes the same integers of it again, but for the last bits of biases above
+/// 2^24, which a float does not hold. `statistics` and `settings` as there.
 [[nodiscard]] inline FloatNetwork float_network(const IntegerNetwork& network, const ContextHeads& heads,
                                                 std::span<const float> statistics,
                                                 const IntegerNetworkSettings& settings) {
