@@ -129,6 +129,7 @@ int embed_model(TrainOptions options) {
   options.recipe = *recipe;
   options.codec = recipe_codec(*recipe);
   const bool coded = is_coded_recipe(*recipe);
+  if (options.iterations == 0) options.iterations = coded ? 4000 : 2000;
   if (coded) options.profile = "hac";  // as their training
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
   std::error_code ignored;
@@ -155,6 +156,8 @@ int embed_model(TrainOptions options) {
       0.001;  // nothing else moves, so that small steps find what is read in every view (docs/watermark.md)
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
+  // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark.md).
+  if (coded && !options.mark.fidelity) settings.mark.fidelity /= 5;
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
@@ -174,15 +177,14 @@ int embed_model(TrainOptions options) {
 
 Command add_embed(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
-  options->iterations = 2000;
+  options->iterations = 0;
   app.add_option("--model", options->model, "the model to mark (model.safetensors of a training)")->required();
   app.add_option("--data", options->data, "the dataset it was trained on")->required();
   app.add_option("--out", options->out,
                  "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "
                  "with unmarked.cmk beside it")
       ->required();
-  app.add_option("--iterations", options->iterations, "length of the run")
-      ->capture_default_str()
+  app.add_option("--iterations", options->iterations, "length of the run (default: 2000; of a model for a codec 4000)")
       ->check(CLI::PositiveNumber);
   app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
       ->capture_default_str()

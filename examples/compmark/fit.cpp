@@ -34,9 +34,11 @@ Command add_fit(CLI::App& app) {
       ->capture_default_str()
       ->check(CLI::Range(1, 128));
   app.add_option("--waves", options->fit.waves, "to choose from (default: 20 for 3 bits)")->check(CLI::Range(1, 1024));
-  app.add_option("--period", options->fit.period,
-                 "of the waves, where colours go from 0 to 1, half to twice this: longer ones are read better where a "
-                 "mark changes many levels at once, as rounding does (default: 0.1; of a model for a codec 0.2)")
+  app.add_option(
+         "--period", options->fit.period,
+         "of the waves, where colours go from 0 to 1, half to twice this: longer ones are heard more evenly and "
+         "cost more")
+      ->capture_default_str()
       ->check(CLI::Range(0.01, 2.0));
   app.add_option(
          "--views", options->fit.statistics_views,

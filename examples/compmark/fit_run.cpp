@@ -50,8 +50,6 @@ Result<FittedFile> fit_to_file(FitOptions options) {
                  "\"" + source->recipe + "\" is not one that a message is hidden in",
                  "a model of scaffold, hac or context_gs, alone or with +mask or +alpha"};
   }
-  // A feature of a model for a codec moves by whole steps, and colours by many levels at once (docs/watermark.md).
-  if (options.fit.period == 0) options.fit.period = plain == "scaffold" ? 0.1 : 0.2;
   ThreadExecutor executor(options.threads);
   const auto begin = std::chrono::steady_clock::now();
   const Result<DecoderFit<float>> fit = plain == "scaffold" ? fit_model<recipes::Scaffold>(*source, options, executor)

@@ -15,8 +15,8 @@ namespace tool {
 struct FitOptions {
   std::filesystem::path model, data;  ///< unmarked; the dataset it was trained on
   std::filesystem::path out, json;    ///< json may be empty: as out, with another ending
-  /// Numbers of 0 are chosen by the bits, the images' size and whether the model is one for a codec; coordinates below 0 by the waves.
-  compmark::DecoderFitSettings fit{.waves = 0, .period = 0, .stride = 0, .statistics_views = 0, .coordinates = -1};
+  /// Numbers of 0 are chosen by the bits and the images' size; coordinates below 0 by the waves.
+  compmark::DecoderFitSettings fit{.waves = 0, .stride = 0, .statistics_views = 0, .coordinates = -1};
   double downscale = 1;
   std::size_t threads = 0;
 };

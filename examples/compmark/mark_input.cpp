@@ -45,7 +45,7 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
          "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
          "by so much; "
          "0: the message joins the loss of the photographs, as published (default: embed 3000, or 1000 with a decoder "
-         "that was fitted to the scene; train with --decoder 0)")
+         "that was fitted to the scene, a fifth of that with a codec; train with --decoder 0)")
       ->check(CLI::Range(0.0, 1e6));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()

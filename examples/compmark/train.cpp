@@ -338,9 +338,10 @@ Command add_train(CLI::App& app) {
   app.add_option("--lpips-squeeze", options->lpips.squeeze, "LPIPS weights (safetensors) to report lpips_squeeze");
   app.add_flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
   add_mark_options(app, options->mark, false);
-  app.add_option("--mark-iterations", options->mark_iterations,
-                 "without --decoder: length of the run that hides the message after the training")
-      ->capture_default_str()
+  app.add_option(
+         "--mark-iterations", options->mark_iterations,
+         "without --decoder: length of the run that hides the message after the training (default: 2000; with a "
+         "codec 4000)")
       ->check(CLI::PositiveNumber);
   return [options, &app]() -> int {
     apply_preset(app, *options);

@@ -52,10 +52,10 @@ struct TrainOptions {
   std::filesystem::path json_log;
   LpipsFiles lpips;
   MarkOptions mark;
-  std::filesystem::path model;          ///< embed: the finished model that is marked
-  std::int64_t mark_iterations = 2000;  ///< of a mark that is hidden after the training
-  std::string codec = "none";           ///< that the model is trained for
-  double rate_lambda = 0.001;           ///< loss of one bit more a scalar
+  std::filesystem::path model;       ///< embed: the finished model that is marked
+  std::int64_t mark_iterations = 0;  ///< of a mark that is hidden after the training; 0: what suits the recipe
+  std::string codec = "none";        ///< that the model is trained for
+  double rate_lambda = 0.001;        ///< loss of one bit more a scalar
 };
 
 /// What is said where a run without --resume would write over a checkpoint.

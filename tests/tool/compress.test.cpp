@@ -185,17 +185,17 @@ TEST_CASE(
   // To what the file says: of a file with all cameras it is the same decoder.
   done("compress --cameras all --model " + at("run/model.safetensors") + " --out " + at("all.cmk"));
   done(fit + at("all.cmk") + " --out " + at("of-file.safetensors"));
-  const Result<SafetensorsFile> of_model = read_safetensors(decoder),
-                                of_file = read_safetensors(at("of-file.safetensors"));
-  REQUIRE((of_model.ok() && of_file.ok()));
-  for (const auto& [name, tensor] : of_model->tensors) {
-    CAPTURE(name);
-    CHECK(*of_file->values<float>(name) == *of_model->values<float>(name));
-  }
+  const auto tensors = [](const std::string& file) {  // what is behind the header, which names the model
+    const std::string text = testing::text_of(file);
+    std::size_t header = 0;
+    for (std::size_t i = 8; i-- > 0;) header = header << 8 | static_cast<unsigned char>(text[i]);
+    return text.substr(8 + header);
+  };
+  CHECK(tensors(at("of-file.safetensors")) == tensors(decoder));
   // A model that came out of a file says it already.
   done("decompress --model " + at("all.cmk") + " --out " + at("all.safetensors"));
   done(fit + at("all.safetensors") + " --out " + at("of-decompressed.safetensors"));
-  CHECK(json_of(at("of-decompressed.json"))["agreement"] == json_of(at("fitted.json"))["agreement"]);
+  CHECK(tensors(at("of-decompressed.safetensors")) == tensors(decoder));
   const std::string embed = "embed --iterations 600 --message-rate 0.01 --model " + at("run/model.safetensors") + data +
                             " --key " + key + " --decoder " + decoder + " --out " + out;
   check_refused(tool(embed + " --fidelity 0"), {"--fidelity", "train --codec"});

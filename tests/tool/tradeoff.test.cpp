@@ -128,7 +128,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(lines_with(log, "trained ") == 2);
   CHECK(lines_with(log, "marked --bits") == 1);  // with the host that is there
   CHECK(lines_with(log, "--seed 3") == 3);
-  CHECK(lines_with(log, "--mark-iterations 5000") == 1);
+  CHECK(lines_with(log, "--mark-iterations 10000") == 1);
   CHECK(text_of(at("run/standard_marked_longer_hac/decoder.safetensors")) == "decoder\n");
   nlohmann::json json = json_of(at("run/tradeoff.json"));
   REQUIRE(json["points"].size() == 3);
