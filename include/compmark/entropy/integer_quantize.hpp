@@ -67,8 +67,8 @@ namespace detail {
     bool fits = true;
     for (std::size_t i = 0; fits && i < weight.size(); ++i) {
       const double scaled = std::ldexp(weight[i] * unit[i], exponent);
-      // As near as that to the greatest is the greatest.
-      fits = std::abs(scaled) < static_cast<double>(greatest) + 0.25;
+      // A hair more is the greatest itself, out of float_network().
+      fits = std::abs(scaled) <= static_cast<double>(greatest) * (1 + 0x1p-20);
       if (!fits) break;
       const std::int64_t rounded = std::llround(scaled);
       out[i] = static_cast<std::int16_t>(rounded);
