@@ -28,6 +28,7 @@
 
 #include "support/iteration_scene.hpp"
 #include "support/live_bytes.hpp"
+#include "support/median.hpp"
 
 namespace {
 
@@ -58,7 +59,7 @@ template <class R>
 void iteration(benchmark::State& state) {
   ThreadExecutor executor(static_cast<std::size_t>(state.range(0)));
   const std::ptrdiff_t before = live_bytes;
-  benchmarks::IterationScene<R> scene({30000, 400, 1.27, 0.071});
+  benchmarks::IterationScene<R> scene(benchmarks::workload_a);
   ForwardReport report = scene.step(executor);  // after it nothing allocates
   // The scene has one plane for alpha and weights, whatever the recipe reads; a trainer has one for each that it does.
   const double plane = 4.0 * static_cast<double>(scene.target.plane_size());
@@ -130,9 +131,9 @@ class Table : public benchmark::ConsoleReporter {
       if (row == rows_.end()) continue;
       Row& on = row->second;
       std::printf("| %s | %.1f | %.1f | %.1f | %.1f | %.0f | %.0f | %.0f | %.0f | %.0f | %.0f |\n", names[i].c_str(),
-                  median(off.one_thread), median(on.one_thread), median(off.two_threads), median(on.two_threads),
-                  off.parameters, on.parameters - off.parameters, off.memory, on.memory - off.memory, off.file,
-                  on.file - off.file);
+                  benchmarks::median(off.one_thread), benchmarks::median(on.one_thread),
+                  benchmarks::median(off.two_threads), benchmarks::median(on.two_threads), off.parameters,
+                  on.parameters - off.parameters, off.memory, on.memory - off.memory, off.file, on.file - off.file);
     }
   }
 
@@ -141,12 +142,6 @@ class Table : public benchmark::ConsoleReporter {
     std::vector<double> one_thread, two_threads;  ///< ms
     double parameters = 0, memory = 0, file = 0;  ///< bytes
   };
-  static double median(std::vector<double>& values) {
-    if (values.empty()) return 0;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-  }
   std::map<std::string, Row> rows_;
 };
 

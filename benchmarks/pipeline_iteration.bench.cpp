@@ -17,6 +17,8 @@ namespace {
 
 using namespace compmark;
 using compmark::benchmarks::Workload;
+using compmark::benchmarks::workload_a;
+using compmark::benchmarks::workload_b;
 using Scene = compmark::benchmarks::IterationScene<recipes::Scaffold>;
 
 void iteration(benchmark::State& state, const Workload& work, std::size_t threads) {
@@ -41,9 +43,6 @@ void render(benchmark::State& state, const Workload& work, std::size_t threads) 
     benchmark::DoNotOptimize(scene.pipeline.forward(scene.model, scene.camera, 0, scene.context, executor));
   state.counters["frames/s"] = benchmark::Counter(1, benchmark::Counter::kIsIterationInvariantRate);
 }
-
-constexpr Workload workload_a{30000, 400, 1.27, 0.071};
-constexpr Workload workload_b{100000, 800, 1.36, 0.071};
 
 BENCHMARK_CAPTURE(iteration, a_30k_400_1_thread, workload_a, 1)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(iteration, a_30k_400_2_threads, workload_a, 2)->Unit(benchmark::kMillisecond)->UseRealTime();

@@ -12,14 +12,13 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <optional>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "fidelity/cell.hpp"
+#include "fidelity/command_line.hpp"
 #include "fidelity/process.hpp"
 #include "fidelity/run_cell.hpp"
 #include "fidelity/table.hpp"
@@ -30,10 +29,7 @@ using namespace fidelity;
 
 constexpr const char* program = "reproduce_fidelity";
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "reproduce_fidelity: error: %s\n", error.line().c_str());
-  return 2;
-}
+int fail(const Error& error) { return fidelity::fail(program, error); }
 
 }  // namespace
 
@@ -42,56 +38,30 @@ int main(int argc, char** argv) {
       "the fidelity table of marked and compressed scenes; options that are not of this list are given to compmark "
       "train"};
   Settings settings;
-  // The tool that was built beside this program, or the installed one.
-  if (const fs::path beside = fs::path(argv[0]).parent_path() / "compmark"; fs::exists(beside)) settings.tool = beside;
   std::vector<std::string> data, codecs = {"hac", "context_gs"};
   app.add_option("--data", data, "scenes, or folders of scenes; SCENE@2 at half its size")->required();
-  app.add_option("--out", settings.out, "folder of the run")->required();
-  app.add_option("--iterations", settings.iterations, "length of every training; every phase scales with it")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+  add_iterations(app, settings);
   app.add_option("--lambda", settings.rate_lambda, "loss of one bit more a scalar")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--bits", settings.bits, "length of the message")->capture_default_str()->check(CLI::Range(16, 128));
-  app.add_option("--codecs", codecs, "of hac and context_gs")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"hac", "context_gs"}));
-  app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")->capture_default_str();
+  add_codecs(app, codecs);
   app.add_option("--lpips-alex", settings.lpips, "LPIPS weights (safetensors)")->check(CLI::ExistingFile);
-  app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)");
-  app.allow_extras();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  add_bits(app, settings);
+  add_settings(app, settings, argv[0]);
+  if (const std::optional<int> over = parse(app, argc, argv)) return *over;
   if (const std::optional<std::string> own = word_of_the_cells(app.remaining()))
     return fail({ErrorKind::invalid, {}, *own, "cannot be given", "every cell has its own, or all have one"});
   settings.extra = train_words(app.remaining());
 
+  const Result<std::vector<Scene>> scenes = scenes_of(program, data);
+  if (!scenes) return fail(scenes.error());
   std::vector<Cell> cells;
-  std::set<std::string> names;
-  for (const std::string& word : data) {
-    const Result<std::vector<Scene>> scenes = scenes_of(program, word);
-    if (!scenes) return fail(scenes.error());
-    for (const Scene& scene : *scenes) {
-      if (!names.insert(scene.name).second) {
-        return fail({ErrorKind::invalid, scene.folder.string(), "--data", "has the name of a scene before it",
-                     "give folders of different names: theirs are told apart by it"});
-      }
-      for (const std::string& codec : codecs) cells.push_back({scene, codec});
-    }
+  for (const Scene& scene : *scenes) {
+    for (const std::string& codec : codecs) cells.push_back({scene, codec});
   }
-  std::error_code status;
-  fs::create_directories(settings.out, status);
-  if (status) {
-    return fail({ErrorKind::unwritable, settings.out.string(), "--out", "cannot be created: " + status.message(),
-                 "choose another"});
-  }
-  const Result<bool> has_key = make_key(settings);
-  if (!has_key) return fail(has_key.error());
-  if (!*has_key) return 2;  // keygen said why
+  const Result<bool> opened = open_run(settings);
+  if (!opened) return fail(opened.error());
+  if (!*opened) return 2;  // keygen said why
 
   watch_stop();
   std::vector<Row> rows = finished_rows(settings);
@@ -104,7 +74,7 @@ int main(int argc, char** argv) {
       continue;
     }
     if (!*row || stopped()) {
-      std::fprintf(stderr, "reproduce_fidelity: stopped; the same command goes on\n");
+      std::fprintf(stderr, "%s: stopped; the same command goes on\n", program);
       return stopped_exit;
     }
     const auto known = std::find_if(rows.begin(), rows.end(), [&](const Row& other) {
@@ -117,7 +87,6 @@ int main(int argc, char** argv) {
     if (Result<Done> written = write_table(settings, rows); !written) return fail(written.error());
   }
   if (!rows.empty()) std::printf("%s", table_markdown(settings, rows).c_str());
-  for (const std::string& cell : failures)
-    std::fprintf(stderr, "reproduce_fidelity: not in the table: %s\n", cell.c_str());
+  for (const std::string& cell : failures) std::fprintf(stderr, "%s: not in the table: %s\n", program, cell.c_str());
   return failures.empty() ? 0 : 1;
 }

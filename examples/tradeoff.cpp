@@ -22,6 +22,7 @@
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/json_file.hpp"
 #include "fidelity/cell.hpp"
+#include "fidelity/command_line.hpp"
 #include "fidelity/points.hpp"
 #include "fidelity/process.hpp"
 #include "fidelity/run_cell.hpp"
@@ -32,10 +33,7 @@ using namespace fidelity;
 
 constexpr const char* program = "tradeoff";
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "%s: error: %s\n", program, error.line().c_str());
-  return 2;
-}
+int fail(const Error& error) { return fidelity::fail(program, error); }
 
 Cell cell_of(const Scene& scene, const Point& point) {
   Cell cell{scene, point.codec};
@@ -102,14 +100,11 @@ Result<Done> write_page(const Settings& settings, const Scene& scene, const std:
 int main(int argc, char** argv) {
   CLI::App app{
       "accuracy against time, whole: marked and compressed scenes by preset; options that are not of this list are "
-      "given "
-      "to compmark train"};
+      "given to compmark train"};
   Settings settings;
-  if (const fs::path beside = fs::path(argv[0]).parent_path() / "compmark"; fs::exists(beside)) settings.tool = beside;
   std::string data;
   std::vector<std::string> chosen;
   app.add_option("--data", data, "a scene; SCENE@2 at half its size")->required();
-  app.add_option("--out", settings.out, "folder of the run")->required();
   app.add_option("--points", chosen, "of those that --list names (default: all)");
   const std::vector<Point> points = all_points();
   app.add_flag_callback(
@@ -119,15 +114,9 @@ int main(int argc, char** argv) {
         throw CLI::Success();
       },
       "names the points and ends");
-  app.add_option("--bits", settings.bits, "length of the message")->capture_default_str()->check(CLI::Range(16, 128));
-  app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)");
-  app.allow_extras();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  add_bits(app, settings);
+  add_settings(app, settings, argv[0]);
+  if (const std::optional<int> over = parse(app, argc, argv)) return *over;
   for (const std::string& name : chosen) {
     if (std::none_of(points.begin(), points.end(), [&](const Point& point) { return point.label() == name; }))
       return fail({ErrorKind::invalid, {}, "--points", "names no point: " + name, "--list names them"});
@@ -140,15 +129,9 @@ int main(int argc, char** argv) {
   if (!scenes) return fail(scenes.error());
   if (scenes->size() != 1)
     return fail({ErrorKind::invalid, data, "--data", "holds more than one scene", "name one of them"});
-  std::error_code status;
-  fs::create_directories(settings.out, status);
-  if (status) {
-    return fail({ErrorKind::unwritable, settings.out.string(), "--out", "cannot be created: " + status.message(),
-                 "choose another"});
-  }
-  const Result<bool> has_key = make_key(settings);
-  if (!has_key) return fail(has_key.error());
-  if (!*has_key) return 2;  // keygen said why
+  const Result<bool> opened = open_run(settings);
+  if (!opened) return fail(opened.error());
+  if (!*opened) return 2;  // keygen said why
 
   watch_stop();
   const auto folder = [&](const Point& point) { return cell_of(scenes->front(), point).folder(settings); };

@@ -10,6 +10,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "median.hpp"
+
 namespace accuracy_bench {
 
 inline double psnr_of(double squares, std::size_t count) {
@@ -48,14 +50,8 @@ struct Row {
   std::array<GradientDifference, 5> gradient;
   std::ptrdiff_t bytes = 0;
   double pairs = 0;
-  static double median(std::vector<double> values) {
-    if (values.empty()) return NAN;
-    std::sort(values.begin(), values.end());
-    const std::size_t n = values.size();
-    return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
-  }
-  [[nodiscard]] double forward() const { return median(forward_ms); }
-  [[nodiscard]] double backward() const { return median(backward_ms); }
+  [[nodiscard]] double forward() const { return compmark::benchmarks::median(forward_ms); }
+  [[nodiscard]] double backward() const { return compmark::benchmarks::median(backward_ms); }
   [[nodiscard]] double total() const { return forward() + backward(); }
   template <class F>
   [[nodiscard]] double mean_of_groups(const F& f) const {

@@ -4,6 +4,7 @@
 // compmark embed: hides a message in a finished model: a residual of its features is trained beside it, and the model that is read from is left as it
 // is. Without --decoder one is fitted to the scene first. With --fidelity 0 it is trained on from, with the photographs it was trained on: nothing grows, and the learning rates are small.
 #include <compmark/pipeline/model_file.hpp>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -25,8 +26,9 @@ namespace tool {
 namespace {
 
 /// A finished model is marked as it is: the residual trains, nothing else. Without fidelity to it (--fidelity 0, the published way) it is touched up:
-/// constant small rates, no growing. The message begins with the first iteration.
-TrainSettings embed_settings(TrainSettings settings) {
+/// constant small rates, no growing. The message begins with the first iteration. `distortion` is what becomes of a coded model's features where the
+/// message is read: `round`ed as the file does, `noise` as wide as a step (the distortion layer of the paper), or `none`; the file rounds whatever it says.
+TrainSettings embed_settings(TrainSettings settings, const std::string& distortion) {
   settings.grow_until = 0;
   settings.mark.message_after = settings.mark.residual_after = 0;
   settings.mark.hsv_after = 0;
@@ -41,7 +43,9 @@ TrainSettings embed_settings(TrainSettings settings) {
     RateNumbers& rate = settings.rate;
     rate.mask = rate.grid = rate.context = {0, 0};
     rate.hyperprior = 0;
-    rate.noise_after = rate.context_after = rate.round_after = -60000;
+    constexpr std::int64_t always = -60000, never = 60000;  // of 30,000
+    rate.noise_after = rate.context_after = distortion == "none" ? never : always;
+    rate.round_after = distortion == "round" ? always : never;
     settings.mark.distortion_rate = 0;
     return settings;
   }
@@ -119,7 +123,9 @@ Result<Done> can_mark_finished(const TrainOptions& options) {
                "leave it out, or train with the message: compmark train --codec --key --decoder"};
 }
 
-int embed_model(TrainOptions options) {
+namespace {
+
+int embed_under(TrainOptions options, const std::string& distortion) {
   const Result<std::string> recipe = [&]() -> Result<std::string> {
     const Result<SafetensorsFile> file = read_safetensors(options.model);
     if (!file) return file.error();
@@ -132,6 +138,11 @@ int embed_model(TrainOptions options) {
   if (options.iterations == 0) options.iterations = coded ? 4000 : 2000;
   if (coded) options.profile = "hac";  // as their training
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
+  if (!coded && distortion != "round") {
+    return fail({ErrorKind::unsupported, options.model.string(), "--distortion",
+                 "is of models that are trained for a codec",
+                 "leave it out, or mark a model of compmark train --codec"});
+  }
   std::error_code ignored;
   if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
     return fail({ErrorKind::invalid, options.model.string(), "--out", "is the folder of the model that is marked",
@@ -171,12 +182,17 @@ int embed_model(TrainOptions options) {
     const Result<CodecEncoded> written = write_codec_file(mark->coded_twin, *unmarked, executor);
     if (!written) return fail(written.error());
   }
-  return coded ? train_coded(options, embed_settings(settings), &*mark)
-               : train_marked(options, embed_settings(settings), *mark);
+  settings = embed_settings(settings, distortion);
+  return coded ? train_coded(options, settings, &*mark) : train_marked(options, settings, *mark);
 }
+
+}  // namespace
+
+int embed_model(TrainOptions options) { return embed_under(std::move(options), "round"); }
 
 Command add_embed(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
+  auto distortion = std::make_shared<std::string>("round");
   options->iterations = 0;
   app.add_option("--model", options->model, "the model to mark (model.safetensors of a training)")->required();
   app.add_option("--data", options->data, "the dataset it was trained on")->required();
@@ -198,7 +214,12 @@ Command add_embed(CLI::App& app) {
   app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
   app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
   add_mark_options(app, options->mark, true);
-  return [options]() -> int { return embed_model(*options); };
+  app.add_option("--distortion", *distortion,
+                 "of a model for a codec, where the message is read while it is trained: round (as the file does), "
+                 "noise (as wide as a step) or none, which show what rounding is good for")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"round", "noise", "none"}));
+  return [options, distortion]() -> int { return embed_under(*options, *distortion); };
 }
 
 }  // namespace tool

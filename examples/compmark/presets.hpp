@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The recommended settings of a marked, compressed scene, by what there is time for. What each costs and gives is measured by examples/tradeoff.cpp
+// Settings of a marked, compressed scene by what there is time for. What each costs and gives is for examples/tradeoff.cpp to measure
 // (docs/accuracy_vs_time.md).
 #pragma once
 

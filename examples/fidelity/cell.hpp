@@ -81,6 +81,19 @@ struct Cell {
 
 [[nodiscard]] inline std::string number_text(double value) { return nlohmann::json(value).dump(); }
 
+/// The words for `compmark train` but for those that make no other results: when a checkpoint is written and how many images are kept.
+[[nodiscard]] inline std::vector<std::string> words_that_count(const std::vector<std::string>& words) {
+  std::vector<std::string> count;
+  bool value_of_none = false;
+  for (const std::string& word : words) {
+    const std::string name = word.substr(0, word.find('='));
+    const bool none = name == "--checkpoint-every" || name == "--memory-budget";
+    if (!none && !value_of_none) count.push_back(word);
+    value_of_none = none && name == word;
+  }
+  return count;
+}
+
 /// What the folder was made with: another is another table.
 [[nodiscard]] inline nlohmann::ordered_json settings_json(const Cell& cell, const Settings& settings) {
   return {{"schema", "compmark.fidelity-cell.1"},
@@ -90,14 +103,26 @@ struct Cell {
           {"lambda", settings.rate_lambda},
           {"iterations", settings.iterations},
           {"bits", settings.bits},
-          {"train", settings.extra}};
+          {"train", words_that_count(settings.extra)}};
 }
 
-/// The cell's folder, made or found again with the same settings.
-[[nodiscard]] inline Result<Done> open_cell(const Cell& cell, const Settings& settings) {
-  const fs::path folder = cell.folder(settings), file = folder / "cell.json";
-  const nlohmann::ordered_json wanted = settings_json(cell, settings);
-  if (fs::exists(file)) {
+/// Whether anything was trained there.
+[[nodiscard]] inline bool is_begun(const fs::path& folder) {
+  for (const char* file : {"log.jsonl", "checkpoint.safetensors", "results.json", "unmarked"}) {
+    if (fs::exists(folder / file)) return true;
+  }
+  return false;
+}
+/// Whether a folder's cell.json is there and of these settings.
+[[nodiscard]] inline bool is_of(const fs::path& folder, const nlohmann::ordered_json& wanted) {
+  const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(folder / "cell.json");
+  return found && *found == wanted;
+}
+/// A cell's folder, made or found again with the same settings. One in which nothing was trained, as after words that `compmark train` refused, is
+/// anybody's.
+[[nodiscard]] inline Result<Done> open_folder(const fs::path& folder, const nlohmann::ordered_json& wanted) {
+  const fs::path file = folder / "cell.json";
+  if (fs::exists(file) && is_begun(folder)) {
     const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(file);
     if (!found) return found.error();
     if (*found == wanted) return Done{};
@@ -115,12 +140,16 @@ struct Cell {
   }
   return compmark::write_json(file, wanted);
 }
+[[nodiscard]] inline Result<Done> open_cell(const Cell& cell, const Settings& settings) {
+  return open_folder(cell.folder(settings), settings_json(cell, settings));
+}
 
-[[nodiscard]] inline std::vector<std::string> train_command(const Cell& cell, const Settings& settings) {
+/// Trains the model that a codec compresses, and compresses it. `more` words, and those of the settings.
+[[nodiscard]] inline std::vector<std::string> host_command(const Cell& cell, const Settings& settings,
+                                                           const fs::path& folder,
+                                                           const std::vector<std::string>& more = {}) {
   std::vector<std::string> words = {settings.tool.string(),
                                     "train",
-                                    "--bits",
-                                    std::to_string(settings.bits),
                                     "--data",
                                     cell.scene.folder.string(),
                                     "--downscale",
@@ -133,13 +162,17 @@ struct Cell {
                                     number_text(settings.rate_lambda),
                                     "--threads",
                                     std::to_string(settings.threads),
-                                    "--key",
-                                    settings.key().string(),
                                     "--out",
-                                    cell.folder(settings).string(),
+                                    folder.string(),
                                     "--resume"};
+  words.insert(words.end(), more.begin(), more.end());
   words.insert(words.end(), settings.extra.begin(), settings.extra.end());
   return words;
+}
+/// The same with a mark.
+[[nodiscard]] inline std::vector<std::string> train_command(const Cell& cell, const Settings& settings) {
+  return host_command(cell, settings, cell.folder(settings),
+                      {"--bits", std::to_string(settings.bits), "--key", settings.key().string()});
 }
 
 [[nodiscard]] inline std::vector<std::string> evaluate_command(const Cell& cell, const Settings& settings) {
@@ -172,11 +205,8 @@ struct Cell {
          fs::last_write_time(folder / "evaluate.json") >= fs::last_write_time(folder / "results.json");
 }
 
-/// Whether a cell's folder was made with these settings.
 [[nodiscard]] inline bool is_of(const Cell& cell, const Settings& settings) {
-  const Result<nlohmann::ordered_json> found =
-      compmark::read_json<nlohmann::ordered_json>(cell.folder(settings) / "cell.json");
-  return found && *found == settings_json(cell, settings);
+  return is_of(cell.folder(settings), settings_json(cell, settings));
 }
 /// Whether there is nothing left to run of it.
 [[nodiscard]] inline bool is_finished(const Cell& cell, const Settings& settings) {

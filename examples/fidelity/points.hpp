@@ -143,12 +143,15 @@ struct PricedPoint {
           plot("Size of the marked file", "kB", [](const PricedPoint& one) { return one.file().bytes / 1e3; })};
 }
 
-/// `settings.extra` are the words that all points have in common.
+/// `settings.extra` are the words for `compmark train` that all points have in common.
 [[nodiscard]] inline nlohmann::ordered_json price_json(const Scene& scene, const Settings& settings,
                                                        const std::vector<PricedPoint>& points) {
-  nlohmann::ordered_json json = {{"schema", "compmark.tradeoff.1"}, {"scene", scene.name},
-                                 {"downscale", scene.downscale},    {"bits", settings.bits},
-                                 {"train", settings.extra},         {"points", nlohmann::ordered_json::array()}};
+  nlohmann::ordered_json json = {{"schema", "compmark.tradeoff.1"},
+                                 {"scene", scene.name},
+                                 {"downscale", scene.downscale},
+                                 {"bits", settings.bits},
+                                 {"train", words_that_count(settings.extra)},
+                                 {"points", nlohmann::ordered_json::array()}};
   for (const PricedPoint& one : points) {
     const Figures& file = one.file();
     json["points"].push_back(

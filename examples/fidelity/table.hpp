@@ -131,7 +131,7 @@ inline void add_rows(Grid& grid, const Row& row) {
 [[nodiscard]] inline std::string settings_text(const Settings& settings) {
   std::string text = format_text("%lld iterations, λ = %g, %d bits", static_cast<long long>(settings.iterations),
                                  settings.rate_lambda, settings.bits);
-  for (const std::string& word : settings.extra) text += " " + word;
+  for (const std::string& word : words_that_count(settings.extra)) text += " " + word;
   return text + ". Every figure is a mean over the test views; after compression means read from the file.";
 }
 
@@ -143,9 +143,12 @@ inline void add_rows(Grid& grid, const Row& row) {
 }
 
 [[nodiscard]] inline nlohmann::ordered_json table_json(const Settings& settings, const std::vector<Row>& rows) {
-  nlohmann::ordered_json json = {{"schema", "compmark.fidelity.1"}, {"iterations", settings.iterations},
-                                 {"lambda", settings.rate_lambda},  {"bits", settings.bits},
-                                 {"train", settings.extra},         {"rows", nlohmann::ordered_json::array()}};
+  nlohmann::ordered_json json = {{"schema", "compmark.fidelity.1"},
+                                 {"iterations", settings.iterations},
+                                 {"lambda", settings.rate_lambda},
+                                 {"bits", settings.bits},
+                                 {"train", words_that_count(settings.extra)},
+                                 {"rows", nlohmann::ordered_json::array()}};
   static constexpr std::array<const char*, 4> names = {"unmarked_before", "unmarked_after", "marked_before",
                                                        "marked_after"};
   for (const Row& row : rows) {

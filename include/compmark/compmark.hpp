@@ -57,6 +57,7 @@
 #include "compmark/math/gelu.hpp"
 #include "compmark/math/haar.hpp"
 #include "compmark/math/kernel_ridge.hpp"
+#include "compmark/math/monotone_cubic.hpp"
 #include "compmark/math/morton.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/math/resize_adjoint.hpp"
@@ -222,6 +223,7 @@
 #include "compmark/optim/reference_adam.hpp"
 #include "compmark/optim/schedule.hpp"
 
+#include "compmark/metric/bd_rate.hpp"
 #include "compmark/metric/colour_fit.hpp"
 #include "compmark/metric/lpips.hpp"
 #include "compmark/metric/psnr.hpp"

@@ -23,6 +23,7 @@
 #include "compmark/mark/key.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/pretrain/pixel_embedding.hpp"
+#include "support/picture.hpp"
 
 using namespace compmark;
 
@@ -49,19 +50,7 @@ LatticeDecoder<float> lattice() {
   return {settings, weights};
 }
 
-/// Smooth colours with texture: no two alike.
-std::vector<float> picture(std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("test/calibrate picture"));
-  std::vector<float> pixels(3 * side * side);
-  for (std::size_t c = 0; c < 3; ++c) {
-    const double u = 0.05 + 0.1 * random.uniform(2 * c), v = 0.05 + 0.1 * random.uniform(2 * c + 1);
-    for (std::size_t i = 0; i < std::size_t{side * side}; ++i) {
-      const double wave = std::sin(u * static_cast<double>(i % side)) * std::cos(v * static_cast<double>(i / side));
-      pixels[c * side * side + i] = static_cast<float>(0.5 + 0.25 * wave + 0.15 * (random.uniform(100 + i) - 0.5));
-    }
-  }
-  return pixels;
-}
+std::vector<float> picture(std::uint64_t seed) { return testing::textured_picture(side, seed); }
 
 ViewLogits read(const LatticeDecoder<float>& decoder, const std::vector<float>& pixels) {
   LatticeDecoder<float>::Context context;

@@ -11,20 +11,14 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "support/features.hpp"
 
 namespace {
 
 using namespace compmark;
-
-template <class T>
-std::vector<T> noise(std::size_t n, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("conv"));
-  std::vector<T> values(n);
-  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<T>(random.uniform(i) - 0.5);
-  return values;
-}
+using testing::dense;
+using testing::noise;
 
 /// The definition, in long double.
 template <class T>
@@ -44,12 +38,6 @@ long double reference(const ConvShape& s, const std::vector<T>& input, int heigh
     }
   }
   return sum;
-}
-
-template <class T>
-FeatureView<const T> dense(const std::vector<T>& values, int channels, int height, int width) {
-  const std::size_t w = static_cast<std::size_t>(width);
-  return {values.data(), channels, height, width, w, w * static_cast<std::size_t>(height)};
 }
 
 template <class T>

@@ -12,37 +12,17 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/math/conv.hpp"
 #include "compmark/math/conv_backward.hpp"
+#include "support/features.hpp"
 
 namespace {
 
 using namespace compmark;
-
-template <class T>
-std::vector<T> noise(std::size_t n, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("winograd"));
-  std::vector<T> values(n);
-  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<T>(random.uniform(i) - 0.5);
-  return values;
-}
-
-template <class T>
-FeatureView<const T> dense(const std::vector<T>& values, int channels, int height, int width) {
-  const std::size_t w = static_cast<std::size_t>(width);
-  return {values.data(), channels, height, width, w, w * static_cast<std::size_t>(height)};
-}
-
-template <class T>
-std::vector<T> values_of(FeatureView<const T> view) {
-  std::vector<T> values;
-  for (int c = 0; c < view.channels; ++c) {
-    for (int y = 0; y < view.height; ++y) values.insert(values.end(), view.row(c, y), view.row(c, y) + view.width);
-  }
-  return values;
-}
+using testing::dense;
+using testing::noise;
+using testing::values_of;
 
 template <class T>
 struct Case {

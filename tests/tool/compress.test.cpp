@@ -224,6 +224,21 @@ TEST_CASE(
   done(again + " --out " + at("straight"));
   CHECK(file_bytes(at("stopped/model.cmk")) == file_bytes(at("straight/model.cmk")));
   check_refused(tool(again + " --out " + at("straight") + " --twin " + at("straight/model.cmk")), {"--twin"});
+
+  // What a reading does to features: the loss of the first, held hard to the host before rounding, is what rounding does to the image (38.5 here),
+  // and next to nothing without it (0.9) or where both have the same noise (0.9).
+  const auto distorted = [&](const std::string& how) {
+    done("embed --iterations 20 --fidelity 1e6 --model " + at("run/model.safetensors") + data + " --key " + key +
+         " --decoder " + decoder + " --distortion " + how + " --out " + at(how));
+    const std::string log = testing::text_of(at(how + "/log.jsonl"));
+    return nlohmann::json::parse(log.substr(0, log.find('\n')))["loss"].get<double>();
+  };
+  const double rounded = distorted("round"), noisy = distorted("noise"), undistorted = distorted("none");
+  CHECK(10 * noisy < rounded);
+  CHECK(10 * undistorted < rounded);
+  CHECK(file_bytes(at("noise/model.cmk")) != file_bytes(at("none/model.cmk")));
+  CHECK(tool(again + " --distortion some --out " + at("some")).code == 2);
+  CHECK_FALSE(fs::exists(at("some")));
 }
 
 TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvaged by chunks") {

@@ -30,6 +30,7 @@ using testing::Outcome;
 using testing::run_tool;
 using testing::ScratchFolder;
 using testing::text_of;
+using testing::times_in;
 
 /// The files of a finished cell, as the tool writes them.
 void write_cell(const Cell& cell, const Settings& settings, const std::array<double, 4>& psnr,
@@ -50,12 +51,6 @@ void write_cell(const Cell& cell, const Settings& settings, const std::array<dou
                       {"largest_view_p_value", 1e-7}});
   }
   REQUIRE(write_json(folder / "evaluate.json", nlohmann::json{{"models", std::move(models)}}).ok());
-}
-
-std::size_t lines_with(const std::string& text, const std::string& piece) {
-  std::size_t count = 0;
-  for (std::size_t at = text.find(piece); at != std::string::npos; at = text.find(piece, at + 1)) ++count;
-  return count;
 }
 
 }  // namespace
@@ -94,8 +89,8 @@ TEST_CASE("fidelity: a row is what the tool wrote, and the table shows what the 
   REQUIRE(json["rows"].size() == 2);
   CHECK(json["rows"][1]["scene"] == "chair");
   CHECK(json["rows"][1]["psnr_cost_after"].get<double>() == doctest::Approx(0.3));
-  CHECK(lines_with(text_of(scratch.path / "fidelity.md"), "HAC + CompMarkGS") == 1);
-  CHECK(lines_with(text_of(scratch.path / "fidelity.html"), "lego_hac/evaluate.html") == 1);
+  CHECK(times_in(text_of(scratch.path / "fidelity.md"), "HAC + CompMarkGS") == 1);
+  CHECK(times_in(text_of(scratch.path / "fidelity.html"), "lego_hac/evaluate.html") == 1);
 
   // What an earlier command finished is found again, that of other settings is not.
   const std::vector<Row> found = finished_rows(settings);
@@ -123,6 +118,15 @@ TEST_CASE("fidelity: a folder of other settings, a step that is not over and a f
   const Result<Done> refused = open_cell(cell, longer);
   REQUIRE_FALSE(refused.ok());
   CHECK(refused.error().line().find("cell.json") != std::string::npos);
+  Settings careful = settings;
+  careful.extra = {"--checkpoint-every", "50", "--memory-budget=500"};
+  CHECK(open_cell(cell, careful).ok());  // the same models
+  careful.extra = {"--checkpoint-every", "50", "--seed", "3"};
+  CHECK_FALSE(open_cell(cell, careful).ok());
+  const Cell refused_words{{"data/cup", "cup", 1},
+                           "hac"};  // nothing was trained: the next settings may have the folder
+  REQUIRE(open_cell(refused_words, careful).ok());
+  CHECK(open_cell(refused_words, settings).ok());
   Settings with_lpips = settings;
   with_lpips.lpips = "alex.safetensors";
   CHECK_FALSE(is_measured(folder, with_lpips));

@@ -51,6 +51,11 @@ inline std::string text_of(const std::filesystem::path& path) {
   REQUIRE(bytes.ok());
   return {reinterpret_cast<const char*>(bytes->data()), bytes->size()};
 }
+inline std::size_t times_in(const std::string& text, const std::string& piece) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(piece); at != std::string::npos; at = text.find(piece, at + 1)) ++count;
+  return count;
+}
 inline std::vector<std::byte> file_bytes(const std::filesystem::path& path) {
   Result<std::vector<std::byte>> bytes = read_file(path);
   REQUIRE(bytes.ok());

@@ -27,6 +27,7 @@ using testing::Outcome;
 using testing::run_tool;
 using testing::ScratchFolder;
 using testing::text_of;
+using testing::times_in;
 
 PricedPoint priced(const char* name, double seconds, double bytes, double psnr, double accuracy) {
   PricedPoint one;
@@ -37,12 +38,6 @@ PricedPoint priced(const char* name, double seconds, double bytes, double psnr, 
   one.row.models[marked_coded].psnr = psnr;
   one.row.models[marked_coded].accuracy = accuracy;
   return one;
-}
-
-std::size_t lines_with(const std::string& text, const std::string& piece) {
-  std::size_t count = 0;
-  for (std::size_t at = text.find(piece); at != std::string::npos; at = text.find(piece, at + 1)) ++count;
-  return count;
 }
 
 /// Says what it is asked to a file, trains in no time a host where there is none, and writes what tradeoff reads. A longer training is a better one.
@@ -125,10 +120,10 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   INFO(first.text);
   REQUIRE(first.code == 0);
   std::string log = text_of(scratch.path / "log.txt");
-  CHECK(lines_with(log, "trained ") == 2);
-  CHECK(lines_with(log, "marked --bits") == 1);  // with the host that is there
-  CHECK(lines_with(log, "--seed 3") == 3);
-  CHECK(lines_with(log, "--mark-iterations 10000") == 1);
+  CHECK(times_in(log, "trained ") == 2);
+  CHECK(times_in(log, "marked --data") == 1);  // with the host that is there
+  CHECK(times_in(log, "--seed 3") == 3);
+  CHECK(times_in(log, "--mark-iterations 10000") == 1);
   CHECK(text_of(at("run/standard_marked_longer_hac/decoder.safetensors")) == "decoder\n");
   nlohmann::json json = json_of(at("run/tradeoff.json"));
   REQUIRE(json["points"].size() == 3);
@@ -136,7 +131,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(json["points"][1]["seconds"]["train"] == 10000);
   CHECK(json["points"][1]["psnr"] == 10000);
   for (const char* file : {"tradeoff.md", "tradeoff.html", "tradeoff.svg"})
-    CHECK(lines_with(text_of(scratch.path / "run" / file), "standard_hac") > 0);
+    CHECK(times_in(text_of(scratch.path / "run" / file), "standard_hac") > 0);
 
   CHECK(json["scene"] == "one");
   CHECK(json["train"] == nlohmann::json({"--seed", "3"}));
@@ -144,8 +139,8 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   // One more, beside those of the earlier command, of which one is asked for again.
   REQUIRE(run("--points best_hac standard_hac --seed 3").code == 0);
   log = text_of(scratch.path / "log.txt");
-  CHECK(lines_with(log, "trained ") == 3);
-  CHECK(lines_with(log, "marked --bits") == 1);
+  CHECK(times_in(log, "trained ") == 3);
+  CHECK(times_in(log, "marked --data") == 1);
   json = json_of(at("run/tradeoff.json"));
   CHECK(json["points"].size() == 4);
   CHECK(json["points"][2]["pareto"] == true);
@@ -155,8 +150,8 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   fs::remove_all(at("run/standard_hac"));
   REQUIRE(run("--points standard_hac --seed 3").code == 0);
   log = text_of(scratch.path / "log.txt");
-  CHECK(lines_with(log, "trained ") == 4);
-  CHECK(lines_with(log, "marked --bits") == 2);
+  CHECK(times_in(log, "trained ") == 4);
+  CHECK(times_in(log, "marked --data") == 2);
   CHECK(run("--points draft_hac --seed 4").code == 1);  // another's folder
   CHECK(json_of(at("run/tradeoff.json"))["points"].size() == 4);
 
@@ -166,7 +161,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(run("--key mine").code == 2);
   const Outcome listed = run_tool(COMPMARK_TRADEOFF, "--list");
   CHECK(listed.code == 0);
-  CHECK(lines_with(listed.text, "_context_gs\n") == 3);
+  CHECK(times_in(listed.text, "_context_gs\n") == 3);
 }
 
 TEST_CASE("tradeoff: a preset says lambda where it was not given, and gives way where it or the iterations were") {

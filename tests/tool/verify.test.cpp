@@ -6,7 +6,6 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>
@@ -28,6 +27,7 @@
 #include <utility>
 #include <vector>
 
+#include "support/picture.hpp"
 #include "tool/running.hpp"
 
 namespace {
@@ -50,18 +50,7 @@ constexpr int side = 96;
 /// A lattice that nobody trained, of 48 bits, whose waves are short against the picture below.
 LatticeDecoder<float> lattice(int bits = 48) { return testing::untrained_lattice(bits, 96, 14); }
 
-std::vector<float> picture(std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("test/tool picture"));
-  std::vector<float> pixels(3 * side * side);
-  for (std::size_t c = 0; c < 3; ++c) {
-    const double u = 0.05 + 0.1 * random.uniform(2 * c), v = 0.05 + 0.1 * random.uniform(2 * c + 1);
-    for (std::size_t i = 0; i < std::size_t{side * side}; ++i) {
-      const double wave = std::sin(u * static_cast<double>(i % side)) * std::cos(v * static_cast<double>(i / side));
-      pixels[c * side * side + i] = static_cast<float>(0.5 + 0.25 * wave + 0.15 * (random.uniform(100 + i) - 0.5));
-    }
-  }
-  return pixels;
-}
+std::vector<float> picture(std::uint64_t seed) { return testing::textured_picture(side, seed); }
 ImageView<const float> view_of(const std::vector<float>& pixels) { return {pixels.data(), 3, side, side}; }
 
 /// Writes picture number `seed` with a message in its pixels, at 34 dB.

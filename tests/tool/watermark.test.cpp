@@ -322,6 +322,9 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   REQUIRE(tool("keygen --bits 32 --out " + at("long.key")).code == 0);
   check_refused(tool(common + " --key " + at("long.key") + " --decoder " + setting().decoder),
                 {"lattice.safetensors", "24", "32"});
+  check_refused(tool("embed --distortion noise --data " + setting().scene + " --out " + at("none") + setting().mark() +
+                     " --model " + (static_cast<void>(unmarked()), at("unmarked/model.safetensors"))),
+                {"--distortion", "train --codec"});
   check_refused(tool("train --iterations 20 --data " + setting().scene + " --out " + at("none") + setting().mark() +
                      " --recipe compmark-host"),
                 {"--recipe", "compmark-host", "+alpha"});

@@ -1,0 +1,230 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rate-distortion curves of codecs over lambda: a point is a training and its compressed file, measured from the file; codecs are compared by the
+// Bjontegaard delta (compmark/metric/bd_rate.hpp).
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "../compmark/plain_page.hpp"
+#include "cell.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/io/json_file.hpp"
+#include "compmark/metric/bd_rate.hpp"
+
+namespace fidelity {
+
+/// A scene, a codec and a lambda, which is that of the settings.
+[[nodiscard]] inline std::string curve_name(const Cell& cell, const Settings& settings) {
+  return cell.scene.name + "_" + cell.codec + "_" + number_text(settings.rate_lambda);
+}
+[[nodiscard]] inline nlohmann::ordered_json curve_settings_json(const Cell& cell, const Settings& settings) {
+  nlohmann::ordered_json json = settings_json(cell, settings);
+  json["schema"] = "compmark.rate-distortion-cell.1";
+  json.erase("bits");
+  return json;
+}
+
+/// A finished training of one lambda, as its results.json has it.
+struct CurvePoint {
+  Scene scene;
+  std::string codec;
+  double lambda = 0;
+  double trained_psnr = 0;      ///< of the model before it was compressed, mean over the test views
+  double psnr = 0, ssim = 0;    ///< of the file
+  std::optional<double> lpips;  ///< AlexNet
+  double bytes = 0;             ///< all of them: networks, settings and the test views' cameras too
+  double seconds = 0;           ///< of the training
+  std::size_t anchors = 0, views = 0;
+};
+
+[[nodiscard]] inline Result<CurvePoint> read_curve_point(const Cell& cell, const Settings& settings,
+                                                         const fs::path& folder) {
+  const fs::path file = folder / "results.json";
+  const Result<nlohmann::json> json = compmark::read_json(file);
+  if (!json) return json.error();
+  CurvePoint point;
+  point.scene = cell.scene;
+  point.codec = cell.codec;
+  point.lambda = settings.rate_lambda;
+  try {
+    const nlohmann::json &coded = json->at("compressed"), &test = coded.at("test");
+    point.trained_psnr = json->at("test").at("psnr").get<double>();
+    point.psnr = test.at("psnr").get<double>();
+    point.ssim = test.at("ssim").get<double>();
+    if (const auto lpips = test.find("lpips_alex"); lpips != test.end() && lpips->is_number())
+      point.lpips = lpips->get<double>();
+    point.bytes = coded.at("bytes").get<double>();
+    point.anchors = coded.at("anchors").get<std::size_t>();
+    point.views = test.at("views").get<std::size_t>();
+    point.seconds = json->at("train_seconds").get<double>();
+  } catch (const nlohmann::json::exception& problem) {
+    return Error{ErrorKind::malformed,
+                 file.string(),
+                 {},
+                 std::string("does not say what it should: ") + problem.what(),
+                 "remove the folder to train again"};
+  }
+  return point;
+}
+
+/// A codec against another on one scene: BD-rate at equal PSNR and at equal SSIM, BD-PSNR at equal bytes.
+struct CurveDelta {
+  std::string scene, reference, tested;
+  std::optional<compmark::BdDelta> rate_psnr, psnr, rate_ssim;
+  std::string problem;  ///< why the first of them that is not there is not
+};
+
+/// The curve of a codec on a scene, with the quality that `quality` says of a point.
+template <class Quality>
+[[nodiscard]] std::vector<compmark::RatePoint> curve_of(const std::vector<CurvePoint>& points, const std::string& scene,
+                                                        const std::string& codec, Quality&& quality) {
+  std::vector<compmark::RatePoint> curve;
+  for (const CurvePoint& point : points) {
+    if (point.scene.name == scene && point.codec == codec) curve.push_back({point.bytes, quality(point)});
+  }
+  return curve;
+}
+
+/// In the order of the points.
+[[nodiscard]] inline std::vector<std::string> scene_names(const std::vector<CurvePoint>& points) {
+  std::vector<std::string> names;
+  for (const CurvePoint& point : points) {
+    if (std::find(names.begin(), names.end(), point.scene.name) == names.end()) names.push_back(point.scene.name);
+  }
+  return names;
+}
+
+/// Every codec against the first of `codecs`, whichever points are there, scene by scene.
+[[nodiscard]] inline std::vector<CurveDelta> curve_deltas(const std::vector<CurvePoint>& points,
+                                                          const std::vector<std::string>& codecs) {
+  const auto psnr = [](const CurvePoint& point) { return point.psnr; };
+  const auto ssim = [](const CurvePoint& point) { return point.ssim; };
+  std::vector<CurveDelta> deltas;
+  for (const std::string& scene : scene_names(points)) {
+    for (std::size_t c = 1; c < codecs.size(); ++c) {
+      CurveDelta delta{scene, codecs[0], codecs[c], {}, {}, {}, {}};
+      const auto keep = [&](const char* name, Result<compmark::BdDelta> found, std::optional<compmark::BdDelta>& to) {
+        if (found)
+          to = *found;
+        else if (delta.problem.empty())
+          delta.problem = std::string(name) + ": " + found.error().line();
+      };
+      const auto curve = [&](const std::string& codec, auto&& quality) {
+        return curve_of(points, scene, codec, quality);
+      };
+      keep("BD-rate (PSNR)", compmark::bd_rate(curve(codecs[0], psnr), curve(codecs[c], psnr)), delta.rate_psnr);
+      keep("BD-PSNR", compmark::bd_quality(curve(codecs[0], psnr), curve(codecs[c], psnr)), delta.psnr);
+      keep("BD-rate (SSIM)", compmark::bd_rate(curve(codecs[0], ssim), curve(codecs[c], ssim)), delta.rate_ssim);
+      deltas.push_back(std::move(delta));
+    }
+  }
+  return deltas;
+}
+
+[[nodiscard]] inline tool::Table curve_table(const std::vector<CurvePoint>& points) {
+  tool::Table table;
+  table.columns = {"scene, codec", "lambda",         "PSNR, dB", "SSIM",  "LPIPS-Alex",
+                   "bytes",        "as trained, dB", "anchors",  "views", "minutes"};
+  for (const CurvePoint& point : points) {
+    table.rows.push_back({point.scene.name + ", " + point.codec, tool::format_text("%g", point.lambda),
+                          tool::format_text("%.2f", point.psnr), tool::format_text("%.4f", point.ssim),
+                          point.lpips ? tool::format_text("%.4f", *point.lpips) : std::string("–"),
+                          tool::format_text("%.0f", point.bytes), tool::format_text("%.2f", point.trained_psnr),
+                          std::to_string(point.anchors), std::to_string(point.views),
+                          tool::format_text("%.1f", point.seconds / 60)});
+  }
+  return table;
+}
+
+[[nodiscard]] inline tool::Table delta_table(const std::vector<CurveDelta>& deltas) {
+  tool::Table table;
+  table.columns = {"scene", "BD-rate (PSNR)", "over, dB", "BD-PSNR", "over, kB", "BD-rate (SSIM)", "not there"};
+  const auto percent = [](const std::optional<compmark::BdDelta>& delta) {
+    return delta ? tool::format_text("%+.1f %%", 100 * delta->delta) : std::string("–");
+  };
+  for (const CurveDelta& delta : deltas) {
+    const std::optional<compmark::BdDelta>&rate = delta.rate_psnr, &psnr = delta.psnr;
+    table.rows.push_back({delta.scene + ": " + delta.tested + " against " + delta.reference, percent(rate),
+                          rate ? tool::format_text("%.2f to %.2f", rate->from, rate->to) : std::string("–"),
+                          psnr ? tool::format_text("%+.2f dB", psnr->delta) : std::string("–"),
+                          psnr ? tool::format_text("%.0f to %.0f", psnr->from / 1e3, psnr->to / 1e3) : std::string("–"),
+                          percent(delta.rate_ssim), delta.problem});
+  }
+  return table;
+}
+
+/// PSNR and SSIM over bytes, a plot a scene.
+[[nodiscard]] inline std::vector<tool::Plot> curve_plots(const std::vector<CurvePoint>& points,
+                                                         const std::vector<std::string>& codecs) {
+  std::vector<tool::Plot> plots;
+  for (const std::string& scene : scene_names(points)) {
+    const auto plot = [&](const char* title, const char* label, auto&& quality) {
+      tool::Plot made{
+          .title = scene + ": " + title, .x_label = "kB of the file", .y_label = label, .series = {}, .log_x = true};
+      for (std::size_t c = 0; c < codecs.size(); ++c) {
+        const std::string& codec = codecs[c];
+        tool::PlotSeries series{.label = codec, .points = {}, .names = {}, .color = static_cast<int>(c), .dots = true};
+        std::vector<const CurvePoint*> own;
+        for (const CurvePoint& point : points) {
+          if (point.scene.name == scene && point.codec == codec) own.push_back(&point);
+        }
+        std::sort(own.begin(), own.end(), [](const CurvePoint* a, const CurvePoint* b) { return a->bytes < b->bytes; });
+        for (const CurvePoint* point : own) {
+          series.points.push_back({point->bytes / 1e3, quality(*point)});
+          series.names.push_back(tool::format_text("%g", point->lambda));
+        }
+        if (!series.points.empty()) made.series.push_back(std::move(series));
+      }
+      plots.push_back(std::move(made));
+    };
+    plot("PSNR of the file, by lambda", "dB", [](const CurvePoint& point) { return point.psnr; });
+    plot("SSIM of the file, by lambda", "SSIM", [](const CurvePoint& point) { return point.ssim; });
+  }
+  return plots;
+}
+
+[[nodiscard]] inline nlohmann::ordered_json curve_json(const Settings& settings, const std::vector<CurvePoint>& points,
+                                                       const std::vector<std::string>& codecs) {
+  nlohmann::ordered_json json = {{"schema", "compmark.rate-distortion.1"},
+                                 {"iterations", settings.iterations},
+                                 {"train", words_that_count(settings.extra)},
+                                 {"points", nlohmann::ordered_json::array()},
+                                 {"bd", nlohmann::ordered_json::array()}};
+  for (const CurvePoint& point : points) {
+    json["points"].push_back({{"scene", point.scene.name},
+                              {"downscale", point.scene.downscale},
+                              {"codec", point.codec},
+                              {"lambda", point.lambda},
+                              {"psnr", point.psnr},
+                              {"ssim", point.ssim},
+                              {"bytes", point.bytes},
+                              {"psnr_as_trained", point.trained_psnr},
+                              {"anchors", point.anchors},
+                              {"views", point.views},
+                              {"train_seconds", point.seconds}});
+    if (point.lpips) json["points"].back()["lpips_alex"] = *point.lpips;
+  }
+  for (const CurveDelta& delta : curve_deltas(points, codecs)) {
+    nlohmann::ordered_json one = {{"scene", delta.scene}, {"reference", delta.reference}, {"tested", delta.tested}};
+    const auto add = [&](const char* name, const std::optional<compmark::BdDelta>& found) {
+      if (found) one[name] = {{"delta", found->delta}, {"from", found->from}, {"to", found->to}};
+    };
+    add("bd_rate_psnr", delta.rate_psnr);
+    add("bd_psnr", delta.psnr);
+    add("bd_rate_ssim", delta.rate_ssim);
+    if (!delta.problem.empty()) one["problem"] = delta.problem;
+    json["bd"].push_back(std::move(one));
+  }
+  return json;
+}
+
+}  // namespace fidelity

@@ -1,0 +1,183 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rate-distortion curves: what is said of them, and the program itself with the tool, on a scene of seconds.
+#include <doctest/doctest.h>
+
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/io/json_file.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "fidelity/curves.hpp"
+#include "tool/running.hpp"
+
+namespace {
+
+using namespace fidelity;
+using compmark::testing::done;
+using compmark::testing::json_of;
+using compmark::testing::Outcome;
+using compmark::testing::run_tool;
+using compmark::testing::ScratchFolder;
+using compmark::testing::text_of;
+using compmark::testing::times_in;
+
+CurvePoint made(const char* scene, const char* codec, double lambda, double psnr, double bytes) {
+  CurvePoint point;
+  point.scene.name = scene;
+  point.codec = codec;
+  point.lambda = lambda;
+  point.psnr = psnr;
+  point.ssim = psnr / 40;
+  point.bytes = bytes;
+  return point;
+}
+
+}  // namespace
+
+TEST_CASE("rate_distortion: codecs are compared scene by scene, and where they cannot be it is said why") {
+  const std::vector<CurvePoint> points = {
+      made("chair", "hac", .004, 33, 300e3),        made("chair", "hac", .001, 36, 500e3),
+      made("chair", "context_gs", .004, 33, 240e3), made("chair", "context_gs", .001, 36, 400e3),
+      made("cup", "hac", .004, 28, 300e3),          made("cup", "hac", .001, 29, 500e3),
+      made("cup", "context_gs", .004, 29.5, 300e3), made("cup", "context_gs", .001, 30, 500e3)};
+  const std::vector<std::string> codecs = {"hac", "context_gs"};
+  const std::vector<CurveDelta> deltas = curve_deltas(points, codecs);
+  REQUIRE(deltas.size() == 2);
+  CHECK(deltas[0].scene == "chair");
+  CHECK(deltas[0].tested == "context_gs");
+  REQUIRE((deltas[0].rate_psnr && deltas[0].psnr && deltas[0].rate_ssim));
+  CHECK(deltas[0].rate_psnr->delta == doctest::Approx(-0.2));
+  CHECK(deltas[0].rate_ssim->delta == doctest::Approx(-0.2));
+  CHECK(deltas[0].psnr->delta > 0);
+  CHECK_FALSE(deltas[1].rate_psnr);  // better everywhere: at no quality both
+  CHECK(deltas[1].psnr->delta == doctest::Approx(1.25));
+  CHECK(deltas[1].problem.find("BD-rate (PSNR): ") == 0);
+  CHECK(deltas[1].problem.find("no quality in common") != std::string::npos);
+  const tool::Table table = delta_table(deltas), all = curve_table(points);
+  for (const auto& row : table.rows) CHECK(row.size() == table.columns.size());
+  for (const auto& row : all.rows) CHECK(row.size() == all.columns.size());
+  CHECK(curve_plots(points, codecs).size() == 4);
+  const nlohmann::ordered_json json = curve_json(Settings{}, points, codecs);
+  CHECK(json["bd"][0]["bd_rate_psnr"]["from"] == 33);
+  CHECK_FALSE(json["bd"][1].contains("bd_rate_psnr"));
+  CHECK(curve_deltas({points[0], points[1]}, {"hac"}).empty());
+
+  // Of the first scene the first codec is missing: it is the reference all the same, and the colours stay.
+  const std::vector<CurvePoint> partial(points.begin() + 2, points.end());
+  const std::vector<CurveDelta> rest = curve_deltas(partial, codecs);
+  REQUIRE(rest.size() == 2);
+  CHECK(rest[0].reference == "hac");
+  CHECK(rest[0].problem.find("reference curve") != std::string::npos);
+  CHECK(rest[1].psnr->delta == doctest::Approx(1.25));
+  const std::vector<tool::Plot> plots = curve_plots(partial, codecs);
+  REQUIRE(plots[0].series.size() == 1);
+  CHECK(plots[0].series[0].color == 1);
+}
+
+TEST_CASE("rate_distortion: every point is trained once, a smaller lambda makes a larger file, and the page has all") {
+  const ScratchFolder scratch("compmark-rate-distortion-test");
+  const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
+  done("scene --out " + at("one") + " --width 48 --height 40 --train 6 --test 2");
+  const auto run = [&](const std::string& arguments) {
+    return run_tool(COMPMARK_RATE_DISTORTION, "--data " + at("one") + " --out " + at("run") + " --compmark " +
+                                                  COMPMARK_TOOL + " --effects none " + arguments);
+  };
+  const Outcome first = run("--iterations 200 --codecs hac --lambdas 0.05 0.001");
+  INFO(first.text);
+  REQUIRE(first.code == 0);
+  nlohmann::json json = json_of(at("run/rate_distortion.json"));
+  REQUIRE(json["points"].size() == 2);
+  const auto point = [&](std::size_t i) { return json["points"][i]; };
+  CHECK(point(0)["lambda"] == 0.05);
+  CHECK(point(0)["bytes"].get<double>() < point(1)["bytes"].get<double>());
+  CHECK(point(0)["bytes"].get<double>() == static_cast<double>(fs::file_size(at("run/one_hac_0.05/model.cmk"))));
+  CHECK(point(0)["views"] == 2);
+  CHECK(json["train"] == nlohmann::json({"--effects", "none"}));
+  CHECK(json["bd"].empty());
+
+  // One more codec: the points of the first are found again.
+  const auto written = fs::last_write_time(at("run/one_hac_0.05/results.json"));
+  const Outcome second = run("--iterations 200 --lambdas 0.05 0.001");
+  INFO(second.text);
+  REQUIRE(second.code == 0);
+  CHECK(fs::last_write_time(at("run/one_hac_0.05/results.json")) == written);
+  json = json_of(at("run/rate_distortion.json"));
+  REQUIRE(json["points"].size() == 4);
+  CHECK(point(3)["codec"] == "context_gs");
+  REQUIRE(json["bd"].size() == 1);
+  for (const char* file : {"rate_distortion.md", "rate_distortion.html", "rate_distortion.svg"})
+    CHECK(times_in(text_of(scratch.path / "run" / file), "context_gs") > 0);
+  CHECK(times_in(second.text, "one_context_gs_0.001: train") == 1);
+
+  // Other settings are another curve: refused in its folder, which stays as it was.
+  const Outcome other = run("--iterations 300 --codecs hac --lambdas 0.05");
+  CHECK(other.code == 1);
+  CHECK(times_in(other.text, "is of other settings") == 1);
+  CHECK(times_in(other.text, "not there: one_hac_0.05") == 1);
+  CHECK(fs::last_write_time(at("run/one_hac_0.05/results.json")) == written);
+  const Outcome single = run("--lambda 0.1");
+  CHECK(single.code == 2);
+  CHECK(times_in(single.text, "--lambdas") == 1);
+  for (const char* word : {"--key mine", "--fidelity 3", "--json-log x.jsonl"}) CHECK(run(word).code == 2);
+}
+
+namespace {
+
+/// Trains in no time; not at lambda 0.9, is stopped at 0.8, and says nothing of its file at 0.7.
+constexpr const char* stand_in = R"(#!/bin/sh
+set -e
+out='' lambda=''
+while [ $# -gt 0 ]; do
+  case $1 in --out) out=$2 ;; --lambda) lambda=$2 ;; --sed) echo 'no such option' >&2; exit 2 ;; esac
+  shift
+done
+echo "$lambda" >> "$(dirname "$0")/log.txt"
+if [ "$lambda" = 0.9 ]; then exit 1; fi
+echo '{}' > "$out/log.jsonl"
+if [ "$lambda" = 0.8 ]; then echo x > "$out/checkpoint.safetensors"; exit 130; fi
+coded="{\"bytes\": ${lambda#0.}000, \"anchors\": 5, \"test\": {\"psnr\": 3${lambda#0.}, \"ssim\": 0.9, \"views\": 2, \"lpips_alex\": null}}"
+if [ "$lambda" = 0.7 ]; then coded='{}'; fi
+echo "{\"train_seconds\": 60, \"test\": {\"psnr\": 40}, \"compressed\": $coded}" > "$out/results.json"
+)";
+
+}  // namespace
+
+TEST_CASE("rate_distortion: points that fail leave the others, a stop is gone on from, refused words lock no folder") {
+  const ScratchFolder scratch("compmark-rate-distortion-steps-test");
+  const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
+  done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
+  REQUIRE(compmark::write_file(at("tool"), std::string(stand_in)).ok());
+  fs::permissions(at("tool"), fs::perms::owner_all);
+  const auto run = [&](const std::string& arguments) {
+    return run_tool(COMPMARK_RATE_DISTORTION, "--data " + at("one") + " --out " + at("run") + " --compmark " +
+                                                  at("tool") + " --codecs hac " + arguments);
+  };
+  CHECK(run("--lambdas 0.1 0.2 --sed 3").code == 1);
+  const Outcome first = run("--lambdas 0.1 0.9 0.7 0.2 0.2");
+  INFO(first.text);
+  CHECK(first.code == 1);
+  CHECK(times_in(first.text, "exit code 1") == 1);
+  CHECK(times_in(first.text, "does not say what it should") == 1);
+  CHECK(times_in(first.text, "not there: one_hac_0.9") == 1);
+  CHECK(times_in(first.text, "not there: one_hac_0.7") == 1);
+  nlohmann::json json = json_of(at("run/rate_distortion.json"));
+  REQUIRE(json["points"].size() == 2);
+  CHECK(json["points"][1]["bytes"] == 2000);
+  CHECK(json["points"][1]["psnr_as_trained"] == 40);
+  CHECK_FALSE(json["points"][1].contains("lpips_alex"));
+
+  const Outcome second = run("--lambdas 0.1 0.8 0.3");
+  CHECK(second.code == 130);
+  CHECK(times_in(second.text, "the same command goes on") == 1);
+  CHECK_FALSE(fs::exists(at("run/one_hac_0.3")));
+  fs::remove(at("run/one_hac_0.8/checkpoint.safetensors"));
+  REQUIRE(compmark::write_file(at("run/one_hac_0.8/results.json"), text_of(at("run/one_hac_0.1/results.json"))).ok());
+  CHECK(run("--lambdas 0.1 0.8 0.3").code == 0);
+  CHECK(json_of(at("run/rate_distortion.json"))["points"].size() == 3);
+  CHECK(text_of(at("log.txt")) == "0.1\n0.9\n0.7\n0.2\n0.8\n0.3\n");
+}
