@@ -77,6 +77,11 @@ struct BackwardKernels {
     int filled = 0;
     for (std::size_t block = begin; block < end; ++block) {
       if (a.block_row[block] == a.block_row[block + 1]) continue;
+      ask_for_rows<false>(a.anchors.offset, a.visible, block + 1);
+      ask_for_rows<false>(a.anchors.scaling, a.visible, block + 1);
+      ask_for_rows<false>(a.anchors.feature, a.visible, block + 1);
+      ask_for_rows<true>(a.d_anchors.offset, a.visible, block + 1);
+      ask_for_rows<true>(a.d_anchors.feature, a.visible, block + 1);
       filled = append_block(a, block, filled, s);
       if (filled >= L::panel) {
         run_panel(a, L::panel, gradients, s);
@@ -151,6 +156,7 @@ struct BackwardKernels {
   static COMPMARK_INLINE M chain_pack(const Arguments& a, std::size_t block, int k, int lane, M mask, std::size_t row,
                                       Scratch& s) {
     const auto take = [&](const T* column) __attribute__((always_inline)) {
+      __builtin_prefetch(column + row + L::columns_ahead);
       return P::expand_load(column + row, mask);
     };
     const P d_opacity = take(a.d_gaussians.opacity);

@@ -1,10 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Forward kernels of the fused decoder (method sheet, 1.5). Lanes are anchors. Pass 1 runs the opacity head and finds
-// which Gaussians exist; after a prefix sum over blocks, pass 2 runs the covariance and colour heads and writes each
-// Gaussian to its final row. Cost an anchor: 2 (D + 3) 3 D + 2 D 11 K operations (13.8 k for D = 32, K = 10), 14 K
-// exponentials; reads 71 floats (the feature twice).
+// Forward kernels of the fused decoder (method sheet, 1.5). Lanes are anchors. Pass 1 runs the opacity head and finds which Gaussians exist;
+// after a prefix sum over blocks, pass 2 runs the covariance and colour heads and writes each Gaussian to its final row. Cost an anchor:
+// 2 (D + 3) 3 D + 2 D 11 K operations (13.8 k for D = 32, K = 10), 14 K exponentials; reads 71 floats (the feature twice).
 #pragma once
 
 #include <algorithm>
@@ -116,6 +115,8 @@ struct ForwardKernels {
     for (std::size_t first = begin; first < end; first += 4) {
       for (int slot = 0; slot < 4; ++slot) {
         if (first + static_cast<std::size_t>(slot) < end) {
+          ask_for_rows<false>(a.anchors.feature, a.visible, first + static_cast<std::size_t>(slot) + 4);
+          ask_for_rows<false>(a.anchors.position, a.visible, first + static_cast<std::size_t>(slot) + 4);
           load_inputs(a, first + static_cast<std::size_t>(slot), slot, s);
         } else {
           clear_inputs(slot, s);
@@ -135,8 +136,7 @@ struct ForwardKernels {
     std::uint32_t gaussians = 0;
     std::uint32_t bad = 0;
     for (int lane = 0; lane < 16; lane += W) {
-      // An anchor with a non-finite input gives no Gaussians and is counted, before an activation could hide it
-      // (numerics case ML4).
+      // An anchor with a non-finite input gives no Gaussians and is counted, before an activation could hide it (numerics case ML4).
       P zero(T{});
       for (int i = 0; i < L::inputs; ++i) zero = fma(P::load(s.input + i * L::panel + slot * 16 + lane), P(T{}), zero);
       const M real = M::first(valid - lane);
@@ -168,6 +168,8 @@ struct ForwardKernels {
       for (; block < end && count < 4; ++block) {
         if (a.block_row[block] == a.block_row[block + 1]) continue;
         load_inputs(a, block, count, s);
+        ask_for_rows<false>(a.anchors.offset, a.visible, block);
+        ask_for_rows<false>(a.anchors.scaling, a.visible, block);
         members[count++] = block;
       }
       if (count == 0) return;
@@ -235,6 +237,7 @@ struct ForwardKernels {
   static COMPMARK_INLINE void write_pack(const Arguments& a, std::size_t block, int k, int slot, int lane, M mask,
                                          const Columns& to, const Scratch& s) {
     const auto put = [&](int column, P value) __attribute__((always_inline)) {
+      __builtin_prefetch(to[static_cast<std::size_t>(column)] + L::columns_ahead, 1);
       value.compress_store(to[static_cast<std::size_t>(column)], mask);
     };
     const T* const covariance = s.output + 7 * k * L::panel + slot * 16 + lane;
@@ -253,8 +256,7 @@ struct ForwardKernels {
       put(3 + i, base * logistic[i]);
       put(11 + i, logistic[3 + i]);
     }
-    // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction
-    // (case QU1).
+    // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction (case QU1).
     P q[4];
     for (int i = 0; i < 4; ++i) q[i] = P::load(covariance + (3 + i) * L::panel);
     const P largest = max(max(magnitude(q[0]), magnitude(q[1])), max(magnitude(q[2]), magnitude(q[3])));
@@ -271,8 +273,8 @@ struct ForwardKernels {
 
   static COMPMARK_INLINE P magnitude(P x) { return max(x, -x); }
 
-  /// 1 / (1 + exp(-x)) of six packs with one division: every denominator is in [1, 2], so that their product is in [1,
-  /// 64]. Divisions were a fifth of the time of this pass. Relative error 4e-7 in float.
+  /// 1 / (1 + exp(-x)) of six packs with one division: every denominator is in [1, 2], their product in [1, 64]. Divisions were a fifth
+  /// of the time of this pass. Relative error 4e-7 in float.
   static COMPMARK_INLINE void sigmoid_of_six(P (&x)[6]) {
     P denominator[6], product_before[6];
     P numerator[6];

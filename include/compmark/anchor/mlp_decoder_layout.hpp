@@ -7,8 +7,10 @@
 // at all.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "compmark/anchor/concept.hpp"
 #include "compmark/anchor/decoder_parameters.hpp"
@@ -28,6 +30,9 @@ struct DecoderLayout {
   static constexpr int block = 16;
   static constexpr int panel = 64;
   static constexpr int panel_capacity = panel + block;  // one more block may be appended before a panel is worked off
+  /// Gaussians to ask for ahead: 15 columns written and 29 read are more streams than the hardware follows. With the rows of anchors, 20,000
+  /// anchors take 6.8 instead of 7.6 ms both ways (the best of four rounds in turn, two threads).
+  static constexpr int columns_ahead = 64;
   static constexpr int width = shape.feature_dim;
   static constexpr int offsets = shape.offsets;
   static constexpr int view_inputs = shape.distance ? 4 : 3;
@@ -153,6 +158,17 @@ inline void scatter_add_transposed(const T* source, const std::uint32_t* rows, u
     if constexpr (Columns % W != 0) {
       scatter_strip<Columns % W, W>(source + column * 16 + first, lines, static_cast<std::size_t>(column));
     }
+  }
+}
+
+/// Asks for the rows of a block of visible anchors, if there is one. They lie anywhere, so that no hardware foresees them.
+template <bool write, class T>
+COMPMARK_INLINE void ask_for_rows(MatrixView<T> table, std::span<const std::uint32_t> visible, std::size_t block) {
+  const std::size_t begin = std::min(block * 16, visible.size()), end = std::min(begin + 16, visible.size());
+  for (std::size_t i = begin; i < end; ++i) {
+    const T* const row = table.row(visible[i]);
+    for (std::size_t c = 0; c < table.columns; c += 64 / sizeof(T)) __builtin_prefetch(row + c, write ? 1 : 0);
+    __builtin_prefetch(row + table.columns - 1, write ? 1 : 0);
   }
 }
 
