@@ -42,7 +42,7 @@ namespace {
 using namespace compmark;
 using Clock = std::chrono::steady_clock;
 using Network = LatticeNetwork<float>;
-using Decoder = LatticeDecoder<float>;
+using Lattice = LatticeDecoder<float>;
 
 struct PretrainOptions {
   std::filesystem::path images, out, json;
@@ -133,9 +133,9 @@ std::vector<double> over_squares(const PretrainImages& images, std::size_t count
 }
 
 template <class E>
-std::vector<double> logits_of(const Decoder& decoder, const PretrainImages& images, std::size_t count, int side,
+std::vector<double> logits_of(const Lattice& decoder, const PretrainImages& images, std::size_t count, int side,
                               E& executor) {
-  Decoder::Context context;
+  Lattice::Context context;
   std::vector<float> logits(static_cast<std::size_t>(decoder.bits()));
   return over_squares(images, count, side, [&](ImageView<const float> view) -> const std::vector<float>& {
     decoder.forward(view, std::span<float>(logits), context, executor);
@@ -144,7 +144,7 @@ std::vector<double> logits_of(const Decoder& decoder, const PretrainImages& imag
 }
 
 /// What unmarked images say: for a decoder that can be trusted, nothing.
-nlohmann::ordered_json unmarked_json(const Decoder& decoder, const std::vector<double>& logits) {
+nlohmann::ordered_json unmarked_json(const Lattice& decoder, const std::vector<double>& logits) {
   const auto bits = static_cast<std::size_t>(decoder.bits());
   const std::size_t count = logits.size() / bits;
   const TriangularWhitening moments = triangular_whitening(logits, bits, 0);
@@ -282,9 +282,9 @@ int run(PretrainOptions& options) {
                  "continue it with --resume, or remove the file to start over"});
   }
 
-  Decoder decoder(shape, random_lattice<float>(shape, periods_of(shape), options.seed, spread_of(shape)));
+  Lattice decoder(shape, random_lattice<float>(shape, periods_of(shape), options.seed, spread_of(shape)));
   if (!resuming) {
-    Decoder::Context context;
+    Lattice::Context context;
     const std::size_t count = std::max<std::size_t>(400, 2 * static_cast<std::size_t>(options.features));
     const std::vector<double> features =
         over_squares(train, count, square, [&](ImageView<const float> view) -> const std::vector<float>& {
@@ -333,7 +333,7 @@ int run(PretrainOptions& options) {
 
   // Logits of unmarked images: no offset, unit variance, no correlation. Squares of several kinds, because photographs are few.
   network.load(arena);
-  const Decoder& trained = network.decoder();
+  const Lattice& trained = network.decoder();
   const std::size_t samples = std::max<std::size_t>(1200, 24 * static_cast<std::size_t>(options.bits));
   const std::vector<double> logits = logits_of(trained, train, samples, square, executor);
   LatticeWeights<float>& weights = network.decoder().weights();

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-namespace compmark::testing {
+namespace compmark::inline v0::testing {
 
 class AnySection {
  public:
@@ -58,4 +58,4 @@ class AnySection {
   GaussianTables tables_;
 };
 
-}  // namespace compmark::testing
+}  // namespace compmark::inline v0::testing

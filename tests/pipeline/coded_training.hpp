@@ -18,7 +18,7 @@
 #include "small_scene.hpp"
 #include "support/tool.hpp"
 
-namespace compmark::testing {
+namespace compmark::inline v0::testing {
 
 inline constexpr DecoderShape coded_test_shape{.feature_dim = 8, .offsets = 3};
 
@@ -90,4 +90,4 @@ void check_reproducible() {
   }
 }
 
-}  // namespace compmark::testing
+}  // namespace compmark::inline v0::testing

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-namespace compmark::testing {
+namespace compmark::inline v0::testing {
 
 /// Smooth everywhere: the cut-off is a ramp, nothing stops, nothing is clamped (numerics case BF4).
 inline constexpr Accuracy smooth_accuracy{
@@ -75,4 +75,4 @@ void check_directional_derivative(Model<R>& model, const Loss& loss, const Backw
   }
 }
 
-}  // namespace compmark::testing
+}  // namespace compmark::inline v0::testing

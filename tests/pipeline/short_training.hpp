@@ -15,6 +15,6 @@
 #define COMPMARK_SHORT_TRAININGS 0
 #endif
 
-namespace compmark::testing {
+namespace compmark::inline v0::testing {
 inline constexpr bool short_trainings = COMPMARK_SHORT_TRAININGS != 0;
 }

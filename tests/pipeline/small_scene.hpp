@@ -14,7 +14,7 @@
 #include <numbers>
 #include <vector>
 
-namespace compmark::testing {
+namespace compmark::inline v0::testing {
 
 /// Camera i of n on a circle of radius 3, looking at the origin.
 inline Camera<double> ring_camera(std::size_t i, std::size_t n, int width, int height) {
@@ -65,4 +65,4 @@ struct BlobViews {
   }
 };
 
-}  // namespace compmark::testing
+}  // namespace compmark::inline v0::testing

@@ -17,7 +17,7 @@
 
 #include "support/scene_files.hpp"
 
-namespace compmark::testing {
+namespace compmark::inline v0::testing {
 
 struct CubeCapture {
   std::vector<Camera<double>> cameras;
@@ -153,4 +153,4 @@ inline std::string cube_ply(const CubeCapture& capture) {
   return text;
 }
 
-}  // namespace compmark::testing
+}  // namespace compmark::inline v0::testing

@@ -15,7 +15,7 @@
 #define COMPMARK_DATA_DIR ""
 #endif
 
-namespace compmark::testing {
+namespace compmark::inline v0::testing {
 
 /// The data folder: environment variable COMPMARK_DATA_DIR, else what the build found beside the project; empty if neither exists.
 inline std::optional<std::filesystem::path> data_dir() {
@@ -26,4 +26,4 @@ inline std::optional<std::filesystem::path> data_dir() {
   return path;
 }
 
-}  // namespace compmark::testing
+}  // namespace compmark::inline v0::testing
