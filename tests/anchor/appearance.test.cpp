@@ -19,12 +19,12 @@ namespace {
 
 using namespace compmark;
 
-constexpr std::size_t hidden = 6, inputs = 5, embedded = 3, views = 4;
+constexpr std::size_t hidden = 6, inputs = 5, embedded = 3, view_count = 4;
 
 /// First layer of a colour head [6, 5 + 3], its bias, a table of four views, and a weight for each hidden unit in the loss.
 struct Layer {
   std::vector<double> weight = noise(hidden * (inputs + embedded), 1), bias = noise(hidden, 2),
-                      table = noise(views * embedded, 3), d_bias = noise(hidden, 4);
+                      table = noise(view_count * embedded, 3), d_bias = noise(hidden, 4);
   std::vector<double> d_weight = std::vector<double>(weight.size(), 0.5),
                       d_table = std::vector<double>(table.size(), 0.5);
 
@@ -37,13 +37,13 @@ struct Layer {
   [[nodiscard]] std::vector<double> fold(std::size_t view) const {
     std::vector<double> folded(hidden);
     AppearanceEmbedding::fold<double>({weight.data(), hidden, inputs + embedded}, {bias.data(), 1, hidden},
-                                      {table.data(), views, embedded}, view, folded.data());
+                                      {table.data(), view_count, embedded}, view, folded.data());
     return folded;
   }
   void backward(std::size_t view) {
-    AppearanceEmbedding::backward<double>({weight.data(), hidden, inputs + embedded}, {table.data(), views, embedded},
-                                          view, d_bias.data(), {d_weight.data(), hidden, inputs + embedded},
-                                          {d_table.data(), views, embedded});
+    AppearanceEmbedding::backward<double>(
+        {weight.data(), hidden, inputs + embedded}, {table.data(), view_count, embedded}, view, d_bias.data(),
+        {d_weight.data(), hidden, inputs + embedded}, {d_table.data(), view_count, embedded});
   }
 };
 
@@ -52,7 +52,7 @@ struct Layer {
 TEST_CASE("anchor/appearance: folded into the bias it is the layer of the concatenated input") {
   const Layer layer;
   const std::vector<double> x = Layer::noise(inputs, 9);
-  for (std::size_t view = 0; view < views; ++view) {
+  for (std::size_t view = 0; view < view_count; ++view) {
     const std::vector<double> folded = layer.fold(view);
     for (std::size_t h = 0; h < hidden; ++h) {
       const double* const row = layer.weight.data() + h * (inputs + embedded);
@@ -66,12 +66,12 @@ TEST_CASE("anchor/appearance: folded into the bias it is the layer of the concat
 
 TEST_CASE("anchor/appearance: a view that was not trained looks like the mean of those that were") {
   const Layer layer;
-  const std::vector<double> unseen = layer.fold(views);
+  const std::vector<double> unseen = layer.fold(view_count);
   CHECK(layer.fold(~std::size_t{0}) == unseen);
   CHECK(layer.fold(0) != unseen);
   for (std::size_t h = 0; h < hidden; ++h) {  // the layer is linear: the mean embedding gives the mean of the layers
     double mean = 0;
-    for (std::size_t view = 0; view < views; ++view) mean += layer.fold(view)[h] / static_cast<double>(views);
+    for (std::size_t view = 0; view < view_count; ++view) mean += layer.fold(view)[h] / static_cast<double>(view_count);
     CHECK(unseen[h] == doctest::Approx(mean).epsilon(1e-13));
   }
 }

@@ -16,10 +16,9 @@ namespace {
 using namespace compmark;
 static_assert(DensityControl<FrequencyGrowth<float>> && DensityControl<FrequencyGrowth<double>>);
 
-constexpr std::size_t K = 2;
-
 /// Two anchors of two offsets far apart; Gaussian i is slot i and stands in pixel column i of a 1 x 4 image.
-struct World {
+struct FrequencyWorld {
+  static constexpr std::size_t K = 2;
   ParameterArena<double> arena;
   AnchorHandles handles;
   FrequencyGrowth<double>::Settings settings;
@@ -27,7 +26,7 @@ struct World {
   std::vector<double> map{0.0, 0.0, 0.2, 0.0};
   SerialExecutor executor;
 
-  World() {
+  FrequencyWorld() {
     handles.position = arena.add("anchor.position", 2, 3, RowKind::anchor);
     handles.offset = arena.add("anchor.offset", 2, 3 * K, RowKind::anchor);
     handles.scaling = arena.add("anchor.scaling", 2, 6, RowKind::anchor);
@@ -63,7 +62,7 @@ struct World {
 TEST_CASE(
     "anchor/frequency_growth: in the window only selected Gaussians add gradients; opacities and visits are gathered "
     "as ever") {
-  World world;
+  FrequencyWorld world;
   world.observe(3, true, 0.5, 1.0);
   const auto& s = world.state.statistics;
   CHECK(std::vector<double>(s.gradient_count.begin(), s.gradient_count.end()) == std::vector<double>{0, 0, 3, 0});
@@ -83,7 +82,7 @@ TEST_CASE(
   // 31 counts: enough in the window (100 x 0.6 / 2 = 30), not before it (40)
   for (const int views : {30, 31, 41}) {
     for (const bool window : {false, true}) {
-      World world;
+      FrequencyWorld world;
       world.observe(views, true, 0.00016, 1.0);
       world.settings.in_window = window;
       const GrowthReport report = world.adapt();
@@ -94,7 +93,7 @@ TEST_CASE(
   }
   std::size_t candidates = 0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {  // a candidate of the coarsest level wins every other draw
-    World world;
+    FrequencyWorld world;
     world.observe(31, true, 0.00016, 1.0);
     candidates += FrequencyGrowth<double>(world.settings)
                       .adapt(world.arena, world.handles, world.state, AdaptContext{seed, 100, 0.01, {}},
@@ -105,13 +104,13 @@ TEST_CASE(
   CHECK(candidates < 32);
   for (const double opacity : {0.14, 0.16}) {
     for (const int views : {60, 61}) {
-      World world;
+      FrequencyWorld world;
       world.observe(views, true, 0.0, opacity);
       const GrowthReport report = world.adapt();
       const bool goes = opacity < 0.15 && views > 60;
       CHECK(report.pruned == (goes ? 1 : 0));  // both were to go, the last one stays
       CHECK(report.kept_last == goes);
-      World plain;
+      FrequencyWorld plain;
       plain.observe(views, true, 0.0, opacity);
       plain.settings.in_window = false;
       CHECK(plain.adapt().pruned == 0);

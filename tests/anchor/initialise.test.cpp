@@ -19,10 +19,10 @@
 namespace {
 
 using namespace compmark;
-using Point = std::array<float, 3>;
+using CloudPoint = std::array<float, 3>;
 
-std::vector<Point> random_cloud(std::size_t n, double spread, std::uint64_t seed = 1) {
-  std::vector<Point> cloud(n);
+std::vector<CloudPoint> random_cloud(std::size_t n, double spread, std::uint64_t seed = 1) {
+  std::vector<CloudPoint> cloud(n);
   const Random random(seed, 0, 0);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis)
@@ -31,7 +31,7 @@ std::vector<Point> random_cloud(std::size_t n, double spread, std::uint64_t seed
   return cloud;
 }
 
-InitialAnchors<float> anchors_of(const std::vector<Point>& cloud, double voxel_size, bool squared = false) {
+InitialAnchors<float> anchors_of(const std::vector<CloudPoint>& cloud, double voxel_size, bool squared = false) {
   auto result = initial_anchors<float>(cloud, {voxel_size, squared});
   REQUIRE(result.ok());
   return *result;
@@ -40,11 +40,11 @@ InitialAnchors<float> anchors_of(const std::vector<Point>& cloud, double voxel_s
 }  // namespace
 
 TEST_CASE("anchor/initialise: one anchor a voxel, sorted, with the scale of its neighbours") {
-  const std::vector<Point> cloud = random_cloud(600, 1);
+  const std::vector<CloudPoint> cloud = random_cloud(600, 1);
   const double voxel = 0.15;
   const InitialAnchors<float> anchors = anchors_of(cloud, voxel);
   std::set<std::array<int, 3>> cells;
-  for (const Point& p : cloud) {
+  for (const CloudPoint& p : cloud) {
     std::array<int, 3> cell{};
     for (std::size_t i = 0; i < 3; ++i) cell[i] = static_cast<int>(std::nearbyint(static_cast<double>(p[i]) / voxel));
     cells.insert(cell);
@@ -71,7 +71,8 @@ TEST_CASE("anchor/initialise: one anchor a voxel, sorted, with the scale of its 
 }
 
 TEST_CASE("anchor/initialise: voxels round half to even (AN1)") {
-  const std::vector<Point> cloud{{0.5f, 0, 0}, {-0.5f, 0, 0}, {1.5f, 0, 0}, {-1.5f, 0, 0}, {2.5f, 0, 0}, {-2.5f, 0, 0}};
+  const std::vector<CloudPoint> cloud{{0.5f, 0, 0},  {-0.5f, 0, 0}, {1.5f, 0, 0},
+                                      {-1.5f, 0, 0}, {2.5f, 0, 0},  {-2.5f, 0, 0}};
   const InitialAnchors<float> anchors = anchors_of(cloud, 1);
   REQUIRE(anchors.count() == 3);
   CHECK(anchors.position[0] == -2);
@@ -79,13 +80,13 @@ TEST_CASE("anchor/initialise: voxels round half to even (AN1)") {
   CHECK(anchors.position[6] == 2);
   // Negative control: half away from zero gives six cells.
   std::set<double> away;
-  for (const Point& p : cloud) away.insert(std::round(static_cast<double>(p[0])));
+  for (const CloudPoint& p : cloud) away.insert(std::round(static_cast<double>(p[0])));
   CHECK(away.size() == 6);
 }
 
 TEST_CASE("anchor/initialise: a cloud of one point many times gives one anchor (AN2, AN4)") {
   for (const double voxel : {0.0, 0.001}) {
-    const InitialAnchors<float> anchors = anchors_of(std::vector<Point>(500, Point{1, 2, 3}), voxel);
+    const InitialAnchors<float> anchors = anchors_of(std::vector<CloudPoint>(500, CloudPoint{1, 2, 3}), voxel);
     CHECK(anchors.count() == 1);
     CHECK(anchors.voxel_size > 0);
     for (const float s : anchors.scaling) CHECK(std::isfinite(s));
@@ -93,7 +94,7 @@ TEST_CASE("anchor/initialise: a cloud of one point many times gives one anchor (
   }
   CHECK_FALSE(std::isfinite(std::log(0.0)));  // negative control of both: log of distance 0, and division by it
   // Most points duplicated: the median distance is 0, and the automatic size is still a length.
-  std::vector<Point> cloud = random_cloud(100, 2);
+  std::vector<CloudPoint> cloud = random_cloud(100, 2);
   for (std::size_t i = 0; i < 70; ++i) cloud[i] = cloud[i % 3];
   const InitialAnchors<float> anchors = anchors_of(cloud, 0);
   CHECK(anchors.count() == 33);
@@ -102,7 +103,7 @@ TEST_CASE("anchor/initialise: a cloud of one point many times gives one anchor (
 
 TEST_CASE("anchor/initialise: fewer than four points") {
   for (std::size_t n = 1; n <= 3; ++n) {
-    std::vector<Point> cloud;
+    std::vector<CloudPoint> cloud;
     for (std::size_t i = 0; i < n; ++i) cloud.push_back({static_cast<float>(i), 0, 0});
     const InitialAnchors<float> anchors = anchors_of(cloud, 0.01);
     CHECK(anchors.count() == n);
@@ -112,7 +113,7 @@ TEST_CASE("anchor/initialise: fewer than four points") {
 }
 
 TEST_CASE("anchor/initialise: far voxels do not merge (AN3)") {
-  std::vector<Point> cloud = random_cloud(300, 1);
+  std::vector<CloudPoint> cloud = random_cloud(300, 1);
   for (std::size_t i = 0; i < 60; ++i) {
     cloud.push_back({1e6f + 0.25f * static_cast<float>(i % 20), -1e6f + 0.25f * static_cast<float>(i / 20), 1e6f});
   }
@@ -120,7 +121,7 @@ TEST_CASE("anchor/initialise: far voxels do not merge (AN3)") {
   const InitialAnchors<float> anchors = anchors_of(cloud, voxel);
   std::set<std::array<double, 3>> cells;
   std::set<std::uint64_t> packed;
-  for (const Point& p : cloud) {
+  for (const CloudPoint& p : cloud) {
     std::array<double, 3> cell{};
     std::uint64_t key = 0;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -139,7 +140,7 @@ TEST_CASE("anchor/initialise: far voxels do not merge (AN3)") {
 
 TEST_CASE("anchor/initialise: the automatic voxel size is a length") {
   // Points on a grid of spacing h: three neighbours at distance h, so the size is h; the published value is h squared.
-  std::vector<Point> cloud;
+  std::vector<CloudPoint> cloud;
   for (int x = 0; x < 6; ++x) {
     for (int y = 0; y < 6; ++y) {
       for (int z = 0; z < 6; ++z)
@@ -150,7 +151,7 @@ TEST_CASE("anchor/initialise: the automatic voxel size is a length") {
   CHECK(anchors_of(cloud, 0).count() == 216);
   CHECK(std::abs(anchors_of(cloud, -1, true).voxel_size - 0.0625) < 1e-12);
   // Scaling the scene scales the size: true for a length, false for the published area (negative control).
-  for (Point& p : cloud) {
+  for (CloudPoint& p : cloud) {
     for (float& x : p) x *= 8;
   }
   CHECK(std::abs(anchors_of(cloud, 0).voxel_size - 2) < 1e-12);
@@ -158,7 +159,7 @@ TEST_CASE("anchor/initialise: the automatic voxel size is a length") {
 }
 
 TEST_CASE("anchor/initialise: the order of the points does not matter") {
-  std::vector<Point> cloud = random_cloud(400, 1);
+  std::vector<CloudPoint> cloud = random_cloud(400, 1);
   const InitialAnchors<float> first = anchors_of(cloud, 0.05);
   std::reverse(cloud.begin(), cloud.end());
   const InitialAnchors<float> second = anchors_of(cloud, 0.05);
@@ -168,7 +169,7 @@ TEST_CASE("anchor/initialise: the order of the points does not matter") {
 
 TEST_CASE("anchor/initialise: bad points are skipped and counted, a cloud of nothing else is an error") {
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
-  std::vector<Point> cloud = random_cloud(50, 1);
+  std::vector<CloudPoint> cloud = random_cloud(50, 1);
   cloud.push_back({nan, 0, 0});
   cloud.push_back({0, infinity, 0});
   cloud.push_back({0, 0, 3e38f});
@@ -177,10 +178,10 @@ TEST_CASE("anchor/initialise: bad points are skipped and counted, a cloud of not
   CHECK(anchors.count() == 50);
   for (const float x : anchors.position) CHECK(std::isfinite(x));
   CHECK_FALSE(initial_anchors<float>({}, {}).ok());
-  const std::vector<Point> all_bad{{nan, nan, nan}};
+  const std::vector<CloudPoint> all_bad{{nan, nan, nan}};
   const auto bad = initial_anchors<float>(all_bad, {});
   REQUIRE_FALSE(bad.ok());
   CHECK_FALSE(bad.error().remedy.empty());
-  const std::vector<Point> far{{3e38f, 0, 0}};
+  const std::vector<CloudPoint> far{{3e38f, 0, 0}};
   CHECK_FALSE(initial_anchors<float>(far, {0.001}).ok());
 }

@@ -38,80 +38,83 @@ CodecModel tiny_model() {
   return model;
 }
 
-const std::vector<std::byte>& good_bytes() {
+const std::vector<std::byte>& good_context_gs() {
   static const std::vector<std::byte> bytes = testing::encoded(tiny_model()).bytes;
   return bytes;
 }
 template <class Change>
-Error error_of(const Change& change) {
-  return testing::error_of_forged(good_bytes(), change);
+Error context_gs_error(const Change& change) {
+  return testing::error_of_forged(good_context_gs(), change);
 }
 
 TEST_CASE("codec/context_gs_damage: every flipped bit of a file is found, with and without salvage") {
-  testing::check_flipped_bits(good_bytes(), 19, false);
+  testing::check_flipped_bits(good_context_gs(), 19, false);
 }
 
 TEST_CASE("codec/context_gs_damage: every truncation and every appended byte is found") {
-  testing::check_truncations(good_bytes());
+  testing::check_truncations(good_context_gs());
 }
 
 TEST_CASE("codec/context_gs_damage: random bytes in place of a payload, checksums right: an error, never a model") {
-  testing::check_random_payloads(good_bytes(), 300);
+  testing::check_random_payloads(good_context_gs(), 300);
 }
 
 TEST_CASE("codec/context_gs_damage: another profile, numeric specification or version is refused") {
-  CHECK(error_of([](File& file) { file.header.profile = ContainerProfile::hac; }).kind == ErrorKind::unsupported);
-  CHECK(error_of([](File& file) { file.header.profile = static_cast<ContainerProfile>(3); }).kind ==
+  CHECK(context_gs_error([](File& file) { file.header.profile = ContainerProfile::hac; }).kind ==
         ErrorKind::unsupported);
-  CHECK(error_of([](File& file) { file.header.numeric_spec = 77; }).problem.find("has 1") != std::string::npos);
-  CHECK(error_of([](File& file) { file.of(F::tables).bytes[3] ^= std::byte{1}; }).kind == ErrorKind::unsupported);
-  CHECK(error_of([](File& file) { file.of(F::levels).entry.version = 2; }).kind == ErrorKind::unsupported);
+  CHECK(context_gs_error([](File& file) { file.header.profile = static_cast<ContainerProfile>(3); }).kind ==
+        ErrorKind::unsupported);
+  CHECK(context_gs_error([](File& file) { file.header.numeric_spec = 77; }).problem.find("has 1") != std::string::npos);
+  CHECK(context_gs_error([](File& file) { file.of(F::tables).bytes[3] ^= std::byte{1}; }).kind ==
+        ErrorKind::unsupported);
+  CHECK(context_gs_error([](File& file) { file.of(F::levels).entry.version = 2; }).kind == ErrorKind::unsupported);
 }
 
 TEST_CASE("codec/context_gs_damage: counts that the file cannot hold are refused before memory is taken") {
   for (const std::uint64_t anchors : {std::uint64_t{1}, std::uint64_t{61}, std::uint64_t{1} << 28,
                                       std::uint64_t{1} << 29, std::numeric_limits<std::uint64_t>::max()}) {
-    (void)error_of([&](File& file) { put(file.of(F::meta).bytes, 0, anchors); });
+    (void)context_gs_error([&](File& file) { put(file.of(F::meta).bytes, 0, anchors); });
     for (const std::size_t offset : {47u, 55u, 63u}) {  // anchors of a level
-      (void)error_of([&](File& file) { put(file.of(F::levels).bytes, offset, anchors); });
+      (void)context_gs_error([&](File& file) { put(file.of(F::levels).bytes, offset, anchors); });
     }
   }
   // Cells that make other levels.
-  CHECK(error_of([](File& file) {
+  CHECK(context_gs_error([](File& file) {
           std::int32_t fine = 0;
           std::memcpy(&fine, file.of(F::levels).bytes.data(), 4);
           put(file.of(F::levels).bytes, 0, 2 * fine);
         }).problem.find("levels are not") != std::string::npos);
-  CHECK(decode(good_bytes(), {.memory_limit = 100}).error().kind == ErrorKind::exhausted);
+  CHECK(decode(good_context_gs(), {.memory_limit = 100}).error().kind == ErrorKind::exhausted);
   for (const std::uint64_t items : {std::uint64_t{0}, std::uint64_t{1} << 40}) {
-    (void)error_of([&](File& file) { file.of(F::stream, 0, 1).entry.items = items; });
-    (void)error_of([&](File& file) { file.of(F::hyperprior, 1, 0).entry.items = items; });
+    (void)context_gs_error([&](File& file) { file.of(F::stream, 0, 1).entry.items = items; });
+    (void)context_gs_error([&](File& file) { file.of(F::hyperprior, 1, 0).entry.items = items; });
   }
 }
 
 TEST_CASE("codec/context_gs_damage: levels, scales, priors and networks out of range are refused at load") {
   for (const std::int32_t edge : {0, -1, std::numeric_limits<std::int32_t>::min()}) {
-    (void)error_of([&](File& file) { put(file.of(F::levels).bytes, 0, edge); });
-    (void)error_of([&](File& file) { put(file.of(F::levels).bytes, 4, edge); });
+    (void)context_gs_error([&](File& file) { put(file.of(F::levels).bytes, 0, edge); });
+    (void)context_gs_error([&](File& file) { put(file.of(F::levels).bytes, 4, edge); });
   }
-  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 8, std::int32_t{-4}); });              // scale of x
-  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 12, std::uint8_t{63}); });             // its fraction
-  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 13, std::int64_t{1} << 62); });        // its offset
-  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 71 + 6, std::uint8_t{63}); });         // a shift
-  (void)error_of([](File& file) { put(file.of(F::levels).bytes, 71, (std::int32_t{1} << 30) + 1); });  // a mean
-  (void)error_of([](File& file) { file.of(F::levels).bytes.push_back(std::byte{0}); });
-  (void)error_of([](File& file) { put(file.of(F::prior).bytes, 0, std::uint8_t{0}); });
-  (void)error_of([](File& file) { put(file.of(F::prior).bytes, 0, std::uint8_t{65}); });
+  (void)context_gs_error([](File& file) { put(file.of(F::levels).bytes, 8, std::int32_t{-4}); });        // scale of x
+  (void)context_gs_error([](File& file) { put(file.of(F::levels).bytes, 12, std::uint8_t{63}); });       // its fraction
+  (void)context_gs_error([](File& file) { put(file.of(F::levels).bytes, 13, std::int64_t{1} << 62); });  // its offset
+  (void)context_gs_error([](File& file) { put(file.of(F::levels).bytes, 71 + 6, std::uint8_t{63}); });   // a shift
+  (void)context_gs_error([](File& file) { put(file.of(F::levels).bytes, 71, (std::int32_t{1} << 30) + 1); });  // a mean
+  (void)context_gs_error([](File& file) { file.of(F::levels).bytes.push_back(std::byte{0}); });
+  (void)context_gs_error([](File& file) { put(file.of(F::prior).bytes, 0, std::uint8_t{0}); });
+  (void)context_gs_error([](File& file) { put(file.of(F::prior).bytes, 0, std::uint8_t{65}); });
   // A prior that leaves nothing for the escape.
   IntegerContextGs full;
   full.channels = 3;
   full.prior.assign(3 * HyperpriorFormat::slots, 65'000);
-  CHECK(error_of([&](File& file) { file.of(F::prior).bytes = detail::encode_prior(full); }).problem.find("escape") !=
-        std::string::npos);
+  CHECK(context_gs_error([&](File& file) {
+          file.of(F::prior).bytes = detail::encode_prior(full);
+        }).problem.find("escape") != std::string::npos);
   for (std::uint32_t level = 0; level < 3; ++level) {
-    (void)error_of([&](File& file) { put(file.of(F::context, level).bytes, 0, 0u); });
-    (void)error_of([&](File& file) { put(file.of(F::context, level).bytes, 4, std::int8_t{-3}); });
-    CHECK(error_of([&](File& file) {
+    (void)context_gs_error([&](File& file) { put(file.of(F::context, level).bytes, 0, 0u); });
+    (void)context_gs_error([&](File& file) { put(file.of(F::context, level).bytes, 4, std::int8_t{-3}); });
+    CHECK(context_gs_error([&](File& file) {
             put(file.of(F::context, level).bytes, 4 + 5, 0x7FFFFFFF);
           }).problem.find("overflow") != std::string::npos);
   }
@@ -119,24 +122,24 @@ TEST_CASE("codec/context_gs_damage: levels, scales, priors and networks out of r
 
 TEST_CASE("codec/context_gs_damage: missing, superfluous and unknown sections") {
   for (const std::uint32_t kind : F::known) {
-    (void)error_of([&](File& file) {
+    (void)context_gs_error([&](File& file) {
       const auto at = std::find_if(file.sections.begin(), file.sections.end(),
                                    [&](const Section& section) { return section.entry.kind == kind; });
       file.sections.erase(at);
     });
   }
-  (void)error_of([](File& file) { file.of(F::context, 2).entry.part = 3; });
-  (void)error_of([](File& file) { file.of(F::levels).entry.part = 1; });
-  (void)error_of([](File& file) { file.of(F::mask, 0, 1).entry.chunk = 70; });
-  (void)error_of([](File& file) {  // a level's chunks under another level's name
+  (void)context_gs_error([](File& file) { file.of(F::context, 2).entry.part = 3; });
+  (void)context_gs_error([](File& file) { file.of(F::levels).entry.part = 1; });
+  (void)context_gs_error([](File& file) { file.of(F::mask, 0, 1).entry.chunk = 70; });
+  (void)context_gs_error([](File& file) {  // a level's chunks under another level's name
     std::swap(file.of(F::stream, 0, 0).entry.part, file.of(F::stream, 1, 0).entry.part);
   });
   Section unknown;
   unknown.entry.kind = four_characters("HASH");  // of HAC
   unknown.bytes = std::vector<std::byte>(9, std::byte{42});
-  CHECK(error_of([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
+  CHECK(context_gs_error([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
   unknown.entry.flags = 0;
-  File file(good_bytes());
+  File file(good_context_gs());
   file.sections.push_back(unknown);
   const auto read = decode(file.bytes());
   REQUIRE(read.ok());
@@ -149,7 +152,7 @@ TEST_CASE("codec/context_gs_damage: missing, superfluous and unknown sections") 
 
 TEST_CASE(
     "codec/context_gs_damage: salvage leaves out a damaged chunk and every chunk with an anchor that it predicts") {
-  const std::vector<std::byte>& good = good_bytes();
+  const std::vector<std::byte>& good = good_context_gs();
   const auto whole = decode(good);
   REQUIRE(whole.ok());
   const CodecModel& model = whole->model;
@@ -213,15 +216,15 @@ TEST_CASE(
 
 TEST_CASE("codec/context_gs_damage: a stream that does not end as it must, exchanged chunks: desynchronised") {
   for (const std::uint32_t kind : F::chunked) {
-    (void)error_of([&](File& file) { file.of(kind, 1).bytes.push_back(std::byte{0}); });
-    (void)error_of([&](File& file) { file.of(kind, 1).bytes.clear(); });
-    (void)error_of([&](File& file) { std::swap(file.of(kind, 0, 0).bytes, file.of(kind, 0, 1).bytes); });
+    (void)context_gs_error([&](File& file) { file.of(kind, 1).bytes.push_back(std::byte{0}); });
+    (void)context_gs_error([&](File& file) { file.of(kind, 1).bytes.clear(); });
+    (void)context_gs_error([&](File& file) { std::swap(file.of(kind, 0, 0).bytes, file.of(kind, 0, 1).bytes); });
   }
-  (void)error_of([](File& file) { file.of(F::prior).bytes.push_back(std::byte{0}); });
-  (void)error_of([](File& file) { file.of(F::context, 1).bytes.push_back(std::byte{0}); });
+  (void)context_gs_error([](File& file) { file.of(F::prior).bytes.push_back(std::byte{0}); });
+  (void)context_gs_error([](File& file) { file.of(F::context, 1).bytes.push_back(std::byte{0}); });
   // Other symbols of z, as whole as they were: the networks that read them predict another stream.
-  const Error error = error_of([](File& file) {
-    const auto whole = decode(good_bytes());
+  const Error error = context_gs_error([](File& file) {
+    const auto whole = decode(good_context_gs());
     REQUIRE(whole.ok());
     const std::size_t begin = static_cast<std::size_t>(file.of(F::mask, 2).entry.items);
     std::vector<std::int32_t> z(whole->model.hyperprior.begin() + static_cast<std::ptrdiff_t>(3 * begin),
@@ -232,8 +235,8 @@ TEST_CASE("codec/context_gs_damage: a stream that does not end as it must, excha
   });
   CHECK(error.field.find("chunk") != std::string::npos);
   // … and a symbol beyond the greatest.
-  CHECK(error_of([](File& file) {
-          const auto whole = decode(good_bytes());
+  CHECK(context_gs_error([](File& file) {
+          const auto whole = decode(good_context_gs());
           const HyperpriorTables tables(whole->model.context_gs->prior);
           std::vector<std::int32_t> z(static_cast<std::size_t>(3 * file.of(F::mask, 2).entry.items), 0);
           z[1] = HyperpriorFormat::greatest + 1;
@@ -243,7 +246,7 @@ TEST_CASE("codec/context_gs_damage: a stream that does not end as it must, excha
 
 TEST_CASE(
     "codec/context_gs_damage: whole bytes that decode to another model are a fault of the codec, and said to be one") {
-  testing::check_digests(good_bytes());
+  testing::check_digests(good_context_gs());
 }
 
 }  // namespace

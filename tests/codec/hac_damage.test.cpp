@@ -25,39 +25,39 @@ const testing::CodecModelShape tiny{
     60,  4, 2, 16, 5, HashGridShape{.volume_levels = 1, .volume_cap_log2 = 5, .plane_levels = 1, .plane_cap_log2 = 6},
     true};
 
-const std::vector<std::byte>& good_bytes() {
+const std::vector<std::byte>& good_hac() {
   static const std::vector<std::byte> bytes = testing::encoded(make_codec_model(21, tiny)).bytes;
   return bytes;
 }
 template <class Change>
-Error error_of(const Change& change) {
-  return testing::error_of_forged(good_bytes(), change);
+Error hac_error(const Change& change) {
+  return testing::error_of_forged(good_hac(), change);
 }
 
 TEST_CASE("codec/hac_damage: every flipped bit of a file is found, with and without salvage") {
-  testing::check_flipped_bits(good_bytes(), 9, true);
+  testing::check_flipped_bits(good_hac(), 9, true);
 }
 
 TEST_CASE("codec/hac_damage: every truncation and every appended byte is found") {
-  testing::check_truncations(good_bytes());
+  testing::check_truncations(good_hac());
 }
 
 TEST_CASE("codec/hac_damage: random bytes in place of a payload, checksums right: an error, never a model") {
-  testing::check_random_payloads(good_bytes(), 150);
+  testing::check_random_payloads(good_hac(), 150);
 }
 
 TEST_CASE("codec/hac_damage: another profile, numeric specification or table is refused, and both sides are named") {
-  Error error = error_of([](File& file) { file.header.profile = ContainerProfile::context_gs; });
+  Error error = hac_error([](File& file) { file.header.profile = ContainerProfile::context_gs; });
   CHECK(error.kind == ErrorKind::unsupported);
-  error = error_of([](File& file) { file.header.numeric_spec = 77; });
+  error = hac_error([](File& file) { file.header.numeric_spec = 77; });
   CHECK(error.kind == ErrorKind::unsupported);
   CHECK(error.problem.find("77") != std::string::npos);
   CHECK(error.problem.find("has 1") != std::string::npos);
-  error = error_of([](File& file) { file.of(HacFormat::tables).bytes[3] ^= std::byte{1}; });
+  error = hac_error([](File& file) { file.of(HacFormat::tables).bytes[3] ^= std::byte{1}; });
   CHECK(error.kind == ErrorKind::unsupported);
-  error = error_of([](File& file) { file.of(HacFormat::geometry).entry.version = 2; });
+  error = hac_error([](File& file) { file.of(HacFormat::geometry).entry.version = 2; });
   CHECK(error.kind == ErrorKind::unsupported);
-  error = error_of([](File& file) { file.of(HacFormat::geometry).entry.method = 1; });
+  error = hac_error([](File& file) { file.of(HacFormat::geometry).entry.method = 1; });
   CHECK(error.kind == ErrorKind::unsupported);
 }
 
@@ -65,27 +65,27 @@ TEST_CASE("codec/hac_damage: counts that the file cannot hold are refused before
   for (const std::uint64_t anchors :
        {std::uint64_t{1}, std::uint64_t{61}, std::uint64_t{1} << 20, std::uint64_t{1} << 28, std::uint64_t{1} << 29,
         std::numeric_limits<std::uint64_t>::max()}) {
-    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 0, anchors); });
+    (void)hac_error([&](File& file) { put(file.of(HacFormat::meta).bytes, 0, anchors); });
   }
   for (const std::uint32_t value : {0u, 33u, 0x80000000u, 0xFFFFFFFFu}) {
-    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 8, value); });   // K
-    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 16, value); });  // anchors a chunk
+    (void)hac_error([&](File& file) { put(file.of(HacFormat::meta).bytes, 8, value); });   // K
+    (void)hac_error([&](File& file) { put(file.of(HacFormat::meta).bytes, 16, value); });  // anchors a chunk
   }
   for (const std::uint32_t value : {0u, 4097u, 0xFFFFFFFFu}) {
-    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 12, value); });  // D
+    (void)hac_error([&](File& file) { put(file.of(HacFormat::meta).bytes, 12, value); });  // D
   }
   for (const double value :
        {0.0, -1.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e300}) {
-    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 20, value); });  // voxel size
-    (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 28, value); });  // base steps
+    (void)hac_error([&](File& file) { put(file.of(HacFormat::meta).bytes, 20, value); });  // voxel size
+    (void)hac_error([&](File& file) { put(file.of(HacFormat::meta).bytes, 28, value); });  // base steps
   }
-  (void)error_of([&](File& file) { put(file.of(HacFormat::meta).bytes, 52, 0xFFFFFFFFu); });  // number of values
-  CHECK(decode(good_bytes(), {.memory_limit = 100}).error().kind == ErrorKind::exhausted);
+  (void)hac_error([&](File& file) { put(file.of(HacFormat::meta).bytes, 52, 0xFFFFFFFFu); });  // number of values
+  CHECK(decode(good_hac(), {.memory_limit = 100}).error().kind == ErrorKind::exhausted);
 }
 
 TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
   for (const std::uint32_t kind : HacFormat::known) {
-    (void)error_of([&](File& file) {
+    (void)hac_error([&](File& file) {
       for (std::size_t i = 0; i < file.sections.size(); ++i) {
         if (file.sections[i].entry.kind == kind) {
           file.sections.erase(file.sections.begin() + static_cast<std::ptrdiff_t>(i));
@@ -94,20 +94,20 @@ TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
       }
     });
   }
-  (void)error_of([](File& file) {
+  (void)hac_error([](File& file) {
     Section more = file.of(HacFormat::stream, 0, 2);
     more.entry.chunk = 3;
     file.sections.push_back(more);
   });
-  (void)error_of([](File& file) { file.of(HacFormat::mask, 0, 2).entry.chunk = 7; });
-  (void)error_of([](File& file) { file.of(HacFormat::meta).entry.part = 1; });
+  (void)hac_error([](File& file) { file.of(HacFormat::mask, 0, 2).entry.chunk = 7; });
+  (void)hac_error([](File& file) { file.of(HacFormat::meta).entry.part = 1; });
   Section unknown;
   unknown.entry.kind = four_characters("XTRA");
   unknown.bytes = std::vector<std::byte>(9, std::byte{42});
-  CHECK(error_of([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
+  CHECK(hac_error([&](File& file) { file.sections.push_back(unknown); }).kind == ErrorKind::unsupported);
   // Not critical: skipped, and kept when the model is written again.
   unknown.entry.flags = 0;
-  File file(good_bytes());
+  File file(good_hac());
   file.sections.push_back(unknown);
   const std::vector<std::byte> bytes = file.bytes();
   const auto read = decode(bytes);
@@ -135,13 +135,13 @@ TEST_CASE("codec/hac_damage: missing, superfluous and unknown sections") {
 TEST_CASE("codec/hac_damage: more symbols than a chunk's bytes can hold are refused before there is memory for them") {
   for (const std::uint64_t items :
        {std::uint64_t{0}, std::uint64_t{1} << 40, std::numeric_limits<std::uint64_t>::max()}) {
-    CHECK(error_of([&](File& file) { file.of(HacFormat::stream, 0, 1).entry.items = items; }).field.find("STRM") !=
+    CHECK(hac_error([&](File& file) { file.of(HacFormat::stream, 0, 1).entry.items = items; }).field.find("STRM") !=
           std::string::npos);
   }
 }
 
 TEST_CASE("codec/hac_damage: a damaged chunk costs its anchors with salvage, and the whole file without") {
-  const std::vector<std::byte> good = good_bytes();
+  const std::vector<std::byte> good = good_hac();
   const auto whole = decode(good);
   REQUIRE(whole.ok());
   const std::size_t n = whole->model.anchors();
@@ -177,29 +177,29 @@ TEST_CASE("codec/hac_damage: a damaged chunk costs its anchors with salvage, and
 TEST_CASE(
     "codec/hac_damage: a stream that does not end as it must, left-over bytes, exchanged chunks: desynchronised, "
     "whatever the checksum") {
-  (void)error_of([](File& file) { file.of(HacFormat::stream).bytes.push_back(std::byte{0}); });
-  (void)error_of([](File& file) { file.of(HacFormat::stream).bytes.pop_back(); });
-  (void)error_of([](File& file) { file.of(HacFormat::mask).bytes.push_back(std::byte{0}); });
-  (void)error_of([](File& file) { file.of(HacFormat::hash).bytes.push_back(std::byte{0}); });
-  (void)error_of([](File& file) { file.of(HacFormat::context).bytes.push_back(std::byte{0}); });
-  (void)error_of([](File& file) { file.of(HacFormat::networks).bytes.push_back(std::byte{0}); });
-  (void)error_of(
+  (void)hac_error([](File& file) { file.of(HacFormat::stream).bytes.push_back(std::byte{0}); });
+  (void)hac_error([](File& file) { file.of(HacFormat::stream).bytes.pop_back(); });
+  (void)hac_error([](File& file) { file.of(HacFormat::mask).bytes.push_back(std::byte{0}); });
+  (void)hac_error([](File& file) { file.of(HacFormat::hash).bytes.push_back(std::byte{0}); });
+  (void)hac_error([](File& file) { file.of(HacFormat::context).bytes.push_back(std::byte{0}); });
+  (void)hac_error([](File& file) { file.of(HacFormat::networks).bytes.push_back(std::byte{0}); });
+  (void)hac_error(
       [](File& file) { std::swap(file.of(HacFormat::stream, 0, 0).bytes, file.of(HacFormat::stream, 0, 1).bytes); });
-  (void)error_of([](File& file) { file.of(HacFormat::stream).bytes.clear(); });
+  (void)hac_error([](File& file) { file.of(HacFormat::stream).bytes.clear(); });
 }
 
 TEST_CASE("codec/hac_damage: whole bytes that decode to another model are a fault of the codec, and said to be one") {
-  testing::check_digests(good_bytes());
+  testing::check_digests(good_hac());
 }
 
 TEST_CASE("codec/hac_damage: networks that could overflow, have no units or are no numbers are refused at load") {
-  (void)error_of([](File& file) { put(file.of(HacFormat::context).bytes, 0, 0u); });
-  (void)error_of([](File& file) { put(file.of(HacFormat::context).bytes, 0, 0xFFFFFFFFu); });
-  (void)error_of([](File& file) { put(file.of(HacFormat::context).bytes, 4, std::int8_t{-3}); });  // a shift
+  (void)hac_error([](File& file) { put(file.of(HacFormat::context).bytes, 0, 0u); });
+  (void)hac_error([](File& file) { put(file.of(HacFormat::context).bytes, 0, 0xFFFFFFFFu); });
+  (void)hac_error([](File& file) { put(file.of(HacFormat::context).bytes, 4, std::int8_t{-3}); });  // a shift
   const Error error =
-      error_of([](File& file) { put(file.of(HacFormat::context).bytes, 4 + 5, 0x7FFFFFFF); });  // a bias
+      hac_error([](File& file) { put(file.of(HacFormat::context).bytes, 4 + 5, 0x7FFFFFFF); });  // a bias
   CHECK(error.problem.find("overflow") != std::string::npos);
-  (void)error_of([](File& file) {
+  (void)hac_error([](File& file) {
     CodecTensor tensor{"a", {1}, {std::numeric_limits<float>::quiet_NaN()}, TensorStorage::single};
     file.of(HacFormat::networks).bytes = encode_networks(std::span(&tensor, 1));
   });
@@ -208,8 +208,8 @@ TEST_CASE("codec/hac_damage: networks that could overflow, have no units or are 
 TEST_CASE(
     "codec/hac_damage: a symbol that would make an extent negative is refused, and so is one beyond the greatest") {
   // Encode such symbols by hand, with the model's own context.
-  File file(good_bytes());
-  const auto whole = decode(good_bytes());
+  File file(good_hac());
+  const auto whole = decode(good_hac());
   REQUIRE(whole.ok());
   const IntegerContext& context = *whole->model.context;
   const IntegerNetwork::Packed packed = context.network.pack();

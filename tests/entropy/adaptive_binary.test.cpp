@@ -70,7 +70,7 @@ struct CarelessEncoder {
 };
 
 /// Bits of three contexts: rare, even, frequent.
-std::vector<bool> sample(std::size_t count, std::uint64_t key) {
+std::vector<bool> sample_bits(std::size_t count, std::uint64_t key) {
   const Random random(5, key, random_stage("binary test"));
   std::vector<bool> bits;
   const double probability[3] = {0.01, 0.5, 0.97};
@@ -117,7 +117,7 @@ struct Straddle {
 TEST_CASE(
     "entropy/adaptive_binary: bits come back, the stream is used up, and streams that follow one another do not mix") {
   for (const std::size_t count : {0u, 1u, 2u, 7u, 100u, 20000u}) {
-    const std::vector<bool> bits = sample(count, count);
+    const std::vector<bool> bits = sample_bits(count, count);
     const Bytes stream = encoded(bits);
     CAPTURE(count);
     CHECK((count == 0) == stream.empty());
@@ -309,7 +309,7 @@ TEST_CASE("entropy/adaptive_binary: the rate of a constant source is its entropy
 
 TEST_CASE(
     "entropy/adaptive_binary: what is cut off or flipped is seen at the end, and nothing is read beyond it (EN10)") {
-  const std::vector<bool> bits = sample(600, 1);
+  const std::vector<bool> bits = sample_bits(600, 1);
   const Bytes stream = encoded(bits);
   bool equal = false;
   for (std::size_t length = 0; length < stream.size(); ++length) {

@@ -13,111 +13,48 @@
 
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/testing/gradient.hpp"
+#include "entropy/anchor_scene.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::D;
+using testing::K;
 
-constexpr int D = 13, K = 3, Z = 5;
-constexpr std::size_t anchors = 400;
-constexpr double voxel_size = 0.02;
+constexpr int Z = 5;
+constexpr std::size_t context_gs_anchors = 400;
+constexpr double scene_voxel_size = 0.02;
 static_assert(EntropyModel<ContextGsModel<float>>);
 static_assert(ContextGsModel<float>::Root::inputs == 15 && ContextGsModel<float>::Child::inputs == 71);
 static_assert(ContextGsModel<float>::Child::outputs == 175 && ContextGsModel<float>::Prior::channels == 12);
 
-/// A table of anchors on voxels, its model, and a loss: slopes times the distorted rows, plus the rate.
+/// Anchors on voxels.
 template <class T>
-struct Scene {
-  using Model = ContextGsModel<T, D, K, Z>;
-  typename Model::Settings settings;
-  ParameterArena<T> arena;
-  BlockHandle position, offset, scaling, feature;
-  typename Model::Handles handles;
-  typename Model::Context context;
-  std::vector<std::uint32_t> rows;
-  std::vector<T> out[3], slope[3];
-  RatePhase phase;
+struct ContextGsScene : testing::AnchorScene<T, ContextGsModel<T, D, K, Z>, context_gs_anchors> {
+  using Base = testing::AnchorScene<T, ContextGsModel<T, D, K, Z>, context_gs_anchors>;
+  using Base::arena, Base::handles, Base::position, Base::feature, Base::scaling, Base::offset;
+  using typename Base::Model;
 
-  Scene() {
-    position = arena.add("anchor.position", anchors, 3, RowKind::anchor);
-    offset = arena.add("anchor.offset", anchors, 3 * K, RowKind::anchor);
-    scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor);
-    feature = arena.add("anchor.feature", anchors, D, RowKind::anchor);
-    handles = Model::add_parameters(arena, anchors);
-    Model::initialise(arena, handles, 5);
-    const Random random(6, 0, random_stage("context gs test"));
-    std::uint64_t at = 0;
-    const auto fill = [&](BlockHandle block, double scale, double shift) {
-      for (T& value : arena.values(block).flat()) value = static_cast<T>(shift + scale * random.normal(at++));
-    };
+  ContextGsScene() : Base("context gs test") {
     for (T& x : arena.values(position).flat()) {
-      x = static_cast<T>(voxel_size * static_cast<double>(std::lround(12 * random.normal(at++))));
+      x = static_cast<T>(scene_voxel_size * static_cast<double>(std::lround(12 * this->random.normal(this->at++))));
     }
-    fill(feature, 2, 0.3);
-    fill(scaling, 0.7, -4);
-    fill(offset, 0.8, 0);
-    fill(handles.mask, 2, 0);
-    fill(handles.hyperprior, 1.5, 0);
-    for (const auto& network : handles.network) fill(network.weight2, 0.15, 0);  // something to learn from at once
-    for (std::size_t i = 0; i < anchors; i += 11) {
-      for (std::size_t k = 0; k < K; ++k) arena.values(handles.mask)(i, k) = T(-9) - static_cast<T>(k);  // dead anchors
-    }
+    this->fill(feature, 2, 0.3);
+    this->fill(scaling, 0.7, -4);
+    this->fill(offset, 0.8, 0);
+    this->fill(handles.mask, 2, 0);
+    this->fill(handles.hyperprior, 1.5, 0);
+    for (const auto& network : handles.network)
+      this->fill(network.weight2, 0.15, 0);  // something to learn from at once
+    this->kill_every_eleventh_anchor();
     begin();
-    for (std::uint32_t row = 0; row < anchors; row += row % 3 == 0 ? 2 : 5) rows.push_back(row);
-    for (int which = 0; which < 3; ++which) {
-      slope[which].resize(table(which).size());
-      for (T& value : slope[which]) value = static_cast<T>(random.normal(at++));
-    }
-    settings.lambda = 40;  // the rate's gradient and the slopes' are of one size
-    settings.mask_weight = 3;
-    settings.sample = 0.3;
-    settings.step_share = 1;
-    phase = {.context = true, .seed = 3, .iteration = 12};
+    for (std::uint32_t row = 0; row < context_gs_anchors; row += row % 3 == 0 ? 2 : 5) this->rows.push_back(row);
+    for (int which = 0; which < 3; ++which) this->draw_slope(which);
+    this->settings.sample = 0.3;
   }
   void begin() {
     Model::begin_context(arena, handles, std::as_const(arena).values(position), std::as_const(arena).values(feature),
-                         std::as_const(arena).values(scaling), std::as_const(arena).values(offset), voxel_size);
-  }
-  MatrixView<T> table(int which) { return arena.values(which == 0 ? feature : (which == 1 ? scaling : offset)); }
-  MatrixView<T> view(std::vector<T>& values, int which) { return {values.data(), anchors, table(which).columns}; }
-  template <Executor E>
-  RateReport forward(E& executor) {
-    for (int which = 0; which < 3; ++which) out[which].assign(table(which).flat().begin(), table(which).flat().end());
-    return Model(settings).forward(arena, handles, rows, phase, std::as_const(arena).values(position), view(out[0], 0),
-                                   view(out[1], 1), view(out[2], 2), context, executor);
-  }
-  double loss() {
-    SerialExecutor serial;
-    double sum = forward(serial).loss;
-    for (const std::uint32_t row : rows) {
-      for (int which = 0; which < 3; ++which) {
-        for (std::size_t c = 0; c < table(which).columns; ++c) {
-          sum += static_cast<double>(view(slope[which], which)(row, c)) *
-                 static_cast<double>(view(out[which], which)(row, c));
-        }
-      }
-    }
-    return sum;
-  }
-  /// Gradients by the table: those of listed rows as the road carries them on, and what the model wrote itself.
-  template <Executor E>
-  void backward(E& executor) {
-    std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), T(0));
-    std::vector<T> d[3];
-    for (int which = 0; which < 3; ++which) {
-      d[which].assign(table(which).size(), T(0));
-      for (const std::uint32_t row : rows) {
-        for (std::size_t c = 0; c < table(which).columns; ++c)
-          view(d[which], which)(row, c) = view(slope[which], which)(row, c);
-      }
-    }
-    Model(settings).backward(arena, handles, rows, view(d[0], 0), view(d[1], 1), view(d[2], 2), context, executor);
-    for (int which = 0; which < 3; ++which) {
-      const MatrixView<T> to = arena.gradients(which == 0 ? feature : (which == 1 ? scaling : offset));
-      for (const std::uint32_t row : rows) {
-        for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += view(d[which], which)(row, c);
-      }
-    }
+                         std::as_const(arena).values(scaling), std::as_const(arena).values(offset), scene_voxel_size);
   }
 };
 
@@ -128,7 +65,7 @@ TEST_CASE(
     "in double)") {
   for (const double sample : {0.3, 0.0, 1.0}) {
     CAPTURE(sample);
-    Scene<double> scene;
+    ContextGsScene<double> scene;
     scene.settings.sample = sample;
     static_cast<void>(scene.loss());
     const ContextGsPlan& plan = scene.context.plan;
@@ -161,7 +98,7 @@ TEST_CASE(
     }
     // A row that nobody looked at has no gradient; a parent has one even where it is neither listed nor sampled.
     std::size_t parents = 0, untouched = 0;
-    for (std::size_t row = 0; row < anchors; ++row) {
+    for (std::size_t row = 0; row < context_gs_anchors; ++row) {
       double size = 0;
       for (std::size_t c = 0; c < D; ++c) size += std::abs(scene.arena.gradients(scene.feature)(row, c));
       if (plan.mark[row] == ContextGsPlan::needed) {
@@ -179,7 +116,7 @@ TEST_CASE(
 }
 
 TEST_CASE("entropy/context_gs_model: an anchor looks at its parent as the parent was rendered, and at nobody else") {
-  Scene<double> scene;
+  ContextGsScene<double> scene;
   SerialExecutor serial;
   scene.settings.sample = 1;
   scene.forward(serial);
@@ -193,7 +130,7 @@ TEST_CASE("entropy/context_gs_model: an anchor looks at its parent as the parent
     CHECK(plan.row[plan.parent[e]] == parent);
     if ((plan.mark[parent] & ContextGsPlan::visible) == 0) continue;
     const double* const input =
-        scene.context.input.data() + e * static_cast<std::size_t>(Scene<double>::Model::Child::input_row);
+        scene.context.input.data() + e * static_cast<std::size_t>(ContextGsScene<double>::Model::Child::input_row);
     for (std::size_t c = 0; c < 3; ++c) CHECK(std::abs(input[c]) < 1);
     for (std::size_t c = 0; c < D; ++c) {
       const double value = scene.view(scene.out[0], 0)(parent, c);
@@ -232,7 +169,7 @@ TEST_CASE("entropy/context_gs_model: an anchor looks at its parent as the parent
     for (std::size_t c = 0; c < D; ++c) scene.table(0)(row, c) = kept[c];
     for (const std::size_t other : changed) {
       const std::size_t parent = levels.parent()[other];
-      CHECK((parent == row || (parent < anchors && levels.parent()[parent] == row)));
+      CHECK((parent == row || (parent < context_gs_anchors && levels.parent()[parent] == row)));
     }
     return changed.size();
   };
@@ -242,14 +179,14 @@ TEST_CASE("entropy/context_gs_model: an anchor looks at its parent as the parent
 }
 
 TEST_CASE("entropy/context_gs_model: who else is listed or sampled changes no anchor's noise") {
-  Scene<double> scene;
+  ContextGsScene<double> scene;
   SerialExecutor serial;
   scene.settings.sample = 0;
   scene.forward(serial);
   const std::vector<double> few[3] = {scene.out[0], scene.out[1], scene.out[2]};
   const std::vector<std::uint32_t> rows = scene.rows;
   scene.rows.clear();
-  for (std::uint32_t row = 0; row < anchors; ++row) scene.rows.push_back(row);
+  for (std::uint32_t row = 0; row < context_gs_anchors; ++row) scene.rows.push_back(row);
   scene.settings.sample = 0.5;
   scene.forward(serial);
   for (const std::uint32_t row : rows) {
@@ -265,12 +202,12 @@ TEST_CASE("entropy/context_gs_model: who else is listed or sampled changes no an
 }
 
 TEST_CASE("entropy/context_gs_model: loss, sample and report fit together; masks feel what their death would save") {
-  Scene<double> scene;
+  ContextGsScene<double> scene;
   scene.settings.sample = 1;
   SerialExecutor serial;
   const RateReport report = scene.forward(serial);
-  CHECK(report.sampled == anchors);
-  CHECK(report.live_share == doctest::Approx(1 - 37.0 / anchors).epsilon(0.02));
+  CHECK(report.sampled == context_gs_anchors);
+  CHECK(report.live_share == doctest::Approx(1 - 37.0 / context_gs_anchors).epsilon(0.02));
   const double scalars = D + 6 + 3 * K;
   CHECK(report.bits_per_scalar ==
         doctest::Approx((D * report.bits_feature + 6 * report.bits_scaling + 3 * K * report.bits_offset) / scalars));
@@ -279,17 +216,18 @@ TEST_CASE("entropy/context_gs_model: loss, sample and report fit together; masks
     masks += mask_probability(stored);
     live += mask_live(stored) ? 1 : 0;
   }
-  CHECK(report.live_offsets == doctest::Approx(live / (anchors * K)));
-  const double rate = scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (anchors * scalars));
-  CHECK(report.loss == doctest::Approx(rate + scene.settings.mask_weight * masks / (anchors * K)));
-  CHECK(report.hash_bits > anchors * Z * 0.8);
+  CHECK(report.live_offsets == doctest::Approx(live / (context_gs_anchors * K)));
+  const double rate =
+      scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (context_gs_anchors * scalars));
+  CHECK(report.loss == doctest::Approx(rate + scene.settings.mask_weight * masks / (context_gs_anchors * K)));
+  CHECK(report.hash_bits > context_gs_anchors * Z * 0.8);
   CHECK(report.step_feature > 0.3);
   CHECK(report.step_feature < 2);
   scene.backward(serial);
   // One offset of an anchor of level 0 less, that stays alive: its bits, and the share of what the last would take along.
   const MatrixView<double> mask = scene.arena.values(scene.handles.mask), d = scene.arena.gradients(scene.handles.mask);
   std::size_t tested = 0;
-  for (std::size_t row = 0; row < anchors && tested < 12; ++row) {
+  for (std::size_t row = 0; row < context_gs_anchors && tested < 12; ++row) {
     if (scene.context.levels.levels().level()[row] != 0 || !mask_live(mask(row, 0)) || !mask_live(mask(row, 1)))
       continue;
     const std::array<double, 3> kept{mask(row, 0), mask(row, 1), mask(row, 2)};
@@ -304,7 +242,7 @@ TEST_CASE("entropy/context_gs_model: loss, sample and report fit together; masks
       return loss;
     };
     const double p = mask_probability(kept[0]), slope = mask_slope(kept[0]), gone = mask_probability(-20.0),
-                 weight = scene.settings.mask_weight / (anchors * K);
+                 weight = scene.settings.mask_weight / (context_gs_anchors * K);
     const auto save = [&](double with, double without) { return with - without - weight * (p - gone); };
     // Without the slopes' part: a dead anchor that is rendered passes without noise.
     const std::vector<std::uint32_t> rows = scene.rows;
@@ -322,12 +260,12 @@ TEST_CASE("entropy/context_gs_model: loss, sample and report fit together; masks
 }
 
 TEST_CASE("entropy/context_gs_model: noise of the base steps before the context; nothing in a plain phase's arena") {
-  Scene<float> scene;
+  ContextGsScene<float> scene;
   scene.phase = {.noise = true, .seed = 1, .iteration = 2};
   SerialExecutor serial;
   CHECK(scene.forward(serial).loss == 0);
   double squares = 0, n = 0;
-  std::vector<bool> listed(anchors, false);
+  std::vector<bool> listed(context_gs_anchors, false);
   for (const std::uint32_t row : scene.rows) listed[row] = true;
   for (std::size_t i = 0; i < scene.out[0].size(); ++i) {
     const double u = static_cast<double>(scene.out[0][i] - scene.table(0).data[i]);
@@ -346,7 +284,7 @@ TEST_CASE("entropy/context_gs_model: noise of the base steps before the context;
 }
 
 TEST_CASE("entropy/context_gs_model: rounding lands on whole steps, z on whole numbers (QZ2)") {
-  Scene<double> scene;
+  ContextGsScene<double> scene;
   scene.phase.round = true;
   SerialExecutor serial;
   scene.forward(serial);
@@ -360,7 +298,7 @@ TEST_CASE("entropy/context_gs_model: rounding lands on whole steps, z on whole n
       worst = std::max(worst, std::abs(after / q - std::nearbyint(after / q)));
       farthest = std::max(farthest, std::abs(after - before) / q);
     }
-    using Child = Scene<double>::Model::Child;
+    using Child = ContextGsScene<double>::Model::Child;
     const double* const z =
         scene.context.input.data() + e * static_cast<std::size_t>(Child::input_row) + (Child::inputs - Z);
     for (std::size_t c = 0; c < Z; ++c)
@@ -372,7 +310,7 @@ TEST_CASE("entropy/context_gs_model: rounding lands on whole steps, z on whole n
 }
 
 TEST_CASE("entropy/context_gs_model: same bits at any thread count, in iterations that follow one another too") {
-  Scene<float> one, four;
+  ContextGsScene<float> one, four;
   SerialExecutor serial;
   ThreadExecutor threads(4);
   for (std::uint64_t t = 1; t < 4; ++t) {
@@ -388,7 +326,7 @@ TEST_CASE("entropy/context_gs_model: same bits at any thread count, in iteration
                       one.arena.all_gradients().size_bytes()) == 0);
   }
   // A context that saw other iterations before gives what a fresh one gives: a resumed run continues as it would have.
-  Scene<float> fresh;
+  ContextGsScene<float> fresh;
   fresh.arena.values(fresh.handles.mask)(7, 0) = -20;
   fresh.phase.iteration = 3;
   fresh.forward(serial);
@@ -398,9 +336,9 @@ TEST_CASE("entropy/context_gs_model: same bits at any thread count, in iteration
 TEST_CASE(
     "entropy/context_gs_model: cells are kept with the voxel size; nobody visible, nobody alive, and one anchor are "
     "legal") {
-  Scene<float> scene;
+  ContextGsScene<float> scene;
   const MatrixView<float> cells = scene.arena.values(scene.handles.cells);
-  CHECK(anchor_voxel_size<float>(cells) == doctest::Approx(voxel_size).epsilon(1e-14));
+  CHECK(anchor_voxel_size<float>(cells) == doctest::Approx(scene_voxel_size).epsilon(1e-14));
   CHECK(cells(0, 0) > 1);
   CHECK(cells(0, 1) > cells(0, 0));
   SerialExecutor serial;
@@ -426,10 +364,10 @@ TEST_CASE(
 }
 
 TEST_CASE("entropy/context_gs_model: a share of the light anchors teaches its steps at the inverse weight") {
-  Scene<double> all, some;
+  ContextGsScene<double> all, some;
   some.settings.step_share = 0.25;
   SerialExecutor serial;
-  for (Scene<double>* scene : {&all, &some}) {
+  for (ContextGsScene<double>* scene : {&all, &some}) {
     scene->forward(serial);
     scene->backward(serial);
   }
@@ -450,7 +388,7 @@ TEST_CASE("entropy/context_gs_model: a share of the light anchors teaches its st
 TEST_CASE("entropy/context_gs_model: a NaN or infinity in one anchor, mask or z stays where it is") {
   constexpr float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
   for (const bool round : {false, true}) {
-    Scene<float> scene;
+    ContextGsScene<float> scene;
     scene.phase.round = round;
     scene.settings.sample = 1;
     SerialExecutor serial;
@@ -458,7 +396,7 @@ TEST_CASE("entropy/context_gs_model: a NaN or infinity in one anchor, mask or z 
     const AnchorLevels& levels = scene.context.levels.levels();
     std::vector<std::size_t> bad;  // a head that is listed, and one that is not
     for (const bool listed : {true, false}) {
-      for (std::uint32_t row = 0; row < anchors; ++row) {
+      for (std::uint32_t row = 0; row < context_gs_anchors; ++row) {
         const bool is = std::binary_search(scene.rows.begin(), scene.rows.end(), row);
         if (levels.level()[row] != 2 || is != listed) continue;
         bad.push_back(row);
@@ -489,14 +427,14 @@ TEST_CASE("entropy/context_gs_model: a NaN or infinity in one anchor, mask or z 
 
 namespace {
 /// Descent by signs on the rate of anchors whose features follow those of their neighbourhood.
-RateReport trained(int iterations, bool structured) {
-  Scene<float> scene;
+RateReport trained_context_gs(int iterations, bool structured) {
+  ContextGsScene<float> scene;
   scene.settings.lambda = 1;
   scene.settings.mask_weight = 0;
   scene.settings.sample = 1;
   const MatrixView<float> position = scene.arena.values(scene.position);
   if (structured) {
-    for (std::size_t row = 0; row < anchors; ++row) {
+    for (std::size_t row = 0; row < context_gs_anchors; ++row) {
       for (std::size_t c = 0; c < D; ++c) {
         const float x = position(row, c % 3) * 5 + position(row, (c + 1) % 3) * static_cast<float>(c);
         scene.table(0)(row, c) = 0.3f * scene.table(0)(row, c) + 6 * std::sin(x);
@@ -527,7 +465,7 @@ RateReport trained(int iterations, bool structured) {
 }  // namespace
 
 TEST_CASE("entropy/context_gs_model: networks learn from parents what features are likely, and z pays for itself") {
-  const RateReport before = trained(1, true), after = trained(120, true);
+  const RateReport before = trained_context_gs(1, true), after = trained_context_gs(120, true);
   CAPTURE(before.bits_feature);
   CAPTURE(after.bits_feature);
   CAPTURE(before.hash_bits);

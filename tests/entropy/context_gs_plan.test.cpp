@@ -12,13 +12,13 @@ namespace {
 
 using namespace compmark;
 
-constexpr std::size_t anchors = 3000;
+constexpr std::size_t planned_anchors = 3000;
 
 AnchorLevels some_levels() {
   const Random random(3, 0, random_stage("context gs plan test"));
-  std::vector<Voxel> voxels(anchors);
-  std::vector<std::uint8_t> live(anchors);
-  for (std::size_t i = 0; i < anchors; ++i) {
+  std::vector<Voxel> voxels(planned_anchors);
+  std::vector<std::uint8_t> live(planned_anchors);
+  for (std::size_t i = 0; i < planned_anchors; ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       voxels[i][axis] = static_cast<std::int32_t>(random.below(4 * i + axis, 50)) - 20;
     }
@@ -37,7 +37,7 @@ TEST_CASE(
     "children") {
   const AnchorLevels levels = some_levels();
   std::vector<std::uint32_t> few, many;
-  for (std::uint32_t i = 0; i < anchors; ++i) {
+  for (std::uint32_t i = 0; i < planned_anchors; ++i) {
     if (levels.level()[i] == 0 && few.size() < 4 && i > 1000) few.push_back(i);
     if (i % 3 == 0) many.push_back(i);
   }
@@ -48,7 +48,7 @@ TEST_CASE(
       plan.build(levels, rows, random, share);
       std::set<std::uint32_t> wanted, drawn;
       std::size_t visible = 0;
-      for (std::uint32_t i = 0; i < anchors; ++i) {
+      for (std::uint32_t i = 0; i < planned_anchors; ++i) {
         if (random.uniform(i) < share) drawn.insert(i);
       }
       CHECK(plan.drawn == drawn.size());

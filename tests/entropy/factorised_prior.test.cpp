@@ -13,8 +13,8 @@ namespace {
 
 using namespace compmark;
 
-constexpr int channels = 3;
-constexpr std::size_t anchors = 16;
+constexpr int prior_channels = 3;
+constexpr std::size_t prior_anchors = 16;
 
 /// c(z) of a channel as the sheet writes it, from the raw scalars.
 long double cumulative_logit(const double* raw, long double z) {
@@ -44,11 +44,12 @@ long double interval(const double* raw, long double z) {
 
 template <class T>
 struct Problem {
-  using Prior = FactorisedPrior<T, channels>;
+  using Prior = FactorisedPrior<T, prior_channels>;
   std::vector<T> values = std::vector<T>(Prior::count), gradients = std::vector<T>(Prior::count, T(0));
-  std::vector<T> z = std::vector<T>(channels * anchors), d_z = z, weight = std::vector<T>(anchors), bits = weight;
+  std::vector<T> z = std::vector<T>(prior_channels * prior_anchors), d_z = z, weight = std::vector<T>(prior_anchors),
+                 bits = weight;
   explicit Problem(double spread) {
-    Prior::initialise({values.data(), channels, 58}, 1);
+    Prior::initialise({values.data(), prior_channels, 58}, 1);
     const Random random(2, 0, 0);
     std::size_t at = 0;
     for (std::size_t i = 0; i < values.size(); ++i) values[i] += static_cast<T>(0.5 * random.normal(at++));
@@ -57,13 +58,14 @@ struct Problem {
   }
   T run() {
     std::vector<T> ready(Prior::count), sums(Prior::count, T(0));
-    Prior::prepare({values.data(), channels, 58}, ready.data());
+    Prior::prepare({values.data(), prior_channels, 58}, ready.data());
     std::fill(bits.begin(), bits.end(), T(0));
-    Prior::bits(ready.data(), z.data(), anchors, weight.data(), bits.data(), d_z.data(), sums.data());
+    Prior::bits(ready.data(), z.data(), prior_anchors, weight.data(), bits.data(), d_z.data(), sums.data());
     std::fill(gradients.begin(), gradients.end(), T(0));
-    Prior::add_gradients({values.data(), channels, 58}, ready.data(), sums.data(), {gradients.data(), channels, 58});
+    Prior::add_gradients({values.data(), prior_channels, 58}, ready.data(), sums.data(),
+                         {gradients.data(), prior_channels, 58});
     T loss = 0;
-    for (std::size_t i = 0; i < anchors; ++i) loss += weight[i] * bits[i];
+    for (std::size_t i = 0; i < prior_anchors; ++i) loss += weight[i] * bits[i];
     return loss;
   }
 };
@@ -92,10 +94,10 @@ TEST_CASE("entropy/factorised_prior: bits are those of the formula, in float wit
     for (std::size_t i = 0; i < exact.z.size(); ++i) exact.z[i] = static_cast<double>(single.z[i]);
     static_cast<void>(exact.run());
     static_cast<void>(single.run());
-    for (std::size_t i = 0; i < anchors; ++i) {
+    for (std::size_t i = 0; i < prior_anchors; ++i) {
       long double bits = 0;
-      for (std::size_t c = 0; c < channels; ++c) {
-        const double z = exact.z[c * anchors + i], t = std::max(0.0, std::abs(z) - 15), d = t * t / (1 + t);
+      for (std::size_t c = 0; c < prior_channels; ++c) {
+        const double z = exact.z[c * prior_anchors + i], t = std::max(0.0, std::abs(z) - 15), d = t * t / (1 + t);
         const double e = 1.0 / 65536;
         bits -= std::log2((1 - 4 * e) * interval(exact.values.data() + 58 * c, z) + e / ((1 + d) * (1 + d)));
       }
@@ -110,8 +112,8 @@ TEST_CASE(
     "out") {
   Problem<double> problem(1);
   std::vector<double> ready(Problem<double>::Prior::count);
-  Problem<double>::Prior::prepare({problem.values.data(), channels, 58}, ready.data());
-  for (std::size_t c = 0; c < channels; ++c) {
+  Problem<double>::Prior::prepare({problem.values.data(), prior_channels, 58}, ready.data());
+  for (std::size_t c = 0; c < prior_channels; ++c) {
     const double* const raw = problem.values.data() + 58 * c;
     long double sum = 0;
     for (int k = -400; k <= 400; ++k) {

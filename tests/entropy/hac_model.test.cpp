@@ -12,122 +12,59 @@
 
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/testing/gradient.hpp"
+#include "entropy/anchor_scene.hpp"
 #include "pipeline/short_training.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::D;
+using testing::K;
 
-constexpr HashGridShape small{.volume_resolution = {9, 18, 40},
-                              .volume_levels = 3,
-                              .volume_cap_log2 = 9,
-                              .plane_resolution = {20, 66},
-                              .plane_levels = 1,
-                              .plane_cap_log2 = 8};
+constexpr HashGridShape small_hac_grid{.volume_resolution = {9, 18, 40},
+                                       .volume_levels = 3,
+                                       .volume_cap_log2 = 9,
+                                       .plane_resolution = {20, 66},
+                                       .plane_levels = 1,
+                                       .plane_cap_log2 = 8};
 constexpr bool short_run =
     testing::short_trainings;  // with sanitizers: the code runs, the optimised builds look closer
-constexpr int D = 13, K = 3;
-constexpr std::size_t anchors = 230;
+constexpr std::size_t hac_anchors = 230;
 static_assert(EntropyModel<HacModel<float>> && EntropyModel<NoEntropyModel>);
 static_assert(HacModel<float>::Network::outputs == 175 && HacModel<float>::Network::inputs == 96);
 static_assert(!RatePhase{}.active());
 
-/// A table of anchors in an arena, its model, and a loss: slopes times the distorted rows, plus the rate.
 template <class T>
-struct Scene {
-  using Model = HacModel<T, D, K, small>;
-  typename Model::Settings settings;
-  ParameterArena<T> arena;
-  BlockHandle position, offset, scaling, feature;
-  typename Model::Handles handles;
-  typename Model::Context context;
-  std::vector<std::uint32_t> rows;
-  std::vector<T> out[3], slope[3];
-  RatePhase phase;
+struct HacScene : testing::AnchorScene<T, HacModel<T, D, K, small_hac_grid>, hac_anchors> {
+  using Base = testing::AnchorScene<T, HacModel<T, D, K, small_hac_grid>, hac_anchors>;
+  using Base::arena, Base::handles, Base::slope, Base::table, Base::view, Base::position, Base::feature, Base::scaling,
+      Base::offset;
+  using typename Base::Model;
 
-  Scene() {
-    position = arena.add("anchor.position", anchors, 3, RowKind::anchor);
-    offset = arena.add("anchor.offset", anchors, 3 * K, RowKind::anchor);
-    scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor);
-    feature = arena.add("anchor.feature", anchors, D, RowKind::anchor);
-    handles = Model::add_parameters(arena, anchors);
-    Model::initialise(arena, handles, 5);
-    const Random random(6, 0, random_stage("hac model test"));
-    std::uint64_t at = 0;
-    const auto fill = [&](BlockHandle block, double scale, double shift) {
-      for (T& value : arena.values(block).flat()) value = static_cast<T>(shift + scale * random.normal(at++));
-    };
-    fill(position, 1, 0.5);
-    fill(feature, 2, 0.3);
-    fill(scaling, 0.7, -4);
-    fill(offset, 0.8, 0);
-    fill(handles.mask, 2, 0);
-    fill(handles.weight2, 0.15, 0);  // something to learn from at once
-    for (std::size_t i = 3; i < anchors; i += 7) arena.values(handles.mask)(i, 1) = T(-8);  // dead offsets
-    for (std::size_t i = 0; i < anchors; i += 11) {
-      for (std::size_t k = 0; k < K; ++k) arena.values(handles.mask)(i, k) = T(-9) - static_cast<T>(k);  // dead anchors
-    }
+  HacScene() : Base("hac model test") {
+    this->fill(position, 1, 0.5);
+    this->fill(feature, 2, 0.3);
+    this->fill(scaling, 0.7, -4);
+    this->fill(offset, 0.8, 0);
+    this->fill(handles.mask, 2, 0);
+    this->fill(handles.weight2, 0.15, 0);  // something to learn from at once
+    for (std::size_t i = 3; i < hac_anchors; i += 7) arena.values(handles.mask)(i, 1) = T(-8);  // dead offsets
+    this->kill_every_eleventh_anchor();
     Model::begin_context(arena, handles, std::as_const(arena).values(position), std::as_const(arena).values(feature),
                          std::as_const(arena).values(scaling), std::as_const(arena).values(offset));
-    for (std::uint32_t row = 0; row < anchors; row += row % 3 == 0 ? 1 : 2) rows.push_back(row);
+    for (std::uint32_t row = 0; row < hac_anchors; row += row % 3 == 0 ? 1 : 2) this->rows.push_back(row);
     for (int which = 0; which < 3; ++which) {
-      slope[which].resize(table(which).size());
-      for (T& value : slope[which]) value = static_cast<T>(random.normal(at++));
-      for (std::size_t row = 1; row < anchors; row += 4) {  // visible, but hidden behind others
+      this->draw_slope(which);
+      for (std::size_t row = 1; row < hac_anchors; row += 4) {  // visible, but hidden behind others
         for (std::size_t c = 0; c < table(which).columns; ++c) view(slope[which], which)(row, c) = T(0);
       }
     }
-    settings.lambda = 40;  // the rate's gradient and the slopes' are of one size
-    settings.mask_weight = 3;
-    settings.sample = 0.4;
-    settings.step_share = 1;
-    phase = {.context = true, .seed = 3, .iteration = 12};
-  }
-  MatrixView<T> table(int which) { return arena.values(which == 0 ? feature : (which == 1 ? scaling : offset)); }
-  MatrixView<T> view(std::vector<T>& values, int which) { return {values.data(), anchors, table(which).columns}; }
-  template <Executor E>
-  RateReport forward(E& executor) {
-    for (int which = 0; which < 3; ++which) out[which].assign(table(which).flat().begin(), table(which).flat().end());
-    return Model(settings).forward(arena, handles, rows, phase, std::as_const(arena).values(position), view(out[0], 0),
-                                   view(out[1], 1), view(out[2], 2), context, executor);
-  }
-  double loss() {
-    SerialExecutor serial;
-    double sum = forward(serial).loss;
-    for (const std::uint32_t row : rows) {
-      for (int which = 0; which < 3; ++which) {
-        for (std::size_t c = 0; c < table(which).columns; ++c) {
-          sum += static_cast<double>(view(slope[which], which)(row, c)) *
-                 static_cast<double>(view(out[which], which)(row, c));
-        }
-      }
-    }
-    return sum;
-  }
-  /// Gradients by the table: those of listed rows as the road carries them on, and what the model wrote itself.
-  template <Executor E>
-  void backward(E& executor) {
-    std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), T(0));
-    std::vector<T> d[3];
-    for (int which = 0; which < 3; ++which) {
-      d[which].assign(table(which).size(), T(0));
-      for (const std::uint32_t row : rows) {
-        for (std::size_t c = 0; c < table(which).columns; ++c)
-          view(d[which], which)(row, c) = view(slope[which], which)(row, c);
-      }
-    }
-    Model(settings).backward(arena, handles, rows, view(d[0], 0), view(d[1], 1), view(d[2], 2), context, executor);
-    for (int which = 0; which < 3; ++which) {
-      const MatrixView<T> to = arena.gradients(which == 0 ? feature : (which == 1 ? scaling : offset));
-      for (const std::uint32_t row : rows) {
-        for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += view(d[which], which)(row, c);
-      }
-    }
+    this->settings.sample = 0.4;
   }
   std::string law(BlockHandle block) {
     const std::vector<T> gradient(arena.gradients(block).flat().begin(), arena.gradients(block).flat().end());
-    return testing::gradient_law([&] { return loss(); }, arena.values(block).flat(), std::span<const double>(gradient),
-                                 1e-6, short_run ? 6 : 24);
+    return testing::gradient_law([&] { return this->loss(); }, arena.values(block).flat(),
+                                 std::span<const double>(gradient), 1e-6, short_run ? 6 : 24);
   }
 };
 
@@ -140,7 +77,7 @@ TEST_CASE(
       if (short_run && all != anchor_mask) continue;
       CAPTURE(all);
       CAPTURE(anchor_mask);
-      Scene<double> scene;
+      HacScene<double> scene;
       scene.settings.sample_all = all;
       scene.settings.anchor_mask = anchor_mask;
       static_cast<void>(scene.loss());
@@ -155,7 +92,7 @@ TEST_CASE(
       CHECK(scene.law(scene.handles.bias2) == "");
       // Rows that are neither listed nor sampled have no gradient; sampled ones have, also where they are not listed.
       std::size_t outside = 0, untouched = 0;
-      for (std::size_t row = 0; row < anchors; ++row) {
+      for (std::size_t row = 0; row < hac_anchors; ++row) {
         if ((scene.context.entries.mark[row] & 1) != 0) continue;
         double size = 0;
         for (std::size_t c = 0; c < D; ++c) size += std::abs(scene.arena.gradients(scene.feature)(row, c));
@@ -169,7 +106,7 @@ TEST_CASE(
 }
 
 TEST_CASE("entropy/hac_model: the grid's gradient is that of the loss by its signs, to first order") {
-  Scene<double> scene;
+  HacScene<double> scene;
   for (double& weight : scene.arena.values(scene.handles.weight1).flat()) weight *= 0.02;  // no unit turns on or off
   static_cast<void>(scene.loss());
   SerialExecutor serial;
@@ -198,7 +135,7 @@ TEST_CASE(
     "slope") {
   for (const bool anchor_mask : {true, false}) {
     CAPTURE(anchor_mask);
-    Scene<double> scene;
+    HacScene<double> scene;
     scene.settings.anchor_mask = anchor_mask;
     static_cast<void>(scene.loss());
     SerialExecutor serial;
@@ -207,7 +144,7 @@ TEST_CASE(
                              d = scene.arena.gradients(scene.handles.mask);
     const double cells = static_cast<double>(mask.size());
     std::size_t tested = 0;
-    for (std::size_t row = 0; row < anchors; row += short_run ? 20 : 3) {
+    for (std::size_t row = 0; row < hac_anchors; row += short_run ? 20 : 3) {
       if (!mask_live(mask(row, 0)) || !mask_live(mask(row, 1)))
         continue;  // the anchor stays alive, so that only offset 0 changes
       const double kept = mask(row, 0), p = mask_probability(kept), slope = mask_slope(kept);
@@ -240,20 +177,20 @@ TEST_CASE(
 }
 
 TEST_CASE("entropy/hac_model: loss, sample and report fit together; bits are those of gaussian_bits") {
-  Scene<double> scene;
+  HacScene<double> scene;
   scene.settings.sample = 1;
   SerialExecutor serial;
   const RateReport report = scene.forward(serial);
-  CHECK(report.sampled == anchors);
-  CHECK(report.live_share == doctest::Approx(1 - 21.0 / anchors).epsilon(0.02));
+  CHECK(report.sampled == hac_anchors);
+  CHECK(report.live_share == doctest::Approx(1 - 21.0 / hac_anchors).epsilon(0.02));
   const double scalars = D + 6 + 3 * K;
   CHECK(report.bits_per_scalar ==
         doctest::Approx((D * report.bits_feature + 6 * report.bits_scaling + 3 * K * report.bits_offset) / scalars));
   double masks = 0;
   for (const double stored : scene.arena.values(scene.handles.mask).flat()) masks += mask_probability(stored);
   CHECK(report.loss ==
-        doctest::Approx(scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (anchors * scalars)) +
-                        scene.settings.mask_weight * masks / (anchors * K)));
+        doctest::Approx(scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (hac_anchors * scalars)) +
+                        scene.settings.mask_weight * masks / (hac_anchors * K)));
   CHECK(report.live_offsets > 0.8);
   CHECK(report.live_offsets < report.live_share);
   CHECK(report.step_feature > 0.3);
@@ -261,8 +198,8 @@ TEST_CASE("entropy/hac_model: loss, sample and report fit together; bits are tho
   CHECK(report.step_scaling == doctest::Approx(0.001).epsilon(0.7));
   scene.settings.anchor_mask = false;  // HAC: live ones alone, times their share
   const RateReport live = scene.forward(serial);
-  CHECK(live.sampled < anchors);
-  CHECK(live.sampled == static_cast<std::size_t>(std::lround(live.live_share * anchors)));
+  CHECK(live.sampled < hac_anchors);
+  CHECK(live.sampled == static_cast<std::size_t>(std::lround(live.live_share * hac_anchors)));
   CHECK(live.live_share * live.bits_per_scalar == doctest::Approx(report.bits_per_scalar));
   scene.phase.counts = false;
   CHECK(scene.forward(serial).loss == 0);
@@ -270,14 +207,14 @@ TEST_CASE("entropy/hac_model: loss, sample and report fit together; bits are tho
 }
 
 TEST_CASE("entropy/hac_model: noise of the base steps; extents stay positive; nothing else is touched") {
-  Scene<float> scene;
+  HacScene<float> scene;
   scene.phase = {.noise = true, .seed = 1, .iteration = 2};
   for (float& s : scene.table(1).flat()) s = std::log(2e-4f);  // smaller than the noise on them
   SerialExecutor serial;
   const RateReport report = scene.forward(serial);
   CHECK(report.loss == 0);
   double sums[3] = {}, squares[3] = {}, n[3] = {};
-  std::vector<bool> listed(anchors, false);
+  std::vector<bool> listed(hac_anchors, false);
   bool naive_fails = false;
   for (const std::uint32_t row : scene.rows) listed[row] = true;
   for (int which = 0; which < 3; ++which) {
@@ -347,7 +284,7 @@ TEST_CASE("entropy/hac_model: coded steps are the sixteenths of an octave next t
 }
 
 TEST_CASE("entropy/hac_model: rounding lands on whole steps, to within half of one (QZ2)") {
-  Scene<double> scene;
+  HacScene<double> scene;
   scene.phase.round = true;
   scene.phase.counts = false;
   SerialExecutor serial;
@@ -382,7 +319,7 @@ TEST_CASE("entropy/hac_model: rounding lands on whole steps, to within half of o
 
 TEST_CASE(
     "entropy/hac_model: a share of the light anchors teaches its steps at the inverse weight; nothing else changes") {
-  Scene<double> all, some;
+  HacScene<double> all, some;
   some.settings.step_share = 0.25;
   SerialExecutor serial;
   all.forward(serial);
@@ -404,7 +341,7 @@ TEST_CASE(
 }
 
 TEST_CASE("entropy/hac_model: same bits at any thread count") {
-  Scene<float> one, four;
+  HacScene<float> one, four;
   SerialExecutor serial;
   ThreadExecutor threads(4);
   const RateReport a = one.forward(serial), b = four.forward(threads);
@@ -417,12 +354,12 @@ TEST_CASE("entropy/hac_model: same bits at any thread count") {
 }
 
 TEST_CASE("entropy/hac_model: box and statistics of the published rule, of live anchors") {
-  Scene<double> scene;
+  HacScene<double> scene;
   const MatrixView<double> box = scene.arena.values(scene.handles.box),
                            statistics = scene.arena.values(scene.handles.statistics);
   const MatrixView<double> position = scene.arena.values(scene.position), mask = scene.arena.values(scene.handles.mask);
   double least = 1e9, most = -1e9, sum = 0, squares = 0, n = 0;
-  for (std::size_t row = 0; row < anchors; ++row) {
+  for (std::size_t row = 0; row < hac_anchors; ++row) {
     least = std::min(least, position(row, 1));
     most = std::max(most, position(row, 1));
     if (!anchor_live(mask.row(row), K)) continue;
@@ -436,12 +373,12 @@ TEST_CASE("entropy/hac_model: box and statistics of the published rule, of live 
   CHECK(statistics(0, D + 2) == doctest::Approx(sum / n));
   CHECK(statistics(1, D + 2) == doctest::Approx(std::sqrt(squares / n - sum / n * sum / n)));
   // Away from the origin the box is wider on both sides too; a channel that does not vary keeps a deviation.
-  for (std::size_t row = 0; row < anchors; ++row) {
+  for (std::size_t row = 0; row < hac_anchors; ++row) {
     position(row, 1) += 100;
     scene.table(0)(row, 4) = 7;
   }
-  HacModel<double, D, K, small>::begin_context(scene.arena, scene.handles, position, scene.table(0), scene.table(1),
-                                               scene.table(2));
+  HacModel<double, D, K, small_hac_grid>::begin_context(scene.arena, scene.handles, position, scene.table(0),
+                                                        scene.table(1), scene.table(2));
   CHECK(box(0, 1) == doctest::Approx(0.8 * (least + 100)));
   CHECK(box(1, 1) == doctest::Approx(1.2 * (most + 100)));
   CHECK(statistics(0, 4) == 7);
@@ -450,18 +387,18 @@ TEST_CASE("entropy/hac_model: box and statistics of the published rule, of live 
 
 namespace {
 /// Descent by signs on the rate, and on a loss that the noise of features raises; returns the last report.
-RateReport trained(double lambda, int iterations, bool structured) {
-  Scene<float> scene;
+RateReport trained_hac(double lambda, int iterations, bool structured) {
+  HacScene<float> scene;
   scene.settings.lambda = lambda;
   scene.settings.mask_weight = 0;
   scene.settings.sample = 1;
   if (structured) {  // features of two kinds, by where the anchor is
-    for (std::size_t row = 0; row < anchors; ++row) {
+    for (std::size_t row = 0; row < hac_anchors; ++row) {
       const float side = scene.arena.values(scene.position)(row, 0) > 0.5f ? 4.0f : -4.0f;
       for (std::size_t c = 0; c < D; ++c) scene.table(0)(row, c) = 0.15f * scene.table(0)(row, c) + side;
     }
-    Scene<float>::Model::begin_context(scene.arena, scene.handles, scene.arena.values(scene.position), scene.table(0),
-                                       scene.table(1), scene.table(2));
+    HacScene<float>::Model::begin_context(scene.arena, scene.handles, scene.arena.values(scene.position),
+                                          scene.table(0), scene.table(1), scene.table(2));
   }
   SerialExecutor serial;
   RateReport report;
@@ -487,8 +424,8 @@ TEST_CASE(
     "entropy/hac_model: the context learns where which features are, and the rate holds the steps that noise alone "
     "collapses (QD2)") {
   constexpr int iterations = short_run ? 2 : 150;
-  const RateReport before = trained(0.05, 1, true), after = trained(0.05, iterations, true);
-  const RateReport free_steps = trained(0, iterations, false), rated = trained(0.5, iterations, false);
+  const RateReport before = trained_hac(0.05, 1, true), after = trained_hac(0.05, iterations, true);
+  const RateReport free_steps = trained_hac(0, iterations, false), rated = trained_hac(0.5, iterations, false);
   if (short_run) return;
   CAPTURE(before.bits_feature);
   CAPTURE(after.bits_feature);
@@ -503,7 +440,7 @@ TEST_CASE(
 TEST_CASE("entropy/hac_model: a NaN or infinity in one anchor, mask or grid entry stays where it is") {
   constexpr float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
   for (const bool round : {false, true}) {
-    Scene<float> scene;
+    HacScene<float> scene;
     scene.phase.round = round;
     scene.settings.sample = 1;
     const std::size_t bad[3] = {scene.rows[2], scene.rows[6], 5};  // two that are listed, one that is not
@@ -535,7 +472,7 @@ TEST_CASE("entropy/hac_model: a NaN or infinity in one anchor, mask or grid entr
 }
 
 TEST_CASE("entropy/hac_model: no rows, no sample, nobody alive") {
-  Scene<float> scene;
+  HacScene<float> scene;
   SerialExecutor serial;
   scene.rows.clear();
   RateReport report = scene.forward(serial);

@@ -17,12 +17,12 @@ namespace {
 using namespace compmark;
 
 /// Small tables, dense and hashed levels of both kinds.
-constexpr HashGridShape small{.volume_resolution = {9, 18, 40},
-                              .volume_levels = 3,
-                              .volume_cap_log2 = 10,
-                              .plane_resolution = {20, 66},
-                              .plane_levels = 2,
-                              .plane_cap_log2 = 9};
+constexpr HashGridShape small_tables{.volume_resolution = {9, 18, 40},
+                                     .volume_levels = 3,
+                                     .volume_cap_log2 = 10,
+                                     .plane_resolution = {20, 66},
+                                     .plane_levels = 2,
+                                     .plane_cap_log2 = 9};
 template <class T, HashGridShape shape>
 struct Table {
   std::vector<T> values;
@@ -51,7 +51,8 @@ std::vector<T> positions(std::size_t count) {
 }
 /// As published: vertices 0 and R - 1 are skipped and the weights that remain are divided by their sum, or are not, the negative control.
 template <HashGridShape shape>
-double published(const std::vector<double>& values, const double* unit, int index, int feature, bool divide) {
+double published_interpolation(const std::vector<double>& values, const double* unit, int index, int feature,
+                               bool divide) {
   const HashGridLevel level = shape.level(index);
   const int last = level.resolution - 1;
   double sum = 0, weights = 0;
@@ -89,9 +90,11 @@ TEST_CASE(
     for (int channel = 0; channel < shape.channels(); ++channel) {
       const double got = out[row * Grid::channels + static_cast<std::size_t>(channel)];
       const double* at = unit.data() + 3 * row;
-      worst = std::max(worst, std::abs(got - published<shape>(table.values, at, channel / 4, channel % 4, true)));
-      worst_undivided = std::max(worst_undivided,
-                                 std::abs(got - published<shape>(table.values, at, channel / 4, channel % 4, false)));
+      worst = std::max(
+          worst, std::abs(got - published_interpolation<shape>(table.values, at, channel / 4, channel % 4, true)));
+      worst_undivided =
+          std::max(worst_undivided,
+                   std::abs(got - published_interpolation<shape>(table.values, at, channel / 4, channel % 4, false)));
     }
   }
   CHECK(worst < 1e-11);
@@ -108,8 +111,8 @@ TEST_CASE(
 }
 
 TEST_CASE("entropy/hash_grid: outside the box, not finite, and a box without extent") {
-  using Grid = HashGrid<float, small>;
-  Table<float, small> table;
+  using Grid = HashGrid<float, small_tables>;
+  Table<float, small_tables> table;
   const float box[6] = {-1, 0, 5, 1, 0, 9}, nan = std::numeric_limits<float>::quiet_NaN();
   const MatrixView<const float> view{box, 2, 3};
   const auto sum = [&](float x, float y, float z) {
@@ -130,9 +133,9 @@ TEST_CASE("entropy/hash_grid: outside the box, not finite, and a box without ext
 }
 
 TEST_CASE("entropy/hash_grid: gradients are those of a linear map of the signs, and stop beyond +-1") {
-  using Grid = HashGrid<double, small>;
+  using Grid = HashGrid<double, small_tables>;
   constexpr std::size_t rows = 40;
-  Table<double, small> table;
+  Table<double, small_tables> table;
   const std::vector<double> unit = positions<double>(rows);
   const Random random(3, 0, random_stage("hash grid test"));
   std::vector<double> slope(rows * Grid::channels), out(slope.size()), d_table(table.values.size(), 0.25);
@@ -173,11 +176,11 @@ TEST_CASE("entropy/hash_grid: gradients are those of a linear map of the signs, 
 }
 
 TEST_CASE("entropy/hash_grid: bits of the signs and their slope; a grid of one sign takes less than 64 bytes (CO1)") {
-  using Grid = HashGrid<double, small>;
-  Table<double, small> table;
+  using Grid = HashGrid<double, small_tables>;
+  Table<double, small_tables> table;
   for (std::size_t i = 0; i < table.values.size(); ++i) table.values[i] = i % 4 == 0 ? -0.5 : 0.5;
   table.refresh();
-  const double n = static_cast<double>(small.bits());
+  const double n = static_cast<double>(small_tables.bits());
   const double entropy = -0.75 * std::log2(0.75) - 0.25 * std::log2(0.25);
   CHECK(table.context.bits == doctest::Approx(n * entropy + 32).epsilon(1e-12));
   const double before = table.context.bits, slope = table.context.bits_slope;
@@ -199,9 +202,9 @@ TEST_CASE("entropy/hash_grid: bits of the signs and their slope; a grid of one s
 }
 
 TEST_CASE("entropy/hash_grid: same bits at any thread count") {
-  using Grid = HashGrid<float, small>;
+  using Grid = HashGrid<float, small_tables>;
   constexpr std::size_t rows = 300;
-  Table<float, small> table;
+  Table<float, small_tables> table;
   const std::vector<float> unit = positions<float>(rows);
   std::vector<float> slope(rows * Grid::channels);
   for (std::size_t i = 0; i < slope.size(); ++i) slope[i] = std::sin(static_cast<float>(i));

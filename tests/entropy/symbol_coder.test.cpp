@@ -11,17 +11,14 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/io/sha256.hpp"
+#include "entropy/shared_tables.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::shared_tables;
 
 using Bytes = std::vector<std::uint8_t>;
-
-const GaussianTables& shared() {
-  static const GaussianTables tables;
-  return tables;
-}
 
 struct Chunk {
   std::vector<SymbolModel> models;
@@ -30,24 +27,24 @@ struct Chunk {
 
   [[nodiscard]] Bytes encoded() const {
     Bytes bytes;
-    encode_symbols(shared(), models, symbols, bytes);
+    encode_symbols(shared_tables(), models, symbols, bytes);
     return bytes;
   }
   [[nodiscard]] double table_bits() const {
     double bits = 0;
-    for (std::size_t i = 0; i < symbols.size(); ++i) bits += ideal_bits(shared(), models[i], symbols[i]);
+    for (std::size_t i = 0; i < symbols.size(); ++i) bits += ideal_bits(shared_tables(), models[i], symbols[i]);
     return bits;
   }
 };
 
-long double gaussian_bits(std::int32_t symbol, long double mean, long double sigma) {
+long double exact_gaussian_bits(std::int32_t symbol, long double mean, long double sigma) {
   const long double low = std::abs(symbol - mean) - 0.5L;
   const auto tail = [&](long double a) { return 0.5L * std::erfc(a / (sigma * std::numbers::sqrt2_v<long double>)); };
   return -std::log2(tail(low) - tail(low + 1));
 }
 
 /// Deviations from 0.3 to 8 bins, evenly in their logarithm.
-Chunk sample(std::size_t count, std::uint64_t key, double least = 0.3, double most = 8) {
+Chunk sample_chunk(std::size_t count, std::uint64_t key, double least = 0.3, double most = 8) {
   const Random random(3, key, random_stage("symbol test"));
   Chunk chunk;
   for (std::size_t i = 0; i < count; ++i) {
@@ -57,14 +54,14 @@ Chunk sample(std::size_t count, std::uint64_t key, double least = 0.3, double mo
     const auto index = std::max(0l, std::lround(8 * octaves) - GaussianTables::least_level);
     chunk.models.push_back({static_cast<std::uint16_t>(index), static_cast<std::int32_t>(std::lround(32 * mean))});
     chunk.symbols.push_back(symbol);
-    chunk.ideal += gaussian_bits(symbol, mean, sigma);
+    chunk.ideal += exact_gaussian_bits(symbol, mean, sigma);
   }
   return chunk;
 }
 
 bool round_trip(const Chunk& chunk) {
   std::vector<std::int32_t> symbols(chunk.symbols.size(), -77);
-  return decode_symbols(shared(), chunk.models, chunk.encoded(), symbols).ok() && symbols == chunk.symbols;
+  return decode_symbols(shared_tables(), chunk.models, chunk.encoded(), symbols).ok() && symbols == chunk.symbols;
 }
 
 /// A second decoder, written from the description of the layout: one state after the other, a linear search, numbers read one by one.
@@ -94,12 +91,12 @@ std::vector<std::int64_t> plain_decode(const std::vector<SymbolModel>& models, c
     const int window = static_cast<int>(std::ceil(5 * sigma)) + 1;
     const double centre = std::floor(models[i].mean / 32.0 + 0.5);
     const bool below = models[i].mean < 32 * centre;
-    const GaussianTables::Table& table = *shared().place(models[i]).table;
+    const GaussianTables::Table& table = *shared_tables().place(models[i]).table;
     std::uint32_t slot = 0, start = 0;
-    while (start + shared().interval(table, slot).frequency <= state % 65536) {
-      start += shared().interval(table, slot++).frequency;
+    while (start + shared_tables().interval(table, slot).frequency <= state % 65536) {
+      start += shared_tables().interval(table, slot++).frequency;
     }
-    state = shared().interval(table, slot).frequency * (state / 65536) + state % 65536 - start;
+    state = shared_tables().interval(table, slot).frequency * (state / 65536) + state % 65536 - start;
     while (state < std::uint64_t{1} << 31) {
       for (unsigned byte = 0; byte < 4; ++byte) state = state << 8 | chunk.at(word + 3 - byte);
       word += 4;
@@ -121,18 +118,18 @@ std::vector<std::int64_t> plain_decode(const std::vector<SymbolModel>& models, c
 TEST_CASE("entropy/symbol_coder: symbols come back; no symbols are no bytes (EN10)") {
   for (const std::size_t count : {0u, 1u, 2u, 3u, 4u, 5u, 7u, 8u, 31u, 1000u, 40000u}) {
     CAPTURE(count);
-    const Chunk chunk = sample(count, count, 0.12, 100);
+    const Chunk chunk = sample_chunk(count, count, 0.12, 100);
     CHECK((count == 0) == chunk.encoded().empty());
     CHECK(round_trip(chunk));
   }
   const Bytes nothing;
   std::vector<std::int32_t> symbols(3);
   const std::vector<SymbolModel> models(3);
-  CHECK(!decode_symbols(shared(), models, nothing, symbols));
+  CHECK(!decode_symbols(shared_tables(), models, nothing, symbols));
 }
 
 TEST_CASE("entropy/symbol_coder: a decoder written from the layout reads the same, with escapes and mirrored means") {
-  Chunk chunk = sample(3000, 5, 0.12, 30);
+  Chunk chunk = sample_chunk(3000, 5, 0.12, 30);
   for (std::size_t i = 0; i < chunk.symbols.size(); i += 97) chunk.symbols[i] += i % 2 == 0 ? 500 : -70000;
   CHECK(round_trip(chunk));
   bool ended = false;
@@ -142,22 +139,22 @@ TEST_CASE("entropy/symbol_coder: a decoder written from the layout reads the sam
 }
 
 TEST_CASE("entropy/symbol_coder: the size is that of the tables, and theirs that of the Gaussians (EN4)") {
-  const Chunk chunk = sample(200000, 6);
+  const Chunk chunk = sample_chunk(200000, 6);
   const double bytes = static_cast<double>(chunk.encoded().size());
   const double table = chunk.table_bits() / 8, ideal = static_cast<double>(chunk.ideal) / 8;
   // 69,031 bytes, 69,006.3 by the tables, 68,981.9 by the Gaussians
   CHECK(bytes - table > 0);
-  CHECK(bytes - table < 34);              // header and states; 25 are usual
-  CHECK(bytes - table < 0.0005 * table);  // 0.04 %
-  CHECK(bytes - ideal < 0.003 * ideal);   // 0.07 % with everything
-  CHECK(table - ideal < 0.001 * ideal);   // 0.04 %: grids of the deviation and of the mean, frequencies
-  const Chunk small = sample(32768, 7);   // the size of chunk with which ours is compared
+  CHECK(bytes - table < 34);                   // header and states; 25 are usual
+  CHECK(bytes - table < 0.0005 * table);       // 0.04 %
+  CHECK(bytes - ideal < 0.003 * ideal);        // 0.07 % with everything
+  CHECK(table - ideal < 0.001 * ideal);        // 0.04 %: grids of the deviation and of the mean, frequencies
+  const Chunk small = sample_chunk(32768, 7);  // the size of chunk with which ours is compared
   const double small_bytes = static_cast<double>(small.encoded().size());
   CHECK(small_bytes < 1.003 * static_cast<double>(small.ideal) / 8);  // 0.25 %
 }
 
 TEST_CASE("entropy/symbol_coder: an outlier costs less than 8 bytes; a common alphabet pays on every symbol (EN5)") {
-  Chunk chunk = sample(20000, 8);
+  Chunk chunk = sample_chunk(20000, 8);
   const std::size_t before = chunk.encoded().size();
   for (const std::int32_t outlier : {10000, -10000, 1000000}) {
     Chunk far = chunk;
@@ -194,38 +191,39 @@ TEST_CASE("entropy/symbol_coder: a million zeros that were expected cost tens of
 }
 
 TEST_CASE("entropy/symbol_coder: cut, flipped or lengthened chunks are errors at every bit (EN10)") {
-  Chunk chunk = sample(150, 9, 0.12, 8);
+  Chunk chunk = sample_chunk(150, 9, 0.12, 8);
   chunk.symbols[10] = 5000;
   chunk.symbols[90] = -3;
   const Bytes good = chunk.encoded();
   std::vector<std::int32_t> symbols(chunk.symbols.size());
   for (std::size_t length = 0; length < good.size(); ++length) {
-    const auto read = decode_symbols(shared(), chunk.models, std::span(good).first(length), symbols);
+    const auto read = decode_symbols(shared_tables(), chunk.models, std::span(good).first(length), symbols);
     REQUIRE(!read);
     CHECK(!read.error().problem.empty());
   }
   Bytes longer = good;
   for (int extra = 0; extra < 9; ++extra) {
     longer.push_back(0);
-    REQUIRE(!decode_symbols(shared(), chunk.models, longer, symbols));
+    REQUIRE(!decode_symbols(shared_tables(), chunk.models, longer, symbols));
   }
   std::size_t silent = 0;
   for (std::size_t bit = 0; bit < 8 * good.size(); ++bit) {
     Bytes damaged = good;
     damaged[bit / 8] = static_cast<std::uint8_t>(damaged[bit / 8] ^ (1u << bit % 8));
-    silent += decode_symbols(shared(), chunk.models, damaged, symbols).ok();
+    silent += decode_symbols(shared_tables(), chunk.models, damaged, symbols).ok();
   }
   CHECK(silent == 0);
   Bytes two = good;  // chunks that follow one another do not mix
-  encode_symbols(shared(), chunk.models, chunk.symbols, two);
+  encode_symbols(shared_tables(), chunk.models, chunk.symbols, two);
   REQUIRE(two.size() == 2 * good.size());
-  CHECK(decode_symbols(shared(), chunk.models, std::span<const std::uint8_t>(two).subspan(good.size()), symbols));
+  CHECK(
+      decode_symbols(shared_tables(), chunk.models, std::span<const std::uint8_t>(two).subspan(good.size()), symbols));
   CHECK(symbols == chunk.symbols);
 }
 
 TEST_CASE("entropy/symbol_coder: rubbish is refused") {
   const Random random(11, 0, random_stage("symbol test"));
-  const Chunk chunk = sample(64, 10);
+  const Chunk chunk = sample_chunk(64, 10);
   std::vector<std::int32_t> symbols(64);
   std::size_t accepted = 0;
   for (std::uint64_t trial = 0; trial < 20000; ++trial) {
@@ -239,13 +237,13 @@ TEST_CASE("entropy/symbol_coder: rubbish is refused") {
       bytes[3] = bytes[4] = 0;
       for (const std::size_t top : {8u, 12u, 16u, 20u}) bytes[top] |= 0x80;
     }
-    accepted += decode_symbols(shared(), chunk.models, bytes, symbols).ok();
+    accepted += decode_symbols(shared_tables(), chunk.models, bytes, symbols).ok();
   }
   CHECK(accepted == 0);
 }
 
 TEST_CASE("entropy/symbol_coder: other models than the encoder's are noticed, a whole bin included") {
-  const Chunk chunk = sample(5000, 12);
+  const Chunk chunk = sample_chunk(5000, 12);
   const Bytes bytes = chunk.encoded();
   std::vector<std::int32_t> symbols(chunk.symbols.size());
   struct Change {
@@ -258,7 +256,7 @@ TEST_CASE("entropy/symbol_coder: other models than the encoder's are noticed, a 
     model.sigma_index = static_cast<std::uint16_t>(model.sigma_index + change.index);
     model.mean += change.mean;
     CAPTURE(change.place);
-    CHECK(!decode_symbols(shared(), wrong, bytes, symbols));
+    CHECK(!decode_symbols(shared_tables(), wrong, bytes, symbols));
   }
   // Control: by a whole bin the states end as they should, and only the digest in three of them tells.
   std::vector<SymbolModel> wrong = chunk.models;

@@ -12,12 +12,14 @@
 #include <vector>
 
 #include "compmark/core/random.hpp"
+#include "io/text_of.hpp"
 
 using namespace compmark;
+using testing::text_of;
 
 namespace {
 
-std::filesystem::path scratch(const std::string& name) {
+std::filesystem::path anchor_scratch(const std::string& name) {
   const std::filesystem::path folder = std::filesystem::temp_directory_path() / "compmark_anchor_ply_test";
   std::filesystem::create_directories(folder);
   return folder / name;
@@ -41,17 +43,12 @@ AnchorPly random_anchors(std::size_t rows, std::size_t offsets, std::size_t feat
   return anchors;
 }
 
-std::string text_of(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 }  // namespace
 
 TEST_CASE("io/anchor_ply: write then read gives the same bits, for several K and D") {
   for (const auto& [offsets, feature_dim] : {std::pair<std::size_t, std::size_t>{10, 32}, {5, 50}, {1, 1}}) {
     const AnchorPly anchors = random_anchors(23, offsets, feature_dim);
-    const std::filesystem::path path = scratch("round_trip.ply");
+    const std::filesystem::path path = anchor_scratch("round_trip.ply");
     REQUIRE(write_anchor_ply(path, anchors.columns()).ok());
     const Result<AnchorPly> read = read_anchor_ply(path);
     REQUIRE_MESSAGE(read.ok(), read.error().line());
@@ -67,7 +64,7 @@ TEST_CASE("io/anchor_ply: write then read gives the same bits, for several K and
 
 TEST_CASE("io/anchor_ply: the published layout: 97 floats at D = 50, K = 10, offsets axis-major") {
   const AnchorPly anchors = random_anchors(2, 10, 50);
-  const std::filesystem::path path = scratch("layout.ply");
+  const std::filesystem::path path = anchor_scratch("layout.ply");
   REQUIRE(write_anchor_ply(path, anchors.columns()).ok());
   const std::string text = text_of(path);
   const std::size_t start = text.find("end_header\n") + 11;
@@ -94,7 +91,7 @@ TEST_CASE("io/anchor_ply: the published layout: 97 floats at D = 50, K = 10, off
 }
 
 TEST_CASE("io/anchor_ply: bad files are told by field") {
-  const std::filesystem::path path = scratch("wrong.ply");
+  const std::filesystem::path path = anchor_scratch("wrong.ply");
   const auto write_text = [&](const std::string& text) { std::ofstream(path, std::ios::binary) << text; };
   const std::string head =
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";

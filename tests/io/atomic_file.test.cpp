@@ -8,35 +8,28 @@
 #include <string>
 #include <vector>
 
+#include "support/scene_files.hpp"
+
 namespace {
 
 using namespace compmark;
+using testing::TemporaryFolder;
 
-struct Folder {
-  std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark_atomic_file";
-  Folder() {
-    std::filesystem::remove_all(path);
-    std::filesystem::create_directories(path);
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  [[nodiscard]] std::size_t count() const {
-    std::size_t n = 0;
-    for (const auto& entry : std::filesystem::directory_iterator(path)) n += entry.exists() ? 1 : 0;
-    return n;
-  }
-};
+std::size_t files_in(const TemporaryFolder& folder) {
+  std::size_t n = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) n += entry.exists() ? 1 : 0;
+  return n;
+}
 
-std::string text_of(const std::filesystem::path& path) {
+std::string read_back(const std::filesystem::path& path) {
   const auto bytes = read_file(path);
   REQUIRE(bytes.ok());
   return {reinterpret_cast<const char*>(bytes->data()), bytes->size()};
 }
 
 TEST_CASE("io/atomic_file: nothing shows before commit, all of it after") {
-  const Folder folder;
-  const std::filesystem::path path = folder.path / "a.txt";
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "a.txt";
   REQUIRE(write_file(path, std::string_view("old")).ok());
   {
     auto file = AtomicFile::create(path);
@@ -44,16 +37,16 @@ TEST_CASE("io/atomic_file: nothing shows before commit, all of it after") {
     file->write(std::string_view("new"));
     file->write(std::string_view(""));
     file->write(std::string_view(" text"));
-    CHECK(text_of(path) == "old");
+    CHECK(read_back(path) == "old");
     CHECK(file->commit().ok());
   }
-  CHECK(text_of(path) == "new text");
-  CHECK(folder.count() == 1);
+  CHECK(read_back(path) == "new text");
+  CHECK(files_in(folder) == 1);
 }
 
 TEST_CASE("io/atomic_file: an abandoned file leaves the old one and no trace") {
-  const Folder folder;
-  const std::filesystem::path path = folder.path / "a.txt";
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "a.txt";
   REQUIRE(write_file(path, std::string_view("old")).ok());
   {
     auto file = AtomicFile::create(path);
@@ -61,38 +54,39 @@ TEST_CASE("io/atomic_file: an abandoned file leaves the old one and no trace") {
     file->write(std::string_view("half a"));
     const AtomicFile moved = std::move(*file);
   }
-  CHECK(text_of(path) == "old");
-  CHECK(folder.count() == 1);
+  CHECK(read_back(path) == "old");
+  CHECK(files_in(folder) == 1);
 }
 
 TEST_CASE("io/atomic_file: a full disk is an error that leaves the old file") {
-  const Folder folder;
+  const TemporaryFolder folder;
   if (!std::filesystem::exists("/dev/full")) return;
-  const std::filesystem::path path = folder.path / "a.txt";
+  const std::filesystem::path path = folder.path() / "a.txt";
   REQUIRE(write_file(path, std::string_view("old")).ok());
-  std::filesystem::create_symlink("/dev/full",
-                                  folder.path / "a.txt.partial");  // the device takes every byte and fails at the flush
+  std::filesystem::create_symlink(
+      "/dev/full",
+      folder.path() / "a.txt.partial");  // the device takes every byte and fails at the flush
   const auto result = write_file(path, std::string_view("new"));
   CHECK(!result.ok());
-  CHECK(text_of(path) == "old");
-  CHECK(folder.count() == 1);
+  CHECK(read_back(path) == "old");
+  CHECK(files_in(folder) == 1);
 }
 
 TEST_CASE("io/atomic_file: errors name file and remedy") {
-  const Folder folder;
-  const auto missing = AtomicFile::create(folder.path / "none" / "a.txt");
+  const TemporaryFolder folder;
+  const auto missing = AtomicFile::create(folder.path() / "none" / "a.txt");
   REQUIRE(!missing.ok());
   CHECK(missing.error().kind == ErrorKind::unwritable);
-  CHECK(missing.error().file == (folder.path / "none" / "a.txt").string());
+  CHECK(missing.error().file == (folder.path() / "none" / "a.txt").string());
   CHECK(!missing.error().remedy.empty());
-  CHECK(AtomicFile::create(folder.path).error().kind == ErrorKind::unwritable);
-  CHECK(read_file(folder.path / "b").error().kind == ErrorKind::not_found);
-  CHECK(read_file(folder.path).error().kind == ErrorKind::unreadable);
-  REQUIRE(write_file(folder.path / "c", std::string_view("12345")).ok());
-  CHECK(read_file(folder.path / "c", 4).error().kind == ErrorKind::exhausted);
-  CHECK(read_file(folder.path / "c", 5).ok());
-  REQUIRE(write_file(folder.path / "d", std::string_view("")).ok());
-  CHECK(read_file(folder.path / "d").value().empty());
+  CHECK(AtomicFile::create(folder.path()).error().kind == ErrorKind::unwritable);
+  CHECK(read_file(folder.path() / "b").error().kind == ErrorKind::not_found);
+  CHECK(read_file(folder.path()).error().kind == ErrorKind::unreadable);
+  REQUIRE(write_file(folder.path() / "c", std::string_view("12345")).ok());
+  CHECK(read_file(folder.path() / "c", 4).error().kind == ErrorKind::exhausted);
+  CHECK(read_file(folder.path() / "c", 5).ok());
+  REQUIRE(write_file(folder.path() / "d", std::string_view("")).ok());
+  CHECK(read_file(folder.path() / "d").value().empty());
 }
 
 }  // namespace

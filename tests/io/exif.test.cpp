@@ -32,7 +32,7 @@ std::string segment(char marker, const std::string& body) {
   return std::string("\xFF") + marker + number(static_cast<unsigned>(body.size() + 2), 2, false) + body;
 }
 std::string exif(const std::string& block) { return segment('\xE1', std::string("Exif\0\0", 6) + block); }
-const std::string start = "\xFF\xD8";
+const std::string jpeg_start = "\xFF\xD8";
 const std::string picture = segment('\xDA', "scan");
 
 int orientation(const std::string& file) {
@@ -45,16 +45,16 @@ TEST_CASE("io/exif: the tag is found behind other tags, other segments, a far di
   for (const bool little : {true, false}) {
     CAPTURE(little);
     const std::string make = entry(0x010F, 2, 3, little), turned = entry(0x0112, 3, 8, little);
-    CHECK(orientation(start + exif(tiff(turned, little)) + picture) == 8);
-    CHECK(orientation(start + exif(tiff(make + entry(0x011A, 5, 1, little) + turned, little)) + picture) == 8);
-    CHECK(orientation(start + exif(tiff(turned, little, 1000)) + picture) == 8);
+    CHECK(orientation(jpeg_start + exif(tiff(turned, little)) + picture) == 8);
+    CHECK(orientation(jpeg_start + exif(tiff(make + entry(0x011A, 5, 1, little) + turned, little)) + picture) == 8);
+    CHECK(orientation(jpeg_start + exif(tiff(turned, little, 1000)) + picture) == 8);
     // JFIF first, then an XMP packet under the same marker, then a comment; any number of fill bytes before a marker.
-    CHECK(orientation(start + segment('\xE0', "JFIF") + segment('\xE1', "http://ns.adobe.com/xap/1.0/") +
+    CHECK(orientation(jpeg_start + segment('\xE0', "JFIF") + segment('\xE1', "http://ns.adobe.com/xap/1.0/") +
                       segment('\xFE', "") + "\xFF\xFF\xFF" + exif(tiff(turned, little)) + picture) == 8);
     // Segments are skipped by their length: what looks like Exif inside another one is not.
-    CHECK(orientation(start + segment('\xFE', exif(tiff(turned, little))) + picture) == 1);
+    CHECK(orientation(jpeg_start + segment('\xFE', exif(tiff(turned, little))) + picture) == 1);
     // The bytes of the wrong order are another tag.
-    CHECK(orientation(start + exif(tiff(entry(0x0112, 3, 8, !little), little)) + picture) == 1);
+    CHECK(orientation(jpeg_start + exif(tiff(entry(0x0112, 3, 8, !little), little)) + picture) == 1);
   }
 }
 
@@ -62,44 +62,44 @@ TEST_CASE("io/exif: what the standard does not allow is no orientation") {
   for (const bool little : {true, false}) {
     CAPTURE(little);
     const auto with = [&](unsigned type, unsigned value) {
-      return orientation(start + exif(tiff(entry(0x0112, type, value, little), little)) + picture);
+      return orientation(jpeg_start + exif(tiff(entry(0x0112, type, value, little), little)) + picture);
     };
     CHECK(with(3, 6) == 6);
     for (const unsigned value : {0u, 9u, 255u, 256u, 0x0600u, 65535u}) CHECK(with(3, value) == 1);
     for (const unsigned type : {0u, 1u, 2u, 4u, 9u, 0x0300u}) CHECK(with(type, 6) == 1);
     const std::string turned = entry(0x0112, 3, 6, little);
     // The first of two tags counts, so that a reader of the whole directory and this one agree on files that have one.
-    CHECK(orientation(start + exif(tiff(turned + entry(0x0112, 3, 3, little), little)) + picture) == 6);
+    CHECK(orientation(jpeg_start + exif(tiff(turned + entry(0x0112, 3, 3, little), little)) + picture) == 6);
     // A directory that promises 65,535 entries is read as far as the block goes, one that promises none is not read.
-    CHECK(orientation(start + exif(tiff(entry(0x010F, 2, 1, little) + turned, little, 8, 65535)) + picture) == 6);
-    CHECK(orientation(start + exif(tiff(entry(0x010F, 2, 1, little), little, 8, 65535)) + picture) == 1);
-    CHECK(orientation(start + exif(tiff(turned, little, 8, 0)) + picture) == 1);
+    CHECK(orientation(jpeg_start + exif(tiff(entry(0x010F, 2, 1, little) + turned, little, 8, 65535)) + picture) == 6);
+    CHECK(orientation(jpeg_start + exif(tiff(entry(0x010F, 2, 1, little), little, 8, 65535)) + picture) == 1);
+    CHECK(orientation(jpeg_start + exif(tiff(turned, little, 8, 0)) + picture) == 1);
     // Directories before the header's end, at the end, behind it, and as far as 32 bits reach.
     for (const unsigned place : {0u, 7u, 22u, 23u, 0x7FFFFFFFu, 0xFFFFFFFFu}) {
       std::string block = tiff(turned, little);
       block.replace(4, 4, number(place, 4, little));
-      CHECK(orientation(start + exif(block) + picture) == 1);
+      CHECK(orientation(jpeg_start + exif(block) + picture) == 1);
     }
   }
-  CHECK(orientation(start + exif("XX*") + picture) == 1);
-  CHECK(orientation(start + exif("II*\0\x08\0\0") + picture) == 1);
+  CHECK(orientation(jpeg_start + exif("XX*") + picture) == 1);
+  CHECK(orientation(jpeg_start + exif("II*\0\x08\0\0") + picture) == 1);
 }
 
 TEST_CASE("io/exif: the picture ends the search, and a segment longer than the file is not entered") {
   const std::string block = exif(tiff(entry(0x0112, 3, 6, true), true));
-  CHECK(orientation(start + block) == 6);            // nothing follows: the block itself is whole
-  CHECK(orientation(start + picture + block) == 1);  // behind the beginning of the scan there are no segments
-  CHECK(orientation(block + picture) == 1);          // no JPEG
+  CHECK(orientation(jpeg_start + block) == 6);            // nothing follows: the block itself is whole
+  CHECK(orientation(jpeg_start + picture + block) == 1);  // behind the beginning of the scan there are no segments
+  CHECK(orientation(block + picture) == 1);               // no JPEG
   CHECK(orientation("") == 1);
-  std::string longer = start + block;
+  std::string longer = jpeg_start + block;
   longer[4] = '\x7F';  // the segment's length
   CHECK(orientation(longer + picture) == 1);
   for (const char low : {'\0', '\x01'}) {  // a length that does not hold itself would never end
-    std::string shorter = start + block;
+    std::string shorter = jpeg_start + block;
     shorter[4] = '\0';
     shorter[5] = low;
     CHECK(orientation(shorter) == 1);
   }
-  for (std::size_t cut = 0; cut < (start + block).size(); ++cut)
-    CHECK(orientation((start + block).substr(0, cut)) == 1);
+  for (std::size_t cut = 0; cut < (jpeg_start + block).size(); ++cut)
+    CHECK(orientation((jpeg_start + block).substr(0, cut)) == 1);
 }

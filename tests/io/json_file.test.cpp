@@ -14,32 +14,32 @@ namespace {
 
 using namespace compmark;
 
-const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark_json_file.json";
+const std::filesystem::path json_path = std::filesystem::temp_directory_path() / "compmark_json_file.json";
 
 TEST_CASE("io/json_file: what is written is read back, numbers to the last bit, no number that is not finite") {
   const nlohmann::json json{{"b", 0.1}, {"a", {1, 2, 3}}, {"c", "ä"}, {"nan", std::nan("")}};
-  REQUIRE(write_json(path, json).ok());
-  const auto back = read_json(path);
+  REQUIRE(write_json(json_path, json).ok());
+  const auto back = read_json(json_path);
   REQUIRE(back.ok());
   CHECK((*back)["b"].get<double>() == 0.1);
   CHECK((*back)["nan"].is_null());
   CHECK((*back)["c"] == "ä");
-  std::filesystem::remove(path);
+  std::filesystem::remove(json_path);
 }
 
 TEST_CASE("io/json_file: a mistake is named by line and column") {
-  REQUIRE(write_file(path, std::string_view("{\n  \"a\": 1,\n  \"b\": oops\n}\n")).ok());
-  const auto result = read_json(path);
+  REQUIRE(write_file(json_path, std::string_view("{\n  \"a\": 1,\n  \"b\": oops\n}\n")).ok());
+  const auto result = read_json(json_path);
   REQUIRE(!result.ok());
   CHECK(result.error().kind == ErrorKind::malformed);
   CHECK(result.error().field == "line 3 column 8");
-  CHECK(result.error().file == path.string());
-  REQUIRE(write_file(path, std::string_view("")).ok());
-  CHECK(read_json(path).error().kind == ErrorKind::truncated);
-  REQUIRE(write_file(path, std::string_view("{\"a\": [1, 2")).ok());
-  CHECK(!read_json(path).ok());
-  std::filesystem::remove(path);
-  CHECK(read_json(path).error().kind == ErrorKind::not_found);
+  CHECK(result.error().file == json_path.string());
+  REQUIRE(write_file(json_path, std::string_view("")).ok());
+  CHECK(read_json(json_path).error().kind == ErrorKind::truncated);
+  REQUIRE(write_file(json_path, std::string_view("{\"a\": [1, 2")).ok());
+  CHECK(!read_json(json_path).ok());
+  std::filesystem::remove(json_path);
+  CHECK(read_json(json_path).error().kind == ErrorKind::not_found);
 }
 
 TEST_CASE("io/json_file: fields have the type asked for, or the error names them") {

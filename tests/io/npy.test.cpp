@@ -12,7 +12,7 @@ using namespace compmark::testing;
 
 namespace {
 
-Result<NpyArray> parse(const std::string& text) {
+Result<NpyArray> parsed_npy(const std::string& text) {
   return parse_npy(std::as_bytes(std::span<const char>(text.data(), text.size())), "a.npy");
 }
 std::string with_header(const std::string& header, const std::string& body, char version = 1) {
@@ -28,25 +28,26 @@ std::string with_header(const std::string& header, const std::string& body, char
 }  // namespace
 
 TEST_CASE("io/npy: shapes, types and versions") {
-  const Result<NpyArray> plain = parse(npy_text("(2, 3)", {1, 2, 3, 4, 5, -6.5}));
+  const Result<NpyArray> plain = parsed_npy(npy_text("(2, 3)", {1, 2, 3, 4, 5, -6.5}));
   REQUIRE(plain.ok());
   CHECK(plain->shape == std::vector<std::size_t>{2, 3});
   CHECK(plain->values == std::vector<double>{1, 2, 3, 4, 5, -6.5});
-  CHECK(parse(npy_text("(2,)", {1, 2}))->shape == std::vector<std::size_t>{2});
-  CHECK(parse(npy_text("()", {7}))->values == std::vector<double>{7});
-  CHECK(parse(npy_text("(0, 17)", {}))->values.empty());
+  CHECK(parsed_npy(npy_text("(2,)", {1, 2}))->shape == std::vector<std::size_t>{2});
+  CHECK(parsed_npy(npy_text("()", {7}))->values == std::vector<double>{7});
+  CHECK(parsed_npy(npy_text("(0, 17)", {}))->values.empty());
   const std::string small = "{'shape': (3,), 'fortran_order': False, 'descr': '|u1'}";
-  CHECK(parse(with_header(small, "\x01\x02\xFF"))->values == std::vector<double>{1, 2, 255});
-  CHECK(parse(with_header(small, "\x01\x02\xFF", 2))->values == std::vector<double>{1, 2, 255});
+  CHECK(parsed_npy(with_header(small, "\x01\x02\xFF"))->values == std::vector<double>{1, 2, 255});
+  CHECK(parsed_npy(with_header(small, "\x01\x02\xFF", 2))->values == std::vector<double>{1, 2, 255});
   const float value = 0.25f;
   std::string four(4, '\0');
   std::memcpy(four.data(), &value, 4);
-  CHECK(parse(with_header("{\"descr\": \"<f4\", \"fortran_order\": False, \"shape\": (1,)}", four))->values[0] == 0.25);
+  CHECK(parsed_npy(with_header("{\"descr\": \"<f4\", \"fortran_order\": False, \"shape\": (1,)}", four))->values[0] ==
+        0.25);
 }
 
 TEST_CASE("io/npy: what is not right is named, and no count is believed") {
   const auto error = [](const std::string& text) {
-    const Result<NpyArray> array = parse(text);
+    const Result<NpyArray> array = parsed_npy(text);
     REQUIRE(!array.ok());
     return array.error();
   };
@@ -66,5 +67,5 @@ TEST_CASE("io/npy: what is not right is named, and no count is believed") {
               "fortran_order", "contiguous"));
   CHECK(names(error(with_header("{'descr': '<f8', 'fortran_order': False", "")), "a.npy", "shape", "numpy.save"));
   const std::string whole = npy_text("(2, 3)", {1, 2, 3, 4, 5, 6});
-  for (std::size_t length = 0; length < whole.size(); ++length) CHECK(!parse(whole.substr(0, length)).ok());
+  for (std::size_t length = 0; length < whole.size(); ++length) CHECK(!parsed_npy(whole.substr(0, length)).ok());
 }

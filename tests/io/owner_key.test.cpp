@@ -4,25 +4,18 @@
 
 #include <sys/stat.h>
 
-#include <unistd.h>
 #include <compmark/io/owner_key.hpp>
 #include <filesystem>
 #include <functional>
 #include <string>
 
+#include "support/scene_files.hpp"
+
 using namespace compmark;
+using testing::TemporaryFolder;
 namespace fs = std::filesystem;
 
 namespace {
-
-struct Folder {
-  fs::path path = fs::temp_directory_path() / ("compmark-owner-key-" + std::to_string(::getpid()));
-  Folder() { fs::create_directories(path); }
-  ~Folder() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-};
 
 Digest256 some_secret() {
   Digest256 secret{};
@@ -34,8 +27,8 @@ OwnerKey some_key(std::size_t bits = 48) { return *make_key(some_secret(), "2026
 }  // namespace
 
 TEST_CASE("io/owner_key: what is written is read, by its owner only, and never overwritten") {
-  const Folder folder;
-  const fs::path path = folder.path / "owner.key";
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "owner.key";
   const OwnerKey key = some_key();
   const ::mode_t before = ::umask(0);  // the mode does not rely on the user's mask
   REQUIRE(write_key(path, key).ok());
@@ -52,34 +45,34 @@ TEST_CASE("io/owner_key: what is written is read, by its owner only, and never o
   const Result<Done> again = write_key(path, some_key(32));
   REQUIRE_FALSE(again.ok());
   CHECK(*read_file(path) == bytes);
-  CHECK_FALSE(fs::exists(folder.path / "owner.key.partial"));
-  CHECK_FALSE(write_key(folder.path / "none" / "x.key", key).ok());
+  CHECK_FALSE(fs::exists(folder.path() / "owner.key.partial"));
+  CHECK_FALSE(write_key(folder.path() / "none" / "x.key", key).ok());
   fs::permissions(path, fs::perms::others_read, fs::perm_options::add);
   CHECK_FALSE(key_file_is_private(path));
 }
 
 TEST_CASE("io/owner_key: a note is kept and binds nothing") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const OwnerKey key = *make_key(some_secret(), "2026-01-31T23:59:59Z", 48, "for the \"museum\", 2026");
-  REQUIRE(write_key(folder.path / "noted.key", key).ok());
-  const Result<OwnerKey> read = read_key(folder.path / "noted.key");
+  REQUIRE(write_key(folder.path() / "noted.key", key).ok());
+  const Result<OwnerKey> read = read_key(folder.path() / "noted.key");
   REQUIRE(read.ok());
   CHECK(read->note == key.note);
   CHECK(read->commitment() == some_key().commitment());
 }
 
 TEST_CASE("io/owner_key: a payload is kept and bound by the commitment") {
-  const Folder folder;
+  const TemporaryFolder folder;
   OwnerKey key = some_key();
   key.payload = "5eed";
   key.corrects = 4;
-  REQUIRE(write_key(folder.path / "payload.key", key).ok());
-  const Result<OwnerKey> read = read_key(folder.path / "payload.key");
+  REQUIRE(write_key(folder.path() / "payload.key", key).ok());
+  const Result<OwnerKey> read = read_key(folder.path() / "payload.key");
   REQUIRE(read.ok());
   CHECK(read->payload == "5eed");
   CHECK(read->corrects == 4);
   CHECK(read->commitment() != some_key().commitment());
-  const nlohmann::json good = *read_json(folder.path / "payload.key");
+  const nlohmann::json good = *read_json(folder.path() / "payload.key");
   for (const auto& [name, value] : {std::pair<const char*, nlohmann::json>{"hex", "5eee"},
                                     {"hex", ""},
                                     {"hex", std::string(33, '0')},
@@ -89,13 +82,13 @@ TEST_CASE("io/owner_key: a payload is kept and bound by the commitment") {
                                     {"corrects", -1}}) {
     nlohmann::json bad = good;
     bad["payload"][name] = value;
-    REQUIRE(write_json(folder.path / "bad.key", bad).ok());
-    CHECK_FALSE(read_key(folder.path / "bad.key").ok());
+    REQUIRE(write_json(folder.path() / "bad.key", bad).ok());
+    CHECK_FALSE(read_key(folder.path() / "bad.key").ok());
   }
   nlohmann::json bad = good;
   bad.erase("payload");
-  REQUIRE(write_json(folder.path / "bad.key", bad).ok());
-  CHECK_FALSE(read_key(folder.path / "bad.key").ok());
+  REQUIRE(write_json(folder.path() / "bad.key", bad).ok());
+  CHECK_FALSE(read_key(folder.path() / "bad.key").ok());
 }
 
 TEST_CASE("io/owner_key: the commitment is the hash that the documentation says, and binds every field") {
@@ -125,8 +118,8 @@ TEST_CASE("io/owner_key: bytes of one purpose are fixed for ever and differ from
 }
 
 TEST_CASE("io/owner_key: damaged files are refused with one line that does not tell the secret") {
-  const Folder folder;
-  const fs::path path = folder.path / "owner.key", bad = folder.path / "bad.key";
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "owner.key", bad = folder.path() / "bad.key";
   REQUIRE(write_key(path, some_key()).ok());
   const nlohmann::json good = *read_json(path);
   const std::string secret = good["secret"];
@@ -169,8 +162,8 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   text_refused("not JSON");
   text_refused(good.dump().substr(0, 100));
   text_refused(std::string(100000, ' ') + good.dump());
-  CHECK_FALSE(read_key(folder.path / "missing.key").ok());
-  CHECK_FALSE(read_key(folder.path).ok());
+  CHECK_FALSE(read_key(folder.path() / "missing.key").ok());
+  CHECK_FALSE(read_key(folder.path()).ok());
   const Result<OwnerKey> other_length = read_key(path, 32);
   REQUIRE_FALSE(other_length.ok());
   CHECK(other_length.error().field == "bits");

@@ -13,7 +13,7 @@ using namespace compmark::testing;
 
 namespace {
 
-Result<PlyFile> parse(const std::string& text) {
+Result<PlyFile> parsed_ply(const std::string& text) {
   return parse_ply(std::as_bytes(std::span<const char>(text)), "test.ply");
 }
 
@@ -69,7 +69,7 @@ void check_every_type(const PlyFile& file) {
 TEST_CASE("io/ply: every scalar type in both byte orders, lists skipped, CRLF and comments accepted") {
   for (const bool big : {false, true}) {
     CAPTURE(big);
-    const Result<PlyFile> file = parse(every_type(big));
+    const Result<PlyFile> file = parsed_ply(every_type(big));
     REQUIRE(file.ok());
     check_every_type(*file);
     CHECK(file->comments == std::vector<std::string>{"made by hand"});
@@ -77,7 +77,7 @@ TEST_CASE("io/ply: every scalar type in both byte orders, lists skipped, CRLF an
 }
 
 TEST_CASE("io/ply: ASCII with the same content reads the same") {
-  const Result<PlyFile> file = parse(
+  const Result<PlyFile> file = parsed_ply(
       "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 2\nproperty char "
       "a\nproperty uint8 b\n"
       "property short c\nproperty list ushort float extra\nproperty uint16 d\nproperty int e\nproperty uint32 "
@@ -116,7 +116,7 @@ TEST_CASE("io/ply: a file cut anywhere is an error") {
     const std::string text = every_type(big);
     for (std::size_t length = 0; length < text.size(); ++length) {
       CAPTURE(length);
-      const Result<PlyFile> file = parse(text.substr(0, length));
+      const Result<PlyFile> file = parsed_ply(text.substr(0, length));
       REQUIRE(!file.ok());
       CHECK(!file.error().remedy.empty());
       CHECK(file.error().file == "test.ply");
@@ -127,7 +127,7 @@ TEST_CASE("io/ply: a file cut anywhere is an error") {
 TEST_CASE("io/ply: no count is believed, and each mistake of a header is named by its line") {
   const std::string start = "ply\nformat binary_little_endian 1.0\n";
   const auto error = [](const std::string& text) {
-    const Result<PlyFile> file = parse(text);
+    const Result<PlyFile> file = parsed_ply(text);
     REQUIRE(!file.ok());
     return file.error();
   };

@@ -13,12 +13,14 @@
 #include <vector>
 
 #include "compmark/core/random.hpp"
+#include "io/text_of.hpp"
 
 using namespace compmark;
+using testing::text_of;
 
 namespace {
 
-std::filesystem::path scratch(const std::string& name) {
+std::filesystem::path splat_scratch(const std::string& name) {
   const std::filesystem::path folder = std::filesystem::temp_directory_path() / "compmark_splat_ply_test";
   std::filesystem::create_directories(folder);
   return folder / name;
@@ -33,11 +35,6 @@ SplatTable random_table(std::size_t rows, int degree) {
     for (float& value : column) value = static_cast<float>(random.normal(index++));
   });
   return table;
-}
-
-std::string text_of(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 void write_text(const std::filesystem::path& path, const std::string& text) {
@@ -71,7 +68,7 @@ std::string ascii_file(const std::string& properties, const std::string& body, i
 TEST_CASE("io/splat_ply: write then read gives the same bits, for every degree") {
   for (int degree = 0; degree <= max_sh_degree; ++degree) {
     const SplatTable table = random_table(37, degree);
-    const std::filesystem::path path = scratch("round_trip.ply");
+    const std::filesystem::path path = splat_scratch("round_trip.ply");
     REQUIRE(write_splat_ply(path, table).ok());
     const Result<SplatPly> read = read_splat_ply(path);
     REQUIRE_MESSAGE(read.ok(), read.error().line());
@@ -83,7 +80,7 @@ TEST_CASE("io/splat_ply: write then read gives the same bits, for every degree")
 
 TEST_CASE("io/splat_ply: the layout is the published one, byte for byte") {
   const SplatTable table = random_table(2, 3);
-  const std::filesystem::path path = scratch("layout.ply");
+  const std::filesystem::path path = splat_scratch("layout.ply");
   REQUIRE(write_splat_ply(path, table).ok());
   const std::string text = text_of(path);
   const std::string header = text.substr(0, text.find("end_header\n") + 11);
@@ -119,7 +116,7 @@ TEST_CASE("io/splat_ply: the layout is the published one, byte for byte") {
 }
 
 TEST_CASE("io/splat_ply: reading goes by name: any order, no normals, no f_rest, CRLF, doubles") {
-  const std::filesystem::path path = scratch("tolerant.ply");
+  const std::filesystem::path path = splat_scratch("tolerant.ply");
   write_text(path,
              ascii_file("rot_0 rot_1 rot_2 rot_3 x y z f_dc_0 f_dc_1 f_dc_2 extra opacity scale_2 scale_1 scale_0",
                         "1 0 0 0 5 6 7 .1 .2 .3 99 .4 -3 -2 -1\n"));
@@ -149,7 +146,7 @@ TEST_CASE("io/splat_ply: broken rows are dropped and counted; infinite logits an
   table.log_scale[2][1] = -infinity;
   for (std::vector<float>& column : table.rotation) column[2] = 0;
   table.mean[0][3] = infinity;
-  const std::filesystem::path path = scratch("broken.ply");
+  const std::filesystem::path path = splat_scratch("broken.ply");
   REQUIRE(write_splat_ply(path, table).ok());
   const Result<SplatPly> read = read_splat_ply(path);
   REQUIRE(read.ok());
@@ -182,7 +179,7 @@ TEST_CASE("io/splat_ply: what is not a splat is told by name") {
       {good, "", "vertex", "no rows", 0},
       {good, "1 2 3\n", "", ""},
   };
-  const std::filesystem::path path = scratch("wrong.ply");
+  const std::filesystem::path path = splat_scratch("wrong.ply");
   for (const Case& one : cases) {
     write_text(path, ascii_file(one.properties, one.body, one.rows));
     const Result<SplatPly> read = read_splat_ply(path);
@@ -193,11 +190,11 @@ TEST_CASE("io/splat_ply: what is not a splat is told by name") {
     CHECK(read.error().problem.find(one.problem) != std::string::npos);
     CHECK_FALSE(read.error().remedy.empty());
   }
-  CHECK(read_splat_ply(scratch("missing.ply")).error().kind == ErrorKind::not_found);
+  CHECK(read_splat_ply(splat_scratch("missing.ply")).error().kind == ErrorKind::not_found);
 }
 
 TEST_CASE("io/splat_ply: every truncation of a file is an error") {
-  const std::filesystem::path whole = scratch("whole.ply"), cut = scratch("cut.ply");
+  const std::filesystem::path whole = splat_scratch("whole.ply"), cut = splat_scratch("cut.ply");
   REQUIRE(write_splat_ply(whole, random_table(3, 0)).ok());
   const std::string text = text_of(whole);
   for (std::size_t size = 0; size < text.size(); size += size < 20 ? 1 : 7) {

@@ -25,10 +25,10 @@ static_assert(ImageLoss<FrequencyLoss<float>> && ImageLoss<FrequencyLoss<double>
               ImageLoss<FrequencyLoss<long double>>);
 
 template <class T>
-struct Images {
+struct FrequencyImages {
   int height, width;
   std::vector<T> x, y, d;
-  Images(int h, int w, double noise = 0.3) : height(h), width(w) {
+  FrequencyImages(int h, int w, double noise = 0.3) : height(h), width(w) {
     const std::size_t n = 3 * static_cast<std::size_t>(h) * static_cast<std::size_t>(w);
     const Random random(5, 0, random_stage("test"));
     for (std::size_t i = 0; i < n; ++i) {
@@ -119,7 +119,7 @@ TEST_CASE("loss/frequency: value and map against the definition in long double, 
   SerialExecutor executor;
   for (const bool high : {false, true}) {
     for (const int width : {12, 17}) {
-      const Images<double> images(11, width);
+      const FrequencyImages<double> images(11, width);
       const auto settings = settings_of<double>(high ? FrequencyBand::high_pass : FrequencyBand::ring_notch, !high, 0);
       const FrequencyLoss<double> loss(settings);
       FrequencyLoss<double>::Context context;
@@ -150,7 +150,7 @@ TEST_CASE(
   for (const Case& c : {Case{FrequencyBand::ring_notch, true, 0}, Case{FrequencyBand::high_pass, false, 0},
                         Case{FrequencyBand::ring_notch, true, 16}, Case{FrequencyBand::ring_notch, true, 8},
                         Case{FrequencyBand::high_pass, false, 16}}) {
-    Images<double> images(11, 13);
+    FrequencyImages<double> images(11, 13);
     const FrequencyLoss<double> loss(settings_of<double>(c.band, c.modulus, c.side));
     FrequencyLoss<double>::Context context;
     loss.forward_backward(images.view_x(), images.view_y(), 0.7, images.view_d(), context, executor);
@@ -178,7 +178,7 @@ TEST_CASE(
 
 TEST_CASE("loss/frequency: the modulus turns the gradient's sign where the response is negative") {
   SerialExecutor executor;
-  Images<double> images(9, 10);
+  FrequencyImages<double> images(9, 10);
   const FrequencyLoss<double> loss(settings_of<double>(FrequencyBand::high_pass, true, 0, 1.5));
   FrequencyLoss<double>::Context context;
   // responses nearer to 0 than a difference step would cross the kink: the seed has none
@@ -202,7 +202,7 @@ TEST_CASE("loss/frequency: the modulus turns the gradient's sign where the respo
 TEST_CASE("loss/frequency: identical images give 0 and exact zeros, flat ones too (LS2); x against -x is no NaN") {
   SerialExecutor executor;
   for (const auto& settings : {FrequencyLoss<float>::Settings{}, FrequencyLoss<float>::Settings::intended()}) {
-    Images<float> images(40, 33);
+    FrequencyImages<float> images(40, 33);
     const FrequencyLoss<float> loss(settings);
     FrequencyLoss<float>::Context context;
     CHECK(loss.forward_backward(images.view_x(), images.view_x(), 1.0f, images.view_d(), context, executor).loss == 0);
@@ -211,7 +211,7 @@ TEST_CASE("loss/frequency: identical images give 0 and exact zeros, flat ones to
     CHECK(loss.forward_backward(images.view_x(), images.view_x(), 1.0f, images.view_d(), context, executor).loss == 0);
     CHECK(std::all_of(images.d.begin(), images.d.end(), [](float g) { return g == 0; }));
   }
-  Images<float> images(40, 33);
+  FrequencyImages<float> images(40, 33);
   for (std::size_t i = 0; i < images.x.size(); ++i) images.x[i] = -images.y[i];
   const FrequencyLoss<float> loss(settings_of<float>(FrequencyBand::high_pass, false, 0));
   FrequencyLoss<float>::Context context;
@@ -257,14 +257,14 @@ TEST_CASE("loss/frequency: float against long double, same bits at any thread co
     SerialExecutor serial;
     ThreadExecutor threads(3);
     for (const int width : {37, 64, 71, 37}) {
-      Images<float> images(50, width, 0.1), again(50, width, 0.1);
+      FrequencyImages<float> images(50, width, 0.1), again(50, width, 0.1);
       const double value =
           loss.forward_backward(images.view_x(), images.view_y(), 1.0f, images.view_d(), context, serial).loss;
       CHECK(loss.forward_backward(again.view_x(), again.view_y(), 1.0f, again.view_d(), context, threads).loss ==
             value);
       CHECK(images.d == again.d);
       CHECK(context.error_map().width == width);
-      Images<long double> exact(50, width);
+      FrequencyImages<long double> exact(50, width);
       exact.x.assign(images.x.begin(), images.x.end());
       exact.y.assign(images.y.begin(), images.y.end());
       const double expected =

@@ -47,10 +47,10 @@ struct Hue {
 };
 
 template <class T>
-struct Images {
+struct HsvImages {
   int height, width;
   std::vector<T> x, y, d;
-  Images(int h, int w) : height(h), width(w) {
+  HsvImages(int h, int w) : height(h), width(w) {
     const std::size_t n = 3 * static_cast<std::size_t>(h) * static_cast<std::size_t>(w);
     const Random random(5, 0, random_stage("test"));
     for (std::size_t i = 0; i < n; ++i) {
@@ -139,7 +139,7 @@ TEST_CASE("loss/hsv: red a hair to the blue side keeps its colour (LS5), black a
 }
 
 TEST_CASE("loss/hsv: the released formula, 1 / (9 H W) of the squared error times the number of largest channels") {
-  Images<double> images(23, 37);
+  HsvImages<double> images(23, 37);
   for (std::size_t i = 0; i < images.x.size() / 3; i += 5) images.x[i] = images.x[i + images.x.size() / 3];  // ties
   const HsvLoss<double> loss;
   HsvLoss<double>::Context context;
@@ -167,7 +167,7 @@ TEST_CASE(
   SerialExecutor executor;
   for (const HueSource source : {HueSource::rendered, HueSource::target, HueSource::either}) {
     for (const bool paper : {false, true}) {
-      Images<double> images(5, 7);
+      HsvImages<double> images(5, 7);
       // A difference quotient must not cross the edge of a mask: channels apart, thresholds apart.
       const std::size_t area = images.x.size() / 3;
       for (std::size_t i = 0; i < area; ++i) {
@@ -218,7 +218,7 @@ TEST_CASE(
   const HsvLoss<float> loss(HsvLoss<float>::Settings::paper());
   HsvLoss<float>::Context context;
   SerialExecutor executor;
-  Images<float> images(32, 32);
+  HsvImages<float> images(32, 32);
   for (std::size_t i = 0; i < images.x.size(); ++i) images.x[i] = 1e-4f * images.x[i];
   HsvReport report = loss.forward_backward(images.view_x(), images.view_y(), 1.0f, images.view_d(), context, executor);
   CHECK(report.pixels == std::array<std::size_t, 3>{});
@@ -232,17 +232,17 @@ TEST_CASE(
 
 TEST_CASE("loss/hsv: same bits at any thread count, widths around the pack") {
   for (const int width : {1, 15, 16, 17, 333}) {
-    Images<float> first(101, width);
+    HsvImages<float> first(101, width);
     const HsvLoss<float> loss(HsvLoss<float>::Settings::paper());
     HsvLoss<float>::Context context;
     SerialExecutor serial;
     const double value =
         loss.forward_backward(first.view_x(), first.view_y(), 1.0f, first.view_d(), context, serial).loss;
-    Images<float> other(101, width);
+    HsvImages<float> other(101, width);
     ThreadExecutor threads(3);
     CHECK(loss.forward_backward(other.view_x(), other.view_y(), 1.0f, other.view_d(), context, threads).loss == value);
     CHECK(other.d == first.d);
-    Images<long double> exact(101, width);
+    HsvImages<long double> exact(101, width);
     const HsvLoss<long double> reference(HsvLoss<long double>::Settings::paper());
     HsvLoss<long double>::Context reference_context;
     CHECK(value == doctest::Approx(reference.forward(exact.view_x(), exact.view_y(), reference_context, serial).loss)

@@ -29,12 +29,12 @@ using namespace compmark;
 
 namespace {
 
-constexpr std::size_t bits = 48, keys = 10000;
-constexpr int side = 96;
+constexpr std::size_t mark_bits = 48, key_count = 10000;
+constexpr int picture_side = 96;
 
 LatticeDecoder<float> lattice() {
   LatticeSettings settings;
-  settings.bits = static_cast<int>(bits);
+  settings.bits = static_cast<int>(mark_bits);
   settings.features = 96;
   settings.sigma = {1.5, 3, 6};
   LatticeWeights<float> weights(settings);
@@ -50,13 +50,13 @@ LatticeDecoder<float> lattice() {
   return {settings, weights};
 }
 
-std::vector<float> picture(std::uint64_t seed) { return testing::textured_picture(side, seed); }
+std::vector<float> picture(std::uint64_t seed) { return testing::textured_picture(picture_side, seed); }
 
 ViewLogits read(const LatticeDecoder<float>& decoder, const std::vector<float>& pixels) {
   LatticeDecoder<float>::Context context;
   SerialExecutor executor;
-  const Result<ViewLogits> view =
-      read_logits(decoder, ImageView<const float>{pixels.data(), 3, side, side}, "picture", context, executor);
+  const Result<ViewLogits> view = read_logits(
+      decoder, ImageView<const float>{pixels.data(), 3, picture_side, picture_side}, "picture", context, executor);
   REQUIRE(view.ok());
   return *view;
 }
@@ -71,14 +71,14 @@ OwnerKey owner(std::uint64_t number) {
   Digest256 secret{};
   secret[0] = std::byte{9};
   for (std::size_t i = 0; i < 8; ++i) secret[31 - i] = static_cast<std::byte>(number >> (8 * i) & 0xFF);
-  return OwnerKey{secret, "2026-01-31T23:59:59Z", bits};
+  return OwnerKey{secret, "2026-01-31T23:59:59Z", mark_bits};
 }
 
 /// The message of an owner's key in an image, by pixel embedding at 34 dB.
 std::vector<float> marked(const LatticeDecoder<float>& decoder, const OwnerKey& key) {
   const Message message = message_of(key);
   std::vector<float> signs, image = picture(1000), result(image.size());
-  for (std::size_t i = 0; i < bits; ++i) signs.push_back(message[i] ? 1.0f : -1.0f);
+  for (std::size_t i = 0; i < mark_bits; ++i) signs.push_back(message[i] ? 1.0f : -1.0f);
   PixelEmbedding<LatticeDecoder<float>> embedding;
   PixelEmbeddingSettings settings;
   settings.steps = 80;
@@ -87,8 +87,9 @@ std::vector<float> marked(const LatticeDecoder<float>& decoder, const OwnerKey& 
   settings.augmentation = no_augmentation();
   SerialExecutor executor;
   const auto no_jpeg = [](auto&&...) {};
-  embedding.embed(decoder, ImageView<const float>{image.data(), 3, side, side}, std::span<const float>(signs), settings,
-                  1, no_jpeg, ImageView<float>{result.data(), 3, side, side}, executor);
+  embedding.embed(decoder, ImageView<const float>{image.data(), 3, picture_side, picture_side},
+                  std::span<const float>(signs), settings, 1, no_jpeg,
+                  ImageView<float>{result.data(), 3, picture_side, picture_side}, executor);
   for (float& value : result) value = std::round(std::fmin(std::fmax(value, 0.0f), 1.0f) * 255) / 255;
   return result;
 }
@@ -97,8 +98,9 @@ std::vector<float> marked(const LatticeDecoder<float>& decoder, const OwnerKey& 
 template <class PValue>
 bool null_holds(const PValue& p_value, double nominal, double claimed) {
   std::size_t hits = 0;
-  for (std::size_t key = 0; key < keys; ++key) hits += p_value(random_message(77, key, bits)) <= nominal ? 1 : 0;
-  return clopper_pearson(hits, keys).contains(claimed);
+  for (std::size_t key = 0; key < key_count; ++key)
+    hits += p_value(random_message(77, key, mark_bits)) <= nominal ? 1 : 0;
+  return clopper_pearson(hits, key_count).contains(claimed);
 }
 
 }  // namespace
@@ -106,7 +108,7 @@ bool null_holds(const PValue& p_value, double nominal, double claimed) {
 TEST_CASE("mark/calibrate: 10,000 random keys keep the rates on unmarked and on marked images") {
   const LatticeDecoder<float> decoder = lattice();
   std::vector<ViewLogits> views = unmarked(decoder, 20);
-  const auto draw = [](std::size_t key) { return random_message(5, key, bits); };
+  const auto draw = [](std::size_t key) { return random_message(5, key, mark_bits); };
   for (const bool with_mark : {false, true}) {
     if (with_mark) views = {read(decoder, marked(decoder, owner(1)))};
     const Result<NullCalibration> result = calibrate_null(views, {}, draw);
@@ -121,7 +123,7 @@ TEST_CASE("mark/calibrate: 10,000 random keys keep the rates on unmarked and on 
     }
     std::size_t total = 0;
     for (const std::size_t n : result->histogram) total += n;
-    CHECK(total == keys);
+    CHECK(total == key_count);
   }
 }
 
@@ -134,7 +136,7 @@ TEST_CASE("mark/calibrate: on a marked image the owner's key is detected, those 
   CHECK(right->evidence.matches >= 46);
   std::size_t most = 0;
   const auto draw = [](std::size_t key) { return message_of(owner(key + 2)); };  // the whole derivation of a key file
-  for (std::size_t key = 0; key < keys; ++key) most = std::max(most, matches<double>(draw(key), views[0].logits));
+  for (std::size_t key = 0; key < key_count; ++key) most = std::max(most, matches<double>(draw(key), views[0].logits));
   CHECK(most < 41);
   const Result<NullCalibration> result = calibrate_null(views, {}, draw);
   REQUIRE(result.ok());
@@ -151,7 +153,7 @@ TEST_CASE("mark/calibrate: tests that treat views or bits as independent fail th
     for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] += 0.01f * static_cast<float>(noise.normal(i));
     views.push_back(read(decoder, pixels));
   }
-  std::vector<double> fused(bits);
+  std::vector<double> fused(mark_bits);
   fuse_logits(views, FusionRule::scaled, fused);
   const auto right = [&](const Message& m) { return evidence_of(m, fused).p_value; };
   const auto product = [&](const Message& m) {  // p-values multiplied as if independent
@@ -172,7 +174,7 @@ TEST_CASE("mark/calibrate: tests that treat views or bits as independent fail th
   const auto pooled = [&](const Message& m) {  // all bits of all views as one long message
     std::size_t count = 0;
     for (const ViewLogits& view : views) count += matches<double>(m, view.logits);
-    return binomial_tail(count, bits * views.size());
+    return binomial_tail(count, mark_bits * views.size());
   };
   const std::vector<ViewLogits> others = unmarked(decoder, 20);
   const auto best = [&](const Message& m) {  // the best of some images, without counting the choice
@@ -181,7 +183,7 @@ TEST_CASE("mark/calibrate: tests that treat views or bits as independent fail th
     return p;
   };
   for (const double nominal : {1e-2, 1e-3}) {
-    const double exact = binomial_tail(*match_threshold(bits, nominal), bits);
+    const double exact = binomial_tail(*match_threshold(mark_bits, nominal), mark_bits);
     CHECK(null_holds(right, nominal, exact));
     CHECK_FALSE(null_holds(product, nominal, nominal));
     CHECK_FALSE(null_holds(fisher, nominal, nominal));
@@ -189,7 +191,7 @@ TEST_CASE("mark/calibrate: tests that treat views or bits as independent fail th
     CHECK_FALSE(null_holds(best, nominal, exact));
   }
   const Result<NullCalibration> result =
-      calibrate_null(views, {}, [](std::size_t key) { return random_message(5, key, bits); });
+      calibrate_null(views, {}, [](std::size_t key) { return random_message(5, key, mark_bits); });
   REQUIRE(result.ok());
   CHECK(result->images_worth < 2);  // twelve views, hardly more than one piece of evidence
 }
@@ -197,7 +199,7 @@ TEST_CASE("mark/calibrate: tests that treat views or bits as independent fail th
 TEST_CASE("mark/calibrate: a key that was chosen after a look at images fails, which is what the commitment is for") {
   const LatticeDecoder<float> decoder = lattice();
   const std::vector<ViewLogits> views = unmarked(decoder, 20);
-  std::vector<double> fused(bits);
+  std::vector<double> fused(mark_bits);
   fuse_logits(views, FusionRule::scaled, fused);
   const Message common = Message::from_logits<double>(fused);  // what the biased decoder likes to read
   std::size_t hits = 0;
@@ -212,13 +214,13 @@ TEST_CASE(
     "published first") {
   const Message message = message_of(owner(1));
   LatticeDecoder<float> decoder = lattice();
-  for (std::size_t i = 0; i < bits; ++i) decoder.weights().bias[i] = message[i] ? 100.0f : -100.0f;
+  for (std::size_t i = 0; i < mark_bits; ++i) decoder.weights().bias[i] = message[i] ? 100.0f : -100.0f;
   const std::vector<ViewLogits> views = unmarked(decoder, 3);
   const Result<Verification> claimed = verify_message(message, views);
   REQUIRE(claimed.ok());
   CHECK(claimed->verdict == Verdict::detected);  // in pictures that carry nothing: the hypothesis is not met
   const Result<NullCalibration> result =         // other keys are safe from it all the same
-      calibrate_null(views, {}, [](std::size_t key) { return random_message(5, key, bits); });
+      calibrate_null(views, {}, [](std::size_t key) { return random_message(5, key, mark_bits); });
   REQUIRE(result.ok());
   CHECK(result->holds());
 }
@@ -228,11 +230,11 @@ TEST_CASE("mark/calibrate: images of independent fair bits are worth their numbe
   std::vector<ViewLogits> views(count);
   const Random random(8, 0, random_stage("test/calibrate fair"));
   for (std::size_t v = 0; v < count; ++v) {
-    for (std::size_t i = 0; i < bits; ++i) views[v].logits.push_back(random.normal(bits * v + i));
+    for (std::size_t i = 0; i < mark_bits; ++i) views[v].logits.push_back(random.normal(mark_bits * v + i));
   }
   CalibrationSettings settings;
   settings.keys = 100;
-  const auto draw = [](std::size_t key) { return random_message(5, key, bits); };
+  const auto draw = [](std::size_t key) { return random_message(5, key, mark_bits); };
   Result<NullCalibration> result = calibrate_null(views, settings, draw);
   REQUIRE(result.ok());
   CHECK(result->images_worth > 250);       // sum of 48 squares of mean 1 / 400: relative spread sqrt(2 / 48) = 0.2
@@ -247,11 +249,11 @@ TEST_CASE("mark/calibrate: images of independent fair bits are worth their numbe
 TEST_CASE("mark/calibrate: JSON and words have the figures; bad input is refused") {
   using Json = nlohmann::ordered_json;
   std::vector<ViewLogits> views(2);
-  for (std::size_t i = 0; i < bits; ++i) {
+  for (std::size_t i = 0; i < mark_bits; ++i) {
     views[0].logits.push_back(i % 2 == 0 ? 1 : -1);
     views[1].logits.push_back(i % 3 == 0 ? 1 : -1);
   }
-  const auto draw = [](std::size_t key) { return random_message(5, key, bits); };
+  const auto draw = [](std::size_t key) { return random_message(5, key, mark_bits); };
   const Result<NullCalibration> result = calibrate_null(views, {}, draw);
   REQUIRE(result.ok());
   const Json json = Json::parse(calibration_json<Json>(*result).dump());

@@ -10,21 +10,20 @@
 #include <utility>
 #include <vector>
 
+#include "mark/drawn_message.hpp"
+
 using namespace compmark;
+using testing::drawn_message;
 
 namespace {
 
-const Random stream(3, 0, random_stage("test/ecc"));
-
-Message random_message(std::uint64_t index, std::size_t bits) {
-  return Message::from_words(stream.bits(2 * index), stream.bits(2 * index + 1), bits);
-}
+const Random ecc_stream(3, 0, random_stage("test/ecc"));
 
 /// Flips `count` different bits.
 Message with_errors(Message word, std::size_t count, std::uint64_t index) {
   Message mask(word.size());
   for (std::uint64_t draw = 0; mask.ones() < count; ++draw)
-    mask.set(static_cast<std::size_t>(stream.below((1ull << 40) + 1000 * index + draw, word.size())), true);
+    mask.set(static_cast<std::size_t>(ecc_stream.below((1ull << 40) + 1000 * index + draw, word.size())), true);
   return word ^ mask;
 }
 
@@ -76,11 +75,12 @@ TEST_CASE("mark/ecc: every word with up to t errors is corrected, and linear cod
                            {16, 1}}) {
     const std::size_t length = pair.first, correctable = pair.second;
     const BchCode code = *BchCode::make(length, correctable);
-    const Message first = random_message(1, code.payload_bits()), second = random_message(2, code.payload_bits());
+    const Message first = drawn_message(ecc_stream, 1, code.payload_bits()),
+                  second = drawn_message(ecc_stream, 2, code.payload_bits());
     CHECK((code.encode(first) ^ code.encode(second)) == code.encode(first ^ second));
     std::size_t wrong = 0, least = length;
     for (std::uint64_t trial = 0; trial < 100; ++trial) {
-      const Message payload = random_message(10 + trial, code.payload_bits());
+      const Message payload = drawn_message(ecc_stream, 10 + trial, code.payload_bits());
       const Message word = code.encode(payload);
       if (word.ones() != 0) least = std::min(least, word.ones());
       for (std::size_t errors = 0; errors <= correctable; ++errors) {
@@ -112,10 +112,10 @@ TEST_CASE("mark/ecc: probabilities of the table, in closed form and decoded") {
       const std::size_t trials = 2000;
       std::size_t read = 0, wrong = 0;
       for (std::uint64_t trial = 0; trial < trials; ++trial) {
-        const Message data = random_message(5000 + trial, code.data_bits());
+        const Message data = drawn_message(ecc_stream, 5000 + trial, code.data_bits());
         Message word = code.encode(data);
         for (std::size_t bit = 0; bit < 48; ++bit) {
-          if (stream.uniform((1ull << 50) + 48 * trial + bit) < rates[i]) word.flip(bit);
+          if (ecc_stream.uniform((1ull << 50) + 48 * trial + bit) < rates[i]) word.flip(bit);
         }
         const PayloadCode::Reading reading = code.decode(word);
         if (reading.outcome != PayloadCode::Outcome::read) continue;
@@ -140,7 +140,7 @@ TEST_CASE("mark/ecc: random words rarely decode, and the CRC keeps the rest") {
   const std::size_t trials = 40000;
   std::size_t near = 0, accepted = 0;
   for (std::uint64_t trial = 0; trial < trials; ++trial) {
-    const PayloadCode::Reading reading = code.decode(random_message(1000000 + trial, 48));
+    const PayloadCode::Reading reading = code.decode(drawn_message(ecc_stream, 1000000 + trial, 48));
     near += reading.outcome != PayloadCode::Outcome::too_many_errors ? 1 : 0;
     accepted += reading.outcome == PayloadCode::Outcome::read ? 1 : 0;
   }
@@ -151,7 +151,7 @@ TEST_CASE("mark/ecc: random words rarely decode, and the CRC keeps the rest") {
   // One error too many: refused, or another payload that the CRC refuses; never the true one.
   std::size_t silent = 0, refused = 0;
   for (std::uint64_t trial = 0; trial < 4000; ++trial) {
-    const Message data = random_message(2000000 + trial, code.data_bits());
+    const Message data = drawn_message(ecc_stream, 2000000 + trial, code.data_bits());
     const PayloadCode::Reading reading = code.decode(with_errors(code.encode(data), 5, 3000 + trial));
     if (reading.outcome == PayloadCode::Outcome::read) ++silent;
     if (reading.outcome == PayloadCode::Outcome::too_many_errors) ++refused;

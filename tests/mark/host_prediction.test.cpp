@@ -15,21 +15,23 @@
 #include "compmark/mark/lattice_file.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "compmark/testing/mark_laws.hpp"
+#include "support/random_values.hpp"
 #include "support/scene_files.hpp"
 
 using namespace compmark;
+using testing::normals;
 
 namespace {
 
-constexpr std::size_t features = 7, coordinates = 3, centres = 5, bits = 4;
+constexpr std::size_t host_features = 7, host_coordinates = 3, host_centres = 5, host_bits = 4;
 
 template <class T>
 HostPrediction<T> small_prediction() {
   HostPrediction<T> host;
-  host.direction.resize(coordinates * features);
-  host.offset.resize(coordinates);
-  host.centre.resize(centres * coordinates);
-  host.coefficient.resize(centres * bits);
+  host.direction.resize(host_coordinates * host_features);
+  host.offset.resize(host_coordinates);
+  host.centre.resize(host_centres * host_coordinates);
+  host.coefficient.resize(host_centres * host_bits);
   const Random random(12, 0, random_stage("test/host prediction"));
   std::size_t n = 0;
   for (std::vector<T>* part : {&host.direction, &host.offset, &host.centre, &host.coefficient}) {
@@ -41,8 +43,8 @@ template <class T>
 LatticeDecoder<T> scene_decoder(bool with_host = true) {
   LatticeSettings settings;
   settings.measure = LatticeMeasure::colour;
-  settings.bits = static_cast<int>(bits);
-  settings.features = static_cast<int>(features);
+  settings.bits = static_cast<int>(host_bits);
+  settings.features = static_cast<int>(host_features);
   settings.sigma = {0.5};
   settings.stride = 2;
   LatticeWeights<T> weights(settings);
@@ -58,45 +60,39 @@ LatticeDecoder<T> scene_decoder(bool with_host = true) {
   }
   return {settings, weights};
 }
-std::vector<double> normals(std::size_t count, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("test/host prediction values"));
-  std::vector<double> values(count);
-  for (std::size_t i = 0; i < count; ++i) values[i] = random.normal(i);
-  return values;
-}
-
 }  // namespace
 
 TEST_CASE("mark/host_prediction: it subtracts the sum of its kernels, and its gradient is that of what is left") {
   const HostPrediction<double> host = small_prediction<double>();
-  CHECK(host.coordinates() == coordinates);
-  CHECK(host.centres() == centres);
-  std::vector<double> p = normals(features, 1);
+  CHECK(host.coordinates() == host_coordinates);
+  CHECK(host.centres() == host_centres);
+  std::vector<double> p = normals<double>(host_features, 1, "test/host prediction values");
   for (double& value : p) value *= 0.4;
   HostPrediction<double>::Context context;
-  const std::vector<double> start = normals(bits, 2), slope = normals(bits, 3);
+  const std::vector<double> start = normals<double>(host_bits, 2, "test/host prediction values"),
+                            slope = normals<double>(host_bits, 3, "test/host prediction values");
   std::vector<double> logits = start;
   host.subtract(p, logits, context);
-  for (std::size_t b = 0; b < bits; ++b) {
+  for (std::size_t b = 0; b < host_bits; ++b) {
     double said = 0;
-    for (std::size_t i = 0; i < centres; ++i) {
+    for (std::size_t i = 0; i < host_centres; ++i) {
       double square = 0;
-      for (std::size_t d = 0; d < coordinates; ++d) {
-        double x = -host.offset[d] - host.centre[i * coordinates + d];
-        for (std::size_t k = 0; k < features; ++k) x += host.direction[d * features + k] * p[k];
+      for (std::size_t d = 0; d < host_coordinates; ++d) {
+        double x = -host.offset[d] - host.centre[i * host_coordinates + d];
+        for (std::size_t k = 0; k < host_features; ++k) x += host.direction[d * host_features + k] * p[k];
         square += x * x;
       }
-      said += std::exp(-square / 2) * host.coefficient[i * bits + b];
+      said += std::exp(-square / 2) * host.coefficient[i * host_bits + b];
     }
     CHECK(logits[b] == doctest::Approx(start[b] - said).epsilon(1e-12));
   }
-  std::vector<double> gradient(features, 0.0);
+  std::vector<double> gradient(host_features, 0.0);
   host.backward(slope, gradient, context);
   const auto loss = [&] {
     std::vector<double> left = start;
     host.subtract(p, left, context);
     double sum = 0;
-    for (std::size_t b = 0; b < bits; ++b) sum += slope[b] * left[b];
+    for (std::size_t b = 0; b < host_bits; ++b) sum += slope[b] * left[b];
     return sum;
   };
   CHECK(testing::gradient_law(loss, p, gradient) == "");
@@ -108,8 +104,8 @@ TEST_CASE("mark/host_prediction: it subtracts the sum of its kernels, and its gr
 TEST_CASE("mark/host_prediction: far from what it was fitted to nothing is subtracted") {
   const HostPrediction<double> host = small_prediction<double>();
   HostPrediction<double>::Context context;
-  std::vector<double> far(features, 0.0), logits(bits, 0.5);
-  for (std::size_t k = 0; k < features; ++k) far[k] = 30 * host.direction[k];
+  std::vector<double> far(host_features, 0.0), logits(host_bits, 0.5);
+  for (std::size_t k = 0; k < host_features; ++k) far[k] = 30 * host.direction[k];
   host.subtract(far, logits, context);
   for (const double z : logits) CHECK(z == 0.5);
 }
@@ -118,14 +114,14 @@ TEST_CASE("mark/host_prediction: a lattice decoder with one holds the laws of a 
   CHECK(testing::message_decoder_laws(scene_decoder<double>(), 24, 31) == "");
   // It is there: the same decoder without reads something else.
   SerialExecutor executor;
-  const std::vector<double> noise = normals(3 * 24 * 24, 5);
-  std::vector<double> pixels(noise.size()), with(bits), without(bits);
+  const std::vector<double> noise = normals<double>(3 * 24 * 24, 5, "test/host prediction values");
+  std::vector<double> pixels(noise.size()), with(host_bits), without(host_bits);
   for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = 0.5 + 0.1 * noise[i];
   LatticeDecoder<double>::Context context;
   const ImageView<const double> image{pixels.data(), 3, 24, 24};
   scene_decoder<double>().forward(image, std::span<double>(with), context, executor);
   scene_decoder<double>(false).forward(image, std::span<double>(without), context, executor);
-  for (std::size_t b = 0; b < bits; ++b) CHECK(std::abs(with[b] - without[b]) > 1e-3);
+  for (std::size_t b = 0; b < host_bits; ++b) CHECK(std::abs(with[b] - without[b]) > 1e-3);
 }
 
 TEST_CASE("mark/host_prediction: it comes back from a file, which programs that know of none refuse") {

@@ -19,8 +19,10 @@
 #include "compmark/mark/pretrain/dead_leaves.hpp"
 #include "compmark/mark/pretrain/decoder_measure.hpp"
 #include "compmark/mark/stored_decoder.hpp"
+#include "mark/no_codec.hpp"
 
 using namespace compmark;
+using testing::NoCodec;
 
 namespace {
 
@@ -30,12 +32,6 @@ std::filesystem::path weights(const std::string& name) {
   if (std::filesystem::exists(here)) return here;
   return std::filesystem::path(__FILE__).parent_path().parent_path().parent_path() / here;
 }
-
-struct NoCodec {
-  void operator()(ImageView<const float> image, int /*quality*/, ImageView<float> output) const {
-    for (std::size_t i = 0; i < image.size(); ++i) output.data[i] = image.data[i];
-  }
-};
 
 }  // namespace
 

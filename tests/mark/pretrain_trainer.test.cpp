@@ -20,8 +20,10 @@
 #include "compmark/mark/pretrain/training_file.hpp"
 #include "compmark/mark/stored_decoder.hpp"
 #include "compmark/optim/adam.hpp"
+#include "mark/no_codec.hpp"
 
 using namespace compmark;
+using testing::NoCodec;
 
 namespace {
 
@@ -31,11 +33,6 @@ struct Leaves {
   [[nodiscard]] static std::size_t size() { return 20; }
   static void read(std::size_t index, const Random& /*random*/, int /*side*/, ImageView<float> image) {
     dead_leaves_image(3, index, image);
-  }
-};
-struct NoCodec {
-  void operator()(ImageView<const float> image, int /*quality*/, ImageView<float> output) const {
-    for (std::size_t i = 0; i < image.size(); ++i) output.data[i] = image.data[i];
   }
 };
 

@@ -9,15 +9,14 @@
 #include <string>
 #include <vector>
 
+#include "mark/drawn_message.hpp"
+
 using namespace compmark;
+using testing::drawn_message;
 
 namespace {
 
-const Random stream(11, 0, random_stage("test/verify"));
-
-Message random_message(std::uint64_t index, std::size_t bits) {
-  return Message::from_words(stream.bits(2 * index), stream.bits(2 * index + 1), bits);
-}
+const Random verify_stream(11, 0, random_stage("test/verify"));
 
 /// Logits that agree with `message` but for the first `wrong` bits.
 ViewLogits view_of(const Message& message, std::size_t wrong, double scale = 1) {
@@ -85,7 +84,7 @@ TEST_CASE("mark/verify: power and the gain of views (watermark sheet, section 6)
 }
 
 TEST_CASE("mark/verify: the verdict follows its rules at every number of matches") {
-  const Message message = random_message(0, 48);
+  const Message message = drawn_message(verify_stream, 0, 48);
   for (std::size_t wrong = 0; wrong <= 48; ++wrong) {
     const std::vector<ViewLogits> views{view_of(message, wrong)};
     const Result<Verification> result = verify_message(message, views);
@@ -107,7 +106,7 @@ TEST_CASE("mark/verify: the verdict follows its rules at every number of matches
   CHECK(corrected->verdict == Verdict::inconclusive);
   CHECK(corrected->p_corrected == doctest::Approx(1000 * binomial_tail(43, 48)));
   // 16 bits can never reach 1e-6: not an answer, however good the match.
-  const Message brief = random_message(1, 16);
+  const Message brief = drawn_message(verify_stream, 1, 16);
   const std::vector<ViewLogits> perfect{view_of(brief, 0)};
   const Result<Verification> impossible = verify_message(brief, perfect);
   REQUIRE(impossible.ok());
@@ -116,7 +115,7 @@ TEST_CASE("mark/verify: the verdict follows its rules at every number of matches
 }
 
 TEST_CASE("mark/verify: fusion weighs views, not their scales") {
-  const Message message = random_message(2, 48);
+  const Message message = drawn_message(verify_stream, 2, 48);
   // One loud wrong view against two quiet right ones.
   const std::vector<ViewLogits> views{view_of(message, 48, 1000), view_of(message, 0, 0.01),
                                       view_of(message, 0, 1e-200)};
@@ -140,7 +139,7 @@ TEST_CASE("mark/verify: fusion weighs views, not their scales") {
     std::vector<ViewLogits> noisy(10);
     for (std::size_t v = 0; v < 10; ++v) {
       for (std::size_t i = 0; i < 48; ++i) {
-        const double noise = stream.normal(100000 + 480 * trial + 48 * v + i);
+        const double noise = verify_stream.normal(100000 + 480 * trial + 48 * v + i);
         noisy[v].logits.push_back((message[i] ? 0.5244 : -0.5244) + noise);  // Phi(0.5244) = 0.70
       }
     }
@@ -161,13 +160,13 @@ TEST_CASE("mark/verify: the p-value is honest for a random key, pooled views are
   std::vector<ViewLogits> views(count);
   for (std::size_t v = 0; v < count; ++v) {
     for (std::size_t i = 0; i < bits; ++i)
-      views[v].logits.push_back(1 + stream.normal(900000 + i) + 0.1 * stream.normal(910000 + 48 * v + i));
+      views[v].logits.push_back(1 + verify_stream.normal(900000 + i) + 0.1 * verify_stream.normal(910000 + 48 * v + i));
   }
   std::vector<double> fused(bits);
   fuse_logits(views, FusionRule::scaled, fused);
   std::size_t honest = 0, pooled = 0;
   for (std::size_t key = 0; key < keys; ++key) {
-    const Message message = random_message(1000 + key, bits);
+    const Message message = drawn_message(verify_stream, 1000 + key, bits);
     if (evidence_of(message, fused).p_value <= 1e-2) ++honest;
     std::size_t total = 0;
     for (const ViewLogits& view : views) total += matches<double>(message, view.logits);
@@ -179,10 +178,10 @@ TEST_CASE("mark/verify: the p-value is honest for a random key, pooled views are
 }
 
 TEST_CASE("mark/verify: bad input is refused") {
-  const Message message = random_message(3, 48);
+  const Message message = drawn_message(verify_stream, 3, 48);
   const std::vector<ViewLogits> one{view_of(message, 0)};
   CHECK_FALSE(verify_message(message, {}).ok());
-  CHECK_FALSE(verify_message(random_message(3, 32), one).ok());
+  CHECK_FALSE(verify_message(drawn_message(verify_stream, 3, 32), one).ok());
   CHECK_FALSE(verify_message(Message(), one).ok());
   VerifySettings settings;
   settings.tries = 0;

@@ -8,22 +8,15 @@
 #include <cmath>
 #include <vector>
 
-#include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "support/random_values.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::normals;
 
-template <class T>
-std::vector<T> noise(std::size_t n, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("area test"));
-  std::vector<T> values(n);
-  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<T>(random.normal(i));
-  return values;
-}
-
-constexpr std::array<std::array<int, 4>, 6> sizes{
+constexpr std::array<std::array<int, 4>, 6> resize_sizes{
     {{12, 8, 6, 4}, {13, 7, 5, 7}, {9, 100, 9, 33}, {5, 5, 1, 1}, {7, 3, 7, 3}, {31, 17, 30, 16}}};
 
 }  // namespace
@@ -40,7 +33,7 @@ TEST_CASE("math/area_resize: whole boxes are means, thirds are split, a constant
   area.forward({three.data(), 1, 1, 3}, {out.data(), 1, 1, 2}, serial);
   CHECK(std::abs(out[0] - 4) < 1e-15);
   CHECK(std::abs(out[1] - 8) < 1e-15);
-  for (const auto& [h, w, th, tw] : sizes) {
+  for (const auto& [h, w, th, tw] : resize_sizes) {
     const std::vector<double> flat(static_cast<std::size_t>(h * w), 0.3);
     std::vector<double> small(static_cast<std::size_t>(th * tw));
     area.forward({flat.data(), 1, h, w}, {small.data(), 1, th, tw}, serial);
@@ -49,9 +42,9 @@ TEST_CASE("math/area_resize: whole boxes are means, thirds are split, a constant
 }
 
 TEST_CASE("math/area_resize: the backward pass is the adjoint and adds; the same bits at any thread count") {
-  for (const auto& [h, w, th, tw] : sizes) {
-    const auto image = noise<double>(static_cast<std::size_t>(3 * h * w), 1);
-    const auto d = noise<double>(static_cast<std::size_t>(3 * th * tw), 2);
+  for (const auto& [h, w, th, tw] : resize_sizes) {
+    const auto image = normals<double>(static_cast<std::size_t>(3 * h * w), 1, "area test");
+    const auto d = normals<double>(static_cast<std::size_t>(3 * th * tw), 2, "area test");
     std::vector<double> expected;
     for (const std::size_t threads : {1u, 2u, 3u}) {
       ThreadExecutor executor(threads);

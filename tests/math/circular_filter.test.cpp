@@ -12,24 +12,16 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "math/random_plane.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::random_plane;
 
 /// A gain without symmetry between the axes.
 double skew_gain(int ky, int kx) { return 1 / (1 + 0.3 * ky + 0.05 * kx * kx) - 0.1; }
-
-template <class T>
-std::vector<T> noise(int height, int width, std::uint64_t seed = 1) {
-  std::vector<T> plane;
-  const Random random(seed, 0, random_stage("test"));
-  for (std::size_t i = 0; i < static_cast<std::size_t>(height * width); ++i)
-    plane.push_back(static_cast<T>(random.centered(i)));
-  return plane;
-}
 
 template <class T, class Gain>
 std::vector<T> filtered(int height, int width, const Gain& gain, const std::vector<T>& x, std::size_t threads = 1) {
@@ -86,7 +78,7 @@ TEST_CASE(
   for (const auto& size : std::vector<std::pair<int, int>>{
            {1, 1}, {1, 2}, {2, 1}, {2, 3}, {3, 3}, {4, 5}, {5, 4}, {1, 17}, {17, 1}, {7, 12}, {9, 37}, {19, 20}}) {
     const int height = size.first, width = size.second;
-    const std::vector<double> x = noise<double>(height, width);
+    const std::vector<double> x = random_plane<double>(height, width);
     const auto [expected, imaginary] = plain_filter(height, width, x);
     const std::vector<double> y = filtered<double>(height, width, skew_gain, x);
     double error = 0;
@@ -102,7 +94,7 @@ TEST_CASE(
 
 template <class T>
 double adjoint_gap(int height, int width) {
-  const std::vector<T> x = noise<T>(height, width, 1), y = noise<T>(height, width, 2);
+  const std::vector<T> x = random_plane<T>(height, width, 1), y = random_plane<T>(height, width, 2);
   const std::vector<T> kx = filtered<T>(height, width, skew_gain, x), ky = filtered<T>(height, width, skew_gain, y);
   long double forward = 0, back = 0, norm_kx = 0, norm_y = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {
@@ -122,7 +114,7 @@ TEST_CASE(
   CHECK(adjoint_gap<float>(133, 159) < 1e-7);
   CHECK(adjoint_gap<float>(96, 1063) < 1e-7);  // 1063 is prime
   const auto low = [](int ky, int kx) { return ky * ky + kx * kx < 90 ? 1.0 : 0.0; };
-  const std::vector<double> x = noise<double>(45, 64);
+  const std::vector<double> x = random_plane<double>(45, 64);
   const std::vector<double> once = filtered<double>(45, 64, low, x), twice = filtered<double>(45, 64, low, once);
   const std::vector<double> same = filtered<double>(
       45, 64, [](int, int) { return 1.0; }, x);
@@ -141,7 +133,7 @@ TEST_CASE(
     "math/circular_filter: a large mean does not cost the detail its digits in float (FR3); without care it does") {
   const int height = 40, width = 48;
   const auto high = [](int ky, int kx) { return 1 - std::exp(-(ky * ky + kx * kx) / 18.0); };
-  const std::vector<double> detail = noise<double>(height, width);
+  const std::vector<double> detail = random_plane<double>(height, width);
   std::vector<double> exact_input;
   std::vector<float> x;
   for (const double v : detail) {
@@ -182,13 +174,13 @@ TEST_CASE(
 }
 
 TEST_CASE("math/circular_filter: same bits at any thread count, in place, and after other sizes used the context") {
-  const std::vector<float> x = noise<float>(61, 45);
+  const std::vector<float> x = random_plane<float>(61, 45);
   const std::vector<float> first = filtered<float>(61, 45, skew_gain, x, 1);
   CHECK(filtered<float>(61, 45, skew_gain, x, 3) == first);
   const CircularFilter<float> filter(61, 45, skew_gain), larger(80, 97, skew_gain);
   CircularFilter<float>::Context context;
   ThreadExecutor executor(2);
-  std::vector<float> other = noise<float>(80, 97), in_place = x;
+  std::vector<float> other = random_plane<float>(80, 97), in_place = x;
   larger.apply(other.data(), other.data(), context, executor);
   filter.apply(in_place.data(), in_place.data(), context, executor);
   CHECK(in_place == first);

@@ -16,21 +16,14 @@
 #include <type_traits>
 #include <vector>
 
-#include "compmark/core/random.hpp"
+#include "support/random_values.hpp"
 
 namespace {
 
 using namespace compmark;
+using testing::normals;
 
 constexpr double untouched = 12345.0;
-
-template <class T>
-std::vector<T> noise(std::size_t count, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("dense test"));
-  std::vector<T> values(count);
-  for (std::size_t i = 0; i < count; ++i) values[i] = static_cast<T>(random.normal(i));
-  return values;
-}
 
 /// a b + c as math/pack.hpp rounds it in this build.
 template <class T>
@@ -47,11 +40,11 @@ struct Operands {
   std::vector<T> a, b, c, bias;
 
   explicit Operands(const ProductShape& s)
-      : a(noise<T>(size(s.rows, s.a_row, s.steps, s.a_step), 1)),
-        b(noise<T>(size(s.steps, s.b_step, s.columns, 1), 2)),
+      : a(normals<T>(size(s.rows, s.a_row, s.steps, s.a_step), 1, "dense test")),
+        b(normals<T>(size(s.steps, s.b_step, s.columns, 1), 2, "dense test")),
         c(size(s.rows, s.c_row, s.columns, 1) + 16, static_cast<T>(untouched)),
-        bias(noise<T>(static_cast<std::size_t>(s.rows), 4)) {
-    const std::vector<T> before = noise<T>(c.size(), 3);
+        bias(normals<T>(static_cast<std::size_t>(s.rows), 4, "dense test")) {
+    const std::vector<T> before = normals<T>(c.size(), 3, "dense test");
     for (int r = 0; r < s.rows; ++r) {
       for (int i = 0; i < s.columns; ++i) c[at(r * s.c_row + i)] = before[at(r * s.c_row + i)];
     }
@@ -171,7 +164,7 @@ TEST_CASE("math/dense: the error is within steps u sum |a b| of the exact produc
 TEST_CASE("math/dense: with rows and steps of A exchanged it is the adjoint") {
   constexpr ProductShape forward{9, 32, 21, 21, 1, 32, 32}, backward{21, 32, 9, 1, 21, 32, 32};
   const Operands<double> operands(forward);
-  const std::vector<double> gradient = noise<double>(9 * 32, 7);
+  const std::vector<double> gradient = normals<double>(9 * 32, 7, "dense test");
   std::vector<double> c(9 * 32), d_b(21 * 32);
   constexpr int W = native_width<double>;
   product<double, W, forward>(operands.a.data(), operands.b.data(), c.data(), StartZero<double, W>{},

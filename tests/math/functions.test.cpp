@@ -22,21 +22,21 @@ using namespace compmark;
 
 // Exhaustive tests walk over all floats; under a sanitizer over every 101st.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr std::uint32_t stride = 101;
+constexpr std::uint32_t scan_stride = 101;
 #elif defined(__has_feature)
 #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-constexpr std::uint32_t stride = 101;
+constexpr std::uint32_t scan_stride = 101;
 #else
-constexpr std::uint32_t stride = 1;
+constexpr std::uint32_t scan_stride = 1;
 #endif
 #else
-constexpr std::uint32_t stride = 1;
+constexpr std::uint32_t scan_stride = 1;
 #endif
 
 #if defined(__FMA__)
-constexpr bool fused = true;
+constexpr bool has_fma = true;
 #else
-constexpr bool fused = false;  // the reduction then rounds twice, and the stated errors are larger
+constexpr bool has_fma = false;  // the reduction then rounds twice, and the stated errors are larger
 #endif
 
 struct ExpErrors {
@@ -76,12 +76,12 @@ ExpErrors scan_exp(float smallest, float largest, std::uint32_t every) {
 
 TEST_CASE(
     "math/functions: exp_negative on all floats of the splat range, every degree: stated error, never above 1 (BF5)") {
-  const ExpErrors errors = scan_exp(1e-6f, 5.5413f, stride);
+  const ExpErrors errors = scan_exp(1e-6f, 5.5413f, scan_stride);
   CHECK(errors.worst[2] < 2.0e-3);
   CHECK(errors.worst[3] < 1.02e-4);
-  CHECK(errors.worst[4] < (fused ? 3.0e-6 : 3.2e-6));
-  CHECK(errors.worst[5] < (fused ? 2.4e-7 : 4.0e-7));
-  CHECK(errors.worst[6] < (fused ? 1.6e-7 : 3.3e-7));
+  CHECK(errors.worst[4] < (has_fma ? 3.0e-6 : 3.2e-6));
+  CHECK(errors.worst[5] < (has_fma ? 2.4e-7 : 4.0e-7));
+  CHECK(errors.worst[6] < (has_fma ? 1.6e-7 : 3.3e-7));
   CHECK(errors.largest <= 1.0f);
   // The figures are the polynomials' own, not slack.
   CHECK(errors.worst[2] > 1.9e-3);
@@ -93,8 +93,8 @@ TEST_CASE("math/functions: exp_negative near zero and on the wide range") {
   const ExpErrors near_zero = scan_exp(1e-30f, 1e-6f, 997);
   CHECK(near_zero.largest <= 1.0f);
   CHECK(near_zero.worst[3] < 6e-8);
-  CHECK(scan_exp(5.5413f, 16.0f, 7).worst[6] < (fused ? 3.0e-7 : 9.7e-7));
-  CHECK(scan_exp(16.0f, 87.0f, 7).worst[6] < (fused ? 1.3e-6 : 3.9e-6));
+  CHECK(scan_exp(5.5413f, 16.0f, 7).worst[6] < (has_fma ? 3.0e-7 : 9.7e-7));
+  CHECK(scan_exp(16.0f, 87.0f, 7).worst[6] < (has_fma ? 1.3e-6 : 3.9e-6));
   const auto at_zero = [](auto degree) { return exp_negative<decltype(degree)::value>(Pack<float>(0.0f)).lane(0); };
   CHECK(at_zero(std::integral_constant<int, 0>{}) == 1.0f);
   CHECK(at_zero(std::integral_constant<int, 2>{}) == 1.0f);
@@ -119,7 +119,7 @@ double worst_relative(double low, double high, int count, const Value& value, co
 }
 
 TEST_CASE("math/functions: exp, sigmoid and tanh against long double over their range") {
-  const int n = stride == 1 ? 1000000 : 50000;
+  const int n = scan_stride == 1 ? 1000000 : 50000;
   CHECK(worst_relative(
             -87, 88, n, [](auto x) { return exp(x); }, [](long double x) { return std::exp(x); }) < 1.2e-7);
   CHECK(worst_relative(

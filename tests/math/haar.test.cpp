@@ -8,20 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "support/random_values.hpp"
 
 namespace {
 
 using namespace compmark;
-
-template <class T>
-std::vector<T> noise(std::size_t n, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("haar test"));
-  std::vector<T> values(n);
-  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<T>(random.normal(i));
-  return values;
-}
+using testing::normals;
 
 std::size_t area(int height, int width) { return static_cast<std::size_t>(height) * static_cast<std::size_t>(width); }
 
@@ -43,7 +36,7 @@ TEST_CASE("math/haar: a constant c becomes 2 c, a 3 x 3 of ones a 2 x 2 of twos,
 
 TEST_CASE("math/haar: an even image loses no energy to scale: the basis is orthonormal, a mean is not") {
   SerialExecutor serial;
-  const auto low = noise<double>(4 * 6, 1);
+  const auto low = normals<double>(4 * 6, 1, "haar test");
   std::vector<double> image(8 * 12, 0.0);
   haar_low_adjoint<double>({low.data(), 1, 4, 6}, {image.data(), 1, 8, 12}, serial);  // a synthesis from LL alone
   double energy_low = 0, energy_image = 0;
@@ -59,7 +52,8 @@ TEST_CASE("math/haar: the backward pass is the adjoint and adds, for odd and eve
   SerialExecutor serial;
   for (const auto& [height, width] : {std::pair{8, 12}, {7, 12}, {8, 11}, {7, 11}, {1, 1}, {1, 9}, {2, 1}}) {
     const int h = haar_size(height), w = haar_size(width);
-    const auto image = noise<double>(2 * area(height, width), 2), d_low = noise<double>(2 * area(h, w), 3);
+    const auto image = normals<double>(2 * area(height, width), 2, "haar test"),
+               d_low = normals<double>(2 * area(h, w), 3, "haar test");
     std::vector<double> low(d_low.size()), d_image(image.size(), 1.0);
     haar_low<double>({image.data(), 2, height, width}, {low.data(), 2, h, w}, serial);
     haar_low_adjoint<double>({d_low.data(), 2, h, w}, {d_image.data(), 2, height, width}, serial);
@@ -74,7 +68,7 @@ TEST_CASE("math/haar: the backward pass is the adjoint and adds, for odd and eve
 }
 
 TEST_CASE("math/haar: the same bits at any thread count") {
-  const auto image = noise<float>(3 * area(101, 67), 4);
+  const auto image = normals<float>(3 * area(101, 67), 4, "haar test");
   std::vector<float> expected;
   for (const std::size_t threads : {1u, 2u, 3u}) {
     ThreadExecutor executor(threads);

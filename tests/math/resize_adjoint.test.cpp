@@ -10,19 +10,13 @@
 #include <cstddef>
 #include <vector>
 
-#include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "math/random_plane.hpp"
 
 namespace {
 
 using namespace compmark;
-
-std::vector<double> noise(int count, std::uint64_t seed) {
-  std::vector<double> plane;
-  const Random random(seed, 0, random_stage("test"));
-  for (int i = 0; i < count; ++i) plane.push_back(static_cast<double>(random.centered(static_cast<std::uint64_t>(i))));
-  return plane;
-}
+using testing::random_plane;
 
 std::vector<double> resized(const std::vector<double>& x, int h, int w, int to_h, int to_w) {
   const TriangleResize<double> resize(h, w, to_h, to_w);
@@ -42,7 +36,7 @@ TEST_CASE(
                                                                      {1, 1, 6, 4},
                                                                      {23, 17, 1, 1},
                                                                      {64, 3, 10, 64}}) {
-    const std::vector<double> x = noise(s[0] * s[1], 1), v = noise(s[2] * s[3], 2);
+    const std::vector<double> x = random_plane<double>(s[0], s[1], 1), v = random_plane<double>(s[2], s[3], 2);
     const std::vector<double> y = resized(x, s[0], s[1], s[2], s[3]);
     const TriangleResize<double> resize(s[0], s[1], s[2], s[3]);
     TriangleResize<double>::Context context;
@@ -65,7 +59,7 @@ TEST_CASE(
 TEST_CASE(
     "math/resize_adjoint: same size is the identity, constants stay, halving a line of a ramp and doubling it by "
     "hand") {
-  const std::vector<double> x = noise(30, 3);
+  const std::vector<double> x = random_plane<double>(5, 6, 3);
   CHECK(resized(x, 5, 6, 5, 6) == x);
   for (const double v : resized(std::vector<double>(30, 0.3), 5, 6, 13, 4))
     CHECK(v == doctest::Approx(0.3).epsilon(1e-15));
@@ -92,7 +86,7 @@ TEST_CASE("math/resize_adjoint: shrinking averages a checkerboard away; sampling
 
 TEST_CASE("math/resize_adjoint: float, same bits at any thread count, close to double") {
   const TriangleResize<float> resize(40, 41, 102, 103);
-  const std::vector<double> exact_input = noise(40 * 41, 5);
+  const std::vector<double> exact_input = random_plane<double>(40, 41, 5);
   const std::vector<float> x(exact_input.begin(), exact_input.end());
   std::vector<float> first(102 * 103), second(102 * 103);
   TriangleResize<float>::Context context;

@@ -8,19 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "support/random_values.hpp"
 
 using namespace compmark;
+using testing::normals;
 
 namespace {
-
-std::vector<double> normals(std::size_t count, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("test/separable_map"));
-  std::vector<double> values(count);
-  for (std::size_t i = 0; i < count; ++i) values[i] = random.normal(i);
-  return values;
-}
 
 using Table = RunTable<double>;
 
@@ -40,9 +34,9 @@ TEST_CASE("math/separable_map: the transpose is the adjoint, at any number of th
     const auto& name = named.first;
     const auto& map = named.second;
     CAPTURE(name);
-    const std::vector<double> x = normals(3 * 17 * 23, 1);
+    const std::vector<double> x = normals<double>(3 * 17 * 23, 1, "test/separable_map");
     const std::size_t places = static_cast<std::size_t>(map.height()) * static_cast<std::size_t>(map.width());
-    const std::vector<double> g = normals(3 * places, 2);
+    const std::vector<double> g = normals<double>(3 * places, 2, "test/separable_map");
     std::vector<double> out(3 * places), again(3 * places), back(x.size(), 0.5), back_again(x.size(), 0.5);
     Buffer<double> scratch;
     SerialExecutor serial;

@@ -13,23 +13,23 @@ namespace {
 
 using namespace compmark;
 
-struct Image {
+struct FittedImage {
   std::vector<float> data;
   int height, width;
-  Image(int h, int w) : data(static_cast<std::size_t>(3 * h * w)), height(h), width(w) {}
+  FittedImage(int h, int w) : data(static_cast<std::size_t>(3 * h * w)), height(h), width(w) {}
   [[nodiscard]] ImageView<const float> view() const { return {data.data(), 3, height, width}; }
   [[nodiscard]] std::size_t plane() const { return data.size() / 3; }
 };
 
-Image random_image(std::uint64_t seed, double low, double high) {
-  Image image(20, 30);
+FittedImage random_image(std::uint64_t seed, double low, double high) {
+  FittedImage image(20, 30);
   const Random random(seed, 0, random_stage("colour fit"));
   for (std::size_t i = 0; i < image.data.size(); ++i)
     image.data[i] = static_cast<float>(low + (high - low) * random.uniform(i));
   return image;
 }
-Image mapped(const Image& image, const ColourMap& map) {
-  Image out(image.height, image.width);
+FittedImage mapped(const FittedImage& image, const ColourMap& map) {
+  FittedImage out(image.height, image.width);
   const std::size_t n = image.plane();
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t r = 0; r < 3; ++r) {
@@ -43,14 +43,14 @@ Image mapped(const Image& image, const ColourMap& map) {
 const ColourMap tint{{1.2, 0.05, -0.1, 0, 0.8, 0.02, 0.1, 0, 0.9}, {0.03, -0.02, 0.05}};
 
 TEST_CASE("metric/colour_fit: a planted map is found, and pixels that do not count have no say") {
-  const Image image = random_image(1, 0.1, 0.7), target = mapped(image, tint);
+  const FittedImage image = random_image(1, 0.1, 0.7), target = mapped(image, tint);
   const ColourMap found = fit_colours(image.view(), target.view());
   // The ridge is 1.28e-6 of a variance of 0.03.
   for (std::size_t i = 0; i < 9; ++i) CHECK(std::abs(found.matrix[i] - tint.matrix[i]) < 1e-4);
   for (std::size_t i = 0; i < 3; ++i) CHECK(std::abs(found.offset[i] - tint.offset[i]) < 1e-4);
   CHECK(psnr_colour_fitted(image.view(), target.view()) > 80);
   CHECK(psnr(image.view(), target.view()) < 25);
-  Image spoilt = target;
+  FittedImage spoilt = target;
   std::vector<float> weight(image.plane(), 1.0f);
   for (std::size_t i = 0; i < image.plane(); i += 3) {
     weight[i] = 0.25f;
@@ -63,7 +63,7 @@ TEST_CASE("metric/colour_fit: a planted map is found, and pixels that do not cou
 }
 
 TEST_CASE("metric/colour_fit: no map near the best one is better, and the best is never worse than none") {
-  const Image image = random_image(2, 0, 1), target = random_image(3, 0.2, 0.8);
+  const FittedImage image = random_image(2, 0, 1), target = random_image(3, 0.2, 0.8);
   const ColourMap best = fit_colours(image.view(), target.view());
   const auto error = [&](const ColourMap& map) { return mean_squared_error(mapped(image, map).view(), target.view()); };
   const double least = error(best);
@@ -79,7 +79,7 @@ TEST_CASE("metric/colour_fit: no map near the best one is better, and the best i
 
 TEST_CASE(
     "metric/colour_fit: images of one colour and of grey alone, where the plain normal equations have no solution") {
-  Image flat(20, 30), target(20, 30);
+  FittedImage flat(20, 30), target(20, 30);
   for (std::size_t i = 0; i < flat.data.size(); ++i) {
     flat.data[i] = 0.4f;
     target.data[i] = 0.5f;
@@ -90,11 +90,11 @@ TEST_CASE(
   const Eigen::Vector4d row(0.4f, 0.4f, 0.4f, 1);
   for (std::size_t i = 0; i < flat.plane(); ++i) normal += row * row.transpose();
   CHECK(std::abs(normal.determinant()) < 1e-6);
-  Image grey = random_image(4, 0, 1);
+  FittedImage grey = random_image(4, 0, 1);
   for (std::size_t i = 0; i < grey.plane(); ++i) {
     for (std::size_t c = 1; c < 3; ++c) grey.data[c * grey.plane() + i] = grey.data[i];
   }
-  Image brighter = grey;
+  FittedImage brighter = grey;
   for (float& v : brighter.data) v = 0.1f + 0.8f * v;
   CHECK(psnr_colour_fitted(grey.view(), brighter.view()) > 80);
   const ColourMap map = fit_colours(grey.view(), brighter.view());

@@ -11,10 +11,10 @@ namespace {
 
 using namespace compmark;
 
-struct Image {
+struct FlatImage {
   std::vector<float> values;
   int height, width;
-  Image(int h, int w, float value)
+  FlatImage(int h, int w, float value)
       : values(3 * static_cast<std::size_t>(h) * static_cast<std::size_t>(w), value),
         height(h),
         width(w) {}
@@ -23,8 +23,8 @@ struct Image {
 
 TEST_CASE("metric/psnr: a constant difference of 0.01 is 40 dB at any size (ME1), where a float sum is decibels off") {
   for (const int size : {1, 7, 64, 800, 2400}) {
-    const Image a(size, size, 0.01f);
-    const Image b(size, size, 0.0f);
+    const FlatImage a(size, size, 0.01f);
+    const FlatImage b(size, size, 0.0f);
     CHECK(psnr(a.view(), b.view()) == doctest::Approx(40).epsilon(1e-6 / 40));
   }
   // Negative control: the same mean accumulated in float over 17 million samples sticks.
@@ -34,7 +34,7 @@ TEST_CASE("metric/psnr: a constant difference of 0.01 is 40 dB at any size (ME1)
 }
 
 TEST_CASE("metric/psnr: identical images report the stated finite value, NaN stays NaN") {
-  const Image a(5, 7, 0.3f);
+  const FlatImage a(5, 7, 0.3f);
   CHECK(psnr(a.view(), a.view()) == psnr_of_identical_images);
   CHECK(psnr_from_mse(1e-30) == psnr_of_identical_images);
   CHECK(std::isnan(psnr_from_mse(std::nan(""))));

@@ -23,14 +23,12 @@ namespace {
 
 using namespace compmark;
 using compmark::testing::ring_camera;
-
-constexpr HashGridShape small_grid{.volume_levels = 3, .volume_cap_log2 = 10, .plane_levels = 1, .plane_cap_log2 = 9};
-struct Hac : recipes::Hac<DefaultRecipe<float, compmark::testing::coded_test_shape>, small_grid> {};
-struct ContextGs : recipes::ContextGs<DefaultRecipe<float, compmark::testing::coded_test_shape>> {};
+using compmark::testing::SmallContextGs;
+using compmark::testing::SmallGridHac;
 
 template <class R>
-struct Bench {
-  explicit Bench(const char* recipe) : model(compmark::testing::train_coded<R>(2, 300).model) {
+struct AdoptionBench {
+  explicit AdoptionBench(const char* recipe) : model(compmark::testing::train_coded<R>(2, 300).model) {
     info.recipe = recipe;
     info.base_step = {1, 0.01, 0.2};
     executor.emplace(2);
@@ -81,7 +79,7 @@ double rms(const std::vector<float>& a, const std::vector<float>& b) {
 
 template <class R>
 void check_adopted(const char* recipe) {
-  Bench<R> bench(recipe);
+  AdoptionBench<R> bench(recipe);
   const CodecModel file = bench.file_of(bench.model);
   const Result<LoadedModel<R>> decoded = model_from<R>(file);
   REQUIRE(decoded.ok());
@@ -117,8 +115,8 @@ void check_adopted(const char* recipe) {
 }  // namespace
 
 TEST_CASE("pipeline/adopt_networks: rounded by the file's networks a model is what the file says: HAC") {
-  check_adopted<Hac>("hac");
+  check_adopted<SmallGridHac>("hac");
 }
 TEST_CASE("pipeline/adopt_networks: rounded by the file's networks a model is what the file says: ContextGS") {
-  check_adopted<ContextGs>("context_gs");
+  check_adopted<SmallContextGs>("context_gs");
 }

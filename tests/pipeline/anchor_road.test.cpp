@@ -10,25 +10,26 @@
 
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/testing/gradient.hpp"
+#include "small_scene.hpp"
 
 namespace {
 
 using namespace compmark;
 
-constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
-constexpr std::size_t anchors = 40;
+using testing::small_shape;
 
 template <class T, class Embed, class Distort>
-struct Scene {
+struct RoadScene {
+  static constexpr std::size_t anchors = 40;
   using Road = AnchorRoad<T, Embed, Distort>;
   ParameterArena<T> arena;
-  AnchorHandles table = add_anchor_blocks(arena, anchors, shape);
+  AnchorHandles table = add_anchor_blocks(arena, anchors, small_shape);
   typename Road::Handles handles = Road::add_parameters(arena, table);
   Road road;
   typename Road::Context context;
   std::vector<std::uint32_t> visible;
 
-  Scene() {
+  RoadScene() {
     Road::initialise(arena, handles, 3);
     const Random random(2, 0, random_stage("anchor road test"));
     for (std::size_t i = 0; i < arena.all_values().size(); ++i) {
@@ -74,13 +75,13 @@ struct Scene {
     road.backward(arena, table, handles, visible, context, executor);
   }
 };
-using Noise = QuantizationNoise<double, shape.feature_dim>;
+using Noise = QuantizationNoise<double, small_shape.feature_dim>;
 template <MarkTarget target>
 using Mark = BoundedResidual<double, target>;
 
 template <class Embed, class Distort>
 std::string gradients(const DistortionPhase& phase) {
-  Scene<double, Embed, Distort> scene;
+  RoadScene<double, Embed, Distort> scene;
   scene.context.phase = phase;
   SerialExecutor serial;
   const auto loss = [&] { return scene.loss(serial); };
@@ -123,7 +124,7 @@ TEST_CASE("pipeline/anchor_road: with neither stage the decoder reads the arena 
   using Road = AnchorRoad<float, NoEmbedder, NoDistortion>;
   static_assert(Road::is_absent);
   static_assert(!AnchorRoad<float, ResidualFeature<float>, NoDistortion>::is_absent);
-  Scene<float, NoEmbedder, NoDistortion> scene;
+  RoadScene<float, NoEmbedder, NoDistortion> scene;
   SerialExecutor serial;
   const AnchorColumns<const float> columns =
       scene.road.before_culling(std::as_const(scene.arena), scene.table, scene.handles, scene.context, serial);
@@ -131,7 +132,7 @@ TEST_CASE("pipeline/anchor_road: with neither stage the decoder reads the arena 
 }
 
 TEST_CASE("pipeline/anchor_road: baking keeps what is read, to the bit") {
-  Scene<float, ResidualFeature<float>, NoDistortion> scene;
+  RoadScene<float, ResidualFeature<float>, NoDistortion> scene;
   SerialExecutor serial;
   const double before = scene.loss(serial);
   scene.road.bake(scene.arena, scene.table, scene.handles);
@@ -140,7 +141,7 @@ TEST_CASE("pipeline/anchor_road: baking keeps what is read, to the bit") {
 }
 
 TEST_CASE("pipeline/anchor_road: same bits at any thread count") {
-  using Road = Scene<float, ResidualFeature<float>, QuantizationNoise<float, shape.feature_dim>>;
+  using Road = RoadScene<float, ResidualFeature<float>, QuantizationNoise<float, small_shape.feature_dim>>;
   Road one, four;
   one.context.phase.adaptive = four.context.phase.adaptive = true;
   SerialExecutor serial;

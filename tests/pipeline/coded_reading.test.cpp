@@ -21,15 +21,16 @@ namespace {
 using namespace compmark;
 using compmark::testing::BlobViews;
 
-struct Small : recipes::Hac<DefaultRecipe<float, compmark::testing::coded_test_shape>> {};
-using Marked = recipes::Marked<Small, LatticeDecoder<float>>;
-constexpr std::uint64_t seed = 3;
-constexpr std::int64_t iteration = 2;
-constexpr std::size_t view = 1;
+using MarkedSmallHac = recipes::Marked<testing::SmallHac, LatticeDecoder<float>>;
 
 /// A model trained for the codec, with a residual, and a decoder of four bits.
-struct Bench {
-  explicit Bench(double lambda = 0.001) : model(with_room_for_mark<Marked>(testing::train_coded<Small>(2).model, 1)) {
+struct CodedReadingBench {
+  static constexpr std::uint64_t seed = 3;
+  static constexpr std::int64_t iteration = 2;
+  static constexpr std::size_t view = 1;
+
+  explicit CodedReadingBench(double lambda = 0.001)
+      : model(with_room_for_mark<MarkedSmallHac>(testing::train_coded<testing::SmallHac>(2).model, 1)) {
     LatticeSettings lattice;
     lattice.measure = LatticeMeasure::colour;
     lattice.bits = lattice.features = 4;
@@ -42,7 +43,7 @@ struct Bench {
     for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = 0.3f * static_cast<float>(random.normal(i));
     RateNumbers numbers = testing::short_settings(90).rate;
     numbers.lambda = lambda;
-    pipeline.road() = Pipeline<Marked>::Road(entropy_model<Marked>(numbers));
+    pipeline.road() = Pipeline<MarkedSmallHac>::Road(entropy_model<MarkedSmallHac>(numbers));
     rounded.context = rounded.round = true;
     rounded.seed = seed;
   }
@@ -54,8 +55,8 @@ struct Bench {
     numbers.fidelity = 40;
     return {numbers, 100};
   }
-  void read(DrawnReading<Marked>& drawn) {
-    Pipeline<Marked>::Context photographed;
+  void read(DrawnReading<MarkedSmallHac>& drawn) {
+    Pipeline<MarkedSmallHac>::Context photographed;
     photographed.road.rate.phase = rounded;
     std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0f);
     static_cast<void>(drawn.read(pipeline, model, views, view, seed, iteration, phases(), photographed, executor));
@@ -64,12 +65,12 @@ struct Bench {
   std::vector<float> render(bool marked, const RatePhase& phase) {
     const Random random(seed, static_cast<std::uint64_t>(iteration), random_stage("between"));
     const auto cameras = [&](std::size_t i) -> Camera<double> { return views.camera(i); };
-    Pipeline<Marked>::Context context;
+    Pipeline<MarkedSmallHac>::Context context;
     context.road.embeds = marked;
     context.road.rate.phase = phase;
-    static_cast<void>(pipeline.forward(model,
-                                       drawn_camera(cameras, views.size(), view, random, DrawnReading<Marked>::reach),
-                                       view, context, executor));
+    static_cast<void>(
+        pipeline.forward(model, drawn_camera(cameras, views.size(), view, random, DrawnReading<MarkedSmallHac>::reach),
+                         view, context, executor));
     return {context.image.data, context.image.data + context.image.size()};
   }
   [[nodiscard]] double residual_gradient() const {
@@ -79,8 +80,8 @@ struct Bench {
     return sum;
   }
 
-  Model<Marked> model;
-  Pipeline<Marked> pipeline;
+  Model<MarkedSmallHac> model;
+  Pipeline<MarkedSmallHac> pipeline;
   BlobViews views{.count = 6, .width = 24, .height = 20};
   ThreadExecutor executor{2};
   RatePhase rounded;
@@ -89,8 +90,8 @@ struct Bench {
 }  // namespace
 
 TEST_CASE("pipeline/coded_reading: the marked render is rounded, the host that it is held to is not, to the bit") {
-  Bench bench;
-  DrawnReading<Marked> drawn;
+  CodedReadingBench bench;
+  DrawnReading<MarkedSmallHac> drawn;
   drawn.alone = true;
   bench.read(drawn);
   const std::vector<float> host(drawn.host().data, drawn.host().data + drawn.host().size());
@@ -104,8 +105,8 @@ TEST_CASE("pipeline/coded_reading: the marked render is rounded, the host that i
 
 TEST_CASE("pipeline/coded_reading: the rate does not count: what is learned is the message alone") {
   const auto gradient = [](double lambda, bool alone) {
-    Bench bench(lambda);
-    DrawnReading<Marked> drawn;
+    CodedReadingBench bench(lambda);
+    DrawnReading<MarkedSmallHac> drawn;
     drawn.alone = alone;
     bench.read(drawn);
     return bench.residual_gradient();

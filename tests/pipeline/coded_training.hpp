@@ -10,6 +10,8 @@
 #include <compmark/entropy/rate.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/trainer.hpp>
+#include <compmark/recipes/context_gs.hpp>
+#include <compmark/recipes/hac.hpp>
 #include <cstring>
 #include <filesystem>
 #include <span>
@@ -20,7 +22,12 @@
 
 namespace compmark::inline v0::testing {
 
-inline constexpr DecoderShape coded_test_shape{.feature_dim = 8, .offsets = 3};
+struct SmallHac : recipes::Hac<SmallRecipe> {};
+struct SmallContextGs : recipes::ContextGs<SmallRecipe> {};
+
+inline constexpr HashGridShape small_grid{
+    .volume_levels = 3, .volume_cap_log2 = 10, .plane_levels = 1, .plane_cap_log2 = 9};
+struct SmallGridHac : recipes::Hac<SmallRecipe, small_grid> {};
 
 inline TrainSettings short_settings(std::int64_t iterations) {
   TrainSettings settings = *profile_settings("hac");

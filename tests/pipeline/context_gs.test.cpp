@@ -20,7 +20,7 @@
 namespace {
 
 using namespace compmark;
-struct Small : recipes::ContextGs<DefaultRecipe<float, compmark::testing::coded_test_shape>> {};
+using compmark::testing::SmallContextGs;
 
 ModelInfo info_of() {
   ModelInfo info;
@@ -31,14 +31,14 @@ ModelInfo info_of() {
   return info;
 }
 /// Trained a little, with far more anchors than it takes, so that levels have many.
-const Model<Small>& trained() {
-  static const Model<Small> instance = [] {
+const Model<SmallContextGs>& trained_context_gs() {
+  static const Model<SmallContextGs> instance = [] {
     TrainSettings settings = compmark::testing::short_settings(300);
     settings.voxel_size = 0.01;
     settings.rate.sample = 1;
     compmark::testing::BlobViews views;
     ThreadExecutor executor(2);
-    Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    Trainer<SmallContextGs, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
     REQUIRE(trainer.initialise(compmark::testing::cloud(3000, 7)));
     REQUIRE(trainer.run(views));
     return trainer.model();
@@ -49,7 +49,7 @@ const Model<Small>& trained() {
 }  // namespace
 
 TEST_CASE("pipeline/context_gs: the same bits at any thread count and after a stop, in every phase") {
-  compmark::testing::check_reproducible<Small>();
+  compmark::testing::check_reproducible<SmallContextGs>();
 }
 
 TEST_CASE("pipeline/context_gs: the rate is a loss: more weight, fewer bits") {
@@ -59,7 +59,7 @@ TEST_CASE("pipeline/context_gs: the rate is a loss: more weight, fewer bits") {
     settings.rate.sample = 1;
     compmark::testing::BlobViews views;
     ThreadExecutor executor(2);
-    Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    Trainer<SmallContextGs, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
     REQUIRE(trainer.initialise(compmark::testing::cloud(300, 7)));
     REQUIRE(trainer.run(views));
     return trainer.rate_report().bits_per_scalar;
@@ -70,7 +70,7 @@ TEST_CASE("pipeline/context_gs: the rate is a loss: more weight, fewer bits") {
 }
 
 TEST_CASE("pipeline/context_gs: a trained model goes through a file and renders the same bits as the encoder's own") {
-  const Model<Small>& model = trained();
+  const Model<SmallContextGs>& model = trained_context_gs();
   ThreadExecutor executor(2);
   const Result<CodecModel> coded = coded_model(model, info_of());
   REQUIRE_MESSAGE(coded.ok(), (coded.ok() ? "" : coded.error().line()));
@@ -80,7 +80,8 @@ TEST_CASE("pipeline/context_gs: a trained model goes through a file and renders 
   const Result<CodecDecoded> decoded = decode_cmk(file->bytes, "a.cmk", {}, executor);
   REQUIRE(decoded.ok());
   CHECK(decoded->verified);
-  const Result<LoadedModel<Small>> ours = model_from<Small>(file->model), theirs = model_from<Small>(decoded->model);
+  const Result<LoadedModel<SmallContextGs>> ours = model_from<SmallContextGs>(file->model),
+                                            theirs = model_from<SmallContextGs>(decoded->model);
   REQUIRE(ours.ok());
   REQUIRE(theirs.ok());
   CHECK(compmark::testing::same_bits(ours->model, theirs->model));
@@ -89,8 +90,8 @@ TEST_CASE("pipeline/context_gs: a trained model goes through a file and renders 
   REQUIRE_FALSE(twice.ok());
   CHECK(twice.error().problem.find("decompressed") != std::string::npos);
 
-  Pipeline<Small> pipeline;
-  Pipeline<Small>::Context before, after, again;
+  Pipeline<SmallContextGs> pipeline;
+  Pipeline<SmallContextGs>::Context before, after, again;
   const Camera<double> camera = compmark::testing::ring_camera(2, 6, 48, 40);
   static_cast<void>(pipeline.forward(model, camera, unseen_view, before, executor));
   static_cast<void>(pipeline.forward(ours->model, camera, unseen_view, after, executor));
@@ -113,7 +114,7 @@ TEST_CASE("pipeline/context_gs: a trained model goes through a file and renders 
 
 TEST_CASE(
     "pipeline/context_gs: the bits that training counts are the bytes of the file, to 0.5 % and 12 bytes a chunk") {
-  Model<Small> model = trained();
+  Model<SmallContextGs> model = trained_context_gs();
   ThreadExecutor executor(2);
   const Result<CodecModel> coded = coded_model(model, info_of());
   REQUIRE(coded.ok());
@@ -121,10 +122,10 @@ TEST_CASE(
   RateNumbers numbers;
   numbers.scaling_step = 0.01;
   numbers.sample = 1;
-  const Small::EntropyModel rate = entropy_model<Small>(numbers);
+  const SmallContextGs::EntropyModel rate = entropy_model<SmallContextGs>(numbers);
   RatePhase phase;
   phase.context = phase.round = true;
-  Small::EntropyModel::Context context;
+  SmallContextGs::EntropyModel::Context context;
   const AnchorColumns<float> columns = anchor_values(model.arena, model.anchors);
   std::vector<std::uint32_t> rows(model.anchor_count());
   std::iota(rows.begin(), rows.end(), 0u);

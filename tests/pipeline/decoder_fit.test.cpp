@@ -21,11 +21,9 @@ using namespace compmark;
 using compmark::testing::BlobViews;
 using compmark::testing::cloud;
 
-constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
-struct Host : DefaultRecipe<float, shape> {};
-using Marked = recipes::Marked<Host, LatticeDecoder<float>>;
-constexpr int bits = 12;
-constexpr int seeds = 3;  ///< of the comparison: one small scene and one message say little
+using Host = compmark::testing::SmallRecipe;
+using ColourMarked = recipes::Marked<Host, LatticeDecoder<float>>;
+constexpr int message_bits = 12;
 
 /// A finished host, once: what the cases below hide something in.
 const Model<Host>& finished() {
@@ -43,9 +41,9 @@ const Model<Host>& finished() {
   return model;
 }
 
-DecoderFitSettings small() {
+DecoderFitSettings small_fit() {
   DecoderFitSettings settings;
-  settings.bits = bits;
+  settings.bits = message_bits;
   settings.waves = 48;
   settings.statistics_views = 160;
   settings.gradient_views = 6;
@@ -60,7 +58,7 @@ DecoderFitSettings small() {
 }
 /// The same with a prediction of what the host says by itself.
 DecoderFitSettings predicting() {
-  DecoderFitSettings settings = small();
+  DecoderFitSettings settings = small_fit();
   settings.coordinates = 16;
   settings.statistics_views = compmark::testing::short_trainings ? 250 : 600;
   return settings;
@@ -98,10 +96,10 @@ std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<flo
 }  // namespace
 
 TEST_CASE("pipeline/decoder_fit: the same seed gives the same decoder at any thread count, another seed another") {
-  const DecoderFit<float> one = fitted(small(), 1), three = fitted(small(), 3);
+  const DecoderFit<float> one = fitted(small_fit(), 1), three = fitted(small_fit(), 3);
   CHECK(one.decoder.weights().head == three.decoder.weights().head);
   CHECK(one.decoder.weights().bias == three.decoder.weights().bias);
-  DecoderFitSettings other = small();
+  DecoderFitSettings other = small_fit();
   other.seed = 1;
   CHECK(fitted(other).decoder.weights().head != one.decoder.weights().head);
   const DecoderFit<float> predicted = fitted(predicting(), 1), again = fitted(predicting(), 3);
@@ -109,22 +107,22 @@ TEST_CASE("pipeline/decoder_fit: the same seed gives the same decoder at any thr
   CHECK(predicted.decoder.weights().host.coefficient == again.decoder.weights().host.coefficient);
   CHECK(predicted.decoder.weights().host.centres() == static_cast<std::size_t>(predicting().statistics_views));
   CHECK(one.decoder.weights().host.empty());
-  CHECK(one.decoder.bits() == bits);
+  CHECK(one.decoder.bits() == message_bits);
   CHECK(one.decoder.settings().measure == LatticeMeasure::colour);
 }
 
 TEST_CASE("pipeline/decoder_fit: the unmarked scene says nothing on the mean, in views that were not looked at") {
-  const DecoderFit<float> fit = fitted(small());
+  const DecoderFit<float> fit = fitted(small_fit());
   const std::size_t count = 60;
   const std::vector<double> logits = logits_of(finished(), fit.decoder, count);
   double mean_square = 0, square = 0;
-  for (std::size_t b = 0; b < bits; ++b) {
+  for (std::size_t b = 0; b < message_bits; ++b) {
     double mean = 0;
     for (std::size_t n = 0; n < count; ++n) {
-      mean += logits[n * bits + b] / static_cast<double>(count);
-      square += logits[n * bits + b] * logits[n * bits + b] / static_cast<double>(count * bits);
+      mean += logits[n * message_bits + b] / static_cast<double>(count);
+      square += logits[n * message_bits + b] * logits[n * message_bits + b] / static_cast<double>(count * message_bits);
     }
-    mean_square += mean * mean / bits;
+    mean_square += mean * mean / message_bits;
   }
   MESSAGE("deviation ", std::sqrt(square), ", of the means ", std::sqrt(mean_square));
   CHECK(mean_square < 0.1);  // 60 views of deviation 1 have means of deviation 0.13; measured 0.1 to 0.2
@@ -134,7 +132,7 @@ TEST_CASE("pipeline/decoder_fit: the unmarked scene says nothing on the mean, in
   LatticeDecoder<float> offset = fit.decoder;
   std::fill(offset.weights().bias.begin(), offset.weights().bias.end(), 0.0f);
   double loud = 0;
-  for (const double z : logits_of(finished(), offset, count)) loud += z * z / static_cast<double>(count * bits);
+  for (const double z : logits_of(finished(), offset, count)) loud += z * z / static_cast<double>(count * message_bits);
   CHECK(loud > 1.5 * square);  // measured 2.4 times
 }
 
@@ -146,14 +144,15 @@ TEST_CASE("pipeline/decoder_fit: what the host says is told from the view, in vi
   deaf.weights().host = {};
   double left = 0, whole = 0;
   for (const double z : logits_of(finished(), fit.decoder, count, large))
-    left += z * z / static_cast<double>(count * bits);
-  for (const double z : logits_of(finished(), deaf, count, large)) whole += z * z / static_cast<double>(count * bits);
+    left += z * z / static_cast<double>(count * message_bits);
+  for (const double z : logits_of(finished(), deaf, count, large))
+    whole += z * z / static_cast<double>(count * message_bits);
   MESSAGE("mean square of the logits ", left, ", without the prediction ", whole);
   CHECK(left > 0.5);  // 1 by the error that views had which were left out: an honest figure
   CHECK(left < 2);
   CHECK(whole > 2 * left);
   // And directions are chosen by what is left: a mark that is as strong is heard through less.
-  CHECK(fit.noise_ratio < fitted(small(), 2, large).noise_ratio);
+  CHECK(fit.noise_ratio < fitted(small_fit(), 2, large).noise_ratio);
 }
 
 TEST_CASE("pipeline/decoder_fit: what was fitted with edits is told from edited renders too") {
@@ -162,7 +161,7 @@ TEST_CASE("pipeline/decoder_fit: what was fitted with edits is told from edited 
   const auto mean_square = [&](const DecoderFit<float>& fit, double noise) {
     double sum = 0;
     for (const double z : logits_of(finished(), fit.decoder, count, large, noise))
-      sum += z * z / static_cast<double>(count * bits);
+      sum += z * z / static_cast<double>(count * message_bits);
     return sum;
   };
   DecoderFitSettings with = predicting();
@@ -179,22 +178,23 @@ TEST_CASE("pipeline/decoder_fit: what was fitted with edits is told from edited 
 }
 
 TEST_CASE("pipeline/decoder_fit: directions are chosen that agree between views and are quiet in the scene") {
-  const DecoderFit<float> fit = fitted(small());
+  const DecoderFit<float> fit = fitted(small_fit());
   MESSAGE("deviation ", fit.wave_deviation, ", agreement ", fit.wave_agreement, " to ", fit.agreement, ", noise ratio ",
           fit.noise_ratio);
   CHECK(fit.agreement > fit.wave_agreement);
   CHECK(fit.noise_ratio < 1);
   // With as many waves as bits there is nothing to choose: the control.
-  DecoderFitSettings all = small();
-  all.waves = bits;
+  DecoderFitSettings all = small_fit();
+  all.waves = message_bits;
   CHECK(fitted(all).noise_ratio > fit.noise_ratio);
 }
 
 TEST_CASE(
     "pipeline/decoder_fit: a message is read from more views, at a smaller departure, than with a wave for every bit") {
+  constexpr int seeds = 3;  ///< of the comparison: one small scene and one message say little
   if (compmark::testing::short_trainings) return;
   std::vector<std::uint8_t> message;
-  for (std::size_t b = 0; b < bits; ++b) message.push_back(b % 3 == 0 || b == 7 ? 1 : 0);
+  for (std::size_t b = 0; b < message_bits; ++b) message.push_back(b % 3 == 0 || b == 7 ? 1 : 0);
   const auto hidden = [&](const LatticeDecoder<float>& decoder, double& departure_db) {
     TrainSettings settings;
     settings.iterations = 600;
@@ -210,9 +210,9 @@ TEST_CASE(
       *rate = {0, 0};
     }
     ThreadExecutor executor(2);
-    Trainer<Marked, ThreadExecutor> trainer(settings, 6, 1.0, executor);
+    Trainer<ColourMarked, ThreadExecutor> trainer(settings, 6, 1.0, executor);
     trainer.set_watermark(decoder, message);
-    trainer.start_from(with_room_for_mark<Marked>(finished(), 0));
+    trainer.start_from(with_room_for_mark<ColourMarked>(finished(), 0));
     BlobViews views;
     double departure = 0;
     while (!trainer.finished()) {
@@ -222,18 +222,20 @@ TEST_CASE(
     departure_db -= 10 * std::log10(departure) / seeds;
     const std::vector<double> logits = logits_of(baked_host(trainer.model()), decoder, 40);
     double right = 0;
-    for (std::size_t i = 0; i < logits.size(); ++i) right += (logits[i] > 0) == (message[i % bits] == 1) ? 1 : 0;
+    for (std::size_t i = 0; i < logits.size(); ++i)
+      right += (logits[i] > 0) == (message[i % message_bits] == 1) ? 1 : 0;
     return right / static_cast<double>(logits.size()) / seeds;
   };
   double fitted_db = 0, plain_db = 0, with_fit = 0, without = 0;
   for (int seed = 0; seed < seeds; ++seed) {
-    DecoderFitSettings chosen = small();
+    DecoderFitSettings chosen = small_fit();
     chosen.seed = static_cast<std::uint64_t>(seed);
     const DecoderFit<float> fit = fitted(chosen);
     LatticeSettings settings = fit.decoder.settings();  // a wave a bit, at the same scale: deviation 1 on the host
-    settings.features = bits;
+    settings.features = message_bits;
     LatticeWeights<float> weights = random_lattice<float>(settings, std::vector<double>{chosen.period}, chosen.seed, 1);
-    for (std::size_t b = 0; b < bits; ++b) weights.head[b * (bits + 1)] = static_cast<float>(1 / fit.wave_deviation);
+    for (std::size_t b = 0; b < message_bits; ++b)
+      weights.head[b * (message_bits + 1)] = static_cast<float>(1 / fit.wave_deviation);
     with_fit += hidden(fit.decoder, fitted_db);
     without += hidden({settings, weights}, plain_db);
   }
@@ -250,11 +252,11 @@ TEST_CASE("pipeline/decoder_fit: what nothing can be fitted to is an error") {
   struct Nobody : BlobViews {
     [[nodiscard]] std::size_t size() const { return 0; }
   } nobody;
-  CHECK_FALSE(fit_decoder(host, nobody, small(), executor));
+  CHECK_FALSE(fit_decoder(host, nobody, small_fit(), executor));
   // Nothing but the background, which is black.
   Model<Host> dark = finished();
   for (float& value : dark.arena.all_values()) value = 0;
-  const Result<DecoderFit<float>> none = fit_decoder(dark, views, small(), executor);
+  const Result<DecoderFit<float>> none = fit_decoder(dark, views, small_fit(), executor);
   REQUIRE_FALSE(none);
   CHECK(none.error().line().find("no colour") != std::string::npos);
 }

@@ -24,13 +24,12 @@
 #include <vector>
 
 #include "scene/cube_dialects.hpp"
+#include "small_scene.hpp"
 
 namespace {
 
 using namespace compmark;
 using namespace compmark::testing;
-
-struct Small : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 3}> {};
 
 /// Cameras of 16 x 12 pixels with a focal length of 20, as cube_dialects.hpp writes them, around 125 points.
 CubeCapture exact_capture() {
@@ -58,7 +57,7 @@ CubeCapture exact_capture() {
 }
 
 /// The built-in scene from these cameras, with the background behind it.
-const std::vector<ImageBytes>& photographs() {
+const std::vector<ImageBytes>& exact_photographs() {
   static const std::vector<ImageBytes> images = [] {
     std::vector<ImageBytes> result;
     SerialExecutor executor;
@@ -112,7 +111,7 @@ std::string trained_hash(const Dataset& dataset) {
   SerialExecutor executor;
   ImageStore store(dataset, {});
   DatasetTraining views{&dataset, &store};
-  Trainer<Small, SerialExecutor> trainer(settings, views.size(), scene_extent(dataset).radius, executor);
+  Trainer<SmallRecipe, SerialExecutor> trainer(settings, views.size(), scene_extent(dataset).radius, executor);
   REQUIRE(trainer.initialise(dataset.points.position).ok());
   const std::size_t before = trainer.model().anchor_count();
   const Result<Done> done = trainer.run(views);
@@ -121,10 +120,10 @@ std::string trained_hash(const Dataset& dataset) {
   CHECK(trainer.model().anchor_count() != before);
   Sha256 hash;
   hash.update(std::as_bytes(trainer.model().arena.all_values()));
-  Pipeline<Small>::Context context;
+  Pipeline<SmallRecipe>::Context context;
   for (const std::size_t i : dataset.indices(Split::test)) {
     static_cast<void>(
-        Pipeline<Small>{}.forward(trainer.model(), dataset.views[i].camera, unseen_view, context, executor));
+        Pipeline<SmallRecipe>{}.forward(trainer.model(), dataset.views[i].camera, unseen_view, context, executor));
     hash.update(std::as_bytes(std::span<const float>(context.image.flat())));
   }
   return hash.hex();
@@ -142,7 +141,7 @@ TEST_CASE("pipeline/dialects: one capture in every dialect trains to one hash") 
   const auto base = [&](const std::string& what) {
     for (std::size_t i = 0; i < 12; ++i) {
       std::filesystem::create_directories(folder.path() / what / "images");
-      REQUIRE(write_png(folder.path() / what / "images" / cube_image(i), photographs()[i]).ok());
+      REQUIRE(write_png(folder.path() / what / "images" / cube_image(i), exact_photographs()[i]).ok());
     }
     return folder.path() / what;
   };

@@ -14,11 +14,17 @@
 #include <string>
 #include <vector>
 
+#include "small_scene.hpp"
+
 namespace compmark::inline v0::testing {
 
 /// Smooth everywhere: the cut-off is a ramp, nothing stops, nothing is clamped (numerics case BF4).
 inline constexpr Accuracy smooth_accuracy{
     .exp_degree = 0, .alpha_max = 1.0f, .transmittance_stop = 0.0f, .cutoff = CutoffRule::smooth};
+
+struct SmoothRecipe : DefaultRecipe<double, small_shape, smooth_accuracy> {};
+/// Half of that, for what is rendered many times.
+struct SmallestSmoothRecipe : DefaultRecipe<double, DecoderShape{.feature_dim = 4, .offsets = 2}, smooth_accuracy> {};
 
 /// A model with every parameter away from zero, so that every path carries gradient.
 template <class R>

@@ -20,16 +20,15 @@ namespace {
 using namespace compmark;
 using compmark::testing::BlobViews;
 
-constexpr DecoderShape shape{.feature_dim = 4, .offsets = 2};
-struct Smooth : DefaultRecipe<double, shape, compmark::testing::smooth_accuracy> {};
-using Marked = recipes::Marked<Smooth, LatticeDecoder<double>>;
-constexpr std::uint64_t seed = 3;
-constexpr std::int64_t iteration = 2;
-constexpr std::size_t view = 1;
+using MarkedSmooth = recipes::Marked<compmark::testing::SmallestSmoothRecipe, LatticeDecoder<double>>;
 
 /// A marked model whose residual is not zero, and everything a reading needs.
-struct Bench {
-  Bench() : model(compmark::testing::random_model<Marked>(7)) {
+struct DrawnReadingBench {
+  static constexpr std::uint64_t seed = 3;
+  static constexpr std::int64_t iteration = 2;
+  static constexpr std::size_t view = 1;
+
+  DrawnReadingBench() : model(compmark::testing::random_model<MarkedSmooth>(7)) {
     LatticeSettings lattice;
     lattice.measure = LatticeMeasure::colour;
     lattice.bits = lattice.features = 4;
@@ -43,8 +42,8 @@ struct Bench {
     const Random random(8, 0, random_stage("test residual"));
     for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = 0.2 * random.normal(i);
   }
-  static MatrixView<double> values(Model<Marked>& of) { return of.arena.values(of.road.embedder.residual); }
-  static MatrixView<double> gradients(Model<Marked>& of) { return of.arena.gradients(of.road.embedder.residual); }
+  static MatrixView<double> values(Model<MarkedSmooth>& of) { return of.arena.values(of.road.embedder.residual); }
+  static MatrixView<double> gradients(Model<MarkedSmooth>& of) { return of.arena.gradients(of.road.embedder.residual); }
   static MarkPhases phases(double fidelity) {
     MarkNumbers numbers = fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
     numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
@@ -54,15 +53,15 @@ struct Bench {
     return {numbers, 100};
   }
   void clear() { std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0); }
-  double read(DrawnReading<Marked>& drawn, double fidelity) {
-    const Pipeline<Marked>::Context photographed;
+  double read(DrawnReading<MarkedSmooth>& drawn, double fidelity) {
+    const Pipeline<MarkedSmooth>::Context photographed;
     static_cast<void>(
         drawn.read(pipeline, model, views, view, seed, iteration, phases(fidelity), photographed, executor));
     return drawn.report().total;
   }
 
-  Model<Marked> model;
-  Pipeline<Marked> pipeline;
+  Model<MarkedSmooth> model;
+  Pipeline<MarkedSmooth> pipeline;
   BlobViews views{.count = 6, .width = 24, .height = 20};
   ThreadExecutor executor{2};
 };
@@ -72,12 +71,13 @@ struct Bench {
 TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with a host and without") {
   for (const double fidelity : {0.0, 40.0}) {
     CAPTURE(fidelity);
-    Bench bench;
-    DrawnReading<Marked> drawn;
+    DrawnReadingBench bench;
+    DrawnReading<MarkedSmooth> drawn;
     bench.clear();
     const double total = bench.read(drawn, fidelity);
     CHECK(std::isfinite(total));
-    const MatrixView<double> residual = Bench::values(bench.model), gradient = Bench::gradients(bench.model);
+    const MatrixView<double> residual = DrawnReadingBench::values(bench.model),
+                             gradient = DrawnReadingBench::gradients(bench.model);
     const std::vector<double> start(residual.data, residual.data + residual.size());
     const std::vector<double> found(gradient.data, gradient.data + gradient.size());
     const Random random(6, 0, random_stage("test direction"));
@@ -100,8 +100,8 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
 }
 
 TEST_CASE("pipeline/drawn_reading: gradients are added to those that are there") {
-  Bench bench;
-  DrawnReading<Marked> drawn;
+  DrawnReadingBench bench;
+  DrawnReading<MarkedSmooth> drawn;
   bench.clear();
   bench.read(drawn, 40);
   const std::vector<double> once(bench.model.arena.all_gradients().begin(), bench.model.arena.all_gradients().end());
@@ -116,8 +116,8 @@ TEST_CASE("pipeline/drawn_reading: gradients are added to those that are there")
 }
 
 TEST_CASE("pipeline/drawn_reading: the host is the render without the residual, to the bit") {
-  Bench bench;
-  DrawnReading<Marked> drawn;
+  DrawnReadingBench bench;
+  DrawnReading<MarkedSmooth> drawn;
   bench.clear();
   bench.read(drawn, 40);
   const std::vector<double> host(drawn.host().data, drawn.host().data + drawn.host().size());
@@ -128,9 +128,9 @@ TEST_CASE("pipeline/drawn_reading: the host is the render without the residual, 
   CHECK(drawn.report().departure == doctest::Approx(square / static_cast<double>(host.size())).epsilon(1e-12));
 
   // Another reading, of the same model with its residual taken away: what is rendered there is the host.
-  const MatrixView<double> residual = Bench::values(bench.model);
+  const MatrixView<double> residual = DrawnReadingBench::values(bench.model);
   std::fill(residual.data, residual.data + residual.size(), 0.0);
-  DrawnReading<Marked> plain;
+  DrawnReading<MarkedSmooth> plain;
   bench.read(plain, 40);
   CHECK(std::equal(host.begin(), host.end(), plain.image().data));
   CHECK(std::equal(host.begin(), host.end(), plain.host().data));
@@ -138,15 +138,18 @@ TEST_CASE("pipeline/drawn_reading: the host is the render without the residual, 
 }
 
 TEST_CASE("pipeline/drawn_reading: the view is drawn anew in every iteration, and is not the training view") {
-  Bench bench;
-  DrawnReading<Marked> one, two;
-  const Pipeline<Marked>::Context photographed;
-  static_cast<void>(one.read(bench.pipeline, bench.model, bench.views, view, seed, iteration, Bench::phases(40),
-                             photographed, bench.executor));
-  static_cast<void>(two.read(bench.pipeline, bench.model, bench.views, view, seed, iteration + 1, Bench::phases(40),
-                             photographed, bench.executor));
+  DrawnReadingBench bench;
+  DrawnReading<MarkedSmooth> one, two;
+  const Pipeline<MarkedSmooth>::Context photographed;
+  static_cast<void>(one.read(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view, DrawnReadingBench::seed,
+                             DrawnReadingBench::iteration, DrawnReadingBench::phases(40), photographed,
+                             bench.executor));
+  static_cast<void>(two.read(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view, DrawnReadingBench::seed,
+                             DrawnReadingBench::iteration + 1, DrawnReadingBench::phases(40), photographed,
+                             bench.executor));
   CHECK_FALSE(std::equal(one.host().data, one.host().data + one.host().size(), two.host().data));
-  Pipeline<Marked>::Context context;
-  static_cast<void>(bench.pipeline.forward(bench.model, bench.views.camera(view), view, context, bench.executor));
+  Pipeline<MarkedSmooth>::Context context;
+  static_cast<void>(bench.pipeline.forward(bench.model, bench.views.camera(DrawnReadingBench::view),
+                                           DrawnReadingBench::view, context, bench.executor));
   CHECK_FALSE(std::equal(one.image().data, one.image().data + one.image().size(), context.image.data));
 }

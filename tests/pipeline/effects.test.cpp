@@ -31,25 +31,26 @@ using compmark::testing::cloud;
 using compmark::testing::ring_camera;
 using compmark::testing::short_trainings;
 using compmark::testing::smooth_accuracy;
+using compmark::testing::SmoothRecipe;
+using compmark::testing::UngrownRecipe;
 
-constexpr DecoderShape small{.feature_dim = 8, .offsets = 3};
 constexpr RasterOutputs with_alpha{.alpha = true, .screen_statistics = true};
 
-struct WithExposure : DefaultRecipe<double, small, smooth_accuracy> {
+struct WithExposure : SmoothRecipe {
   using Exposure = AffineExposure<double>;
 };
-struct WithWeights : DefaultRecipe<double, small, smooth_accuracy> {
+struct WithWeights : SmoothRecipe {
   using PixelWeights = MaskedPixels<double>;
 };
-struct WithAlpha : DefaultRecipe<double, small, smooth_accuracy> {
+struct WithAlpha : SmoothRecipe {
   using Rasterizer = TileRasterizer<double, smooth_accuracy, with_alpha>;
   using AlphaLoss = L1AlphaLoss<double>;
 };
-struct WithFilteredAlpha : DefaultRecipe<double, small, smooth_accuracy> {
+struct WithFilteredAlpha : SmoothRecipe {
   using Rasterizer = EffectTileRasterizer<double, RasterEffects<PinholeLens, MipFilter>, smooth_accuracy, with_alpha>;
   using AlphaLoss = L1AlphaLoss<double>;
 };
-struct WithAll : DefaultRecipe<double, small, smooth_accuracy> {
+struct WithAll : SmoothRecipe {
   using Rasterizer = TileRasterizer<double, smooth_accuracy, with_alpha>;
   using Exposure = AffineExposure<double>;
   using Background = RandomBackground;
@@ -317,21 +318,17 @@ double trained_psnr(const Views& views, std::int64_t iterations = short_training
   return views.test_psnr(trained<R>(views, iterations));
 }
 
-constexpr DecoderShape tiny{.feature_dim = 16, .offsets = 5};
-struct Tiny : DefaultRecipe<float, tiny> {
-  using DensityControl = NoGrowth;
-};
-struct TinyMasked : Tiny {
+struct MaskedRecipe : UngrownRecipe {
   using PixelWeights = MaskedPixels<float>;
 };
-struct TinyExposed : Tiny {
+struct ExposedRecipe : UngrownRecipe {
   using Exposure = AffineExposure<float>;
 };
-struct TinyAntiAliased : Tiny {
+struct AntiAliasedRecipe : UngrownRecipe {
   using Rasterizer = EffectTileRasterizer<float, RasterEffects<PinholeLens, MipFilter>, accuracy::standard,
                                           RasterOutputs{.screen_statistics = true}>;
 };
-struct TinyRandomBackground : Tiny {
+struct RandomBackgroundRecipe : UngrownRecipe {
   using Rasterizer = TileRasterizer<float, accuracy::standard, with_alpha>;
   using Background = RandomBackground;
   using AlphaLoss = L1AlphaLoss<float>;
@@ -339,7 +336,7 @@ struct TinyRandomBackground : Tiny {
 
 /// What the plain recipe reaches where nothing calls for an effect; trained once.
 double clean_psnr() {
-  static const double psnr = trained_psnr<Tiny>(SceneViews::get());
+  static const double psnr = trained_psnr<UngrownRecipe>(SceneViews::get());
   return psnr;
 }
 
@@ -347,7 +344,8 @@ double clean_psnr() {
 
 TEST_CASE("pipeline/effects: masked pixels bring back the scene behind an occluder") {
   const Occluded views(SceneViews::get());
-  const double ignored = trained_psnr<Tiny>(views), masked = trained_psnr<TinyMasked>(views), clean = clean_psnr();
+  const double ignored = trained_psnr<UngrownRecipe>(views), masked = trained_psnr<MaskedRecipe>(views),
+               clean = clean_psnr();
   MESSAGE("test PSNR: mask ignored ", ignored, ", heeded ", masked, ", no occluder ", clean);
   if (short_trainings) return;
   CHECK(masked > ignored + 3);
@@ -356,8 +354,8 @@ TEST_CASE("pipeline/effects: masked pixels bring back the scene behind an occlud
 
 TEST_CASE("pipeline/effects: exposure explains a drift of gain, and the scene is left in the gauge") {
   const Drifting views(SceneViews::get());
-  const double without = trained_psnr<Tiny>(views), with = trained_psnr<TinyExposed>(views),
-               still = trained_psnr<TinyExposed>(SceneViews::get()), clean = clean_psnr();
+  const double without = trained_psnr<UngrownRecipe>(views), with = trained_psnr<ExposedRecipe>(views),
+               still = trained_psnr<ExposedRecipe>(SceneViews::get()), clean = clean_psnr();
   MESSAGE("test PSNR with drift: without exposure ", without, ", with ", with, "; without drift: ", clean, " and ",
           still);
   if (short_trainings) return;
@@ -369,13 +367,13 @@ TEST_CASE(
     "pipeline/effects: anti-aliasing explains photographs of two resolutions, and costs nothing where there is one") {
   const SceneViews views = SceneViews::at_two_scales(), &one_scale = SceneViews::get();
   const std::int64_t iterations = short_trainings ? 12 : 120;
-  const Model<Tiny> without = trained<Tiny>(views, iterations);
-  const Model<TinyAntiAliased> with = trained<TinyAntiAliased>(views, iterations);
+  const Model<UngrownRecipe> without = trained<UngrownRecipe>(views, iterations);
+  const Model<AntiAliasedRecipe> with = trained<AntiAliasedRecipe>(views, iterations);
   const int quarter = SceneViews::side / 4;
   const double large = views.test_psnr(without), small_views = views.test_psnr(without, quarter),
                large_with = views.test_psnr(with), small_with = views.test_psnr(with, quarter);
-  const double clean = trained_psnr<Tiny>(one_scale, iterations),
-               still = trained_psnr<TinyAntiAliased>(one_scale, iterations);
+  const double clean = trained_psnr<UngrownRecipe>(one_scale, iterations),
+               still = trained_psnr<AntiAliasedRecipe>(one_scale, iterations);
   MESSAGE("test PSNR at two resolutions: without the filter ", large, " and ", small_views, ", with ", large_with,
           " and ", small_with, "; at one: ", clean, " and ", still);
   if (short_trainings) return;
@@ -387,7 +385,7 @@ TEST_CASE(
 }
 
 TEST_CASE("pipeline/effects: a random background and the alpha loss train on what is opaque only") {
-  const double constant = clean_psnr(), random = trained_psnr<TinyRandomBackground>(SceneViews::get());
+  const double constant = clean_psnr(), random = trained_psnr<RandomBackgroundRecipe>(SceneViews::get());
   MESSAGE("test PSNR over black: constant background ", constant, ", random background and alpha loss ", random);
   CHECK((short_trainings || random > constant - 1.5));
 }

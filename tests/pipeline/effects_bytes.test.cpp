@@ -29,7 +29,7 @@ using Json = nlohmann::json;
 using compmark::testing::ring_camera;
 using compmark::testing::TemporaryFolder;
 
-constexpr std::size_t rows = 21, views = 3;
+constexpr std::size_t row_count = 21, view_count = 3;
 struct Appearance : DefaultRecipe<float, DecoderShape{.appearance_dim = 16}> {};
 
 /// One number of a tensor: a function of name and place, so that a block has the same values in every model.
@@ -41,10 +41,10 @@ float value_of(const std::string& tensor, std::size_t i) {
 /// library but the camera is in it, and no name of an effect.
 struct HandWritten {
   using Shape = std::array<std::size_t, 2>;
-  std::map<std::string, Shape> tensors{{"anchor.position", {rows, 3}},
-                                       {"anchor.offset", {rows, 30}},
-                                       {"anchor.scaling", {rows, 6}},
-                                       {"anchor.feature", {rows, 32}}};
+  std::map<std::string, Shape> tensors{{"anchor.position", {row_count, 3}},
+                                       {"anchor.offset", {row_count, 30}},
+                                       {"anchor.scaling", {row_count, 6}},
+                                       {"anchor.feature", {row_count, 32}}};
   std::map<std::string, std::vector<double>> doubles;
   Json info;
 
@@ -65,14 +65,14 @@ struct HandWritten {
         {"shape",
          {{"feature_dim", 32}, {"offsets", 10}, {"distance", false}, {"feature_bank", false}, {"appearance_dim", 0}}},
         {"voxel_size", 0.125},
-        {"train_views", views},
+        {"train_views", view_count},
         {"near_plane", 0.2},
         {"blur_variance", 0.3},
         {"background", {0.0, 0.0, 0.0}},
         {"views", Json::array()}};
     std::vector<double>& table = doubles["camera.table"];
-    for (std::size_t i = 0; i < views; ++i) {
-      const Camera<double> c = ring_camera(i, views, 64, 48);
+    for (std::size_t i = 0; i < view_count; ++i) {
+      const Camera<double> c = ring_camera(i, view_count, 64, 48);
       info["views"].push_back({{"name", "view " + std::to_string(i)}, {"test", i == 2}});
       table.insert(table.end(), {64, 48, c.fx, c.fy, c.cx, c.cy});
       table.insert(table.end(), c.rotation_camera_world.begin(), c.rotation_camera_world.end());
@@ -92,7 +92,7 @@ struct HandWritten {
       data.append(static_cast<const char*>(from), bytes);
     };
     for (const auto& [name, values] : doubles)
-      add(name, "F64", views, values.size() / views, values.data(), 8 * values.size());
+      add(name, "F64", view_count, values.size() / view_count, values.data(), 8 * values.size());
     for (const auto& [name, shape] : tensors) {
       std::vector<float> values(shape[0] * shape[1]);
       for (std::size_t i = 0; i < values.size(); ++i) values[i] = value_of(name, i);
@@ -115,15 +115,15 @@ struct HandWritten {
 
 ModelInfo info_of_views() {
   ModelInfo info{"r", "scaffold", 1234, 77, {}, {}};
-  for (std::size_t i = 0; i < views; ++i)
-    info.views.push_back({"view " + std::to_string(i), i == 2, ring_camera(i, views, 64, 48)});
+  for (std::size_t i = 0; i < view_count; ++i)
+    info.views.push_back({"view " + std::to_string(i), i == 2, ring_camera(i, view_count, 64, 48)});
   return info;
 }
 
 template <class R>
 Model<R> filled_model() {
   Model<R> model;
-  model.create(rows, views);
+  model.create(row_count, view_count);
   model.voxel_size = 0.125;
   for (const ArenaLayout::Block& block : model.arena.layout().blocks()) {
     const std::span<float> values = model.arena.all_values().subspan(block.offset, block.size());
@@ -175,20 +175,20 @@ TEST_CASE_TEMPLATE(
 TEST_CASE_TEMPLATE("pipeline/effects_bytes: exposure adds twelve numbers a view to the file, and nothing else", R,
                    recipes::ScaffoldExposure, recipes::ScaffoldExposureMasked, recipes::ScaffoldFarFieldExposure) {
   HandWritten hand;
-  hand.tensors["exposure"] = {views, 12};
+  hand.tensors["exposure"] = {view_count, 12};
   check_same<R>(hand);
-  CHECK(data_size(hand.file()) == data_size(HandWritten().file()) + 4 * 12 * views);
+  CHECK(data_size(hand.file()) == data_size(HandWritten().file()) + 4 * 12 * view_count);
   CHECK((written(filled_model<R>(), info_of_views()) != HandWritten().file()));  // the control
 }
 
 TEST_CASE(
     "pipeline/effects_bytes: the appearance embedding adds its table, its columns of the colour head, and its width") {
   HandWritten hand;
-  hand.tensors["appearance"] = {views, 16};
+  hand.tensors["appearance"] = {view_count, 16};
   hand.tensors["mlp_color.0.weight"] = {32, 32 + 3 + 16};
   hand.info["shape"]["appearance_dim"] = 16;
   check_same<Appearance>(hand);
-  CHECK(data_size(hand.file()) == data_size(HandWritten().file()) + 4 * 16 * (views + 32));
+  CHECK(data_size(hand.file()) == data_size(HandWritten().file()) + 4 * 16 * (view_count + 32));
 }
 
 TEST_CASE("pipeline/effects_bytes: a lens in the projection adds seventeen numbers a view, where a view has one") {
@@ -196,11 +196,11 @@ TEST_CASE("pipeline/effects_bytes: a lens in the projection adds seventeen numbe
   ModelInfo info = info_of_views();
   info.views[1].lens = {LensModel::opencv, {0.1, -0.2, 1e-3, 0.3}};
   std::vector<double>& table = hand.doubles["camera.lens"];
-  table.resize(17 * views);
-  for (std::size_t i = 0; i < views; ++i) table[17 * i] = static_cast<double>(info.views[i].lens.model);
+  table.resize(17 * view_count);
+  for (std::size_t i = 0; i < view_count; ++i) table[17 * i] = static_cast<double>(info.views[i].lens.model);
   std::copy_n(info.views[1].lens.parameters.begin(), 4, table.begin() + 18);
   check_same<recipes::ScaffoldLens>(hand, info);
-  CHECK(data_size(hand.file()) == data_size(HandWritten().file()) + 8 * 17 * views);
+  CHECK(data_size(hand.file()) == data_size(HandWritten().file()) + 8 * 17 * view_count);
 }
 
 TEST_CASE(

@@ -27,14 +27,14 @@ using namespace compmark;
 using compmark::testing::BlobViews;
 using compmark::testing::cloud;
 using compmark::testing::short_trainings;
+using compmark::testing::SmallRecipe;
 
-struct Plain : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 3}> {};
-struct Contracted : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 3}> {
+struct Contracted : SmallRecipe {
   using Space = ContractedSpace;
 };
-static_assert(sizeof(Model<Plain>) == sizeof(Model<Contracted>));  // the space is no part of a model
+static_assert(sizeof(Model<SmallRecipe>) == sizeof(Model<Contracted>));  // the space is no part of a model
 
-TrainSettings short_run(double radius) {
+TrainSettings short_run_of_radius(double radius) {
   TrainSettings settings;
   settings.iterations = 60;
   settings.grow_interval = 10;
@@ -50,7 +50,7 @@ TrainSettings short_run(double radius) {
 
 /// All values of the trained model, as bits; grows on the way.
 template <class R>
-std::vector<std::uint32_t> trained(const TrainSettings& settings) {
+std::vector<std::uint32_t> trained_bits(const TrainSettings& settings) {
   SerialExecutor executor;
   const BlobViews views;
   Trainer<R, SerialExecutor> trainer(settings, views.size(), 3.3, executor);
@@ -69,9 +69,9 @@ std::vector<std::uint32_t> trained(const TrainSettings& settings) {
 }  // namespace
 
 TEST_CASE("pipeline/far_field: with all of the scene in the ball training has the bits of the plain recipe") {
-  const std::vector<std::uint32_t> plain = trained<Plain>(short_run(0));
-  CHECK(trained<Contracted>(short_run(1000)) == plain);
-  CHECK(trained<Contracted>(short_run(0.4)) != plain);  // the control: half of the cloud is outside
+  const std::vector<std::uint32_t> plain = trained_bits<SmallRecipe>(short_run_of_radius(0));
+  CHECK(trained_bits<Contracted>(short_run_of_radius(1000)) == plain);
+  CHECK(trained_bits<Contracted>(short_run_of_radius(0.4)) != plain);  // the control: half of the cloud is outside
 }
 
 namespace {
@@ -137,7 +137,7 @@ class SkyViews {
 
 /// Test PSNR after a short training that starts from points in the scene and on a sphere of 60 radii.
 template <class R>
-double trained_psnr(const SkyViews& views, std::int64_t iterations) {
+double trained_sky_psnr(const SkyViews& views, std::int64_t iterations) {
   TrainSettings settings;
   settings.iterations = iterations;
   settings.voxel_size = 0.05;
@@ -162,7 +162,8 @@ double trained_psnr(const SkyViews& views, std::int64_t iterations) {
 TEST_CASE("pipeline/far_field: a sky sixty radii away is learned in contracted space, and lost in the world") {
   const SkyViews views;
   const std::int64_t iterations = short_trainings ? 12 : 1000;
-  const double contracted = trained_psnr<Contracted>(views, iterations), world = trained_psnr<Plain>(views, iterations);
+  const double contracted = trained_sky_psnr<Contracted>(views, iterations),
+               world = trained_sky_psnr<SmallRecipe>(views, iterations);
   MESSAGE("test PSNR: ", contracted, " contracted, ", world, " in the world");
   // Measured: 24.5 dB and 15.0 dB. Contracted cells with the scale volume of the world (a stretch of 1 in SpaceVolumeLoss): 15.4 dB.
   CHECK((short_trainings || contracted > world + 5));
@@ -171,10 +172,10 @@ TEST_CASE("pipeline/far_field: a sky sixty radii away is learned in contracted s
 TEST_CASE(
     "pipeline/far_field: a contraction without a radius is refused, and its numbers are part of what is resumed") {
   SerialExecutor executor;
-  Trainer<Contracted, SerialExecutor> trainer(short_run(0), 6, 3.3, executor);
+  Trainer<Contracted, SerialExecutor> trainer(short_run_of_radius(0), 6, 3.3, executor);
   const Result<Done> refused = trainer.initialise(cloud(20, 1));
   REQUIRE(!refused.ok());
   CHECK(refused.error().field == "space_radius");
-  CHECK(settings_json(short_run(1)) != settings_json(short_run(2)));
-  CHECK(!settings_json(short_run(0)).contains("effects"));
+  CHECK(settings_json(short_run_of_radius(1)) != settings_json(short_run_of_radius(2)));
+  CHECK(!settings_json(short_run_of_radius(0)).contains("effects"));
 }

@@ -23,29 +23,28 @@ namespace {
 
 using namespace compmark;
 using compmark::testing::BlobViews;
+using compmark::testing::SmallContextGs;
+using compmark::testing::SmallHac;
 
 using Decoder = LatticeDecoder<float>;
 static_assert(Recipe<recipes::MarkedHac<Decoder>> && Recipe<recipes::MarkedContextGs<Decoder>>);
 static_assert(grows_by_frequency<recipes::MarkedHac<Decoder>::DensityControl>);
 static_assert(!grows_by_frequency<recipes::Scaffold::DensityControl>);
 
-struct Host : DefaultRecipe<float, compmark::testing::coded_test_shape> {};
+using Host = compmark::testing::SmallRecipe;
 /// The loss alone, and with the growing that looks at it.
-struct Loss : Host {
+struct WithFrequencyLoss : Host {
   using FrequencyLoss = compmark::FrequencyLoss<float>;
 };
-struct Growing : Loss {
+struct Growing : WithFrequencyLoss {
   using DensityControl = FrequencyGrowth<float>;
 };
 
-struct SmallHac : recipes::Hac<Host> {};
-struct SmallContextGs : recipes::ContextGs<Host> {};
+constexpr std::int64_t growing_iterations = 120;
 
-constexpr std::int64_t iterations = 120;
-
-TrainSettings settings() {
+TrainSettings growing_settings() {
   TrainSettings s = *profile_settings("scaffold");
-  s.iterations = iterations;
+  s.iterations = growing_iterations;
   s.voxel_size = 0.05;
   s.statistics_after = 1000;  // of 30,000: the statistics begin with iteration 5
   s.grow_after = 1500;
@@ -59,7 +58,7 @@ TrainSettings settings() {
 
 /// A training up to an iteration, or all of it; stopped after `stop` and read back if that is above 0.
 template <class R>
-Model<R> train(const TrainSettings& s, std::size_t threads = 2, std::int64_t until = iterations,
+Model<R> train(const TrainSettings& s, std::size_t threads = 2, std::int64_t until = growing_iterations,
                std::int64_t stop = 0) {
   Model<R> model;
   testing::train_until<R>(s, threads, until, stop, [&](const auto& trainer) { model = trainer.model(); });
@@ -69,9 +68,9 @@ Model<R> train(const TrainSettings& s, std::size_t threads = 2, std::int64_t unt
 }  // namespace
 
 TEST_CASE("pipeline/frequency_growing: it is the other growing until its window begins, and another one in it") {
-  const TrainSettings s = settings();
-  CHECK(testing::same_bits(train<Loss>(s, 2, 39), train<Growing>(s, 2, 39)));
-  const Model<Loss> plain = train<Loss>(s);
+  const TrainSettings s = growing_settings();
+  CHECK(testing::same_bits(train<WithFrequencyLoss>(s, 2, 39), train<Growing>(s, 2, 39)));
+  const Model<WithFrequencyLoss> plain = train<WithFrequencyLoss>(s);
   const Model<Growing> growing = train<Growing>(s);
   MESSAGE(plain.anchor_count(), " anchors, frequency-aware ", growing.anchor_count());
   CHECK(growing.anchor_count() != plain.anchor_count());
@@ -104,7 +103,7 @@ TEST_CASE("pipeline/frequency_growing: it is the other growing until its window 
   // Without a loss there is nothing to look at, and without a window no time to: the other growing, to the bit.
   TrainSettings silent = s;
   silent.mark.lambda_frequency = 0;
-  CHECK(testing::same_bits(train<Loss>(silent), train<Growing>(silent)));
+  CHECK(testing::same_bits(train<WithFrequencyLoss>(silent), train<Growing>(silent)));
   TrainSettings never = s;
   never.mark.frequency_grow_until = never.mark.frequency_grow_from;
   CHECK(testing::same_bits(plain, train<Growing>(never)));
@@ -112,17 +111,17 @@ TEST_CASE("pipeline/frequency_growing: it is the other growing until its window 
 
 TEST_CASE(
     "pipeline/frequency_growing: the same bits at any thread count, and after a stop before, in and after the window") {
-  const TrainSettings s = settings();
+  const TrainSettings s = growing_settings();
   const Model<Growing> once = train<Growing>(s, 1);
   CHECK(testing::same_bits(once, train<Growing>(s, 4)));
   for (const std::int64_t stop : {30, 52, 90}) {
     CAPTURE(stop);
-    CHECK(testing::same_bits(once, train<Growing>(s, 2, iterations, stop)));
+    CHECK(testing::same_bits(once, train<Growing>(s, 2, growing_iterations, stop)));
   }
 }
 
 TEST_CASE("pipeline/frequency_growing: a run with another window is not resumed") {
-  const TrainSettings s = settings();
+  const TrainSettings s = growing_settings();
   BlobViews views;
   ThreadExecutor executor(2);
   Trainer<Growing, ThreadExecutor> trainer(s, views.size(), 1.0, executor);

@@ -30,27 +30,25 @@ using compmark::testing::cloud;
 using compmark::testing::ring_camera;
 using compmark::testing::same_bits;
 using compmark::testing::short_settings;
+using compmark::testing::SmallGridHac;
 using compmark::testing::Trained;
 
-constexpr DecoderShape shape = compmark::testing::coded_test_shape;
-constexpr HashGridShape small_grid{.volume_levels = 3, .volume_cap_log2 = 10, .plane_levels = 1, .plane_cap_log2 = 9};
-struct Smooth : recipes::Hac<DefaultRecipe<double, shape, compmark::testing::smooth_accuracy>, small_grid> {};
+struct SmoothHac : recipes::Hac<compmark::testing::SmoothRecipe, compmark::testing::small_grid> {};
 /// With a mark in its features: what is coded, and what its rate is of, is f + tanh f'.
-struct SmoothMarked : Smooth {
+struct SmoothMarkedHac : SmoothHac {
   using Embedder = ResidualFeature<double>;
 };
-struct Small : recipes::Hac<DefaultRecipe<float, shape>, small_grid> {};
 
-const Trained<Small>& trained() {
-  static const Trained<Small> instance = compmark::testing::train_coded<Small>(2, 300);
+const Trained<SmallGridHac>& trained_hac() {
+  static const Trained<SmallGridHac> instance = compmark::testing::train_coded<SmallGridHac>(2, 300);
   return instance;
 }
 
 }  // namespace
 
 TEST_CASE_TEMPLATE(
-    "pipeline/hac: the directional derivative of the road with noise and rate equals central differences", R, Smooth,
-    SmoothMarked) {
+    "pipeline/hac: the directional derivative of the road with noise and rate equals central differences", R, SmoothHac,
+    SmoothMarkedHac) {
   Model<R> model = compmark::testing::random_model<R>(24);
   Model<R>::Road::initialise(model.arena, model.road, 4);
   {
@@ -111,7 +109,7 @@ TEST_CASE("pipeline/hac: noise, then context and rate, then rounding; windows sc
 }
 
 TEST_CASE("pipeline/hac: the same bits at any thread count and after a stop, in every phase") {
-  compmark::testing::check_reproducible<Small>();
+  compmark::testing::check_reproducible<SmallGridHac>();
 }
 
 TEST_CASE("pipeline/hac: the rate is a loss: more weight, fewer bits") {
@@ -120,7 +118,7 @@ TEST_CASE("pipeline/hac: the rate is a loss: more weight, fewer bits") {
     settings.rate.lambda = lambda;
     BlobViews views;
     ThreadExecutor executor(2);
-    Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    Trainer<SmallGridHac, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
     REQUIRE(trainer.initialise(cloud(300, 7)));
     REQUIRE(trainer.run(views));
     ModelInfo info;
@@ -137,7 +135,7 @@ TEST_CASE("pipeline/hac: the rate is a loss: more weight, fewer bits") {
 }
 
 TEST_CASE("pipeline/hac: a trained model goes through a file and renders the same bits as the encoder's own") {
-  const Model<Small>& model = trained().model;
+  const Model<SmallGridHac>& model = trained_hac().model;
   ModelInfo info;
   info.recipe = "hac";
   info.profile = "hac";
@@ -163,7 +161,8 @@ TEST_CASE("pipeline/hac: a trained model goes through a file and renders the sam
   REQUIRE(file.ok());
   const Result<CodecDecoded> decoded = decode_hac(file->bytes, "a.cmk", CodecDecodeSettings{}, executor);
   REQUIRE(decoded.ok());
-  const Result<LoadedModel<Small>> ours = model_from<Small>(file->model), theirs = model_from<Small>(decoded->model);
+  const Result<LoadedModel<SmallGridHac>> ours = model_from<SmallGridHac>(file->model),
+                                          theirs = model_from<SmallGridHac>(decoded->model);
   REQUIRE(ours.ok());
   REQUIRE(theirs.ok());
   CHECK(same_bits(ours->model, theirs->model));
@@ -185,8 +184,8 @@ TEST_CASE("pipeline/hac: a trained model goes through a file and renders the sam
   CHECK(read.views[0].lens == info.views[1].lens);
 
   // Steps near their base: the render moves, a little.
-  Pipeline<Small> pipeline;
-  Pipeline<Small>::Context before, after;
+  Pipeline<SmallGridHac> pipeline;
+  Pipeline<SmallGridHac>::Context before, after;
   const Camera<double> camera = ring_camera(2, 6, 48, 40);
   static_cast<void>(pipeline.forward(model, camera, unseen_view, before, executor));
   static_cast<void>(pipeline.forward(theirs->model, camera, unseen_view, after, executor));
@@ -203,13 +202,13 @@ TEST_CASE("pipeline/hac: a trained model goes through a file and renders the sam
 }
 
 TEST_CASE("pipeline/hac: dead offsets are not rendered and not stored; a model off the grid is refused") {
-  Model<Small> model = trained().model;
+  Model<SmallGridHac> model = trained_hac().model;
   const MatrixView<float> mask = model.arena.values(model.road.rate.mask);
-  Pipeline<Small> pipeline;
+  Pipeline<SmallGridHac> pipeline;
   SerialExecutor executor;
   const Camera<double> camera = ring_camera(2, 6, 48, 40);
   const auto drawn = [&] {
-    Pipeline<Small>::Context context;
+    Pipeline<SmallGridHac>::Context context;
     static_cast<void>(pipeline.forward(model, camera, unseen_view, context, executor));
     std::size_t count = 0;
     const GaussianColumns<const float> gaussians = std::as_const(context.gaussians).columns();
@@ -238,13 +237,13 @@ TEST_CASE("pipeline/hac: what a file says of its model is checked before it is b
   ThreadExecutor executor(1);
   ModelInfo info;
   info.recipe = "hac";
-  const Result<CodecModel> coded = coded_model(trained().model, info);
+  const Result<CodecModel> coded = coded_model(trained_hac().model, info);
   REQUIRE(coded.ok());
-  REQUIRE(model_from<Small>(*coded).ok());
+  REQUIRE(model_from<SmallGridHac>(*coded).ok());
   const auto refused = [&](auto change, const std::string& field) {
     CodecModel wrong = *coded;
     change(wrong);
-    const Result<LoadedModel<Small>> loaded = model_from<Small>(wrong);
+    const Result<LoadedModel<SmallGridHac>> loaded = model_from<SmallGridHac>(wrong);
     INFO(field);
     REQUIRE_FALSE(loaded.ok());
     CHECK(loaded.error().field.find(field) != std::string::npos);

@@ -28,13 +28,13 @@ using namespace compmark;
 using compmark::testing::ring_camera;
 using compmark::testing::short_trainings;
 using compmark::testing::smooth_accuracy;
+using compmark::testing::SmoothRecipe;
 
-constexpr DecoderShape small{.feature_dim = 8, .offsets = 3};
-const Lens phone{LensModel::opencv, {-0.25, 0.08, 0.004, -0.003}};
-const Lens wide{LensModel::opencv_fisheye, {-0.03, 0.004, -0.001, 0.0002}};
+const Lens phone_lens{LensModel::opencv, {-0.25, 0.08, 0.004, -0.003}};
+const Lens wide_lens{LensModel::opencv_fisheye, {-0.03, 0.004, -0.001, 0.0002}};
 
 template <class Lens>
-struct Through : DefaultRecipe<double, small, smooth_accuracy> {
+struct Through : SmoothRecipe {
   using Rasterizer = EffectTileRasterizer<double, RasterEffects<Lens>, smooth_accuracy>;
   using DensityControl = NoGrowth;
 };
@@ -43,7 +43,7 @@ using ThroughWide = Through<FisheyeLens<double>>;
 
 template <class R>
 const Lens& lens_of() {
-  return std::is_same_v<RecipeLens<R>, FisheyeLens<typename R::Scalar>> ? wide : phone;
+  return std::is_same_v<RecipeLens<R>, FisheyeLens<typename R::Scalar>> ? wide_lens : phone_lens;
 }
 
 }  // namespace
@@ -82,7 +82,8 @@ TEST_CASE("pipeline/lens: without a lens the camera is Camera<double>, and the b
   static_assert(std::is_same_v<ViewCamera<recipes::ScaffoldAntiAliased>, Camera<double>>);
   static_assert(std::is_same_v<ViewCamera<recipes::ScaffoldLens>, LensCamera<RadialTangentialLens<float>>>);
   Model<ThroughPhone> model = compmark::testing::random_model<ThroughPhone>(24);
-  const ViewCamera<ThroughPhone> camera(ring_camera(1, 5, 37, 29), *lens_policy<RadialTangentialLens<double>>(phone));
+  const ViewCamera<ThroughPhone> camera(ring_camera(1, 5, 37, 29),
+                                        *lens_policy<RadialTangentialLens<double>>(phone_lens));
   SerialExecutor executor;
   Pipeline<ThroughPhone>::Context context;
   static_cast<void>(Pipeline<ThroughPhone>{}.forward(model, camera, 1, context, executor));
@@ -148,16 +149,13 @@ struct LensViews {
   }
 };
 
-constexpr DecoderShape tiny{.feature_dim = 16, .offsets = 5};
-struct Ignoring : DefaultRecipe<float, tiny> {
-  using DensityControl = NoGrowth;
-};
+using Ignoring = compmark::testing::UngrownRecipe;
 struct Projecting : Ignoring {
   using Rasterizer = EffectTileRasterizer<float, RasterEffects<RadialTangentialLens<float>>>;
 };
 
 template <class R>
-double trained_psnr(bool lens_known) {
+double trained_lens_psnr(bool lens_known) {
   const LensViews<R> views(Split::train, 24, lens_known), test(Split::test, 4, lens_known);
   TrainSettings settings;
   settings.iterations = short_trainings ? 12 : 400;
@@ -183,8 +181,8 @@ double trained_psnr(bool lens_known) {
 }  // namespace
 
 TEST_CASE("pipeline/lens: photographs through a lens train better with it than with the lens ignored") {
-  const double ignored = trained_psnr<Ignoring>(false), projected = trained_psnr<Projecting>(true),
-               ideal = trained_psnr<Projecting>(false);
+  const double ignored = trained_lens_psnr<Ignoring>(false), projected = trained_lens_psnr<Projecting>(true),
+               ideal = trained_lens_psnr<Projecting>(false);
   MESSAGE("PSNR of test photographs through the lens: ignored ", ignored, " dB, projected ", projected,
           " dB, projected with zero coefficients ", ideal);
   if (short_trainings) return;

@@ -17,20 +17,21 @@
 #include "compmark/mark/residual.hpp"
 #include "compmark/pipeline/anchor_road.hpp"
 #include "compmark/testing/gradient.hpp"
+#include "small_scene.hpp"
 
 namespace {
 
 using namespace compmark;
 
-constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
-constexpr std::size_t anchors = 300;
-constexpr double voxel_size = 0.02;
+using testing::small_shape;
 
-struct Scene {
-  using Rate = ContextGsModel<double, shape.feature_dim, shape.offsets, 5>;
+struct AncestorScene {
+  static constexpr std::size_t anchors = 300;
+  static constexpr double voxel_size = 0.02;
+  using Rate = ContextGsModel<double, small_shape.feature_dim, small_shape.offsets, 5>;
   using Road = AnchorRoad<double, ResidualFeature<double>, NoDistortion, Rate>;
   ParameterArena<double> arena;
-  AnchorHandles table = add_anchor_blocks(arena, anchors, shape);
+  AnchorHandles table = add_anchor_blocks(arena, anchors, small_shape);
   Road::Handles handles = Road::add_parameters(arena, table);
   Road road{Rate(settings())};
   Road::Context context;
@@ -42,7 +43,7 @@ struct Scene {
     s.sample = 0.3;
     return s;
   }
-  Scene() {
+  AncestorScene() {
     Road::initialise(arena, handles, 3);
     const Random random(2, 0, random_stage("marked ancestors test"));
     std::uint64_t at = 0;
@@ -103,7 +104,7 @@ struct Scene {
 }  // namespace
 
 TEST_CASE("pipeline/marked_ancestors: gradients by the residual and by the features, of ancestors out of view too") {
-  Scene scene;
+  AncestorScene scene;
   SerialExecutor serial;
   const auto loss = [&] { return scene.loss(serial); };
   static_cast<void>(loss());
@@ -127,25 +128,25 @@ TEST_CASE("pipeline/marked_ancestors: gradients by the residual and by the featu
 }
 
 TEST_CASE("pipeline/marked_ancestors: what is counted is what the marked model costs once its mark is baked in") {
-  Scene scene;
+  AncestorScene scene;
   SerialExecutor serial;
   const double marked = scene.loss(serial);
   const std::vector<std::size_t> ancestors = scene.ancestors();
-  Scene baked;
-  Scene::Road::bake(baked.arena, baked.table, baked.handles);
+  AncestorScene baked;
+  AncestorScene::Road::bake(baked.arena, baked.table, baked.handles);
   baked.context.embeds = false;
   CHECK(baked.loss(serial) == doctest::Approx(marked).epsilon(1e-12));
 
   // Negative control: a mark that is left out of the ancestors alone costs something else.
   for (const std::size_t row : ancestors) {
-    for (std::size_t c = 0; c < static_cast<std::size_t>(shape.feature_dim); ++c)
+    for (std::size_t c = 0; c < static_cast<std::size_t>(small_shape.feature_dim); ++c)
       scene.arena.values(scene.handles.embedder.residual)(row, c) = 0;
   }
   CHECK(std::abs(scene.loss(serial) - marked) > 1e-6 * std::abs(marked));  // measured 2e-4
 }
 
 TEST_CASE("pipeline/marked_ancestors: same bits at any thread count") {
-  Scene one, four;
+  AncestorScene one, four;
   SerialExecutor serial;
   ThreadExecutor threads(4);
   CHECK(one.loss(serial) == four.loss(threads));

@@ -16,17 +16,17 @@
 namespace {
 
 using namespace compmark;
-struct Small : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 4}> {};
-struct Wider : DefaultRecipe<float, DecoderShape{.feature_dim = 12, .offsets = 4}> {};
+struct StoredRecipe : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 4}> {};
+struct WiderRecipe : DefaultRecipe<float, DecoderShape{.feature_dim = 12, .offsets = 4}> {};
 
 std::filesystem::path temporary(const char* name) {
   return std::filesystem::temp_directory_path() / (std::string("compmark-model-file-") + name);
 }
 
-Model<Small> example() {
-  Model<Small> model;
+Model<StoredRecipe> example() {
+  Model<StoredRecipe> model;
   model.create(21, 3);
-  Small::GaussianDecoder::initialise(model.arena, model.decoder, 5);
+  StoredRecipe::GaussianDecoder::initialise(model.arena, model.decoder, 5);
   const Random random(1, 2, 3);
   const AnchorColumns<float> columns = anchor_values(model.arena, model.anchors);
   for (std::size_t i = 0; i < columns.feature.size(); ++i) columns.feature.data[i] = random.centered(i);
@@ -45,10 +45,10 @@ ModelInfo example_info() {
 
 TEST_CASE("pipeline/model_file: what is written is read back, bit for bit, and the same model gives the same bytes") {
   const std::filesystem::path path = temporary("a.safetensors");
-  const Model<Small> model = example();
+  const Model<StoredRecipe> model = example();
   const ModelInfo info = example_info();
   REQUIRE(write_model(path, model, info).ok());
-  const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
+  const Result<LoadedModel<StoredRecipe>> loaded = read_model<StoredRecipe>(path);
   REQUIRE(loaded.ok());
   CHECK(std::equal(model.arena.all_values().begin(), model.arena.all_values().end(),
                    loaded->model.arena.all_values().begin(), loaded->model.arena.all_values().end()));
@@ -69,7 +69,7 @@ TEST_CASE(
     "pipeline/model_file: lenses, origin and unit are kept where there are any, and take no byte where there are "
     "none") {
   const std::filesystem::path path = temporary("e.safetensors");
-  const Model<Small> model = example();
+  const Model<StoredRecipe> model = example();
   ModelInfo info = example_info();
   REQUIRE(write_model(path, model, info).ok());
   const Result<SafetensorsFile> plain = read_safetensors(path);
@@ -77,7 +77,8 @@ TEST_CASE(
   CHECK(!plain->has("camera.lens"));
   CHECK(plain->text_of("info")->find("origin") == std::string::npos);
   CHECK(plain->text_of("info")->find("unit") == std::string::npos);
-  const Result<LoadedModel<Small>> old = read_model<Small>(path);  // as files from before there was either
+  const Result<LoadedModel<StoredRecipe>> old =
+      read_model<StoredRecipe>(path);  // as files from before there was either
   REQUIRE(old.ok());
   CHECK(old->info.origin == std::array<double, 3>{0, 0, 0});
   CHECK(old->info.unit == 1);
@@ -87,7 +88,7 @@ TEST_CASE(
   info.unit = 0x1p-10;
   info.views[1].lens = {LensModel::opencv, {0.1, -0.2, 1e-3, 0.3}};
   REQUIRE(write_model(path, model, info).ok());
-  const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
+  const Result<LoadedModel<StoredRecipe>> loaded = read_model<StoredRecipe>(path);
   REQUIRE(loaded.ok());
   CHECK(loaded->info.origin == info.origin);
   CHECK(loaded->info.unit == 0x1p-10);
@@ -97,7 +98,7 @@ TEST_CASE(
     CAPTURE(unit);
     info.unit = unit;
     REQUIRE(write_model(path, model, info).ok());
-    const Result<LoadedModel<Small>> refused = read_model<Small>(path);
+    const Result<LoadedModel<StoredRecipe>> refused = read_model<StoredRecipe>(path);
     REQUIRE_FALSE(refused.ok());
     // JSON has no number that is not finite: there it is of another type.
     CHECK(refused.error().field == (std::isfinite(unit) ? "__metadata__.info.unit" : "__metadata__.info"));
@@ -106,10 +107,10 @@ TEST_CASE(
 
   info.views[2].lens.parameters[3] = std::numeric_limits<double>::infinity();
   REQUIRE(write_model(path, model, info).ok());
-  CHECK(read_model<Small>(path).error().field == "camera.lens");
+  CHECK(read_model<StoredRecipe>(path).error().field == "camera.lens");
   info.views[2].lens = {static_cast<LensModel>(lens_model_count), {}};
   REQUIRE(write_model(path, model, info).ok());
-  CHECK(read_model<Small>(path).error().field == "camera.lens");
+  CHECK(read_model<StoredRecipe>(path).error().field == "camera.lens");
   std::filesystem::remove(path);
 }
 
@@ -118,7 +119,7 @@ TEST_CASE("pipeline/model_file: a name that is no UTF-8 loses its wrong bytes, n
   ModelInfo info = example_info();
   info.views[1].name = "caf\xE9";
   REQUIRE(write_model(path, example(), info).ok());
-  const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
+  const Result<LoadedModel<StoredRecipe>> loaded = read_model<StoredRecipe>(path);
   REQUIRE(loaded.ok());
   CHECK(loaded->info.views[1].name == "caf\xEF\xBF\xBD");
   std::filesystem::remove(path);
@@ -130,7 +131,7 @@ TEST_CASE("pipeline/model_file: every truncation of a file is an error with the 
   const std::vector<std::byte> bytes = *read_file(path);
   for (std::size_t size = 0; size < bytes.size(); size += std::max<std::size_t>(1, bytes.size() / 400)) {
     REQUIRE(write_file(path, std::span<const std::byte>(bytes).first(size)).ok());
-    const Result<LoadedModel<Small>> loaded = read_model<Small>(path);
+    const Result<LoadedModel<StoredRecipe>> loaded = read_model<StoredRecipe>(path);
     REQUIRE(!loaded.ok());
     CHECK(loaded.error().line().find(path.string()) != std::string::npos);
     CHECK(!loaded.error().remedy.empty());
@@ -140,22 +141,22 @@ TEST_CASE("pipeline/model_file: every truncation of a file is an error with the 
 
 TEST_CASE("pipeline/model_file: another shape, another format and a value that is not finite are told by field") {
   const std::filesystem::path path = temporary("d.safetensors");
-  Model<Small> model = example();
+  Model<StoredRecipe> model = example();
   REQUIRE(write_model(path, model, example_info()).ok());
-  const Result<LoadedModel<Wider>> wider = read_model<Wider>(path);
+  const Result<LoadedModel<WiderRecipe>> wider = read_model<WiderRecipe>(path);
   REQUIRE(!wider.ok());
   CHECK(wider.error().field.find("shape") != std::string::npos);
 
   anchor_values(model.arena, model.anchors).scaling.data[3] = std::numeric_limits<float>::quiet_NaN();
   REQUIRE(write_model(path, model, example_info()).ok());
-  const Result<LoadedModel<Small>> poisoned = read_model<Small>(path);
+  const Result<LoadedModel<StoredRecipe>> poisoned = read_model<StoredRecipe>(path);
   REQUIRE(!poisoned.ok());
   CHECK(poisoned.error().field == "anchor.scaling");
 
   SafetensorsWriter other;
   other.metadata = {{"format", "something else"}};
   REQUIRE(other.write(path).ok());
-  const Result<LoadedModel<Small>> foreign = read_model<Small>(path);
+  const Result<LoadedModel<StoredRecipe>> foreign = read_model<StoredRecipe>(path);
   REQUIRE(!foreign.ok());
   CHECK(foreign.error().field == "__metadata__.format");
   std::filesystem::remove(path);

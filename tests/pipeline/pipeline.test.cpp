@@ -16,14 +16,14 @@ namespace {
 using namespace compmark;
 using compmark::testing::cloud;
 using compmark::testing::ring_camera;
+using compmark::testing::smooth_accuracy;
+using compmark::testing::SmoothRecipe;
 
-constexpr Accuracy smooth = compmark::testing::smooth_accuracy;
-
-struct SmallDouble : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3}, smooth> {};
-struct SmallDistance : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3, .distance = true}, smooth> {};
+struct SmallDistance
+    : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3, .distance = true}, smooth_accuracy> {};
 struct SmallAppearance
     : DefaultRecipe<double, DecoderShape{.feature_dim = 8, .offsets = 3, .feature_bank = true, .appearance_dim = 4},
-                    smooth> {};
+                    smooth_accuracy> {};
 
 template <class R>
 double loss_of(const Model<R>& model, const Camera<double>& camera, ImageView<const double> target,
@@ -36,7 +36,7 @@ double loss_of(const Model<R>& model, const Camera<double>& camera, ImageView<co
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("pipeline: the directional derivative of the whole road equals central differences", R, SmallDouble,
+TEST_CASE_TEMPLATE("pipeline: the directional derivative of the whole road equals central differences", R, SmoothRecipe,
                    SmallDistance, SmallAppearance) {
   Model<R> model = compmark::testing::random_model<R>(24);
   const Camera<double> camera = ring_camera(1, 5, 37, 29);

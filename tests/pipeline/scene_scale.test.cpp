@@ -19,13 +19,12 @@
 #include <vector>
 
 #include "scene/cube_dialects.hpp"
+#include "small_scene.hpp"
 
 namespace {
 
 using namespace compmark;
 using namespace compmark::testing;
-
-struct Small : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 3}> {};
 
 /// The built-in scene, of radius 1.3, from these cameras, on black.
 std::vector<std::vector<float>> photographs_of(const CubeCapture& capture) {
@@ -46,7 +45,7 @@ std::vector<std::vector<float>> photographs_of(const CubeCapture& capture) {
   }
   return images;
 }
-const std::vector<std::vector<float>>& photographs() {
+const std::vector<std::vector<float>>& cube_photographs() {
   static const std::vector<std::vector<float>> images = photographs_of(cube_capture());
   return images;
 }
@@ -76,26 +75,26 @@ struct Photographs {
   [[nodiscard]] std::size_t size() const { return index.size(); }
   [[nodiscard]] Camera<double> camera(std::size_t i) const { return dataset->views[index[i]].camera; }
   [[nodiscard]] Result<Done> load(std::size_t i, ImageView<float> image) const {
-    std::copy(photographs()[index[i]].begin(), photographs()[index[i]].end(), image.data);
+    std::copy(cube_photographs()[index[i]].begin(), cube_photographs()[index[i]].end(), image.data);
     return Done{};
   }
 };
 
-struct Trained {
+struct TrainedScene {
   std::string hash;            ///< of all parameters
   double first = 0, last = 0;  ///< loss, mean of the first and the last twelve iterations
   double psnr = 0;             ///< over the training views
   double contrast = 0;         ///< largest difference of two values of a render
   double moved = 0;            ///< largest difference of an offset from its start
 };
-Trained train(const Dataset& dataset, double extent, std::int64_t iterations) {
+TrainedScene train(const Dataset& dataset, double extent, std::int64_t iterations) {
   TrainSettings settings;  // near plane, voxel size, volume loss and rates are the published ones
   settings.iterations = iterations;
   SerialExecutor executor;
   Photographs views{&dataset};
-  Trainer<Small, SerialExecutor> trainer(settings, views.size(), extent, executor);
+  Trainer<SmallRecipe, SerialExecutor> trainer(settings, views.size(), extent, executor);
   REQUIRE(trainer.initialise(dataset.points.position).ok());
-  Trained result;
+  TrainedScene result;
   for (std::int64_t t = 0; t < iterations; ++t) {
     const auto report = trainer.step(views);
     REQUIRE(report.ok());
@@ -107,14 +106,14 @@ Trained train(const Dataset& dataset, double extent, std::int64_t iterations) {
   const AnchorColumns<const float> columns = trainer.model().columns();
   for (std::size_t i = 0; i < columns.offset.size(); ++i)
     result.moved = std::max(result.moved, static_cast<double>(std::abs(columns.offset.data[i])));
-  Pipeline<Small>::Context context;
+  Pipeline<SmallRecipe>::Context context;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Camera<double> camera = views.camera(i);
-    static_cast<void>(Pipeline<Small>{}.forward(trainer.model(), camera, unseen_view, context, executor));
+    static_cast<void>(Pipeline<SmallRecipe>{}.forward(trainer.model(), camera, unseen_view, context, executor));
     const std::span<const float> image = context.image.flat();
     double square = 0;
     for (std::size_t k = 0; k < image.size(); ++k) {
-      const double d = static_cast<double>(image[k] - photographs()[views.index[i]][k]);
+      const double d = static_cast<double>(image[k] - cube_photographs()[views.index[i]][k]);
       square += d * d / static_cast<double>(image.size());
     }
     result.psnr += psnr_from_mse(square) / static_cast<double>(views.size());
@@ -126,7 +125,7 @@ Trained train(const Dataset& dataset, double extent, std::int64_t iterations) {
           columns.rows());
   return result;
 }
-Trained train(const Dataset& dataset, std::int64_t iterations = 240) {
+TrainedScene train(const Dataset& dataset, std::int64_t iterations = 240) {
   return train(dataset, scene_extent(dataset).radius, iterations);
 }
 
@@ -134,7 +133,7 @@ Trained train(const Dataset& dataset, std::int64_t iterations = 240) {
 
 TEST_CASE(
     "pipeline/scene_scale: a scene in millimetres or kilometres trains to the scene in metres, to the bit (case PR8)") {
-  const Trained plain = train(capture_at(1));
+  const TrainedScene plain = train(capture_at(1));
   CHECK(plain.psnr > 20);
   for (const double scale : {0x1p-10, 0x1p+10}) {
     CAPTURE(scale);
@@ -143,7 +142,7 @@ TEST_CASE(
     CHECK(train(dataset).hash == plain.hash);
   }
   // A factor that is no power of two: the roundings of doubles, and lengths 1.024 as large.
-  const Trained thousandth = train(capture_at(1e-3));
+  const TrainedScene thousandth = train(capture_at(1e-3));
   CHECK(thousandth.hash != plain.hash);
   CHECK(std::abs(thousandth.psnr - plain.psnr) < 1);
 
@@ -151,7 +150,7 @@ TEST_CASE(
   for (const double scale : {0x1p-10, 0x1p+10}) {
     Dataset dataset = capture_at(scale);
     change_unit(dataset, 1);
-    const Trained lost = train(dataset);
+    const TrainedScene lost = train(dataset);
     CHECK(lost.psnr < plain.psnr - 8);
     if (scale < 1) CHECK(lost.contrast == 0);
   }
@@ -161,7 +160,7 @@ TEST_CASE("pipeline/scene_scale: captures of one and two images train, offsets t
   for (const int count : {1, 2}) {
     CAPTURE(count);
     const Dataset dataset = capture_at(1, count);
-    const Trained trained = train(dataset);
+    const TrainedScene trained = train(dataset);
     CHECK(trained.last < 0.5 * trained.first);
     CHECK(trained.moved > 0.1);
     // As readers split two images: one trains.

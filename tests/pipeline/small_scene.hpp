@@ -16,6 +16,15 @@
 
 namespace compmark::inline v0::testing {
 
+inline constexpr DecoderShape small_shape{.feature_dim = 8, .offsets = 3};
+struct SmallRecipe : DefaultRecipe<float, small_shape> {};
+
+/// What photographs of the built-in scene need, and as many anchors after a training as before.
+inline constexpr DecoderShape scene_shape{.feature_dim = 16, .offsets = 5};
+struct UngrownRecipe : DefaultRecipe<float, scene_shape> {
+  using DensityControl = NoGrowth;
+};
+
 /// Camera i of n on a circle of radius 3, looking at the origin.
 inline Camera<double> ring_camera(std::size_t i, std::size_t n, int width, int height) {
   const double angle = 2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(n);

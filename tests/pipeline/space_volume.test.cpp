@@ -24,10 +24,9 @@ static_assert(std::is_same_v<SpaceVolumeLoss<float, EuclideanSpace, 5>::Context,
 
 namespace {
 
-constexpr int offsets = 3;
-
 /// Anchors from inside a ball of radius 2 to 100 of its radii; every other one is decoded, into one to three Gaussians each.
 struct Spread {
+  static constexpr int offsets = testing::small_shape.offsets;
   std::vector<double> position;
   std::vector<std::uint32_t> visible, slot;
   std::array<std::vector<double>, 3> scale, gradient;
@@ -61,8 +60,8 @@ struct Spread {
   }
 };
 
-using World = SpaceVolumeLoss<double, EuclideanSpace, offsets>;
-using Cells = SpaceVolumeLoss<double, ContractedSpace, offsets>;
+using World = SpaceVolumeLoss<double, EuclideanSpace, Spread::offsets>;
+using Cells = SpaceVolumeLoss<double, ContractedSpace, Spread::offsets>;
 
 }  // namespace
 
@@ -76,7 +75,7 @@ TEST_CASE("pipeline/space_volume: volumes count in cells, and the gradient is th
   const auto loss = [&] { return Cells{}.forward(spread.values(), count, context, executor).loss; };
   double expected = 0, world = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    const double* p = spread.position.data() + 3 * (spread.slot[i] / offsets);
+    const double* p = spread.position.data() + 3 * (spread.slot[i] / Spread::offsets);
     const double r = std::hypot(p[0] - 0.3, p[1] + 0.2, p[2] - 0.1) / 2;
     const double across =
         r > 1 ? r / (2 - 1 / r) : 1;  // 1 over the length of a contracted step across the line of sight
@@ -133,25 +132,23 @@ TEST_CASE("pipeline/space_volume: in the world, and with everything in the ball,
 
 namespace {
 
-constexpr DecoderShape small{.feature_dim = 8, .offsets = offsets};
-using compmark::testing::smooth_accuracy;
-struct Contracted : DefaultRecipe<double, small, smooth_accuracy> {
+using compmark::testing::SmoothRecipe;
+struct SmoothContracted : SmoothRecipe {
   using Space = ContractedSpace;
 };
-struct Plain : DefaultRecipe<double, small, smooth_accuracy> {};
 
 }  // namespace
 
 TEST_CASE("pipeline/space_volume: the directional derivative of the whole road equals central differences") {
   constexpr int width = 37, height = 29;
-  Model<Contracted> model = compmark::testing::random_model<Contracted>(24);
+  Model<SmoothContracted> model = compmark::testing::random_model<SmoothContracted>(24);
   const Camera<double> camera = compmark::testing::ring_camera(1, 5, width, height);
   const Random random(5, 0, random_stage("test target"));
   std::vector<double> target(3 * width * height);
   for (std::size_t i = 0; i < target.size(); ++i) target[i] = 1.5 + random.uniform(i);
-  using Context = Pipeline<Contracted>::Context;
+  using Context = Pipeline<SmoothContracted>::Context;
   SerialExecutor executor;
-  const Pipeline<Contracted> pipeline;
+  const Pipeline<SmoothContracted> pipeline;
   // Anchors lie within 0.6 of the middle of each axis: with a radius of 0.3 most are stretched, by up to 1.9. The weight makes the volume a
   // tenth of the loss.
   const auto loss = [&](Context& context) {
@@ -170,5 +167,5 @@ TEST_CASE("pipeline/space_volume: the directional derivative of the whole road e
       pipeline.loss(ImageView<const double>{target.data(), 3, height, width}, {0.2, 30}, contracted, executor).volume;
   MESSAGE("volume ", volume, " in cells, ", world, " in the world");
   CHECK(volume < 0.8 * world);
-  CHECK(sizeof(Pipeline<Plain>::Context) < sizeof(Context));
+  CHECK(sizeof(Pipeline<SmoothRecipe>::Context) < sizeof(Context));
 }

@@ -60,7 +60,7 @@ using namespace compmark;
 using compmark::testing::BlobViews;
 using compmark::testing::cloud;
 
-struct Small : DefaultRecipe<float, DecoderShape{.feature_dim = 16, .offsets = 5}> {};
+struct GrownRecipe : DefaultRecipe<float, compmark::testing::scene_shape> {};
 
 /// A short run in which growing and pruning happen many times: every window of the 30,000 is there, 50 times shorter.
 TrainSettings short_run() {
@@ -82,7 +82,7 @@ struct Run {
   E executor;
   BlobViews views;
   TrainSettings settings = short_run();
-  Trainer<Small, E> trainer;
+  Trainer<GrownRecipe, E> trainer;
 
   template <class... Args>
   explicit Run(Args... args) : executor(args...),
@@ -92,7 +92,7 @@ struct Run {
   }
 };
 
-std::vector<float> values(const Model<Small>& model) {
+std::vector<float> values(const Model<GrownRecipe>& model) {
   return {model.arena.all_values().begin(), model.arena.all_values().end()};
 }
 bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
@@ -131,7 +131,7 @@ TEST_CASE("pipeline/trainer: same seed, same bits, for 1, 2 and 4 threads; anoth
     TrainSettings settings = short_run();
     settings.iterations = 150;
     settings.seed = seed;
-    Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
+    Trainer<GrownRecipe, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
     REQUIRE(trainer.initialise(cloud(300, 1)).ok());
     REQUIRE(trainer.run(views).ok());
     return values(trainer.model());
@@ -157,8 +157,8 @@ TEST_CASE("pipeline/checkpoint: a run stopped anywhere and resumed ends in the b
     REQUIRE(write_checkpoint(path, first.trainer.state(), first.settings, info, 12.5).ok());
 
     Run<SerialExecutor> second;
-    Result<Checkpoint<Small, SerialExecutor>> loaded =
-        read_checkpoint<Small, SerialExecutor>(path, second.settings, info);
+    Result<Checkpoint<GrownRecipe, SerialExecutor>> loaded =
+        read_checkpoint<GrownRecipe, SerialExecutor>(path, second.settings, info);
     REQUIRE(loaded.ok());
     CHECK(loaded->seconds == 12.5);
     second.trainer.restore(std::move(loaded->state));
@@ -178,22 +178,22 @@ TEST_CASE("pipeline/checkpoint: other settings and broken files are refused with
   REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
   TrainSettings other = run.settings;
   other.lambda_dssim = 0.3;
-  const auto refused = read_checkpoint<Small, SerialExecutor>(path, other, info);
+  const auto refused = read_checkpoint<GrownRecipe, SerialExecutor>(path, other, info);
   REQUIRE(!refused.ok());
   CHECK(refused.error().problem.find("lambda_dssim") != std::string::npos);
   // Numbers that are the profile's own are not in the file, and those of a run with others must not become them.
   TrainSettings coded = run.settings;
   coded.rate.lambda *= 4;
   REQUIRE(write_checkpoint(path, run.trainer.state(), coded, info, 0).ok());
-  const auto another_rate = read_checkpoint<Small, SerialExecutor>(path, run.settings, info);
+  const auto another_rate = read_checkpoint<GrownRecipe, SerialExecutor>(path, run.settings, info);
   REQUIRE(!another_rate.ok());
   CHECK(another_rate.error().problem.find("lambda") != std::string::npos);
-  CHECK(read_checkpoint<Small, SerialExecutor>(path, coded, info).ok());
+  CHECK(read_checkpoint<GrownRecipe, SerialExecutor>(path, coded, info).ok());
   REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
   const std::vector<std::byte> bytes = *read_file(path);
   for (std::size_t size = 0; size < bytes.size(); size += bytes.size() / 60) {
     REQUIRE(write_file(path, std::span<const std::byte>(bytes).first(size)).ok());
-    CHECK(!read_checkpoint<Small, SerialExecutor>(path, run.settings, info).ok());
+    CHECK(!read_checkpoint<GrownRecipe, SerialExecutor>(path, run.settings, info).ok());
   }
   std::filesystem::remove(path);
 }
@@ -213,7 +213,7 @@ TEST_CASE(
     info.views.push_back({"v" + std::to_string(i), i == 2, run.views.camera(i), phone});
   info.views[1].lens = {LensModel::simple_pinhole, {}};  // beside lenses a pinhole keeps its name, alone it does not
   const auto field = [&](const ModelInfo& now, const std::string& piece) {
-    const auto loaded = read_checkpoint<Small, SerialExecutor>(path, run.settings, now);
+    const auto loaded = read_checkpoint<GrownRecipe, SerialExecutor>(path, run.settings, now);
     if (loaded.ok()) return std::string();
     CAPTURE(loaded.error().line());
     CHECK(loaded.error().line().find(piece) != std::string::npos);
@@ -268,7 +268,7 @@ TEST_CASE("pipeline/trainer: nothing allocates after warm-up, between adjustment
   TrainSettings settings = short_run();
   settings.grow_after = 30000;  // no adjustments: the steady state
   settings.grow_until = 30000;
-  Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
+  Trainer<GrownRecipe, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
   REQUIRE(trainer.initialise(cloud(300, 1)).ok());
   // Warm-up is over when the largest view has been seen with the model as large as it will get: footprints still vary from view to view.
   for (int i = 0; i < 120; ++i) REQUIRE(trainer.step(views).ok());
@@ -289,7 +289,7 @@ TEST_CASE("pipeline/trainer: the anchor limit holds and is reported when the clo
   BlobViews views;
   TrainSettings settings = short_run();
   settings.max_anchors = 320;
-  Trainer<Small, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
+  Trainer<GrownRecipe, ThreadExecutor> trainer(settings, views.size(), 3.3, executor);
   REQUIRE(trainer.initialise(cloud(300, 1)).ok());
   while (!trainer.finished()) {
     const Result<IterationReport> report = trainer.step(views);
@@ -297,7 +297,7 @@ TEST_CASE("pipeline/trainer: the anchor limit holds and is reported when the clo
     REQUIRE(report->anchors <= 320);
   }
   settings.max_anchors = 100;
-  Trainer<Small, ThreadExecutor> refused(settings, views.size(), 3.3, executor);
+  Trainer<GrownRecipe, ThreadExecutor> refused(settings, views.size(), 3.3, executor);
   const Result<Done> result = refused.initialise(cloud(300, 1));
   REQUIRE(!result.ok());
   CHECK(result.error().field == "max_anchors");

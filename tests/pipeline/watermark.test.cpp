@@ -24,6 +24,8 @@ using namespace compmark;
 using compmark::testing::BlobViews;
 using compmark::testing::cloud;
 using compmark::testing::ring_camera;
+using compmark::testing::small_shape;
+using compmark::testing::SmoothRecipe;
 
 /// A message decoder that fits on a page: bit i is a wave i across the image, z = 400 (m + m^2), m = mean(wave colour).
 template <class T>
@@ -72,16 +74,15 @@ struct Waves {
 };
 static_assert(MessageDecoder<Waves<float>>);
 
-constexpr DecoderShape shape{.feature_dim = 8, .offsets = 3};
-struct Smooth : DefaultRecipe<double, shape, compmark::testing::smooth_accuracy> {};
-struct Host : DefaultRecipe<float, shape> {};
+using Host = compmark::testing::SmallRecipe;
 using MarkedHost = recipes::Marked<Host, Waves<float>>;
 const std::vector<std::uint8_t> message{1, 0, 0, 1, 1, 1, 0, 1};
 
 }  // namespace
 
 TEST_CASE_TEMPLATE("pipeline/watermark: the directional derivative of the marked road equals central differences", R,
-                   recipes::Marked<Smooth, Waves<double>>, recipes::MarkedForCompression<Smooth, Waves<double>>) {
+                   recipes::Marked<SmoothRecipe, Waves<double>>,
+                   recipes::MarkedForCompression<SmoothRecipe, Waves<double>>) {
   Model<R> model = compmark::testing::random_model<R>(24);
   Model<R>::Road::initialise(model.arena, model.road, 4);
   const Random residual(8, 0, random_stage("test residual"));
@@ -157,18 +158,18 @@ TEST_CASE("pipeline/watermark: what a recipe without a mark does not have") {
   host.create(10, 1);
   Model<MarkedHost> marked;
   marked.create(10, 1);
-  CHECK(marked.arena.all_values().size() == host.arena.all_values().size() + 10 * shape.feature_dim);
+  CHECK(marked.arena.all_values().size() == host.arena.all_values().size() + 10 * small_shape.feature_dim);
   CHECK_FALSE(host.arena.layout().find("anchor.residual").valid());
 }
 
 namespace {
 
-struct Outcome {
+struct MarkOutcome {
   double accuracy = 0, psnr = 0;
 };
 template <class R>
-Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::size_t threads = 2,
-              std::int64_t between_every = 0) {
+MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::size_t threads = 2,
+                  std::int64_t between_every = 0) {
   TrainSettings settings;
   settings.iterations = compmark::testing::short_trainings ? 30 : 600;
   settings.voxel_size = 0.05;
@@ -194,7 +195,7 @@ Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::siz
   const Model<Host> host = baked_host(trainer.model());
   const Pipeline<Host> pipeline;
   Pipeline<Host>::Context context;
-  Outcome outcome;
+  MarkOutcome outcome;
   std::vector<float> target(3 * 48 * 40), logits(8);
   for (std::size_t v = 0; v < views.size(); ++v) {
     static_cast<void>(pipeline.forward(host, views.camera(v), v, context, executor));
@@ -221,9 +222,9 @@ Outcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::siz
 
 TEST_CASE(
     "pipeline/watermark: eight bits are hidden and read from every render; without the message they are not there") {
-  const Outcome plain = train<MarkedHost>(false);
-  const Outcome marked = train<MarkedHost>(true);
-  const Outcome noisy = train<recipes::MarkedForCompression<Host, Waves<float>>>(true);
+  const MarkOutcome plain = train<MarkedHost>(false);
+  const MarkOutcome marked = train<MarkedHost>(true);
+  const MarkOutcome noisy = train<recipes::MarkedForCompression<Host, Waves<float>>>(true);
   MESSAGE("bits: without ", plain.accuracy, " (", plain.psnr, " dB), marked ", marked.accuracy, " (", marked.psnr,
           " dB), with quantization noise ", noisy.accuracy, " (", noisy.psnr, " dB)");
   if (compmark::testing::short_trainings) return;
@@ -236,7 +237,7 @@ TEST_CASE(
 TEST_CASE("pipeline/watermark: readings between the training views change the model, and the message is read") {
   std::vector<float> without, with;
   static_cast<void>(train<MarkedHost>(true, &without, 2, 0));
-  const Outcome outcome = train<MarkedHost>(true, &with, 2, 1);
+  const MarkOutcome outcome = train<MarkedHost>(true, &with, 2, 1);
   CHECK(without != with);
   if (!compmark::testing::short_trainings) CHECK(outcome.accuracy > 0.9999);
 }
@@ -420,7 +421,7 @@ TEST_CASE(
 }
 
 TEST_CASE("pipeline/watermark: the gradient of the departure from the host's render equals central differences") {
-  using R = recipes::Marked<Smooth, Waves<double>>;
+  using R = recipes::Marked<SmoothRecipe, Waves<double>>;
   Model<R> model = compmark::testing::random_model<R>(24);
   const Random residual(8, 0, random_stage("test residual"));
   const MatrixView<double> values = model.arena.values(model.arena.layout().find("anchor.residual"));

@@ -17,12 +17,11 @@ namespace {
 
 using namespace compmark;
 using compmark::testing::BlobViews;
+using compmark::testing::SmallestSmoothRecipe;
 
-constexpr DecoderShape shape{.feature_dim = 4, .offsets = 2};
-struct Smooth : DefaultRecipe<double, shape, compmark::testing::smooth_accuracy> {};
-using Probe = detail::WaveProbe<Smooth, BlobViews, ThreadExecutor>;
+using Probe = detail::WaveProbe<SmallestSmoothRecipe, BlobViews, ThreadExecutor>;
 
-DecoderFitSettings small() {
+DecoderFitSettings small_statistics() {
   DecoderFitSettings settings;
   settings.bits = 4;
   settings.waves = 6;
@@ -36,10 +35,10 @@ DecoderFitSettings small() {
   return settings;
 }
 /// A host, its waves and a probe of them; some of its anchors alone where `anchors` says so.
-struct Bench {
-  explicit Bench(const DecoderFitSettings& chosen = small())
+struct WaveBench {
+  explicit WaveBench(const DecoderFitSettings& chosen = small_statistics())
       : settings(chosen),
-        host(compmark::testing::random_model<Smooth>(7)) {
+        host(compmark::testing::random_model<SmallestSmoothRecipe>(7)) {
     lattice.measure = LatticeMeasure::colour;
     lattice.bits = settings.bits;
     lattice.features = settings.waves;
@@ -50,7 +49,7 @@ struct Bench {
   [[nodiscard]] Probe probe() { return {host, views, lattice, waves, settings, executor}; }
 
   DecoderFitSettings settings;
-  Model<Smooth> host;
+  Model<SmallestSmoothRecipe> host;
   BlobViews views{.count = 6, .width = 24, .height = 20};
   LatticeSettings lattice;
   LatticeWeights<double> waves;
@@ -58,7 +57,7 @@ struct Bench {
 };
 
 /// Means of the waves in the probe's view, of the render itself and not of its 8 bits: what the gradients are of.
-std::vector<double> smooth_means(Bench& bench, const Probe& probe) {
+std::vector<double> smooth_means(WaveBench& bench, const Probe& probe) {
   const LatticeDecoder<double> decoder(bench.lattice, bench.waves);
   LatticeDecoder<double>::Context context;
   decoder.pool(probe.image(), context, bench.executor);
@@ -73,7 +72,7 @@ double dot(const std::vector<double>& a, const std::vector<double>& b) {
 }  // namespace
 
 TEST_CASE("pipeline/wave_statistics: a wave's gradient is that of its mean") {
-  Bench bench;
+  WaveBench bench;
   Probe probe = bench.probe();
   probe.render("test", 1);
   const MatrixView<double> feature = bench.host.arena.values(bench.host.anchors.feature);
@@ -111,7 +110,7 @@ TEST_CASE("pipeline/wave_statistics: a wave's gradient is that of its mean") {
 }
 
 TEST_CASE("pipeline/wave_statistics: the gradient with random signs is the sum of the waves' own") {
-  Bench bench;
+  WaveBench bench;
   Probe probe = bench.probe();
   probe.render("test", 2);
   for (const std::size_t n : {0u, 1u}) {
@@ -133,8 +132,8 @@ TEST_CASE("pipeline/wave_statistics: the gradient with random signs is the sum o
 }
 
 TEST_CASE("pipeline/wave_statistics: the gradients of some anchors are rows of those of all") {
-  Bench all, few([] {
-    DecoderFitSettings settings = small();
+  WaveBench all, few([] {
+    DecoderFitSettings settings = small_statistics();
     settings.anchors = 3;
     return settings;
   }());
@@ -152,7 +151,7 @@ TEST_CASE("pipeline/wave_statistics: the gradients of some anchors are rows of t
 }
 
 TEST_CASE("pipeline/wave_statistics: reading a view leaves its render, and its gradients, as they are") {
-  Bench bench;
+  WaveBench bench;
   Probe probe = bench.probe();
   probe.render("test", 3);
   const std::vector<double> image(probe.image().data, probe.image().data + probe.image().size());
@@ -172,7 +171,7 @@ TEST_CASE("pipeline/wave_statistics: reading a view leaves its render, and its g
 
 TEST_CASE(
     "pipeline/wave_statistics: noise is the covariance of what is read, energy and agreement those of gradients") {
-  Bench bench;
+  WaveBench bench;
   Probe probe = bench.probe();
   const detail::WaveStatistics found = detail::wave_statistics(probe, bench.settings, bench.executor);
   const std::size_t waves = 6, samples = 20;
@@ -210,7 +209,7 @@ TEST_CASE(
 }
 
 TEST_CASE("pipeline/wave_statistics: every view is read edited too, and the noise is the weighted mean of both") {
-  Bench bench;
+  WaveBench bench;
   bench.settings.edits_per_view = 2;
   bench.settings.edit_weight = 0.3;
   bench.settings.edits.weight = {0, 1, 1, 0, 1, 1, 1, 0};  // there is no codec here
@@ -248,9 +247,9 @@ TEST_CASE("pipeline/wave_statistics: every view is read edited too, and the nois
 
 TEST_CASE("pipeline/wave_statistics: where all views are one, what moves one moves the other") {
   // A single camera has no neighbour: its drawn views differ by roll and zoom alone.
-  Bench one;
+  WaveBench one;
   one.views.count = 1;
-  Bench ring;
+  WaveBench ring;
   Probe narrow = one.probe(), wide = ring.probe();
   const detail::WaveStatistics same = detail::wave_statistics(narrow, one.settings, one.executor);
   const detail::WaveStatistics differ = detail::wave_statistics(wide, ring.settings, ring.executor);

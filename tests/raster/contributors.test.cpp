@@ -20,8 +20,8 @@ namespace {
 using namespace compmark;
 using testing::RasterScene;
 
-constexpr int width = 20, height = 18;  // neither a multiple of the tile nor of a pack
-constexpr std::size_t pixels = width * height, splats = 42;
+constexpr int image_width = 20, image_height = 18;  // neither a multiple of the tile nor of a pack
+constexpr std::size_t pixel_count = image_width * image_height, splat_count = 42;
 
 /// FNV-1a over the (pixel, splat) pairs of positive weight, pixels first.
 std::uint64_t hash_of(const std::vector<float>& weights) {
@@ -40,16 +40,17 @@ std::vector<float> forward_weights(RasterScene<float> scene) {
   typename R::Context context;
   SerialExecutor serial;
   scene.background = {};
-  std::vector<float> weights(pixels * splats), image(3 * pixels);
+  std::vector<float> weights(pixel_count * splat_count), image(3 * pixel_count);
   const GaussianColumns<float> g = scene.gaussians.columns();
-  for (std::size_t first = 0; first < splats; first += 3) {
+  for (std::size_t first = 0; first < splat_count; first += 3) {
     for (std::size_t c = 0; c < 3; ++c) {
-      std::fill_n(g.color[c], splats, 0.0f);
+      std::fill_n(g.color[c], splat_count, 0.0f);
       g.color[c][first + c] = 1;
     }
-    rasterizer.forward(g, scene.camera, scene.background, {image.data(), 3, height, width}, context, serial);
+    rasterizer.forward(g, scene.camera, scene.background, {image.data(), 3, image_height, image_width}, context,
+                       serial);
     for (std::size_t c = 0; c < 3; ++c) {
-      for (std::size_t p = 0; p < pixels; ++p) weights[p * splats + first + c] = image[c * pixels + p];
+      for (std::size_t p = 0; p < pixel_count; ++p) weights[p * splat_count + first + c] = image[c * pixel_count + p];
     }
   }
   return weights;
@@ -61,28 +62,29 @@ std::vector<float> backward_weights(const RasterScene<float>& scene) {
   const R rasterizer;
   typename R::Context context;
   SerialExecutor serial;
-  std::vector<float> weights(pixels * splats), image(3 * pixels), d_image(3 * pixels);
+  std::vector<float> weights(pixel_count * splat_count), image(3 * pixel_count), d_image(3 * pixel_count);
   GaussianBatch<float> gradient;
-  gradient.resize(splats);
+  gradient.resize(splat_count);
   const GaussianColumns<const float> g = scene.gaussians.columns();
-  rasterizer.forward(g, scene.camera, scene.background, {image.data(), 3, height, width}, context, serial);
-  for (std::size_t first = 0; first < pixels; first += 3) {
+  rasterizer.forward(g, scene.camera, scene.background, {image.data(), 3, image_height, image_width}, context, serial);
+  for (std::size_t first = 0; first < pixel_count; first += 3) {
     std::fill(d_image.begin(), d_image.end(), 0.0f);
-    for (std::size_t c = 0; c < 3; ++c) d_image[c * pixels + first + c] = 1;
+    for (std::size_t c = 0; c < 3; ++c) d_image[c * pixel_count + first + c] = 1;
     gradient.set_zero();
-    rasterizer.backward(g, scene.camera, scene.background, {d_image.data(), 3, height, width}, gradient.columns(),
-                        context, serial);
+    rasterizer.backward(g, scene.camera, scene.background, {d_image.data(), 3, image_height, image_width},
+                        gradient.columns(), context, serial);
     for (std::size_t c = 0; c < 3; ++c)
-      std::copy_n(gradient.columns().color[c], splats, &weights[(first + c) * splats]);
+      std::copy_n(gradient.columns().color[c], splat_count, &weights[(first + c) * splat_count]);
   }
   return weights;
 }
 
 /// Large splats, so that edges cross many pixels; in every fifth scene opaque ones, so that pixels stop too.
 RasterScene<float> scene_of(std::uint64_t seed) {
-  RasterScene<float> scene = testing::raster_scene<float>(seed, splats, width, height);
-  for (float* const column : scene.gaussians.columns().scale) std::for_each_n(column, splats, [](float& x) { x *= 4; });
-  if (seed % 5 == 0) std::fill_n(scene.gaussians.columns().opacity, splats, 0.99f);
+  RasterScene<float> scene = testing::raster_scene<float>(seed, splat_count, image_width, image_height);
+  for (float* const column : scene.gaussians.columns().scale)
+    std::for_each_n(column, splat_count, [](float& x) { x *= 4; });
+  if (seed % 5 == 0) std::fill_n(scene.gaussians.columns().opacity, splat_count, 0.99f);
   return scene;
 }
 

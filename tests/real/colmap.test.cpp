@@ -14,15 +14,15 @@ using namespace compmark;
 
 namespace {
 
-struct Expected {
+struct ExpectedCapture {
   const char* name;
   std::size_t views, test, points;
   std::size_t warnings;
 };
-constexpr Expected scenes[] = {{"colmap_king", 23, 3, 1443, 0},
-                               {"colmap_cup", 77, 10, 9262, 0},
-                               {"colmap_gerrard_hall", 100, 13, 11726, 0},
-                               {"llff_fern", 20, 3, 10091, 3}};
+constexpr ExpectedCapture scenes[] = {{"colmap_king", 23, 3, 1443, 0},
+                                      {"colmap_cup", 77, 10, 9262, 0},
+                                      {"colmap_gerrard_hall", 100, 13, 11726, 0},
+                                      {"llff_fern", 20, 3, 10091, 3}};
 
 /// Distances in pixels between the features COLMAP found and its points through our camera, sorted. `quaternion_last` reads the
 /// rotation in the wrong order: the negative control.
@@ -66,7 +66,7 @@ TEST_CASE("real/colmap: the scenes open with their counts, every image decodes a
     MESSAGE("skipped: no real data (set COMPMARK_DATA_DIR)");
     return;
   }
-  for (const Expected& scene : scenes) {
+  for (const ExpectedCapture& scene : scenes) {
     CAPTURE(scene.name);
     const Result<Dataset> dataset = open_dataset(*data / scene.name, {});
     REQUIRE(dataset.ok());
@@ -92,7 +92,7 @@ TEST_CASE("real/colmap: points land on the features COLMAP found, at full size a
     MESSAGE("skipped: no real data (set COMPMARK_DATA_DIR)");
     return;
   }
-  for (const Expected& scene : scenes) {
+  for (const ExpectedCapture& scene : scenes) {
     CAPTURE(scene.name);
     const Result<ColmapModel> model = read_colmap_model(*data / scene.name / "sparse" / "0", {true});
     REQUIRE(model.ok());

@@ -42,7 +42,7 @@ Dataset open(const std::filesystem::path& path, const DatasetSettings& settings 
   return *dataset;
 }
 
-const std::string pixels = "\"fl_x\": 20.0, \"fl_y\": 20.0, \"cx\": 8.0, \"cy\": 6.0, \"w\": 16.0, \"h\": 12";
+const std::string pixel_intrinsics = "\"fl_x\": 20.0, \"fl_y\": 20.0, \"cx\": 8.0, \"cy\": 6.0, \"w\": 16.0, \"h\": 12";
 
 }  // namespace
 
@@ -73,9 +73,10 @@ TEST_CASE("scene/dialects: one cube written in every dialect loads to the same c
     check("blender", "blender");
   }
   put(base("ngp") / "transforms.json",
-      cube_transforms(capture,
-                      pixels + ", \"camera_angle_x\": 0.1, \"aabb_scale\": 4, \"scale\": 0.5, \"offset\": [1,2,3]",
-                      in_images));
+      cube_transforms(
+          capture,
+          pixel_intrinsics + ", \"camera_angle_x\": 0.1, \"aabb_scale\": 4, \"scale\": 0.5, \"offset\": [1,2,3]",
+          in_images));
   check("transforms", "ngp");
   put(base("ngp_degrees") / "transforms.json",
       cube_transforms(capture,
@@ -88,7 +89,7 @@ TEST_CASE("scene/dialects: one cube written in every dialect loads to the same c
     put(place / "sparse_pc.ply", cube_ply(capture));
     put(place / "transforms.json",
         cube_transforms(capture,
-                        "\"camera_model\": \"OPENCV\", " + pixels +
+                        "\"camera_model\": \"OPENCV\", " + pixel_intrinsics +
                             ", \"k1\": 0.0, \"k2\": 0, \"p1\": 0, \"p2\": 0, \"ply_file_path\": \"sparse_pc.ply\", "
                             "\"applied_transform\": [[0,1,0,0],[1,0,0,0],[0,0,-1,0]]",
                         in_images));
@@ -99,8 +100,8 @@ TEST_CASE("scene/dialects: one cube written in every dialect loads to the same c
   {  // intrinsics of each frame, which come before those of the file
     std::string text = cube_transforms(capture, "\"fl_x\": 99, \"w\": 16, \"h\": 12", in_images);
     for (std::size_t at = text.find("\"file_path\""); at != std::string::npos;
-         at = text.find("\"file_path\"", at + pixels.size() + 20))
-      text.insert(at, pixels + ", ");
+         at = text.find("\"file_path\"", at + pixel_intrinsics.size() + 20))
+      text.insert(at, pixel_intrinsics + ", ");
     put(base("per_frame") / "transforms.json", text);
     check("transforms", "per_frame");
   }
@@ -136,8 +137,8 @@ TEST_CASE("scene/dialects: lists of names decide the split, and a name of no fra
   const TemporaryFolder folder;
   put_cube_images(folder.path() / "images", capture);
   const auto with = [&](const std::string& lists) {
-    put(folder.path() / "transforms.json",
-        cube_transforms(capture, pixels + ", " + lists, [](std::size_t i) { return "images/" + cube_image(i); }));
+    put(folder.path() / "transforms.json", cube_transforms(capture, pixel_intrinsics + ", " + lists,
+                                                           [](std::size_t i) { return "images/" + cube_image(i); }));
     return open_dataset(folder.path(), {});
   };
   const Result<Dataset> listed = with(
@@ -162,8 +163,8 @@ TEST_CASE("scene/dialects: lenses of transforms files") {
   const TemporaryFolder folder;
   put_cube_images(folder.path() / "images", capture);
   const auto with = [&](const std::string& head) {
-    put(folder.path() / "transforms.json",
-        cube_transforms(capture, pixels + ", " + head, [](std::size_t i) { return "images/" + cube_image(i); }));
+    put(folder.path() / "transforms.json", cube_transforms(capture, pixel_intrinsics + ", " + head,
+                                                           [](std::size_t i) { return "images/" + cube_image(i); }));
     return open_dataset(folder.path(), {});
   };
   CHECK(with("\"k1\": 0.1, \"k2\": -0.2, \"p1\": 0.01, \"p2\": 0.02")->views[3].lens ==
@@ -190,7 +191,7 @@ TEST_CASE("scene/dialects: masks by frame, by folder and by the image's full nam
   const TemporaryFolder folder;
   put_cube_images(folder.path() / "images", capture);
   const auto path = [](std::size_t i) { return "images/" + cube_image(i); };
-  put(folder.path() / "transforms.json", cube_transforms(capture, pixels, path));
+  put(folder.path() / "transforms.json", cube_transforms(capture, pixel_intrinsics, path));
   put_image(folder.path() / "masks/00.png", 16, 12, 1);
   put_image(folder.path() / "masks/01.png.png", 16, 12, 1);
   const Dataset found = open(folder.path());
@@ -202,7 +203,7 @@ TEST_CASE("scene/dialects: masks by frame, by folder and by the image's full nam
   DatasetSettings without;
   without.masks = false;
   CHECK(open(folder.path(), without).views[0].mask_path.empty());
-  std::string text = cube_transforms(capture, pixels, path);
+  std::string text = cube_transforms(capture, pixel_intrinsics, path);
   text.insert(text.find("\"file_path\""), "\"mask_path\": \"elsewhere/m\", ");
   put(folder.path() / "transforms.json", text);
   CHECK(names(open_dataset(folder.path(), {}).error(), "transforms.json", "frames[0].mask_path", "add the mask"));
@@ -258,7 +259,7 @@ TEST_CASE("scene/dialects: captures of one and two images") {
       if (kind == std::string("llff")) put(place / "poses_bounds.npy", cube_poses_bounds(capture));
       if (kind == std::string("transforms"))
         put(place / "transforms.json",
-            cube_transforms(capture, pixels, [](std::size_t i) { return "images/" + cube_image(i); }));
+            cube_transforms(capture, pixel_intrinsics, [](std::size_t i) { return "images/" + cube_image(i); }));
       const Dataset dataset = open(place);
       CHECK(dataset.views.size() == static_cast<std::size_t>(count));
       CHECK(dataset.indices(Split::train).size() == 1);  // one alone trains; of two the first is a test view

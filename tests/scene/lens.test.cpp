@@ -9,6 +9,7 @@
 #include <vector>
 
 using namespace compmark;
+using M = LensModel;
 
 namespace {
 
@@ -26,7 +27,6 @@ Camera<double> test_camera() {
 }
 
 std::vector<Lens> all_lenses() {
-  using M = LensModel;
   return {{M::simple_pinhole, {}},
           {M::pinhole, {}},
           {M::simple_radial, {0.05}},
@@ -109,7 +109,6 @@ TEST_CASE("scene/lens: Jacobians are those of central differences, at the axis t
 }
 
 TEST_CASE("scene/lens: values by hand") {
-  using M = LensModel;
   const auto at = [](const Lens& lens, double x, double y) { return distort(lens, x, y); };
   // r2 = 0.05: factor 1 + 0.1 * 0.05 - 0.2 * 0.0025 = 1.0045; tangential 2 p1 x y + p2 (r2 + 2 x2) = 4e-5 + 1.4e-4 and
   // 2 p2 x y + p1 (r2 + 2 y2) = 8e-5 + 1.3e-4.

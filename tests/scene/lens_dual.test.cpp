@@ -13,7 +13,9 @@ using D = detail::Dual<double>;
 namespace {
 
 /// At (x, y) = (0.7, -0.3).
-const D x(0.7, 1, 0), y(-0.3, 0, 1);
+struct Place {
+  D x{0.7, 1, 0}, y{-0.3, 0, 1};
+};
 
 void check(const D& d, double value, double dx, double dy) {
   CHECK(d.value == doctest::Approx(value).epsilon(1e-15));
@@ -24,6 +26,7 @@ void check(const D& d, double value, double dx, double dy) {
 }  // namespace
 
 TEST_CASE("scene/lens_dual: each operation has its textbook derivative") {
+  const auto [x, y] = Place{};
   check(x + y, 0.4, 1, 1);
   check(x - y, 1.0, 1, -1);
   check(x * y, -0.21, -0.3, 0.7);
@@ -36,6 +39,7 @@ TEST_CASE("scene/lens_dual: each operation has its textbook derivative") {
 }
 
 TEST_CASE("scene/lens_dual: rules hold through compositions") {
+  const auto [x, y] = Place{};
   // d sqrt(x^2 + y^2) = (x, y) / r.
   const double r = std::hypot(0.7, -0.3);
   check(sqrt(x * x + y * y), r, 0.7 / r, -0.3 / r);

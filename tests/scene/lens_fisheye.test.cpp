@@ -14,7 +14,7 @@ using M = LensModel;
 
 namespace {
 
-constexpr double degree = std::numbers::pi / 180;
+constexpr double one_degree = std::numbers::pi / 180;
 
 double relative(double a, long double b) {
   return static_cast<double>(std::abs((static_cast<long double>(a) - b) / b));
@@ -53,9 +53,10 @@ TEST_CASE("scene/lens_fisheye: atan(r) / r and tan(t) / t to rounding, from the 
 }
 
 TEST_CASE("scene/lens_fisheye: on the equidistant plane the radius is the angle, in every direction") {
-  for (const double theta : {1e-8, 0.01 * degree, 10 * degree, 45 * degree, 80 * degree, 89.9 * degree}) {
+  for (const double theta :
+       {1e-8, 0.01 * one_degree, 10 * one_degree, 45 * one_degree, 80 * one_degree, 89.9 * one_degree}) {
     for (int i = 0; i < 12; ++i) {
-      const double phi = 30 * degree * i, r = std::tan(theta);
+      const double phi = 30 * one_degree * i, r = std::tan(theta);
       const auto plane = detail::to_fisheye_plane(r * std::cos(phi), r * std::sin(phi));
       CHECK(std::hypot(plane[0], plane[1]) == doctest::Approx(theta).epsilon(1e-13));
       const double q = plane[0] * plane[0] + plane[1] * plane[1];
@@ -93,7 +94,7 @@ TEST_CASE("scene/lens_fisheye: radial models turn with the image, tangential and
   const auto turned = [](const Lens& lens) {
     double worst = 0;
     for (int i = 1; i < 12; ++i) {
-      const double c = std::cos(30 * degree * i), s = std::sin(30 * degree * i), u = 0.5, v = 0.2;
+      const double c = std::cos(30 * one_degree * i), s = std::sin(30 * one_degree * i), u = 0.5, v = 0.2;
       const auto first = detail::bend_fisheye(lens, u, v),
                  second = detail::bend_fisheye(lens, c * u - s * v, s * u + c * v);
       worst = std::fmax(worst,

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pinhole_projection.hpp"
 #include "support/scene_files.hpp"
 
 using namespace compmark;
@@ -22,15 +23,6 @@ ProceduralSettings small_settings() {
   settings.width = 96;
   settings.height = 80;
   return settings;
-}
-
-std::array<double, 2> project(const Camera<double>& camera, const Vector3& point) {
-  std::array<double, 3> p{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j)
-      p[i] += camera.rotation_camera_world[3 * i + j] * (point[j] - camera.center_world[j]);
-  }
-  return {camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy};
 }
 
 }  // namespace
@@ -137,7 +129,8 @@ TEST_CASE("scene/procedural: a known point of the scene lies on its pixel, throu
         whole = whole && hit && hit->object == object;
       }
       if (!whole) continue;
-      const std::array<double, 2> expected = project(camera, thing.solid.center());
+      const Vector3 center = thing.solid.center();
+      const std::array<double, 3> expected = project(camera, {center.x, center.y, center.z});
       const double radius = camera.fx * thing.solid.bounding_radius() / 3.0;
       const StoredImage& image = **store.get(i);
       double weight = 0;

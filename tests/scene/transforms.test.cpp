@@ -6,24 +6,12 @@
 #include <cmath>
 #include <set>
 
+#include "pinhole_projection.hpp"
 #include "scene/cube_dialects.hpp"
 #include "support/scene_files.hpp"
 
 using namespace compmark;
 using namespace compmark::testing;
-
-namespace {
-
-std::array<double, 3> project(const Camera<double>& camera, const std::array<double, 3>& point) {
-  std::array<double, 3> p{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j)
-      p[i] += camera.rotation_camera_world[3 * i + j] * (point[j] - camera.center_world[j]);
-  }
-  return {camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy, p[2]};
-}
-
-}  // namespace
 
 TEST_CASE("scene/transforms: OpenGL poses land where the optics say") {
   // Camera at z = 4 looking down -z with y up. A point to the right and above the origin appears right of and above (smaller v) the centre.

@@ -10,6 +10,7 @@
 
 using namespace compmark;
 using namespace compmark::testing;
+using M = LensModel;
 
 namespace {
 
@@ -44,7 +45,6 @@ std::vector<std::uint8_t> photograph(const Camera<double>& camera, const Lens& l
 }  // namespace
 
 TEST_CASE("scene/undistort: the photograph without its lens is what a pinhole sees") {
-  using M = LensModel;
   const Camera<double> camera = camera_of(200, 150, 160);
   const std::vector<std::uint8_t> expected = photograph(camera, {});
   for (const Lens& lens :
