@@ -21,6 +21,7 @@
 #include "compmark/mark/reference_decoder.hpp"
 #include "support/ceiling.hpp"
 #include "support/decoder.hpp"
+#include "support/lattices.hpp"
 
 namespace {
 
@@ -82,16 +83,11 @@ void arguments(benchmark::internal::Benchmark* bench) {
 BENCHMARK_TEMPLATE(decode, DirectConvolution)->Name("decoder_direct/width/depth/stem/side/threads")->Apply(arguments);
 BENCHMARK_TEMPLATE(decode, WinogradOrDirect)->Name("decoder_winograd/width/depth/stem/side/threads")->Apply(arguments);
 
-/// The decoder that is shipped: 256 waves of local contrast. Arguments: side of the image, threads.
+/// Arguments: side of the image, threads.
 void lattice(benchmark::State& bench) {
   const int side = static_cast<int>(bench.range(0));
   ThreadExecutor executor(static_cast<std::size_t>(bench.range(1)));
-  LatticeSettings settings;
-  settings.bits = 48;
-  settings.features = 256;
-  settings.sigma = {3, 6, 12};
-  settings.stride = 4;
-  const LatticeDecoder<float> decoder(settings, LatticeWeights<float>(settings));
+  const LatticeDecoder<float> decoder = benchmarks::shipped_lattice();
   LatticeDecoder<float>::Context context;
   const auto image = testing::random_image<float>(side, side);
   std::vector<float> logits(48), d_logits(48, 0.1f), d_image(image.size());
@@ -108,18 +104,11 @@ BENCHMARK(lattice)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
 
-/// A decoder as compmark fit makes them but for the prediction: 320 waves of colour, every pixel. Arguments: side of the image, percent of its
-/// rows that are not background, threads.
+/// Arguments: side of the image, percent of its rows that are not background, threads.
 void lattice_of_colour(benchmark::State& bench) {
   const int side = static_cast<int>(bench.range(0));
   ThreadExecutor executor(static_cast<std::size_t>(bench.range(2)));
-  LatticeSettings settings;
-  settings.measure = LatticeMeasure::colour;
-  settings.bits = 48;
-  settings.features = 320;
-  settings.sigma = {0.5};
-  settings.stride = 1;
-  const LatticeDecoder<float> decoder(settings, LatticeWeights<float>(settings));
+  const LatticeDecoder<float> decoder = benchmarks::fitted_lattice();
   LatticeDecoder<float>::Context context;
   auto image = testing::random_image<float>(side, side);
   const std::size_t plane = static_cast<std::size_t>(side) * static_cast<std::size_t>(side),
