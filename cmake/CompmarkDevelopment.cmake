@@ -28,13 +28,6 @@ endif()
 # A third of the machine code of 37 objects of the tool was different from one to another: what they share is compiled once a group of files.
 option(COMPMARK_UNITY_BUILD "Compile the files of the tool and of a test room in groups: all of them in a third of the time, one change in more" ON)
 
-# The real data: beside the project where a developer has them; the environment variable COMPMARK_DATA_DIR wins at run time.
-set(COMPMARK_DATA_DIR "" CACHE PATH "Folder of the real data for the tests labelled real")
-set(compmark_data_dir "${COMPMARK_DATA_DIR}")
-if(NOT compmark_data_dir AND IS_DIRECTORY "${PROJECT_SOURCE_DIR}/../shared/data")
-  get_filename_component(compmark_data_dir "${PROJECT_SOURCE_DIR}/../shared/data" ABSOLUTE)
-endif()
-
 # compmark_program(<target> <sources...>): an executable of our own.
 function(compmark_program target)
   add_executable(${target} ${ARGN})

@@ -11,16 +11,13 @@
 #include <optional>
 #include <system_error>
 
-#ifndef COMPMARK_DATA_DIR
-#define COMPMARK_DATA_DIR ""
-#endif
-
 namespace compmark::inline v0::testing {
 
-/// The data folder: environment variable COMPMARK_DATA_DIR, else what the build found beside the project; empty if neither exists.
+/// The data folder: environment variable COMPMARK_DATA_DIR, else ../shared/data of the working directory, which tests run in the project's root
+/// have beside the project; nothing if it does not exist.
 inline std::optional<std::filesystem::path> data_dir() {
   const char* from_environment = std::getenv("COMPMARK_DATA_DIR");
-  const std::filesystem::path path = from_environment != nullptr ? from_environment : COMPMARK_DATA_DIR;
+  const std::filesystem::path path = from_environment != nullptr ? from_environment : "../shared/data";
   std::error_code ignored;
   if (path.empty() || !std::filesystem::is_directory(path, ignored)) return std::nullopt;
   return path;
