@@ -13,8 +13,8 @@
 
 namespace compmark::inline v0::testing {
 
-/// The data folder: environment variable COMPMARK_DATA_DIR, else ../shared/data of the working directory, which tests run in the project's root
-/// have beside the project; nothing if it does not exist.
+/// The data folder: environment variable COMPMARK_DATA_DIR, else ../shared/data of the working directory, which is the project's root in every test;
+/// nothing where there is none.
 inline std::optional<std::filesystem::path> data_dir() {
   const char* from_environment = std::getenv("COMPMARK_DATA_DIR");
   const std::filesystem::path path = from_environment != nullptr ? from_environment : "../shared/data";
