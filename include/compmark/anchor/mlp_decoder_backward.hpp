@@ -156,7 +156,7 @@ struct BackwardKernels {
   static COMPMARK_INLINE M chain_pack(const Arguments& a, std::size_t block, int k, int lane, M mask, std::size_t row,
                                       Scratch& s) {
     const auto take = [&](const T* column) __attribute__((always_inline)) {
-      __builtin_prefetch(column + row + L::columns_ahead);
+      ask_ahead<false>(column + row, L::columns_ahead);
       return P::expand_load(column + row, mask);
     };
     const P d_opacity = take(a.d_gaussians.opacity);

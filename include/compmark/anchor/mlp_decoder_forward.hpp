@@ -237,7 +237,7 @@ struct ForwardKernels {
   static COMPMARK_INLINE void write_pack(const Arguments& a, std::size_t block, int k, int slot, int lane, M mask,
                                          const Columns& to, const Scratch& s) {
     const auto put = [&](int column, P value) __attribute__((always_inline)) {
-      __builtin_prefetch(to[static_cast<std::size_t>(column)] + L::columns_ahead, 1);
+      ask_ahead<true>(to[static_cast<std::size_t>(column)], L::columns_ahead);
       value.compress_store(to[static_cast<std::size_t>(column)], mask);
     };
     const T* const covariance = s.output + 7 * k * L::panel + slot * 16 + lane;
