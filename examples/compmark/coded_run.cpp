@@ -143,9 +143,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
       load_model(file, executor.concurrency());  // what was written is what is measured
   if (!decoded) return decoded.error();
   run.metrics.decode_seconds = since(decoding);
-  const Result<Evaluation> evaluation =
-      evaluate_views(**decoded, measured, lpips, executor,
-                     [](std::size_t, const ViewResult&, ImageView<const float>, ImageView<const float>) {});
+  const Result<Evaluation> evaluation = evaluate_views(**decoded, measured, lpips, executor, [](const SeenView&) {});
   if (!evaluation) return evaluation.error();
   const CodecReport& report = encoded->report;
   run.metrics.codec = codec_file_name(report.profile);

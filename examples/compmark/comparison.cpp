@@ -98,17 +98,18 @@ Result<ComparedModel> measure(Opened& opened, const std::filesystem::path& path,
   const std::size_t count = opened.views.size(), shown = std::min(input.shown, count);
   std::vector<ViewLogits> read;
   std::optional<Error> failure;
-  Result<Evaluation> evaluation = evaluate_views(
-      *opened.model, opened.views, input.lpips, executor,
-      [&](std::size_t i, const ViewResult& view, ImageView<const float> render, ImageView<const float> truth) {
+  Result<Evaluation> evaluation =
+      evaluate_views(*opened.model, opened.views, input.lpips, executor, [&](const SeenView& view) {
         if (failure) return;
         for (std::size_t s = 0; s < shown; ++s) {
-          if (i == s * count / shown)
-            found.views.push_back({view.name + ", " + path.filename().string(), make_report_image(truth),
-                                   make_report_image(render), view.psnr, view.ssim, view.lpips_alex});
+          if (view.index == s * count / shown)
+            found.views.push_back({view.result.name + ", " + path.filename().string(), make_report_image(view.truth),
+                                   make_report_image(view.measured), view.result.psnr, view.result.ssim,
+                                   view.result.lpips_alex});
         }
         if (reader != nullptr) {
-          Result<ViewLogits> logits = read_logits(reader->decoder, render, view.name, reader->context, executor);
+          Result<ViewLogits> logits =
+              read_logits(reader->decoder, view.render, view.result.name, reader->context, executor);
           if (!logits) {
             failure = logits.error();
             return;
@@ -116,13 +117,14 @@ Result<ComparedModel> measure(Opened& opened, const std::filesystem::path& path,
           read.push_back(std::move(*logits));
         }
         if (twin == nullptr) return;
-        const Result<RenderedView> plain = twin->model->render(twin->views.camera(i), twin->views.lens(i), executor);
+        const Result<RenderedView> plain =
+            twin->model->render(twin->views.camera(view.index), twin->views.lens(view.index), executor);
         if (!plain) {
           failure = plain.error();
           return;
         }
         round_to_8bit<float>(plain->image, plain->image);
-        found.psnr_vs_unmarked.push_back(psnr(render, ImageView<const float>(plain->image)));
+        found.psnr_vs_unmarked.push_back(psnr(view.render, ImageView<const float>(plain->image)));
       });
   if (!evaluation) return evaluation.error();
   if (failure) return *failure;

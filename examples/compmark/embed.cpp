@@ -135,7 +135,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   options.recipe = *recipe;
   options.codec = recipe_codec(*recipe);
   const bool coded = is_coded_recipe(*recipe);
-  if (options.iterations == 0) options.iterations = coded ? 4000 : 2000;
+  if (options.iterations == 0) options.iterations = coded ? 8000 : 2000;
   if (coded) options.profile = "hac";  // as their training
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
   if (!coded && distortion != "round") {
@@ -168,7 +168,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
   // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark.md).
-  if (coded && !options.mark.fidelity) settings.mark.fidelity /= 5;
+  if (coded && !options.mark.fidelity) settings.mark.fidelity /= 2;
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
@@ -200,7 +200,7 @@ Command add_embed(CLI::App& app) {
                  "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "
                  "with unmarked.cmk beside it")
       ->required();
-  app.add_option("--iterations", options->iterations, "length of the run (default: 2000; of a model for a codec 4000)")
+  app.add_option("--iterations", options->iterations, "length of the run (default: 2000; of a model for a codec 8000)")
       ->check(CLI::PositiveNumber);
   app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
       ->capture_default_str()

@@ -83,7 +83,7 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
   const std::vector<std::string>& effects = model.info.effects;
   const bool exposure = std::find(effects.begin(), effects.end(), "exposure") != effects.end();
   Evaluation evaluation;
-  Buffer<float> truth_storage, weight_storage;
+  Buffer<float> seen_storage, truth_storage, weight_storage;
   const std::array<float, 3> background{static_cast<float>(model.render_settings.background[0]),
                                         static_cast<float>(model.render_settings.background[1]),
                                         static_cast<float>(model.render_settings.background[2])};
@@ -95,6 +95,9 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
     if (!render) return render.error();
     const RenderedView& rendered = *render;
     round_to_8bit<float>(rendered.image, rendered.image);
+    seen_storage.resize(rendered.image.size());
+    std::copy_n(rendered.image.data, rendered.image.size(), seen_storage.data());
+    const ImageView<const float> seen{seen_storage.data(), 3, camera.height, camera.width};
     truth_storage.resize(rendered.image.size());
     const ImageView<float> truth{truth_storage.data(), 3, camera.height, camera.width};
     weight_storage.resize(truth.plane_size());
@@ -117,7 +120,7 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
     if (Result<Done> r = measure(squeeze, rendered.image, truth, result.lpips_squeeze); !r) return r.error();
     result.milliseconds = std::chrono::duration<double, std::milli>(end - begin).count();
     result.gaussians = rendered.gaussians;
-    keep(i, result, ImageView<const float>(rendered.image), ImageView<const float>(truth));
+    keep({i, result, seen, ImageView<const float>(rendered.image), ImageView<const float>(truth)});
     evaluation.views.push_back(std::move(result));
   }
   return evaluation;

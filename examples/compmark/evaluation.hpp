@@ -52,9 +52,16 @@ struct Evaluation {
   }
 };
 
+/// One view and what was measured of it.
+struct SeenView {
+  std::size_t index = 0;  ///< of the views that are measured
+  const ViewResult& result;
+  compmark::ImageView<const float> render;    ///< as anybody has it who renders the model
+  compmark::ImageView<const float> measured;  ///< with the photograph where pixels do not count
+  compmark::ImageView<const float> truth;
+};
 /// Called for every view; images are 8-bit rounded and valid during the call.
-using KeepView = std::function<void(std::size_t i, const ViewResult& view, compmark::ImageView<const float> render,
-                                    compmark::ImageView<const float> truth)>;
+using KeepView = std::function<void(const SeenView& view)>;
 
 /// PSNR over the pixels that count at least by half; all of them where `weight` is empty. NaN if none counts.
 double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<const float> target,

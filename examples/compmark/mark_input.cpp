@@ -163,9 +163,7 @@ Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, Dat
   found.report.sources = mark.sources;
   if (twin) {
     found.psnr_marked_vs_unmarked = between / static_cast<double>(views.size());
-    const Result<Evaluation> evaluation =
-        evaluate_views(*twin, views, {}, executor,
-                       [](std::size_t, const ViewResult&, ImageView<const float>, ImageView<const float>) {});
+    const Result<Evaluation> evaluation = evaluate_views(*twin, views, {}, executor, [](const SeenView&) {});
     if (!evaluation) return evaluation.error();
     found.unmarked_psnr = evaluation->mean([](const ViewResult& view) { return view.psnr; });
   }

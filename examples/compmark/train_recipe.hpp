@@ -89,31 +89,31 @@ struct TrainObserver {
   }
 };
 
-/// The views of a dataset with cameras as the recipe wants them, lenses included.
-template <class R>
-struct RecipeViews : DatasetViews {
-  std::vector<ViewCamera<R>> cameras;
-  [[nodiscard]] ViewCamera<R> camera(std::size_t i) const { return cameras[i]; }
+/// The views of a dataset with cameras that project through lens L.
+template <class L>
+struct LensViews : DatasetViews {
+  std::vector<CameraOf<L>> cameras;
+  [[nodiscard]] CameraOf<L> camera(std::size_t i) const { return cameras[i]; }
 };
-template <class R>
-Result<RecipeViews<R>> recipe_views(DatasetViews views) {
-  RecipeViews<R> result{std::move(views), {}};
+template <class L>
+Result<LensViews<L>> lens_views(DatasetViews views) {
+  LensViews<L> result{std::move(views), {}};
   Lens last;
-  std::optional<RecipeLens<R>> policy = lens_policy<RecipeLens<R>>(last);
+  std::optional<L> policy = lens_policy<L>(last);
   for (std::size_t i = 0; i < result.size(); ++i) {
     const Lens lens = result.lens(i);
     if (!(lens == last)) {  // finding where a lens ends takes half a millisecond
       last = lens;
-      policy = lens_policy<RecipeLens<R>>(lens);
+      policy = lens_policy<L>(lens);
     }
     if (!is_pinhole(lens) && !policy) {
       return Error{ErrorKind::unsupported, result.dataset->root.string(), "lens",
-                   "of view \"" + result.dataset->views[result.index[i]].name + "\" is not of the " +
-                       lens_family<RecipeLens<R>> + " family, which is what this recipe projects through",
+                   "of view \"" + result.dataset->views[result.index[i]].name + "\" is not of the " + lens_family<L> +
+                       " family, which is what this recipe projects through",
                    "take the lens out of the images with --lens undistort"};
     }
-    ViewCamera<R> camera(result.dataset->views[result.index[i]].camera);
-    if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
+    CameraOf<L> camera(result.dataset->views[result.index[i]].camera);
+    if constexpr (!std::is_same_v<L, PinholeLens>) {
       if (!is_pinhole(lens)) camera.lens = *policy;
     }
     result.cameras.push_back(camera);
@@ -160,9 +160,9 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   Result<std::unique_ptr<RunData>> opened = open_run(options, std::move(wanted), needs, source, mark);
   if (!opened) return fail(opened.error());
   RunData& data = **opened;
-  Result<RecipeViews<R>> with_cameras = recipe_views<R>(data.train);
+  Result<LensViews<RecipeLens<R>>> with_cameras = lens_views<RecipeLens<R>>(data.train);
   if (!with_cameras) return fail(with_cameras.error());
-  RecipeViews<R>& train = *with_cameras;
+  LensViews<RecipeLens<R>>& train = *with_cameras;
   if (Result<Done> usable = check_run(options, data, source, mark); !usable) return fail(usable.error());
   std::optional<CodecModel> host_file;  // what a file of the model says that a mark is hidden in
   if constexpr (present<typename R::EntropyModel>) {

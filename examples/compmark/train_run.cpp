@@ -166,15 +166,13 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   ReportInput report;
   Result<std::unique_ptr<AnyModel>> model = load_model(run.model);  // what was written is what is measured
   if (!model) return fail(model.error());
-  Result<Evaluation> evaluation = evaluate_views(
-      **model, measured, options.lpips, executor,
-      [&](std::size_t i, const ViewResult& view, ImageView<const float> render, ImageView<const float> truth) {
-        for (std::size_t s = 0; s < shown; ++s) {
-          if (i != s * measured.size() / shown) continue;
-          report.views.push_back(
-              {view.name, make_report_image(truth), make_report_image(render), view.psnr, view.ssim, view.lpips_alex});
-        }
-      });
+  Result<Evaluation> evaluation = evaluate_views(**model, measured, options.lpips, executor, [&](const SeenView& view) {
+    for (std::size_t s = 0; s < shown; ++s) {
+      if (view.index != s * measured.size() / shown) continue;
+      report.views.push_back({view.result.name, make_report_image(view.truth), make_report_image(view.measured),
+                              view.result.psnr, view.result.ssim, view.result.lpips_alex});
+    }
+  });
   if (!evaluation) return fail(evaluation.error());
   const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
   const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });

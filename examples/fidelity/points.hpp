@@ -53,11 +53,11 @@ struct Point {
   const auto from_standard = [&](const char* name, std::vector<std::string> words) {
     return Point{std::string("standard_") + name, "hac", standard.iterations, standard.rate_lambda, std::move(words)};
   };
-  for (const auto& [name, factor] : {std::pair{"marked_shorter", 0.25}, std::pair{"marked_longer", 2.5}}) {
+  for (const auto& [name, factor] : {std::pair{"marked_shorter", 0.25}, std::pair{"marked_longer", 2.0}}) {
     points.push_back(from_standard(
         name, mark_words(static_cast<std::int64_t>(static_cast<double>(standard.mark_iterations) * factor))));
   }
-  for (const char* fidelity : {"50", "800"}) {
+  for (const char* fidelity : {"200", "1000"}) {
     std::vector<std::string> words = mark_words(standard.mark_iterations);
     words.insert(words.end(), {"--fidelity", fidelity});
     points.push_back(from_standard((std::string("fidelity_") + fidelity).c_str(), std::move(words)));

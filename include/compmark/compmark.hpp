@@ -279,6 +279,7 @@
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/run_policies.hpp"
 #include "compmark/pipeline/settings.hpp"
+#include "compmark/pipeline/settings_json.hpp"
 #include "compmark/pipeline/sh_fit.hpp"
 #include "compmark/pipeline/space_volume.hpp"
 #include "compmark/pipeline/splat_refine.hpp"

@@ -20,6 +20,8 @@
 
 #include "tool/running.hpp"
 
+namespace attack_test {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -132,3 +134,5 @@ TEST_CASE("tool: attack refuses what it cannot do in a sentence") {
 }
 
 }  // namespace
+
+}  // namespace attack_test

@@ -20,6 +20,8 @@
 #include "fidelity/table.hpp"
 #include "tool/running.hpp"
 
+namespace fidelity_test {
+
 namespace {
 
 using namespace compmark;
@@ -210,3 +212,5 @@ TEST_CASE("fidelity: who stops it stops the training too, which writes its check
   CHECK(fs::exists(at("run/one_hac/unmarked/checkpoint.safetensors")));
   CHECK_FALSE(fs::exists(at("run/fidelity.json")));
 }
+
+}  // namespace fidelity_test

@@ -13,6 +13,8 @@
 
 #include "tool/running.hpp"
 
+namespace golden_mark_test {
+
 namespace {
 
 using namespace compmark;
@@ -57,3 +59,5 @@ TEST_CASE("tool: marked files of another build: the same bits, the same p-value"
     CHECK(verify(other).code == 1);  // negative control: another key is not in it
   }
 }
+
+}  // namespace golden_mark_test

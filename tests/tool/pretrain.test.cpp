@@ -20,6 +20,8 @@
 
 #include "tool/running.hpp"
 
+namespace pretrain_test {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -148,3 +150,5 @@ TEST_CASE("tool/pretrain: bad input is one error line, and nothing is overwritte
   CHECK(file_bytes(kept)[0] == std::byte{'k'});
   CHECK(!fs::exists(kept + ".partial"));
 }
+
+}  // namespace pretrain_test

@@ -15,6 +15,8 @@
 #include "fidelity/curves.hpp"
 #include "tool/running.hpp"
 
+namespace rate_distortion_test {
+
 namespace {
 
 using namespace fidelity;
@@ -181,3 +183,5 @@ TEST_CASE("rate_distortion: points that fail leave the others, a stop is gone on
   CHECK(json_of(at("run/rate_distortion.json"))["points"].size() == 3);
   CHECK(text_of(at("log.txt")) == "0.1\n0.9\n0.7\n0.2\n0.8\n0.3\n");
 }
+
+}  // namespace rate_distortion_test

@@ -24,6 +24,8 @@
 
 #include "tool/running.hpp"
 
+namespace runs_test {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -459,3 +461,5 @@ TEST_CASE("tool: bad options, an unwritable output and a damaged model are one e
   check_refused(tool("export --model " + model + " --out " + at("no/such/folder/a.ply")), {"a.ply"});
   check_refused(tool("render --model " + model + " --out " + at("none") + " --view nobody"), {"--view"});
 }
+
+}  // namespace runs_test

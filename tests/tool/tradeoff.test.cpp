@@ -17,6 +17,8 @@
 #include "fidelity/points.hpp"
 #include "tool/running.hpp"
 
+namespace tradeoff_test {
+
 namespace {
 
 using namespace compmark;
@@ -123,7 +125,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(times_in(log, "trained ") == 2);
   CHECK(times_in(log, "marked --data") == 1);  // with the host that is there
   CHECK(times_in(log, "--seed 3") == 3);
-  CHECK(times_in(log, "--mark-iterations 10000") == 1);
+  CHECK(times_in(log, "--mark-iterations 16000") == 1);
   CHECK(text_of(at("run/standard_marked_longer_hac/decoder.safetensors")) == "decoder\n");
   nlohmann::json json = json_of(at("run/tradeoff.json"));
   REQUIRE(json["points"].size() == 3);
@@ -177,3 +179,5 @@ TEST_CASE("tradeoff: a preset says lambda where it was not given, and gives way 
   CHECK(json_of(at("best/results.json"))["rate_lambda"] == 0.003);
   CHECK(testing::tool(train + at("none") + " --preset fastest").code == 2);
 }
+
+}  // namespace tradeoff_test

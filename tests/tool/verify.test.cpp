@@ -30,6 +30,8 @@
 #include "support/picture.hpp"
 #include "tool/running.hpp"
 
+namespace verify_test {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -362,3 +364,5 @@ TEST_CASE("tool: bad input of extract, verify and calibrate is one error line, a
         std::string::npos);
   fs::permissions(s.other, fs::perms::owner_read | fs::perms::owner_write);
 }
+
+}  // namespace verify_test

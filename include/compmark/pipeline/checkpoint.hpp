@@ -11,18 +11,19 @@
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
-#include "compmark/core/absent.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/pipeline/settings.hpp"
+#include "compmark/pipeline/settings_json.hpp"
 #include "compmark/pipeline/trainer.hpp"
 
 namespace compmark::inline v0 {
@@ -33,100 +34,6 @@ struct Checkpoint {
   ModelInfo info;
   double seconds = 0;  ///< training time so far, for the report
 };
-
-/// Every number that changes what a run computes. Two runs with equal objects continue each other.
-template <class Json = nlohmann::json>
-[[nodiscard]] Json settings_json(const TrainSettings& s) {
-  const auto rate = [](const LearningRate& r) { return Json{r.initial, r.final}; };
-  Json json;
-  json["profile"] = s.profile;
-  json["iterations"] = s.iterations;
-  json["seed"] = s.seed;
-  json["lambda_dssim"] = s.lambda_dssim;
-  json["lambda_volume"] = s.lambda_volume;
-  json["offset"] = rate(s.offset);
-  json["feature"] = rate(s.feature);
-  json["scaling"] = rate(s.scaling);
-  json["mlp_opacity"] = rate(s.mlp_opacity);
-  json["mlp_covariance"] = rate(s.mlp_covariance);
-  json["mlp_color"] = rate(s.mlp_color);
-  json["feature_bank"] = rate(s.feature_bank);
-  json["appearance"] = rate(s.appearance);
-  json["voxel_size"] = s.voxel_size;
-  json["init_factor"] = s.init_factor;
-  json["max_anchors"] = s.max_anchors;
-  json["gradient_threshold"] = s.gradient_threshold;
-  json["success_threshold"] = s.success_threshold;
-  json["min_opacity"] = s.min_opacity;
-  json["statistics_after"] = s.statistics_after;
-  json["grow_after"] = s.grow_after;
-  json["grow_until"] = s.grow_until;
-  json["pause_from"] = s.pause_from;
-  json["pause_until"] = s.pause_until;
-  json["grow_interval"] = s.grow_interval;
-  json["near_plane"] = s.near_plane;
-  json["blur_variance"] = s.blur_variance;
-  json["background"] = s.background;
-  // Named only where they were changed: a run without effects has the bytes it had before there were any.
-  if (s.effects != EffectNumbers{}) {
-    Json& effects = json["effects"];
-    effects["exposure"] = rate(s.effects.exposure);
-    effects["lambda_alpha"] = s.effects.lambda_alpha;
-    effects["space_origin"] = s.effects.space_origin;
-    effects["space_radius"] = s.effects.space_radius;
-  }
-  const std::optional<TrainSettings> profile = profile_settings(s.profile);
-  if (const MarkNumbers& m = s.mark; m != (profile ? profile->mark : MarkNumbers{})) {
-    Json& mark = json["mark"];
-    mark["lambda_message"] = m.lambda_message;
-    mark["message_after"] = m.message_after;
-    mark["message_ramp"] = m.message_ramp;
-    mark["message_every"] = m.message_every;
-    mark["logit_scale"] = m.logit_scale;
-    mark["hinge_margin"] = m.hinge_margin;
-    mark["between_every"] = m.between_every;
-    if (m.fidelity != 0) mark["fidelity"] = m.fidelity;  // checkpoints are older than this number
-    mark["lambda_hsv"] = m.lambda_hsv;
-    mark["hsv_after"] = m.hsv_after;
-    mark["lambda_frequency"] = m.lambda_frequency;
-    mark["frequency_after"] = m.frequency_after;
-    if (m.frequency_grow_from != 10000 || m.frequency_grow_until != 15000)
-      mark["frequency_grow"] = {m.frequency_grow_from, m.frequency_grow_until};
-    if (m.frequency_band_lowest != 0.1 || m.frequency_band_highest != 0.3)
-      mark["frequency_band"] = {m.frequency_band_lowest, m.frequency_band_highest};
-    mark["image_weight"] = m.image_weight;
-    mark["residual_rate"] = m.residual_rate;
-    mark["residual_decay"] = m.residual_decay;
-    mark["residual_after"] = m.residual_after;
-    mark["distortion_rate"] = m.distortion_rate;
-    mark["feature_noise"] = m.feature_noise;
-    mark["scaling_noise"] = m.scaling_noise;
-    mark["offset_noise"] = m.offset_noise;
-    mark["noise_after"] = m.noise_after;
-    mark["adaptive_after"] = m.adaptive_after;
-    mark["hard_fraction"] = m.hard_fraction;
-    mark["least_step"] = m.least_step;
-    mark["step_rate_weight"] = m.step_rate_weight;
-    mark["identity"] = m.identity;
-  }
-  if (const RateNumbers& r = s.rate; r != (profile ? profile->rate : RateNumbers{})) {
-    Json& rates = json["rate"];
-    rates["lambda"] = r.lambda;
-    rates["noise_after"] = r.noise_after;
-    rates["context_after"] = r.context_after;
-    rates["round_after"] = r.round_after;
-    rates["mask_weight"] = r.mask_weight;
-    rates["sample"] = r.sample;
-    rates["feature_step"] = r.feature_step;
-    rates["scaling_step"] = r.scaling_step;
-    rates["offset_step"] = r.offset_step;
-    rates["mask"] = rate(r.mask);
-    rates["grid"] = rate(r.grid);
-    rates["context"] = rate(r.context);
-    rates["hyperprior"] = r.hyperprior;
-  }
-  return json;
-}
 
 namespace detail {
 
@@ -196,104 +103,148 @@ struct OtherView {
   return std::nullopt;
 }
 
+namespace detail {
+
+[[nodiscard]] inline Error other_run(const SafetensorsFile& file, std::string field, std::string problem) {
+  return Error{ErrorKind::invalid, file.path, std::move(field), std::move(problem),
+               "resume with the options the run was started with, or remove the checkpoint to start over"};
+}
+
+/// That a file is a checkpoint of a run with these settings.
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Done> check_settings(const SafetensorsFile& file, const TrainSettings& settings) {
+  const Result<std::string> format = file.text_of("format");
+  if (!format) return format.error();
+  if (*format != "compmark.checkpoint")
+    return other_run(file, "__metadata__.format", "is \"" + *format + "\", not a checkpoint");
+  const Result<std::string> text = file.text_of("settings");
+  if (!text) return text.error();
+  const Json stored = json_from<Json>(*text);
+  const Json wanted = json_from<Json>(settings_json<Json>(settings).dump());
+  if (!stored.is_object()) return other_run(file, "__metadata__.settings", "is not a JSON object");
+  for (const auto& [key, value] : wanted.items()) {
+    if (key == "effects" || key == "mark" || key == "rate") continue;  // below, with fewer words
+    const Json found = stored.value(key, Json());
+    if (found != value) {
+      return other_run(file, "settings",
+                       key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
+    }
+  }
+  if (stored.value("effects", Json()) != wanted.value("effects", Json()))
+    return other_run(file, "settings", "the numbers of effects are others in the checkpoint");
+  if (stored.value("mark", Json()) != wanted.value("mark", Json()))
+    return other_run(file, "settings",
+                     "the watermark (its message, decoder or numbers) is another one in the checkpoint");
+  if (stored.value("rate", Json()) != wanted.value("rate", Json()))
+    return other_run(file, "settings", "the rate's numbers (lambda and its phases) are others in the checkpoint");
+  return Done{};
+}
+
+/// That a checkpoint is of a run with this recipe and these views.
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<Done> check_info(const SafetensorsFile& file, const ModelInfo& before, const ModelInfo& now) {
+  if (before.effects != now.effects) {
+    const auto list = [](const std::vector<std::string>& names) {
+      std::string text;
+      for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+      return text.empty() ? std::string("none") : text;
+    };
+    return other_run(file, "effects",
+                     "are " + list(before.effects) + " in the checkpoint and " + list(now.effects) +
+                         " now (a lens taken out or ignored, for instance)");
+  }
+  if (before.recipe != now.recipe)
+    return other_run(file, "recipe", "is " + before.recipe + " in the checkpoint and " + now.recipe + " now");
+  if (before.views.size() != now.views.size()) {
+    return other_run(file, "views",
+                     "are " + std::to_string(before.views.size()) + " in the checkpoint and " +
+                         std::to_string(now.views.size()) + " now");
+  }
+  if (const std::optional<OtherView> other = other_view(before.views, now.views))
+    return other_run(file, other->field, "of view " + other->name + " is another one in the checkpoint");
+  if (before.origin != now.origin) {
+    return other_run(file, "origin",
+                     "is " + Json(before.origin).dump() + " in the checkpoint and " + Json(now.origin).dump() +
+                         " now: the same files give the same origin");
+  }
+  if (before.unit != now.unit) {
+    return other_run(file, "unit",
+                     "is " + Json(before.unit).dump() + " in the checkpoint and " + Json(now.unit).dump() +
+                         " now: the same files give the same unit");
+  }
+  return Done{};
+}
+
+/// How far a run had come.
+struct CheckpointProgress {
+  std::int64_t iteration = 0;
+  double seconds = 0;
+};
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<CheckpointProgress> progress_of(const SafetensorsFile& file, std::int64_t iterations) {
+  const Result<std::string> text = file.text_of("progress");
+  if (!text) return text.error();
+  const Json json = json_from<Json>(*text);
+  if (!json.is_object() || !json.value("iteration", Json()).is_number_integer() ||
+      !json.value("seconds", Json()).is_number()) {
+    return other_run(file, "__metadata__.progress", "lacks iteration or seconds");
+  }
+  const CheckpointProgress progress{json["iteration"].template get<std::int64_t>(),
+                                    json["seconds"].template get<double>()};
+  if (progress.iteration < 0 || progress.iteration > iterations)
+    return other_run(file, "iteration", "is outside the run");
+  return progress;
+}
+
+/// Reads a column whose length is known.
+template <class Value>
+[[nodiscard]] Result<Done> read_column(const SafetensorsFile& file, const char* name, std::span<Value> column) {
+  const Result<std::vector<Value>> values = file.values<Value>(name);
+  if (!values) return values.error();
+  if (values->size() != column.size()) {
+    return other_run(file, name,
+                     "has " + std::to_string(values->size()) + " values, expected " + std::to_string(column.size()));
+  }
+  std::copy(values->begin(), values->end(), column.begin());
+  return Done{};
+}
+
+}  // namespace detail
+
 /// Reads a checkpoint of a run with the same recipe, settings and views; anything else is refused with the name of what differs.
 template <Recipe R, Executor E, class Json = nlohmann::json>
 [[nodiscard]] Result<Checkpoint<R, E>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings,
                                                        const ModelInfo& info) {
   const Result<SafetensorsFile> file = read_safetensors(path);
   if (!file) return file.error();
-  const auto refuse = [&](std::string field, std::string problem) {
-    return Error{ErrorKind::invalid, path.string(), std::move(field), std::move(problem),
-                 "resume with the options the run was started with, or remove the checkpoint to start over"};
-  };
-  const Result<std::string> format = file->text_of("format");
-  if (!format) return format.error();
-  if (*format != "compmark.checkpoint")
-    return refuse("__metadata__.format", "is \"" + *format + "\", not a checkpoint");
-  const Result<std::string> settings_text = file->text_of("settings");
-  if (!settings_text) return settings_text.error();
-  const Json stored = json_from<Json>(*settings_text);
-  const Json wanted = json_from<Json>(settings_json<Json>(settings).dump());
-  if (!stored.is_object()) return refuse("__metadata__.settings", "is not a JSON object");
-  for (const auto& [key, value] : wanted.items()) {
-    if (key == "effects" || key == "mark" || key == "rate") continue;  // below, with fewer words
-    const Json found = stored.value(key, Json());
-    if (found != value)
-      return refuse("settings", key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
-  }
-  if (stored.value("effects", Json()) != wanted.value("effects", Json()))
-    return refuse("settings", "the numbers of effects are others in the checkpoint");
-  if (stored.value("mark", Json()) != wanted.value("mark", Json()))
-    return refuse("settings", "the watermark (its message, decoder or numbers) is another one in the checkpoint");
-  if (stored.value("rate", Json()) != wanted.value("rate", Json()))
-    return refuse("settings", "the rate's numbers (lambda and its phases) are others in the checkpoint");
+  if (Result<Done> same = detail::check_settings<Json>(*file, settings); !same) return same.error();
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
-  if (model->info.effects != info.effects) {
-    const auto list = [](const std::vector<std::string>& names) {
-      std::string text;
-      for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-      return text.empty() ? std::string("none") : text;
-    };
-    return refuse("effects", "are " + list(model->info.effects) + " in the checkpoint and " + list(info.effects) +
-                                 " now (a lens taken out or ignored, for instance)");
-  }
-  if (model->info.recipe != info.recipe)
-    return refuse("recipe", "is " + model->info.recipe + " in the checkpoint and " + info.recipe + " now");
-  if (model->info.views.size() != info.views.size()) {
-    return refuse("views", "are " + std::to_string(model->info.views.size()) + " in the checkpoint and " +
-                               std::to_string(info.views.size()) + " now");
-  }
-  if (const std::optional<OtherView> other = other_view(model->info.views, info.views))
-    return refuse(other->field, "of view " + other->name + " is another one in the checkpoint");
-  if (model->info.origin != info.origin) {
-    return refuse("origin", "is " + Json(model->info.origin).dump() + " in the checkpoint and " +
-                                Json(info.origin).dump() + " now: the same files give the same origin");
-  }
-  if (model->info.unit != info.unit) {
-    return refuse("unit", "is " + Json(model->info.unit).dump() + " in the checkpoint and " + Json(info.unit).dump() +
-                              " now: the same files give the same unit");
-  }
+  if (Result<Done> same = detail::check_info<Json>(*file, model->info, info); !same) return same.error();
+  const Result<detail::CheckpointProgress> progress = detail::progress_of<Json>(*file, settings.iterations);
+  if (!progress) return progress.error();
 
   Checkpoint<R, E> checkpoint;
   checkpoint.info = std::move(model->info);
-  checkpoint.state.model = std::move(model->model);
-  const Result<std::string> progress_text = file->text_of("progress");
-  if (!progress_text) return progress_text.error();
-  const Json progress = json_from<Json>(*progress_text);
-  if (!progress.is_object() || !progress.value("iteration", Json()).is_number_integer() ||
-      !progress.value("seconds", Json()).is_number()) {
-    return refuse("__metadata__.progress", "lacks iteration or seconds");
-  }
-  checkpoint.state.iteration = progress["iteration"].template get<std::int64_t>();
-  checkpoint.seconds = progress["seconds"].template get<double>();
-  if (checkpoint.state.iteration < 0 || checkpoint.state.iteration > settings.iterations)
-    return refuse("iteration", "is outside the run");
-
-  typename R::Optimizer{}.prepare(checkpoint.state.model.arena.layout(), checkpoint.state.optimizer);
-  const auto fill = [&](const char* name, auto& column) -> Result<Done> {
+  checkpoint.seconds = progress->seconds;
+  typename Trainer<R, E>::State& state = checkpoint.state;
+  state.model = std::move(model->model);
+  state.iteration = progress->iteration;
+  typename R::Optimizer{}.prepare(state.model.arena.layout(), state.optimizer);
+  Result<Done> result = Done{};
+  const auto fill = [&](const char* name, auto& column) {
     using Value = std::remove_cvref_t<decltype(column[0])>;
-    const Result<std::vector<Value>> values = file->template values<Value>(name);
-    if (!values) return values.error();
-    if (values->size() != column.size()) {
-      return refuse(name,
-                    "has " + std::to_string(values->size()) + " values, expected " + std::to_string(column.size()));
-    }
-    std::copy(values->begin(), values->end(), column.begin());
-    return Done{};
+    if (result) result = detail::read_column(*file, name, std::span<Value>(column.data(), column.size()));
   };
-  if (Result<Done> r = fill("optimizer.first_moment", checkpoint.state.optimizer.first_moment); !r) return r.error();
-  if (Result<Done> r = fill("optimizer.second_moment", checkpoint.state.optimizer.second_moment); !r) return r.error();
-  if (Result<Done> r = fill("optimizer.steps", checkpoint.state.optimizer.steps); !r) return r.error();
-  if constexpr (requires { checkpoint.state.growth.statistics; }) {
-    checkpoint.state.growth.statistics.prepare(checkpoint.state.model.anchor_count(),
-                                               static_cast<std::size_t>(R::AnchorModel::shape.offsets));
-    Result<Done> result = Done{};
-    detail::for_each_statistic(checkpoint.state.growth.statistics, [&](const char* name, auto& column) {
-      if (result) result = fill(name, column);
-    });
-    if (!result) return result.error();
+  fill("optimizer.first_moment", state.optimizer.first_moment);
+  fill("optimizer.second_moment", state.optimizer.second_moment);
+  fill("optimizer.steps", state.optimizer.steps);
+  if constexpr (requires { state.growth.statistics; }) {
+    state.growth.statistics.prepare(state.model.anchor_count(),
+                                    static_cast<std::size_t>(R::AnchorModel::shape.offsets));
+    detail::for_each_statistic(state.growth.statistics, fill);
   }
+  if (!result) return result.error();
   return checkpoint;
 }
 
