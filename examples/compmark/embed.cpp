@@ -168,7 +168,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
   // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark.md).
-  if (coded && !options.mark.fidelity) settings.mark.fidelity /= 2;
+  if (coded && !options.mark.fidelity) settings.mark.fidelity = fitted_decoder(options.mark.decoder) ? 500 : 600;
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone

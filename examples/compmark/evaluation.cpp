@@ -83,7 +83,7 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
   const std::vector<std::string>& effects = model.info.effects;
   const bool exposure = std::find(effects.begin(), effects.end(), "exposure") != effects.end();
   Evaluation evaluation;
-  Buffer<float> seen_storage, truth_storage, weight_storage;
+  Buffer<float> measured_storage, truth_storage, weight_storage;
   const std::array<float, 3> background{static_cast<float>(model.render_settings.background[0]),
                                         static_cast<float>(model.render_settings.background[1]),
                                         static_cast<float>(model.render_settings.background[2])};
@@ -95,16 +95,16 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
     if (!render) return render.error();
     const RenderedView& rendered = *render;
     round_to_8bit<float>(rendered.image, rendered.image);
-    seen_storage.resize(rendered.image.size());
-    std::copy_n(rendered.image.data, rendered.image.size(), seen_storage.data());
-    const ImageView<const float> seen{seen_storage.data(), 3, camera.height, camera.width};
+    measured_storage.resize(rendered.image.size());
+    std::copy_n(rendered.image.data, rendered.image.size(), measured_storage.data());
+    const ImageView<float> measured{measured_storage.data(), 3, camera.height, camera.width};
     truth_storage.resize(rendered.image.size());
     const ImageView<float> truth{truth_storage.data(), 3, camera.height, camera.width};
     weight_storage.resize(truth.plane_size());
     if (Result<Done> loaded = views.load_planes(i, background, {truth, nullptr, weight_storage.data()}); !loaded)
       return loaded.error();
-    // Pixels that do not count are made right in the render, and the error is that of the others.
-    const double counted = hide_uncounted(weight_storage.span(), truth, rendered.image);
+    // Pixels that do not count are made right in a copy of the render, and the error is that of the others.
+    const double counted = hide_uncounted(weight_storage.span(), truth, measured);
     if (counted == 0) {
       return Error{ErrorKind::invalid, views.dataset->views[views.index[i]].mask_path.string(), "mask",
                    "leaves no pixel of the view \"" + views.dataset->views[views.index[i]].name + "\" to measure",
@@ -113,14 +113,15 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
 
     ViewResult result;
     result.name = views.dataset->views[views.index[i]].name;
-    result.psnr = psnr(rendered.image, truth) + 10 * std::log10(counted);
-    result.ssim = ssim(rendered.image, truth);
-    if (exposure) result.psnr_colour_fitted = psnr_colour_fitted(rendered.image, truth, weight_storage.span());
-    if (Result<Done> r = measure(alex, rendered.image, truth, result.lpips_alex); !r) return r.error();
-    if (Result<Done> r = measure(squeeze, rendered.image, truth, result.lpips_squeeze); !r) return r.error();
+    result.psnr = psnr(measured, truth) + 10 * std::log10(counted);
+    result.ssim = ssim(measured, truth);
+    if (exposure) result.psnr_colour_fitted = psnr_colour_fitted(measured, truth, weight_storage.span());
+    if (Result<Done> r = measure(alex, measured, truth, result.lpips_alex); !r) return r.error();
+    if (Result<Done> r = measure(squeeze, measured, truth, result.lpips_squeeze); !r) return r.error();
     result.milliseconds = std::chrono::duration<double, std::milli>(end - begin).count();
     result.gaussians = rendered.gaussians;
-    keep({i, result, seen, ImageView<const float>(rendered.image), ImageView<const float>(truth)});
+    keep({i, result, ImageView<const float>(rendered.image), ImageView<const float>(measured),
+          ImageView<const float>(truth)});
     evaluation.views.push_back(std::move(result));
   }
   return evaluation;

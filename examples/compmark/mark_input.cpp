@@ -45,7 +45,7 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
          "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
          "by so much; "
          "0: the message joins the loss of the photographs, as published (default: embed 3000, or 1000 with a decoder "
-         "that was fitted to the scene, a fifth of that with a codec; train with --decoder 0)")
+         "that was fitted to the scene, 600, or 500 with a fitted one, of a model for a codec; train with --decoder 0)")
       ->check(CLI::Range(0.0, 1e6));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
@@ -54,15 +54,10 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
                "train with the noise of quantization, so that the message survives a codec");
 }
 
-namespace {
-
-/// Whether a decoder was fitted to a scene: what it has to say there is quiet, and a mark for it less dear.
 bool fitted_decoder(const std::filesystem::path& path) {
   const Result<SafetensorsFile> file = read_safetensors(path);
   return file && file->metadata.contains("centres");
 }
-
-}  // namespace
 
 Result<OwnerKey> key_of(const MarkOptions& options) {
   Result<OwnerKey> key = load_key(options.key);

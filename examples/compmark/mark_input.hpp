@@ -57,6 +57,8 @@ struct MarkInput {
   std::array<double, 3> twin_origin{0, 0, 0};
   bool for_compression = false;
 };
+/// Whether a decoder was fitted to a scene: what it has to say there is quiet, and a mark for it less dear.
+bool fitted_decoder(const std::filesystem::path& path);
 /// The key of --key, whose message is as long as --bits says, if it says anything.
 compmark::Result<compmark::OwnerKey> key_of(const MarkOptions& options);
 /// Reads key and decoder, which must agree on the length, and writes what they say into the settings of the run.

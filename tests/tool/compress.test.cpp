@@ -189,6 +189,7 @@ TEST_CASE(
   done(fit + at("run/model.safetensors") + quick + at("of-model.safetensors"));
   done("compress --cameras all --model " + at("run/model.safetensors") + " --out " + at("all.cmk"));
   done(fit + at("all.cmk") + quick + at("of-file.safetensors"));
+  done(fit + at("all.cmk") + " --seed 2" + quick + at("other.safetensors"));
   const auto tensors = [](const std::string& file) {  // what is behind the header, which names the model
     const std::string text = testing::text_of(file);
     std::size_t header = 0;
@@ -196,7 +197,7 @@ TEST_CASE(
     return text.substr(8 + header);
   };
   CHECK(tensors(at("of-file.safetensors")) == tensors(at("of-model.safetensors")));
-  CHECK(tensors(at("of-file.safetensors")) != tensors(decoder));
+  CHECK(tensors(at("of-file.safetensors")) != tensors(at("other.safetensors")));
   // A model that came out of a file says it already.
   done("decompress --model " + at("all.cmk") + " --out " + at("all.safetensors"));
   done(fit + at("all.safetensors") + quick + at("of-decompressed.safetensors"));

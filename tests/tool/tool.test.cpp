@@ -24,7 +24,7 @@
 
 #include "tool/running.hpp"
 
-namespace runs_test {
+namespace tool_test {
 
 namespace {
 
@@ -462,4 +462,4 @@ TEST_CASE("tool: bad options, an unwritable output and a damaged model are one e
   check_refused(tool("render --model " + model + " --out " + at("none") + " --view nobody"), {"--view"});
 }
 
-}  // namespace runs_test
+}  // namespace tool_test

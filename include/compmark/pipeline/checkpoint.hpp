@@ -81,7 +81,7 @@ template <class State, class Json = nlohmann::json>
 
 /// The first view that two runs do not have in common.
 struct OtherView {
-  std::string field;  ///< "view" or "lens"
+  std::string field;  ///< "views" or "lens"
   std::string name;
 };
 /// Names, splits, cameras and lenses, compared exactly; nothing if they agree. Their numbers must be equal.
@@ -112,7 +112,7 @@ namespace detail {
 
 /// That a file is a checkpoint of a run with these settings.
 template <class Json = nlohmann::json>
-[[nodiscard]] Result<Done> check_settings(const SafetensorsFile& file, const TrainSettings& settings) {
+[[nodiscard]] Result<Done> check_same_settings(const SafetensorsFile& file, const TrainSettings& settings) {
   const Result<std::string> format = file.text_of("format");
   if (!format) return format.error();
   if (*format != "compmark.checkpoint")
@@ -142,7 +142,7 @@ template <class Json = nlohmann::json>
 
 /// That a checkpoint is of a run with this recipe and these views.
 template <class Json = nlohmann::json>
-[[nodiscard]] Result<Done> check_info(const SafetensorsFile& file, const ModelInfo& before, const ModelInfo& now) {
+[[nodiscard]] Result<Done> check_same_info(const SafetensorsFile& file, const ModelInfo& before, const ModelInfo& now) {
   if (before.effects != now.effects) {
     const auto list = [](const std::vector<std::string>& names) {
       std::string text;
@@ -217,10 +217,10 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
                                                        const ModelInfo& info) {
   const Result<SafetensorsFile> file = read_safetensors(path);
   if (!file) return file.error();
-  if (Result<Done> same = detail::check_settings<Json>(*file, settings); !same) return same.error();
+  if (Result<Done> same = detail::check_same_settings<Json>(*file, settings); !same) return same.error();
   Result<LoadedModel<R>> model = detail::model_from<R>(*file);
   if (!model) return model.error();
-  if (Result<Done> same = detail::check_info<Json>(*file, model->info, info); !same) return same.error();
+  if (Result<Done> same = detail::check_same_info<Json>(*file, model->info, info); !same) return same.error();
   const Result<detail::CheckpointProgress> progress = detail::progress_of<Json>(*file, settings.iterations);
   if (!progress) return progress.error();
 
