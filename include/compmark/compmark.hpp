@@ -254,6 +254,7 @@
 #include "compmark/codec/network_coding.hpp"
 #include "compmark/entropy/anchor_cells.hpp"
 #include "compmark/entropy/anchor_levels.hpp"
+#include "compmark/entropy/anchor_rate_model.hpp"
 #include "compmark/entropy/context_gs_integers.hpp"
 #include "compmark/entropy/context_gs_levels.hpp"
 #include "compmark/entropy/context_gs_model.hpp"

@@ -21,9 +21,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
-#include <type_traits>
 #include <utility>
 
 #include "compmark/core/buffer.hpp"
@@ -31,76 +29,64 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/entropy/anchor_rate_model.hpp"
 #include "compmark/entropy/concept.hpp"
 #include "compmark/entropy/context_gs_levels.hpp"
 #include "compmark/entropy/context_gs_parameters.hpp"
 #include "compmark/entropy/context_gs_plan.hpp"
 #include "compmark/entropy/context_network.hpp"
 #include "compmark/entropy/factorised_prior.hpp"
-#include "compmark/entropy/hac_attributes.hpp"
 #include "compmark/entropy/mask_penalty.hpp"
-#include "compmark/entropy/offset_mask.hpp"
 #include "compmark/entropy/rate.hpp"
 
 namespace compmark::inline v0 {
 
 template <class T, int feature_dim = 50, int offsets = 10, int hyper_dim = 12>
-class ContextGsModel {
+class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGsHandles> {
+  using Base = AnchorRateModel<T, feature_dim, offsets, ContextGsHandles>;
+  using typename Base::EntryTables;
+  using typename Base::RowScratch;
+  template <class U>
+  using Tables = typename Base::template Tables<U>;
+
  public:
-  static constexpr bool is_absent = false;
-  using Scalar = T;
-  using Phase = RatePhase;
-  using Report = RateReport;  ///< hash_bits: of all z
-  using Handles = ContextGsHandles;
-  using Attributes = HacAttributes<T, feature_dim, offsets>;
+  using typename Base::Attributes;
+  using typename Base::Handles;
   using Prior = FactorisedPrior<T, hyper_dim>;
   static constexpr int hidden = 100;
   static constexpr int geometry = feature_dim + 6;  ///< scalars of a parent that its children read
   using Root = ContextNetwork<T, 3 + hyper_dim, hidden, Attributes::outputs, 3>;              ///< of level 2
   using Child = ContextNetwork<T, 3 + geometry + hyper_dim, hidden, Attributes::outputs, 3>;  ///< of levels 1 and 0
 
-  struct Settings {
-    double lambda = 0.001;
-    double mask_weight = 5e-4;
-    double sample = 0.15;     ///< share of the anchors whose rate is counted in an iteration
-    double step_share = 1;    ///< of the anchors without a rate teach their steps, at 1 / share the weight (HacModel)
-    bool anchor_mask = true;  ///< masks feel the bits of features, extents and z too
-    double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
-    double least_extent = 1e-6;  ///< a distorted extent stays above it, world units
+  struct Settings : AnchorRateSettings {
+    double sample = 0.15;  ///< share of the anchors whose rate is counted in an iteration
   };
 
-  struct Scratch {
+  struct Scratch : RowScratch {
     alignas(64) T output[static_cast<std::size_t>(Child::panel * Child::output_row)];
     alignas(64) T tail[static_cast<std::size_t>(Child::panel * Child::tail_row)];
     alignas(64) T d_hidden[static_cast<std::size_t>(Child::panel * Child::hidden_row)];
     alignas(64) T z[static_cast<std::size_t>(Child::panel * hyper_dim)],
         d_z[static_cast<std::size_t>(Child::panel * hyper_dim)];
     alignas(64) T weight[static_cast<std::size_t>(Child::panel)], z_bits[static_cast<std::size_t>(Child::panel)];
-    alignas(64) T feature[static_cast<std::size_t>(feature_dim)];
-    alignas(64) T scaling[6];
-    alignas(64) T offset[static_cast<std::size_t>(3 * offsets)];
     alignas(64) T d_value[static_cast<std::size_t>(Attributes::row)];
     alignas(64) T input[static_cast<std::size_t>(Child::panel * Child::input_row)];
     alignas(64) T d_input[static_cast<std::size_t>(Child::panel * Child::input_row)];
     alignas(64) T hidden[static_cast<std::size_t>(Child::panel * Child::hidden_row)];
-    typename Attributes::Scratch rate;
   };
-  struct Context {
-    RatePhase phase;
+  struct Context : EntryTables {
     bool all_features = false;  ///< the caller's: the table of features holds every row, not the listed ones alone
-    double unit = 0;            ///< loss of one bit of the sample
     ContextGsLevels<T> levels;
     ContextGsPlan plan;
-    Buffer<T> input;                         ///< of the networks, by entry; rows of `input_row`
-    Buffer<T> hidden, step, noise, extents;  ///< by entry
+    Buffer<T> input;   ///< of the networks, by entry; rows of `input_row`
+    Buffer<T> hidden;  ///< by entry
     // The way back takes only those light entries that have a gradient.
-    Buffer<T> d_step, d_seen;     ///< by entry: gradients by the raw steps, and by what it read of its parent
+    Buffer<T> d_seen;             ///< by entry: gradients by what it read of its parent
     Buffer<std::uint8_t> active;  ///< by entry: whether it has
     Buffer<std::uint32_t> back;   ///< light entries of a level that have
     Buffer<T> seen;               ///< [coarse, geometry] a parent as its children see it
     Buffer<T> inverse;            ///< of the deviations
-    Buffer<T> rate_value, rate_output, rate_step, rate_mask;  ///< full entries: gradients of the rate
-    Buffer<T> rate_hyper;                                     ///< … by z
+    Buffer<T> rate_hyper;         ///< of rated entries: gradients of the rate by z
     Buffer<T> prior, prior_sums;
     Buffer<double> partial;
     std::array<Buffer<T>, 3> packed;
@@ -127,20 +113,6 @@ class ContextGsModel {
   static void choose_cells(ParameterArena<T>& arena, const Handles& handles, MatrixView<const T> position) {
     choose_context_gs_cells(arena, handles, position);
   }
-  /// Opacity 0 where an offset's mask is dead; see offset_mask.hpp.
-  template <Executor E>
-  static void mask_opacity(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> slot,
-                           T* opacity, E& executor) {
-    compmark::mask_opacity<T>(arena.values(handles.mask), slot, opacity, executor);
-  }
-  template <Executor E>
-  static void mask_opacity_backward(ParameterArena<T>& arena, const Handles& handles,
-                                    std::span<const std::uint32_t> slot, const T* opacity, const T* d_opacity,
-                                    E& executor) {
-    compmark::mask_opacity_backward<T>(std::as_const(arena).values(handles.mask), slot, opacity, d_opacity,
-                                       arena.gradients(handles.mask), executor);
-  }
-
   /// Distorts the listed rows of the three tables in place; `position` is the whole table. Ancestors that are not listed are read from the arena;
   /// with Context::all_features their features from `feature`, and their gradients go to its.
   template <Executor E>
@@ -167,7 +139,7 @@ class ContextGsModel {
     executor.for_chunks(most_chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t) {
       std::fill_n(context.prior_sums.data() + chunk * Prior::count, Prior::count, T(0));
     });
-    Tables<const T> raw = tables<const T>(arena, handles);
+    Tables<const T> raw = Base::template tables<const T>(arena, handles);
     if (context.all_features) raw.feature = feature;
     const Forward state{arena, handles, position, to, raw, context};
     level_forward<Root>(2, state, executor);
@@ -186,7 +158,7 @@ class ContextGsModel {
     const Tables<T> d_rows{d_feature, d_scaling, d_offset};
     if (!context.phase.context) {
       executor.for_chunks(rows.size(), panel, [&](std::size_t begin, std::size_t end, std::size_t) {
-        for (std::size_t e = begin; e < end; ++e) pull_back(e, rows[e], nullptr, d_rows, context);
+        for (std::size_t e = begin; e < end; ++e) Base::pull_back(e, rows[e], nullptr, d_rows, context);
       });
       return;
     }
@@ -195,7 +167,7 @@ class ContextGsModel {
     context.active.resize(context.plan.capacity);
     context.back.resize(context.plan.capacity);
     context.chunk_gradients.resize(most_chunks * Child::gradient_count);
-    Tables<T> outside = tables<T>(arena, handles);
+    Tables<T> outside = Base::template tables<T>(arena, handles);
     if (context.all_features) outside.feature = d_feature;
     const Backward state{arena, handles, d_rows, outside, context};
     level_backward<Child>(0, state, executor);
@@ -215,10 +187,6 @@ class ContextGsModel {
   [[nodiscard]] const Settings& settings() const { return settings_; }
 
  private:
-  template <class U>
-  struct Tables {
-    MatrixView<U> feature, scaling, offset;
-  };
   struct Forward {
     const ParameterArena<T>& arena;
     const Handles& handles;
@@ -239,13 +207,9 @@ class ContextGsModel {
   static constexpr std::size_t hidden_row = static_cast<std::size_t>(Child::hidden_row);
   static constexpr std::size_t output_row = static_cast<std::size_t>(Child::output_row);
   static constexpr std::size_t tail_row = static_cast<std::size_t>(Child::tail_row);
-  static constexpr std::size_t noise_row = static_cast<std::size_t>(Attributes::row);
-  static constexpr std::size_t mask_row = static_cast<std::size_t>(offsets);
+  using Base::mask_row, Base::most_chunks, Base::noise_row, Base::scalars, Base::step_output;
   static constexpr std::size_t hyper_row = static_cast<std::size_t>(hyper_dim);
   static constexpr std::size_t seen_row = static_cast<std::size_t>(geometry);
-  static constexpr std::size_t scalars = static_cast<std::size_t>(Attributes::scalars);
-  static constexpr std::size_t step_output = static_cast<std::size_t>(Attributes::outputs - 3);
-  static constexpr std::size_t most_chunks = 16;
   static constexpr std::size_t partials =
       8;  // weighted bits of three groups, of z, steps of three groups, live offsets
 
@@ -253,50 +217,18 @@ class ContextGsModel {
                                                                        const ContextGsHandles::Network& n) {
     return {arena.values(n.weight1), arena.values(n.bias1), arena.values(n.weight2), arena.values(n.bias2)};
   }
-  /// Values (T const) or gradients of the anchors' own blocks.
-  template <class U, class Arena>
-  [[nodiscard]] static Tables<U> tables(Arena& arena, const Handles& handles) {
-    if constexpr (std::is_const_v<U>) {
-      return {arena.values(handles.feature), arena.values(handles.scaling), arena.values(handles.offset)};
-    } else {
-      return {arena.gradients(handles.feature), arena.gradients(handles.scaling), arena.gradients(handles.offset)};
-    }
-  }
-  [[nodiscard]] std::array<T, 3> base_steps() const {
-    return {static_cast<T>(settings_.feature_step), static_cast<T>(settings_.scaling_step),
-            static_cast<T>(settings_.offset_step)};
-  }
-
   template <Executor E>
   void base_noise(std::span<const std::uint32_t> rows, const Tables<T>& to, Context& context, E& executor) const {
-    context.noise.resize(rows.size() * noise_row);
-    context.extents.resize(rows.size() * 12);
+    context.resize_noise(rows.size());
     const Random random = noise_of(context.phase);
     executor.for_chunks(rows.size(), panel, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t e = begin; e < end; ++e) {
-        const std::size_t row = rows[e];
-        distort(random, base_steps(), e, rows[e], to.feature.row(row), to.scaling.row(row), to.offset.row(row), nullptr,
-                context);
+        Base::distort(settings_, random, Base::base_steps(settings_), e, rows[e], to, nullptr, context);
       }
     });
   }
   [[nodiscard]] static Random noise_of(const RatePhase& phase) {
     return {phase.seed, phase.iteration, random_stage("context gs noise")};
-  }
-  /// False for an anchor with a NaN or infinity among its attributes: it stays as it is.
-  bool distort(const Random& random, const std::array<T, 3>& q, std::size_t e, std::uint32_t row, T* feature,
-               T* scaling, T* offset, T* values, Context& context) const {
-    T* const noise = context.noise.data() + e * noise_row;
-    T* const extents = context.extents.data() + e * 12;
-    if (!Attributes::finite(feature, scaling, offset)) {
-      Attributes::leave(noise, extents);
-      return false;
-    }
-    const bool round = context.phase.context && context.phase.round;
-    if (!round) Attributes::draw(random, row, noise);
-    Attributes::distort(round, q, static_cast<T>(settings_.least_extent), feature, scaling, offset, noise, extents,
-                        values);
-    return true;
   }
 
   /// Memory and what is computed once an iteration.
@@ -306,13 +238,9 @@ class ContextGsModel {
     context.input.resize(plan.capacity * input_row);
     context.hidden.resize(plan.capacity * hidden_row);
     context.step.resize(plan.capacity * 3);
-    context.noise.resize(plan.capacity * noise_row);
-    context.extents.resize(plan.capacity * 12);
+    context.resize_noise(plan.capacity);
     context.seen.resize(plan.coarse * seen_row);
-    context.rate_value.resize(plan.rates * noise_row);
-    context.rate_output.resize(plan.rates * output_row);
-    context.rate_step.resize(plan.rates * 3);
-    context.rate_mask.resize(plan.rates * mask_row);
+    context.resize_rates(plan.rates, output_row);
     context.rate_hyper.resize(plan.rates * hyper_row);
     context.partial.resize(plan.capacity / panel * partials, 0.0);
     for (std::size_t level = 0; level < 2; ++level) {
@@ -405,23 +333,13 @@ class ContextGsModel {
     for (std::size_t i = 0; i < at.count; ++i) {
       const std::size_t e = at.first + i, row = plan.row[e];
       const T* const raw_step = full ? s.output + i * output_row + step_output : s.tail + i * tail_row;
-      T step[3 + Attributes::W];
-      if (context.phase.context && context.phase.round)
-        Attributes::coded_steps(raw_step, base_steps(), step);
-      else
-        Attributes::steps(raw_step, base_steps(), step);
-      std::copy_n(step, 3, context.step.data() + 3 * e);
-      const std::array<T, 3> q{step[0], step[1], step[2]};
+      const std::array<T, 3> q = Base::take_steps(settings_, raw_step, e, context);
       bool good = false;
       if ((plan.mark[row] & ContextGsPlan::visible) != 0) {
-        good = distort(random, q, e, plan.row[e], state.to.feature.row(row), state.to.scaling.row(row),
-                       state.to.offset.row(row), s.rate.values, context);
+        good = Base::distort(settings_, random, q, e, plan.row[e], state.to, s.rate.values, context);
         for (std::size_t g = 0; g < 3; ++g) partial[4 + g] += static_cast<double>(q[g]);
       } else {
-        std::copy_n(state.raw.feature.row(row), state.raw.feature.columns, s.feature);
-        std::copy_n(state.raw.scaling.row(row), state.raw.scaling.columns, s.scaling);
-        std::copy_n(state.raw.offset.row(row), state.raw.offset.columns, s.offset);
-        good = distort(random, q, e, plan.row[e], s.feature, s.scaling, s.offset, s.rate.values, context);
+        good = Base::distort_copy(settings_, random, q, e, plan.row[e], state.raw, s, context);
       }
       if (level > 0) {
         T* const seen = context.seen.data() + e * seen_row;
@@ -429,11 +347,9 @@ class ContextGsModel {
           seen[c] = good ? (s.rate.values[c] - statistics(0, c)) * context.inverse[c] : T(0);
         }
       }
-      if (full && !good) {  // rate() then drops it
-        std::fill(std::begin(s.rate.values), std::end(s.rate.values), std::numeric_limits<T>::quiet_NaN());
-      }
-      if (full)
-        rate_entry(plan.rate_of(level, e), i, q, state.arena.values(state.handles.mask).row(row), partial, s, context);
+      if (!full) continue;
+      if (!good) Base::leave_unrated(s);
+      rate_entry(plan.rate_of(level, e), i, q, state.arena.values(state.handles.mask).row(row), partial, s, context);
     }
   }
   /// Bits of z of a panel and their gradients, for rate_entry.
@@ -451,14 +367,11 @@ class ContextGsModel {
   /// Bits of the i-th entry of a panel and their gradients; f is its place among full entries.
   void rate_entry(std::size_t f, std::size_t i, const std::array<T, 3>& q, const T* mask, double* partial, Scratch& s,
                   Context& context) const {
-    std::array<T, 3> d_step{};
-    T* const d_mask = context.rate_mask.data() + f * mask_row;
-    const typename Attributes::Bits bits = Attributes::rate(
-        s.output + i * output_row, q, mask, settings_.anchor_mask, static_cast<T>(context.unit), s.rate,
-        context.rate_value.data() + f * noise_row, context.rate_output.data() + f * output_row, d_step, d_mask);
-    std::copy_n(d_step.data(), 3, context.rate_step.data() + 3 * f);
+    const typename Attributes::Bits bits =
+        Base::rate(settings_, s.output + i * output_row, output_row, q, mask, f, s, context);
     for (std::size_t c = 0; c < hyper_row; ++c) context.rate_hyper[f * hyper_row + c] = s.d_z[c * panel + i];
     if (settings_.anchor_mask) {
+      T* const d_mask = context.rate_mask.data() + f * mask_row;
       for (std::size_t k = 0; k < mask_row; ++k) {
         d_mask[k] += static_cast<T>(context.unit) * s.z_bits[i] / static_cast<T>(mask_row);
       }
@@ -476,32 +389,18 @@ class ContextGsModel {
     for (std::size_t p = 0; p < plan.capacity / panel; ++p) {
       for (std::size_t i = 0; i < partials; ++i) sums[i] += context.partial[p * partials + i];
     }
-    const double visible = static_cast<double>(std::max<std::size_t>(1, plan.visible_live));
-    report.step_feature = sums[4] / visible;
-    report.step_scaling = sums[5] / visible;
-    report.step_offset = sums[6] / visible;
+    Base::report_steps(sums.data() + 4, static_cast<double>(std::max<std::size_t>(1, plan.visible_live)), report);
     if (!context.phase.counts) return;
     const double drawn = static_cast<double>(std::max<std::size_t>(1, plan.drawn));
     report.sampled = plan.drawn;
     report.live_share = static_cast<double>(plan.drawn_live) / drawn;
-    report.bits_feature = sums[0] / (drawn * feature_dim);
-    report.bits_scaling = sums[1] / (drawn * 6);
-    report.bits_offset = sums[2] / (drawn * 3 * offsets);
-    const double bits = sums[0] + sums[1] + sums[2];
-    report.bits_per_scalar = bits / (drawn * static_cast<double>(scalars));
-    report.live_offsets = sums[7] / (drawn * offsets);
+    const double bits = Base::report_bits(sums.data(), drawn, sums[7], report);
     report.hash_bits = sums[3] / drawn * static_cast<double>(anchors);
     // Contracted by hand: a compiler may do it for one executor and not for another.
     const double penalty = mask_penalty<T>(arena.values(handles.mask), context.partial, executor);
     report.loss = std::fma(settings_.mask_weight, penalty, context.unit * (bits + sums[3]));
   }
 
-  /// One entry's gradients, in place; returns those by its steps.
-  static std::array<T, 3> pull_back(std::size_t e, std::size_t row, const T* rate, const Tables<T>& d,
-                                    const Context& context) {
-    return Attributes::pull_back(context.noise.data() + e * noise_row, context.extents.data() + e * 12, rate,
-                                 d.feature.row(row), d.scaling.row(row), d.offset.row(row));
-  }
   /// Where an entry's row of inputs begins: rows of a panel are as wide as its network's.
   template <class Net>
   [[nodiscard]] static std::size_t input_of(std::size_t e) {
@@ -547,16 +446,10 @@ class ContextGsModel {
     Context& context = state.context;
     const ContextGsPlan::Section& section = context.plan.light[level];
     const Random random(context.phase.seed, context.phase.iteration, random_stage("context gs steps"));
-    const bool all = settings_.step_share >= 1;
-    const T weight = static_cast<T>(all ? 1 : 1 / settings_.step_share);
     executor.for_chunks(section.count, panel, [&](std::size_t begin, std::size_t end, std::size_t worker) {
       for (std::size_t e = section.first + begin; e < section.first + end; ++e) {
-        T* const d = context.d_step.data() + 3 * e;
-        std::array<T, 3> d_step = pull_entry(level, e, nullptr, state, context.scratch[worker]);
-        const bool drawn = all || random.uniform(context.plan.row[e]) < settings_.step_share;
-        for (T& value : d_step) value = drawn ? value * weight : T(0);
-        pull_steps(e, d_step, d, context);
-        context.active[e] = d[0] == T(0) && d[1] == T(0) && d[2] == T(0) ? 0 : 1;  // a NaN stays in
+        const std::array<T, 3> d_step = pull_entry(level, e, nullptr, state, context.scratch[worker]);
+        context.active[e] = Base::pull_drawn_steps(settings_, random, e, context.plan.row[e], d_step, context) ? 1 : 0;
       }
     });
     std::size_t active = 0;
@@ -565,10 +458,6 @@ class ContextGsModel {
       active += context.active[e];
     }
     return active;
-  }
-  void pull_steps(std::size_t e, const std::array<T, 3>& d_step, T* to, const Context& context) const {
-    const std::array<T, 3> base = base_steps();
-    for (std::size_t g = 0; g < 3; ++g) to[g] = Attributes::pull_step(context.step[3 * e + g], base[g], d_step[g]);
   }
   /// Of the light entries back[begin] … back[end - 1].
   template <class Net>
@@ -601,13 +490,9 @@ class ContextGsModel {
     std::fill(std::begin(s.output), std::end(s.output), T(0));
     for (std::size_t i = 0; i < at.count; ++i) {
       const std::size_t e = at.first + i, row = plan.row[e], f = plan.rate_of(level, e);
-      std::array<T, 3> d_step = pull_entry(level, e, context.rate_value.data() + f * noise_row, state, s);
-      for (std::size_t g = 0; g < 3; ++g) d_step[g] += context.rate_step[3 * f + g];
-      std::copy_n(context.rate_output.data() + f * output_row, step_output, s.output + i * output_row);
-      pull_steps(e, d_step, s.output + i * output_row + step_output, context);
-      for (std::size_t k = 0; k < mask_row; ++k) {
-        d_mask(row, k) += context.rate_mask[f * mask_row + k] * mask_slope(mask(row, k));
-      }
+      const std::array<T, 3> d_step = pull_entry(level, e, context.rate_value.data() + f * noise_row, state, s);
+      Base::pull_outputs(settings_, e, f, d_step, s.output + i * output_row, output_row, mask.row(row), d_mask.row(row),
+                         context);
       context.active[e] = 1;
     }
     Net::backward_all(context.packed[level].data(), context.input.data() + at.first * input_row,
@@ -648,19 +533,8 @@ class ContextGsModel {
       rate = d;
     }
     const std::size_t row = plan.row[e];
-    if ((plan.mark[row] & ContextGsPlan::visible) != 0) return pull_back(e, row, rate, state.d_rows, context);
-    std::fill(std::begin(s.feature), std::end(s.feature), T(0));
-    std::fill(std::begin(s.scaling), std::end(s.scaling), T(0));
-    std::fill(std::begin(s.offset), std::end(s.offset), T(0));
-    const std::array<T, 3> d_step = Attributes::pull_back(
-        context.noise.data() + e * noise_row, context.extents.data() + e * 12, rate, s.feature, s.scaling, s.offset);
-    add(s.feature, state.outside.feature, row);
-    add(s.scaling, state.outside.scaling, row);
-    add(s.offset, state.outside.offset, row);
-    return d_step;
-  }
-  static void add(const T* from, const MatrixView<T>& to, std::size_t row) {
-    for (std::size_t c = 0; c < to.columns; ++c) to(row, c) += from[c];
+    if ((plan.mark[row] & ContextGsPlan::visible) != 0) return Base::pull_back(e, row, rate, state.d_rows, context);
+    return Base::pull_back_copy(e, row, rate, state.outside, s, context);
   }
 
   Settings settings_{};
