@@ -22,7 +22,7 @@ status=0
 # What does not compile fails below as a test that could not run; the others are run all the same.
 cmake --build "$build" --target compmark_tests -j "$jobs" -- -k 0 || status=1
 # The limit ends what hangs, and no test of a slow machine.
-ctest --test-dir "$build" -LE '^(example|benchmark|consumer)$' --no-tests=error --timeout 1800 -j "$jobs" \
+ctest --test-dir "$build" -LE '^(compilers|example|benchmark|consumer)$' --no-tests=error --timeout 1800 -j "$jobs" \
   --test-output-size-passed 4000000 --test-output-size-failed 4000000 --output-on-failure --output-junit tests.xml || status=1
 awk -f tests/support/count.awk "$build/tests.xml" || status=1
 exit $status
