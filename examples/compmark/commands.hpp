@@ -18,6 +18,7 @@ Command add_embed(CLI::App& app);
 Command add_fit(CLI::App& app);
 Command add_pretrain(CLI::App& app);
 Command add_compress(CLI::App& app);
+Command add_fit_codec(CLI::App& app);
 Command add_decompress(CLI::App& app);
 Command add_render(CLI::App& app);
 Command add_evaluate(CLI::App& app);

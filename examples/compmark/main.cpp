@@ -33,6 +33,7 @@ int main(int argc, char** argv) {
   add("fit", "make the message decoder of one scene, from its unmarked model", tool::add_fit);
   add("pretrain", "train a message decoder", tool::add_pretrain);
   add("compress", "write a model as one small file", tool::add_compress);
+  add("fit-codec", "write a small file of a model that was not trained for one", tool::add_fit_codec);
   add("decompress", "write the model of a small file, or what is left of it", tool::add_decompress);
   add("render", "render views of a model to PNG", tool::add_render);
   add("evaluate", "measure models against a dataset's test views", tool::add_evaluate);

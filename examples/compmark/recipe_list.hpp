@@ -66,6 +66,8 @@ auto with_hac_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::r
   if (name == "hac+mask") return f(Tag<compmark::recipes::HacMasked>{});
   if (name == "hac+alpha") return f(Tag<compmark::recipes::HacAlpha>{});
   if (name == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
+  if (name == "hac+fitted") return f(Tag<compmark::recipes::HacFitted>{});
+  if (name == "hac+fitted+mask") return f(Tag<compmark::recipes::HacFittedMasked>{});
   return f.unknown(not_coded(name));
 }
 template <class F>
@@ -74,6 +76,8 @@ auto with_context_gs_recipe(std::string_view name, F&& f) -> decltype(f(Tag<comp
   if (name == "context_gs+mask") return f(Tag<compmark::recipes::ContextGsMasked>{});
   if (name == "context_gs+alpha") return f(Tag<compmark::recipes::ContextGsAlpha>{});
   if (name == "context_gs+exposure") return f(Tag<compmark::recipes::ContextGsExposure>{});
+  if (name == "context_gs+fitted") return f(Tag<compmark::recipes::ContextGsFitted>{});
+  if (name == "context_gs+fitted+mask") return f(Tag<compmark::recipes::ContextGsFittedMasked>{});
   return f.unknown(not_coded(name));
 }
 /// The codec that a recipe trains for; "none" for the others.
@@ -96,8 +100,10 @@ auto with_coded_reading_recipe(std::string_view name, F&& f) -> decltype(f(Tag<c
   const std::string plain = reading_recipe(std::string(name));
   if (plain == "hac") return f(Tag<compmark::recipes::HacScaffold>{});
   if (plain == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
+  if (plain == "hac+fitted") return f(Tag<compmark::recipes::HacFitted>{});
   if (plain == "context_gs") return f(Tag<compmark::recipes::ContextGsScaffold>{});
   if (plain == "context_gs+exposure") return f(Tag<compmark::recipes::ContextGsExposure>{});
+  if (plain == "context_gs+fitted") return f(Tag<compmark::recipes::ContextGsFitted>{});
   return f.unknown(not_coded(name));
 }
 template <class F>

@@ -12,8 +12,10 @@
 #include <compmark/pipeline/adopt_networks.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/coded_model.hpp>
+#include <compmark/pipeline/finished_host.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/pipeline/trainer.hpp>
+#include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <cstdio>
 #include <filesystem>
@@ -132,23 +134,32 @@ struct StoredRecipe<R> {
   using Type = typename R::Host;
 };
 
+/// The recipe of the finished model that a run may start from (TrainOptions::model).
+template <class R>
+struct SourceRecipe : StoredRecipe<R> {};
+template <class R>
+  requires(present<typename R::EntropyModel> && !present<typename R::MessageDecoder>)
+struct SourceRecipe<R> {
+  using Type = typename R::Host;
+};
+
 /// Trains and measures. `mark` is for recipes with a message decoder, null for all others.
 template <class R>
 int run(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark = nullptr) {
-  using Stored = typename StoredRecipe<R>::Type;
+  using Source = typename SourceRecipe<R>::Type;
   constexpr bool is_marked = present<typename R::MessageDecoder>;
   ThreadExecutor executor(options.threads);
 
   TrainSettings wanted = settings;
-  std::optional<LoadedModel<Stored>> loaded;  // of embed
+  std::optional<LoadedModel<Source>> loaded;  // of embed and fit-codec
   SourceModel source;
   if (!options.model.empty()) {
-    Result<LoadedModel<Stored>> read = read_model<Stored>(options.model);
+    Result<LoadedModel<Source>> read = read_model<Source>(options.model);
     if (!read) return fail(read.error());
     loaded = std::move(*read);
     source = {&loaded->info, loaded->model.train_views};
     for (std::size_t c = 0; c < 3; ++c) wanted.background[c] = static_cast<float>(loaded->model.render.background[c]);
-    if constexpr (present<typename R::EntropyModel>) {
+    if constexpr (is_marked && present<typename R::EntropyModel>) {
       const std::array<double, 3>& step = loaded->info.base_step;
       wanted.rate.feature_step = step[0];
       wanted.rate.scaling_step = step[1];
@@ -165,7 +176,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   LensViews<RecipeLens<R>>& train = *with_cameras;
   if (Result<Done> usable = check_run(options, data, source, mark); !usable) return fail(usable.error());
   std::optional<CodecModel> host_file;  // what a file of the model says that a mark is hidden in
-  if constexpr (present<typename R::EntropyModel>) {
+  if constexpr (is_marked && present<typename R::EntropyModel>) {
     if (loaded) {
       const Result<CodecModel> coded = coded_model(loaded->model, loaded->info);
       if (!coded) return fail(in_file(coded.error(), options.model));
@@ -189,10 +200,11 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   } else {
     if (!options.resume && std::filesystem::exists(data.checkpoint)) return fail(unfinished_run(data.checkpoint));
     if (loaded) {
-      if constexpr (present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
+      if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
         if (Result<Done> adopted = adopt_networks(*host_file, loaded->model); !adopted) return fail(adopted.error());
       }
-      if constexpr (is_marked) trainer.start_from(with_room_for_mark<R>(loaded->model, data.settings.seed));
+      if constexpr (is_marked || present<typename R::EntropyModel>)
+        trainer.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
     } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position); !ready) {
       return fail(ready.error());
     }
@@ -262,7 +274,8 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
 template <class R>
 int run_coded(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark) {
   if (mark == nullptr) return run<R>(options, settings);
-  if constexpr (present<typename R::Exposure>) {
+  constexpr bool fitted = !(R::AnchorModel::shape == recipes::coded_shape);
+  if constexpr (present<typename R::Exposure> || fitted) {
     return fail(no_message_in(options.recipe));
   } else {
     return run<recipes::Marked<R, Decoder>>(options, settings, mark);

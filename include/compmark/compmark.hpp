@@ -271,6 +271,7 @@
 #include "compmark/pipeline/coded_model.hpp"
 #include "compmark/pipeline/coded_views.hpp"
 #include "compmark/pipeline/contributions.hpp"
+#include "compmark/pipeline/finished_host.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/pipeline/model_info.hpp"

@@ -109,14 +109,12 @@ TEST_CASE("entropy/anchor_rate_model: a share of the anchors teaches the steps w
   constexpr std::size_t entries = 20000;
   const Random random(4, 9, random_stage("steps"));
   const auto sum_of = [&](double share, std::size_t& taught) {
-    AnchorRateSettings settings;
-    settings.step_share = share;
     Parts::Kept kept = kept_of(entries);
     std::fill_n(kept.step.data(), 3 * entries, 0.05);
     double sum = 0;
     taught = 0;
     for (std::size_t e = 0; e < entries; ++e) {
-      taught += Parts::pull_drawn_steps(settings, random, e, static_cast<std::uint32_t>(e), {1, 1, 1}, kept) ? 1 : 0;
+      taught += Parts::pull_drawn_steps({}, share, random, e, static_cast<std::uint32_t>(e), {1, 1, 1}, kept) ? 1 : 0;
       sum += kept.d_step[3 * e];
     }
     return sum;
@@ -130,8 +128,8 @@ TEST_CASE("entropy/anchor_rate_model: a share of the anchors teaches the steps w
 
   Parts::Kept kept = kept_of(1);
   std::fill_n(kept.step.data(), 3, 0.05);
-  CHECK_FALSE(Parts::pull_drawn_steps({}, random, 0, 0, {0, 0, 0}, kept));
-  CHECK(Parts::pull_drawn_steps({}, random, 0, 0, {0, std::numeric_limits<double>::quiet_NaN(), 0}, kept));
+  CHECK_FALSE(Parts::pull_drawn_steps({}, 1, random, 0, 0, {0, 0, 0}, kept));
+  CHECK(Parts::pull_drawn_steps({}, 1, random, 0, 0, {0, std::numeric_limits<double>::quiet_NaN(), 0}, kept));
 }
 
 }  // namespace anchor_rate_model_test

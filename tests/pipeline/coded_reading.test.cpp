@@ -30,7 +30,7 @@ struct CodedReadingBench {
   static constexpr std::size_t view = 1;
 
   explicit CodedReadingBench(double lambda = 0.001)
-      : model(with_room_for_mark<MarkedSmallHac>(testing::train_coded<testing::SmallHac>(2).model, 1)) {
+      : model(with_room_for_stages<MarkedSmallHac>(testing::train_coded<testing::SmallHac>(2).model, 1)) {
     LatticeSettings lattice;
     lattice.measure = LatticeMeasure::colour;
     lattice.bits = lattice.features = 4;

@@ -212,7 +212,7 @@ TEST_CASE(
     ThreadExecutor executor(2);
     Trainer<ColourMarked, ThreadExecutor> trainer(settings, 6, 1.0, executor);
     trainer.set_watermark(decoder, message);
-    trainer.start_from(with_room_for_mark<ColourMarked>(finished(), 0));
+    trainer.start_from(with_room_for_stages<ColourMarked>(finished(), 0));
     BlobViews views;
     double departure = 0;
     while (!trainer.finished()) {

@@ -74,6 +74,7 @@ TEST_CASE_TEMPLATE(
     RateNumbers numbers;
     numbers.lambda = 0.05;  // much, so that an error of the rate's gradient would show
     numbers.sample = 0.5;
+    numbers.step_share = 1;  // a share of the anchors has the gradient in the mean alone
     pipeline.road() = typename Model<R>::Road(entropy_model<R>(numbers));
     SerialExecutor executor;
     using Context = typename Pipeline<R>::Context;

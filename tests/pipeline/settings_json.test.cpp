@@ -53,8 +53,8 @@ struct ChangeOne {
         f24, f25, f26, f27, f28, f29);
   }
   void operator()(RateNumbers& rate) {
-    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12] = rate;
-    all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12);
+    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13] = rate;
+    all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13);
   }
   void operator()(TrainSettings& settings) {
     auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13, f14, f15, f16, f17, f18, f19, f20, f21, f22, f23,

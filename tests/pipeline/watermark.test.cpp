@@ -272,7 +272,7 @@ TEST_CASE("pipeline/watermark: a finished model is marked by training on from it
   settings.mark.logit_scale = 1;
   Trainer<MarkedHost, ThreadExecutor> second(settings, 6, 1.0, executor);
   second.set_watermark(Waves<float>{}, message);
-  second.start_from(with_room_for_mark<MarkedHost>(first.model(), settings.seed));
+  second.start_from(with_room_for_stages<MarkedHost>(first.model(), settings.seed));
   CHECK(second.state().iteration == 0);
   // It starts as what it was started from, to the bit: the residual is zero.
   const Model<Host> room = baked_host(second.model());
@@ -368,7 +368,7 @@ TEST_CASE(
   const auto finished_model = [&](const TrainSettings& chosen, double& departure) {
     Trainer<ColourMarked, ThreadExecutor> trainer(chosen, 6, 1.0, executor);
     trainer.set_watermark(colours(), message);
-    trainer.start_from(with_room_for_mark<ColourMarked>(plain.model(), settings.seed));
+    trainer.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
     REQUIRE(trainer.run(views));
     departure = trainer.between_report().departure;
     return trainer.model();

@@ -162,6 +162,7 @@ TEST_CASE("tool: a damaged file is refused with its name, and salvaged when that
 }
 
 TEST_CASE("tool: what cannot be compressed is refused in one line, and nothing is overwritten") {
+  static_cast<void>(small());
   done("train --effects none --iterations 20 --data " + at("scene") + " --out " + at("plain"));
   check_refused(tool("compress --model " + at("plain/model.safetensors") + " --out " + small()),
                 {"scaffold", "--codec hac"});

@@ -30,9 +30,6 @@ namespace compmark::inline v0 {
 struct AnchorRateSettings {
   double lambda = 0.001;
   double mask_weight = 5e-4;
-  /// Share of the anchors without a rate that teach their steps in an iteration, at 1 / share the weight: the same mean, less work, more
-  /// noise. At a quarter, 15 % of HAC's iteration is saved and the noise costs the grid's own bits (twice as many in a short run).
-  double step_share = 1;
   bool anchor_mask = true;  ///< bits of features, extents and z weigh by the straight-through mask of the anchor
   double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
   double least_extent = 1e-6;                                        ///< a distorted extent stays above it, world units
@@ -208,13 +205,13 @@ class AnchorRateModel {
     const std::array<T, 3> base = base_steps(settings);
     for (std::size_t g = 0; g < 3; ++g) to[g] = Attributes::pull_step(kept.step[3 * entry + g], base[g], d_step[g]);
   }
-  /// An entry without a rate: by its raw steps, zero where it is not among the share that is drawn to teach them. Returns whether it has a
-  /// gradient, which a NaN is too.
-  static bool pull_drawn_steps(const AnchorRateSettings& settings, const Random& random, std::size_t entry,
-                               std::uint32_t row, std::array<T, 3> d_step, EntryTables& kept) {
-    const bool all = settings.step_share >= 1;
-    const T weight = static_cast<T>(all ? 1 : 1 / settings.step_share);
-    const bool drawn = all || random.uniform(row) < settings.step_share;
+  /// An entry without a rate: by its raw steps, zero where it is not among the `share` that is drawn to teach them, at 1 / share the weight: the
+  /// same mean, less work for who asks the network back only where there is a gradient, more noise. Returns whether there is one; a NaN is one.
+  static bool pull_drawn_steps(const AnchorRateSettings& settings, double share, const Random& random,
+                               std::size_t entry, std::uint32_t row, std::array<T, 3> d_step, EntryTables& kept) {
+    const bool all = share >= 1;
+    const T weight = static_cast<T>(all ? 1 : 1 / share);
+    const bool drawn = all || random.uniform(row) < share;
     for (T& value : d_step) value = drawn ? value * weight : T(0);
     T* const d = kept.d_step.data() + 3 * entry;
     pull_steps(settings, entry, d_step, d, kept);

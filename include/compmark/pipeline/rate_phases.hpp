@@ -77,6 +77,9 @@ template <Recipe R>
   if constexpr (requires { settings.sample; }) {
     if (numbers.sample > 0) settings.sample = numbers.sample;
   }
+  if constexpr (requires { settings.step_share; }) {
+    if (numbers.step_share > 0) settings.step_share = numbers.step_share;
+  }
   if constexpr (present<typename R::Embedder> && requires { settings.sample_all; }) {
     settings.sample_all = false;  // only visible anchors are embedded, and the rate is that of embedded ones
   }

@@ -83,6 +83,7 @@ struct RateNumbers {
   std::int64_t round_after = 30000;    ///< steps round instead of drawing noise from here
   double mask_weight = 5e-4;           ///< of the mean sigmoid of the masks' logits, from context_after
   double sample = 0;  ///< share of all anchors whose bits are counted in an iteration; 0: what the entropy model says
+  double step_share = 0;            ///< share of the others that teach their steps; 0: what the entropy model says
   double feature_step = 1;          ///< Q0
   double scaling_step = 0.001;      ///< of exp(scaling), world units
   double offset_step = 0.2;         ///< of offsets, which are in units of exp(scaling)

@@ -106,7 +106,7 @@ class Trainer {
     start(rows);
     return Done{};
   }
-  /// Starts from a finished model (see with_room_for_mark): its parameters, fresh moments and statistics. Background, blur and voxel size
+  /// Starts from a finished model (see with_room_for_stages): its parameters, fresh moments and statistics. Background, blur and voxel size
   /// are the model's, not the settings'.
   void start_from(Model<R> model) {
     COMPMARK_ASSERT(model.train_views == view_count_, "Trainer: the model was trained with another number of views");

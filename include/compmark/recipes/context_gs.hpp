@@ -6,6 +6,7 @@
 //
 //   ContextGs<Host>                       Host with anchor levels, hyperprior, adaptive steps and offset masks
 //   ContextGsScaffold, ContextGsAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input
+//   ContextGsFitted, ContextGsFittedMasked   a codec for a finished model of Scaffold, whose anchors stay as they are
 #pragma once
 
 #include "compmark/entropy/context_gs_model.hpp"
@@ -26,5 +27,8 @@ struct ContextGsScaffold : ContextGs<WithShape<Scaffold, coded_shape>> {};
 struct ContextGsMasked : ContextGs<WithShape<ScaffoldMasked, coded_shape>> {};
 struct ContextGsAlpha : ContextGs<WithShape<ScaffoldAlpha, coded_shape>> {};
 struct ContextGsExposure : ContextGs<WithShape<ScaffoldExposure, coded_shape>> {};
+
+struct ContextGsFitted : ContextGs<Scaffold> {};
+struct ContextGsFittedMasked : ContextGs<ScaffoldMasked> {};
 
 }  // namespace compmark::inline v0::recipes

@@ -6,6 +6,7 @@
 //
 //   Hac<Host>                 Host with hash-grid context, adaptive steps and offset masks
 //   HacScaffold, HacAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input
+//   HacFitted, HacFittedMasked   a codec for a finished model of Scaffold, whose anchors stay as they are (with_room_for_stages)
 #pragma once
 
 #include "compmark/entropy/hac_model.hpp"
@@ -34,5 +35,8 @@ struct HacScaffold : Hac<WithShape<Scaffold, coded_shape>> {};
 struct HacMasked : Hac<WithShape<ScaffoldMasked, coded_shape>> {};
 struct HacAlpha : Hac<WithShape<ScaffoldAlpha, coded_shape>> {};
 struct HacExposure : Hac<WithShape<ScaffoldExposure, coded_shape>> {};
+
+struct HacFitted : Hac<Scaffold> {};
+struct HacFittedMasked : Hac<ScaffoldMasked> {};
 
 }  // namespace compmark::inline v0::recipes

@@ -8,11 +8,9 @@
 //   MarkedForCompression<…>          the same with the noise of quantization while training, so that the message survives a codec
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
-
 #include "compmark/loss/hsv.hpp"
 #include "compmark/mark/residual.hpp"
+#include "compmark/pipeline/finished_host.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/quant/adaptive_quantizer.hpp"
 #include "compmark/quant/distortion.hpp"
@@ -41,46 +39,12 @@ struct MarkedForCompression : Marked<HostRecipe, Decoder> {
 
 }  // namespace recipes
 
-/// The model of the host alone, without the mark: where the residual trained beside it (MarkNumbers::fidelity), what a run without a mark ends with.
-template <Recipe R>
-[[nodiscard]] Model<typename R::Host> host_alone(const Model<R>& marked) {
-  using Scalar = typename R::Scalar;
-  Model<typename R::Host> host;
-  host.create(marked.anchor_count(), marked.train_views);
-  host.render = marked.render;
-  host.voxel_size = marked.voxel_size;
-  for (const ArenaLayout::Block& block : host.arena.layout().blocks()) {
-    const BlockHandle source = marked.arena.layout().find(block.name);
-    COMPMARK_ASSERT(source.valid() && marked.arena.layout().block(source).size() == block.size(),
-                    "host_alone: the host has a block that the marked model has not");
-    const MatrixView<const Scalar> values = marked.arena.values(source);
-    std::copy_n(values.data, block.size(), host.arena.all_values().data() + block.offset);
-  }
-  return host;
-}
-
 /// The model of the host with the mark baked into its anchors: it renders the same bits as `marked` does outside of training.
 template <Recipe R>
 [[nodiscard]] Model<typename R::Host> baked_host(const Model<R>& marked) {
   Model<R> baked = marked;
   Model<R>::Road::bake(baked.arena, baked.anchors, baked.road);
   return host_alone(baked);
-}
-
-/// The other way: a finished model of the host with room for a mark (zero yet) and fresh networks of the stages, to be trained on.
-template <Recipe R>
-[[nodiscard]] Model<R> with_room_for_mark(const Model<typename R::Host>& host, std::uint64_t seed) {
-  using Scalar = typename R::Scalar;
-  Model<R> marked;
-  marked.create(host.anchor_count(), host.train_views);
-  marked.render = host.render;
-  marked.voxel_size = host.voxel_size;
-  Model<R>::Road::initialise(marked.arena, marked.road, seed);
-  for (const ArenaLayout::Block& block : host.arena.layout().blocks()) {
-    const MatrixView<Scalar> values = marked.arena.values(marked.arena.layout().find(block.name));
-    std::copy_n(host.arena.all_values().data() + block.offset, block.size(), values.data);
-  }
-  return marked;
 }
 
 }  // namespace compmark::inline v0

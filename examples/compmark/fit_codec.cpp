@@ -1,0 +1,121 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark fit-codec: a small file of a model that was not trained for one. What the file says of the model is fitted to it: how finely each anchor is
+// rounded, which offsets it can do without, and what each number is likely to be. The photographs say what rounding costs. The model's attributes and
+// networks stay as they are, so that a mark in them stays; with --touch-up they train on.
+#include <compmark/pipeline/model_file.hpp>
+#include <memory>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "codec_file.hpp"
+#include "commands.hpp"
+#include "common.hpp"
+#include "recipe_list.hpp"
+#include "train_coded.hpp"
+#include "train_run.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+/// Of a finished model: nothing grows, and the rate counts from the first iteration on.
+TrainSettings codec_settings(TrainSettings settings, bool touch_up) {
+  settings.grow_until = 0;
+  settings.rate.noise_after = settings.rate.context_after = 0;
+  const auto last = [&](LearningRate& rate) {
+    rate = touch_up ? LearningRate{rate.final, rate.final} : LearningRate{};
+  };
+  for (LearningRate* rate : {&settings.offset, &settings.mlp_opacity, &settings.mlp_covariance, &settings.mlp_color,
+                             &settings.feature, &settings.scaling})
+    last(*rate);
+  if (touch_up) {  // constant in a training; a tenth of it here
+    settings.feature = {settings.feature.final / 10, settings.feature.final / 100};
+    settings.scaling = {settings.scaling.final / 10, settings.scaling.final / 100};
+  }
+  return settings;
+}
+
+/// The recipe that fits `codec` to models of `recipe`.
+Result<std::string> fitted_recipe(const std::string& recipe, const std::string& codec,
+                                  const std::filesystem::path& model) {
+  if (is_coded_recipe(recipe)) {
+    return Error{ErrorKind::invalid, model.string(), "recipe", "\"" + recipe + "\" is trained for a codec",
+                 "compmark compress writes its file"};
+  }
+  if (reading_recipe(recipe) != "scaffold") {
+    return Error{ErrorKind::unsupported, model.string(), "recipe", "\"" + recipe + "\" is not one a codec is fitted to",
+                 "that is scaffold, alone or with +mask or +alpha; compmark train --codec trains others for one"};
+  }
+  return codec + "+fitted" + (recipe.find("+mask") != std::string::npos ? "+mask" : "");
+}
+
+int fit_codec(TrainOptions options, bool touch_up) {
+  if (is_coded_file(options.model))
+    return fail({ErrorKind::invalid, options.model.string(), {}, "is compressed already", "copy the file"});
+  const Result<std::string> recipe = [&]() -> Result<std::string> {
+    const Result<SafetensorsFile> file = read_safetensors(options.model);
+    if (!file) return file.error();
+    Result<std::string> of_model = model_recipe(*file);
+    return of_model ? fitted_recipe(*of_model, options.codec, options.model) : of_model;
+  }();
+  if (!recipe) return fail(recipe.error());
+  options.recipe = *recipe;
+  options.profile = "hac";
+  std::error_code ignored;
+  if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
+    return fail({ErrorKind::invalid, options.model.string(), "--out", "is the folder of the model that is compressed",
+                 "choose another, the model is worth keeping"});
+  }
+  const Result<std::string> digest = file_sha256(options.model);
+  if (!digest) return fail(digest.error());
+  TrainSettings settings = *profile_settings(options.profile);
+  settings.iterations = options.iterations;
+  if (options.seed) settings.seed = *options.seed;
+  settings.rate.lambda = options.rate_lambda;
+  settings.mark.identity = digest->substr(0, 16);  // a run is resumed from the same model alone
+  return train_coded(options, codec_settings(std::move(settings), touch_up), nullptr);
+}
+
+}  // namespace
+
+Command add_fit_codec(CLI::App& app) {
+  auto options = std::make_shared<TrainOptions>();
+  auto touch_up = std::make_shared<bool>(false);
+  options->iterations = 3000;
+  options->codec = "hac";
+  app.add_option("--model", options->model, "a finished model (model.safetensors of a training without --codec)")
+      ->required();
+  app.add_option("--data", options->data, "the dataset it was trained on")->required();
+  app.add_option("--out", options->out, "folder for model.cmk, model.safetensors, results.json and report.html")
+      ->required();
+  app.add_option("--codec", options->codec, "hac or context_gs")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"hac", "context_gs"}));
+  app.add_option("--lambda", options->rate_lambda, "loss of one bit more a scalar")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_flag("--touch-up", *touch_up,
+               "train the model's attributes and networks on, at small rates: a smaller file of a model that is "
+               "another one, and of a mark that fades");
+  app.add_option("--iterations", options->iterations, "length of the run")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 64.0));
+  app.add_option("--seed", options->seed, "seed of every random number (default: 0)");
+  app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
+  app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
+  app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
+  return [options, touch_up]() -> int { return fit_codec(*options, *touch_up); };
+}
+
+}  // namespace tool

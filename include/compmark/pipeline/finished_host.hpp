@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Between a recipe and its Host, the recipe it adds stages to: a finished model of the host is given room for a mark, or for a codec's context, and
+// what was trained there can be taken out again.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/recipe.hpp"
+
+namespace compmark::inline v0 {
+
+/// The host alone, without the stages of R: of a mark whose residual trained beside it (MarkNumbers::fidelity), what a run without a mark ends with.
+template <Recipe R>
+[[nodiscard]] Model<typename R::Host> host_alone(const Model<R>& model) {
+  using Scalar = typename R::Scalar;
+  Model<typename R::Host> host;
+  host.create(model.anchor_count(), model.train_views);
+  host.render = model.render;
+  host.voxel_size = model.voxel_size;
+  for (const ArenaLayout::Block& block : host.arena.layout().blocks()) {
+    const BlockHandle source = model.arena.layout().find(block.name);
+    COMPMARK_ASSERT(source.valid() && model.arena.layout().block(source).size() == block.size(),
+                    "host_alone: the host has a block that the model has not");
+    const MatrixView<const Scalar> values = model.arena.values(source);
+    std::copy_n(values.data, block.size(), host.arena.all_values().data() + block.offset);
+  }
+  return host;
+}
+
+/// The other way: a finished model of the host with room for the stages of R, to be trained on: a mark that is zero yet, fresh networks.
+template <Recipe R>
+[[nodiscard]] Model<R> with_room_for_stages(const Model<typename R::Host>& host, std::uint64_t seed) {
+  using Scalar = typename R::Scalar;
+  Model<R> model;
+  model.create(host.anchor_count(), host.train_views);
+  model.render = host.render;
+  model.voxel_size = host.voxel_size;
+  Model<R>::Road::initialise(model.arena, model.road, seed);
+  for (const ArenaLayout::Block& block : host.arena.layout().blocks()) {
+    const MatrixView<Scalar> values = model.arena.values(model.arena.layout().find(block.name));
+    std::copy_n(host.arena.all_values().data() + block.offset, block.size(), values.data);
+  }
+  return model;
+}
+
+}  // namespace compmark::inline v0
