@@ -57,7 +57,9 @@ class RecipeModel final : public AnyModel {
                    {},
                    "recipe",
                    "\"" + info.recipe + "\" has no entropy model, so nothing is known of how its numbers are coded",
-                   "train with --codec hac or context_gs, or fit one to it: compmark fit-codec"};
+                   reading_recipe(info.recipe) == "scaffold"
+                       ? "fit a codec to it: compmark fit-codec; or train with --codec hac or context_gs"
+                       : "train with --codec hac or context_gs"};
     }
   }
 

@@ -83,7 +83,7 @@ int decompress(const DecompressOptions& options, CodecDecoded decoded) {
 
 Command add_compress(CLI::App& app) {
   auto options = std::make_shared<CompressOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run with --codec")->required();
+  app.add_option("--model", options->model, "model.safetensors of a run with --codec, or of fit-codec")->required();
   app.add_option("--out", options->out, "compressed file (.cmk)")->required();
   app.add_option("--cameras", options->cameras, "which of the model's cameras the file keeps, 144 bytes each")
       ->capture_default_str()

@@ -3,16 +3,17 @@
 //
 // compmark fit-codec: a small file of a model that was not trained for one. What the file says of the model is fitted to it: how finely each anchor is
 // rounded, which offsets it can do without, and what each number is likely to be. The photographs say what rounding costs. The model's attributes and
-// networks stay as they are, so that a mark in them stays; with --touch-up they train on.
+// networks keep their bits; with --touch-up they train on. A mark is what rounding leaves of it.
 #include <compmark/pipeline/model_file.hpp>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <system_error>
 #include <utility>
 
-#include "codec_file.hpp"
 #include "commands.hpp"
 #include "common.hpp"
+#include "model_source.hpp"
 #include "recipe_list.hpp"
 #include "train_coded.hpp"
 #include "train_run.hpp"
@@ -26,16 +27,11 @@ using namespace compmark;
 TrainSettings codec_settings(TrainSettings settings, bool touch_up) {
   settings.grow_until = 0;
   settings.rate.noise_after = settings.rate.context_after = 0;
-  const auto last = [&](LearningRate& rate) {
-    rate = touch_up ? LearningRate{rate.final, rate.final} : LearningRate{};
-  };
-  for (LearningRate* rate : {&settings.offset, &settings.mlp_opacity, &settings.mlp_covariance, &settings.mlp_color,
-                             &settings.feature, &settings.scaling})
-    last(*rate);
-  if (touch_up) {  // constant in a training; a tenth of it here
-    settings.feature = {settings.feature.final / 10, settings.feature.final / 100};
-    settings.scaling = {settings.scaling.final / 10, settings.scaling.final / 100};
-  }
+  for (LearningRate* rate : {&settings.offset, &settings.mlp_opacity, &settings.mlp_color})
+    *rate = touch_up ? LearningRate{rate->final, rate->final} : LearningRate{};
+  // Those that are constant in a training.
+  for (LearningRate* rate : {&settings.feature, &settings.scaling, &settings.mlp_covariance})
+    *rate = touch_up ? LearningRate{rate->final / 10, rate->final / 100} : LearningRate{};
   return settings;
 }
 
@@ -100,7 +96,7 @@ Command add_fit_codec(CLI::App& app) {
       ->check(CLI::Range(0.0, 1.0));
   app.add_flag("--touch-up", *touch_up,
                "train the model's attributes and networks on, at small rates: a smaller file of a model that is "
-               "another one, and of a mark that fades");
+               "another one");
   app.add_option("--iterations", options->iterations, "length of the run")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);

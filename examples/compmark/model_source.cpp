@@ -81,8 +81,10 @@ COMPMARK_TOOL_LOADS(CompMarkHost);
 COMPMARK_TOOL_LOADS(CompMarkPaperHost);
 COMPMARK_TOOL_LOADS(HacScaffold);
 COMPMARK_TOOL_LOADS(HacExposure);
+COMPMARK_TOOL_LOADS(HacFitted);
 COMPMARK_TOOL_LOADS(ContextGsScaffold);
 COMPMARK_TOOL_LOADS(ContextGsExposure);
+COMPMARK_TOOL_LOADS(ContextGsFitted);
 #undef COMPMARK_TOOL_LOADS
 
 }  // namespace tool

@@ -33,11 +33,12 @@ inline compmark::Error unknown_recipe(std::string_view name) {
 }
 /// The Error of a name that is none of a recipe that trains for compression.
 inline compmark::Error not_coded(std::string_view name) {
-  return {compmark::ErrorKind::invalid,
-          {},
-          "recipe",
-          "\"" + std::string(name) + "\" is not trained for compression",
-          "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure"};
+  return {
+      compmark::ErrorKind::invalid,
+      {},
+      "recipe",
+      "\"" + std::string(name) + "\" is not trained for compression",
+      "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure, and what fit-codec makes"};
 }
 
 template <class F>

@@ -176,6 +176,13 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   const bool coded = is_coded_recipe(options.recipe);
   if (options.codec == "none" && !coded) return Done{};
   if (coded) {
+    if (options.recipe.find("+fitted") != std::string::npos) {
+      return Error{ErrorKind::invalid,
+                   {},
+                   "--recipe",
+                   "\"" + options.recipe + "\" is of a codec for a finished model",
+                   "compmark fit-codec makes it"};
+    }
     if (options.codec != "none" && options.codec != recipe_codec(options.recipe)) {
       return Error{ErrorKind::invalid,
                    {},

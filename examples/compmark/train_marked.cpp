@@ -11,12 +11,12 @@
 namespace tool {
 
 Error no_message_in(const std::string& recipe) {
-  return {
-      ErrorKind::unsupported,
-      {},
-      "--recipe",
-      "\"" + recipe + "\" is not built with a message",
-      "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha: train with one of them (--recipe)"};
+  return {ErrorKind::unsupported,
+          {},
+          "--recipe",
+          "\"" + recipe + "\" is not built with a message",
+          "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha: train with one of them "
+          "(--recipe), and mark a model before a codec is fitted to it"};
 }
 
 int train_marked(const TrainOptions& options, TrainSettings settings, const MarkInput& mark) {

@@ -15,7 +15,6 @@
 #include <compmark/pipeline/finished_host.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/pipeline/trainer.hpp>
-#include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <cstdio>
 #include <filesystem>
@@ -123,22 +122,13 @@ Result<LensViews<L>> lens_views(DatasetViews views) {
   return result;
 }
 
-/// The recipe of the model that is written: the mark is baked in.
+/// The recipe of the finished model that a run may start from (TrainOptions::model): of a mark, and of a codec that is fitted, the host's.
 template <class R>
-struct StoredRecipe {
+struct SourceRecipe {
   using Type = R;
 };
 template <class R>
-  requires present<typename R::MessageDecoder>
-struct StoredRecipe<R> {
-  using Type = typename R::Host;
-};
-
-/// The recipe of the finished model that a run may start from (TrainOptions::model).
-template <class R>
-struct SourceRecipe : StoredRecipe<R> {};
-template <class R>
-  requires(present<typename R::EntropyModel> && !present<typename R::MessageDecoder>)
+  requires(present<typename R::MessageDecoder> || requires { R::is_fitted; })
 struct SourceRecipe<R> {
   using Type = typename R::Host;
 };
@@ -148,6 +138,7 @@ template <class R>
 int run(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark = nullptr) {
   using Source = typename SourceRecipe<R>::Type;
   constexpr bool is_marked = present<typename R::MessageDecoder>;
+  constexpr bool is_fitted = requires { R::is_fitted; };
   ThreadExecutor executor(options.threads);
 
   TrainSettings wanted = settings;
@@ -186,6 +177,13 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     }
   }
 
+  if constexpr (is_fitted) {  // said now, and not when the file is written
+    if (loaded) {
+      if (const auto voxels = anchor_voxels(loaded->model); !voxels)
+        return fail(in_file(voxels.error(), options.model));
+    }
+  }
+
   Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
   if constexpr (is_marked) trainer.set_watermark(mark->decoder, mark->bits);
   double seconds_before = 0;
@@ -203,7 +201,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
       if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
         if (Result<Done> adopted = adopt_networks(*host_file, loaded->model); !adopted) return fail(adopted.error());
       }
-      if constexpr (is_marked || present<typename R::EntropyModel>)
+      if constexpr (is_marked || is_fitted)
         trainer.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
     } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position); !ready) {
       return fail(ready.error());
@@ -274,8 +272,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
 template <class R>
 int run_coded(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark) {
   if (mark == nullptr) return run<R>(options, settings);
-  constexpr bool fitted = !(R::AnchorModel::shape == recipes::coded_shape);
-  if constexpr (present<typename R::Exposure> || fitted) {
+  if constexpr (present<typename R::Exposure> || requires { R::is_fitted; }) {
     return fail(no_message_in(options.recipe));
   } else {
     return run<recipes::Marked<R, Decoder>>(options, settings, mark);

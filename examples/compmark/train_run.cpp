@@ -145,11 +145,11 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
 
 namespace {
 
-std::string background_name(const TrainOptions& options) {
-  if (!options.background.empty()) return options.background;
-  if (!options.probed_background) return "black";
-  const std::array<double, 3>& color = *options.probed_background;
-  return rounded(255 * color[0], 0) + " " + rounded(255 * color[1], 0) + " " + rounded(255 * color[2], 0);
+std::string background_name(const std::array<float, 3>& color) {
+  if (color == std::array<float, 3>{0, 0, 0}) return "black";
+  if (color == std::array<float, 3>{1, 1, 1}) return "white";
+  return rounded(255 * double{color[0]}, 0) + " " + rounded(255 * double{color[1]}, 0) + " " +
+         rounded(255 * double{color[2]}, 0);
 }
 
 }  // namespace
@@ -248,7 +248,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
                      {"voxel size", rounded(end.voxel_size, 6)},
                      {"growing threshold", rounded(settings.gradient_threshold, 6)},
                      {"scene extent", rounded(run.extent.radius, 4)},
-                     {"background", background_name(options)},
+                     {"background", background_name(settings.background)},
                      {"model sha256", *digest}}}};
   if (coded) {
     report.headline.push_back({rounded(static_cast<double>(coded->metrics.bytes) / 1024, 0) + " KiB", "compressed"});

@@ -52,7 +52,7 @@ struct TrainOptions {
   std::filesystem::path json_log;
   LpipsFiles lpips;
   MarkOptions mark;
-  std::filesystem::path model;       ///< embed: the finished model that is marked
+  std::filesystem::path model;       ///< the finished model that embed marks, or that fit-codec compresses
   std::int64_t mark_iterations = 0;  ///< of a mark that is hidden after the training; 0: what suits the recipe
   std::string codec = "none";        ///< that the model is trained for
   double rate_lambda = 0.001;        ///< loss of one bit more a scalar
@@ -70,7 +70,7 @@ struct RunNeeds {
   bool alpha = false;  ///< the images' fourth channel
 };
 
-/// The model that `embed` starts from.
+/// The finished model that a run starts from.
 struct SourceModel {
   const compmark::ModelInfo* info = nullptr;  ///< null: a run from the data alone
   std::size_t train_views = 0;

@@ -41,12 +41,12 @@ TEST_CASE_TEMPLATE("pipeline/finished_host: a host comes out of the room for a c
   CHECK(roomy.render.near_plane == 0.5);
   CHECK(roomy.arena.all_values().size() > before.arena.all_values().size());
   // The context is fresh, and another one with another seed.
-  const auto network = [](const Model<R>& model) {
+  const auto values = [](const Model<R>& model) {
     const auto all = model.arena.all_values();
     return std::vector<float>(all.begin(), all.end());
   };
-  CHECK(network(roomy) == network(with_room_for_stages<R>(before, 7)));
-  CHECK(network(roomy) != network(with_room_for_stages<R>(before, 8)));
+  CHECK(values(roomy) == values(with_room_for_stages<R>(before, 7)));
+  CHECK(values(roomy) != values(with_room_for_stages<R>(before, 8)));
 
   const Model<SmallRecipe> after = host_alone(roomy);
   CHECK(after.anchor_count() == 9);

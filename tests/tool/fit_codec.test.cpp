@@ -54,16 +54,22 @@ std::vector<float> block(const std::string& model, const std::string& name) {
   REQUIRE(values);
   return *values;
 }
-bool same_anchors(const std::string& a, const std::string& b) {
-  for (const char* name : {"anchor.position", "anchor.feature", "anchor.scaling", "anchor.offset"}) {
+/// Of the anchors and the rendering networks.
+bool same_model(const std::string& a, const std::string& b) {
+  for (const std::string name : {"anchor.position", "anchor.feature", "anchor.scaling", "anchor.offset"}) {
     if (block(a, name) != block(b, name)) return false;
+  }
+  for (const std::string head : {"mlp_opacity", "mlp_covariance", "mlp_color"}) {
+    for (const char* part : {".0.weight", ".0.bias", ".2.weight", ".2.bias"}) {
+      if (block(a, head + part) != block(b, head + part)) return false;
+    }
   }
   return true;
 }
 
 }  // namespace
 
-TEST_CASE("tool: fit-codec writes a small file of a plain model, whose anchors stay as they are") {
+TEST_CASE("tool: fit-codec writes a small file of a plain model, which stays as it is") {
   for (const std::string codec : {"hac", "context_gs"}) {
     CAPTURE(codec);
     done(command(codec, "--codec " + codec));
@@ -75,20 +81,40 @@ TEST_CASE("tool: fit-codec writes a small file of a plain model, whose anchors s
             compressed["test"]["psnr"].get<double>(), " dB of ", results()["test"]["psnr"].get<double>());
     CHECK(compressed["bytes"].get<std::size_t>() * 5 < fs::file_size(plain()));
     CHECK(compressed["test"]["psnr"].get<double>() > results()["test"]["psnr"].get<double>() - 1);
-    CHECK(same_anchors(plain(), at(codec + "/model.safetensors")));
+    CHECK(same_model(plain(), at(codec + "/model.safetensors")));
 
     // The file is one as any other: it decodes by itself, and compress makes it again.
     done("decompress --model " + at(codec + "/model.cmk") + " --out " + at(codec + "_decoded.safetensors"));
-    CHECK_FALSE(same_anchors(plain(), at(codec + "_decoded.safetensors")));  // rounded
+    CHECK_FALSE(same_model(plain(), at(codec + "_decoded.safetensors")));  // rounded
     done("compress --model " + at(codec + "/model.safetensors") + " --out " + at(codec + "_again.cmk"));
     CHECK(testing::file_bytes(at(codec + "_again.cmk")) == testing::file_bytes(at(codec + "/model.cmk")));
     done("render --model " + at(codec + "/model.cmk") + " --out " + at(codec + "_images"));
   }
 }
 
-TEST_CASE("tool: fit-codec --touch-up trains the model on") {
-  done(command("touched", "--touch-up"));
-  CHECK_FALSE(same_anchors(plain(), at("touched/model.safetensors")));
+TEST_CASE("tool: fit-codec --touch-up trains the model on, and a run is not resumed as another one") {
+  done(command("touched", "--touch-up --iterations 20"));
+  CHECK_FALSE(same_model(plain(), at("touched/model.safetensors")));
+  CHECK(block(plain(), "anchor.position") == block(at("touched/model.safetensors"), "anchor.position"));
+
+  // A run that is killed and resumed writes the file of one that is not.
+  const std::string run = "fit-codec --model " + plain() + " --data " + at("scene") + " --iterations 100";
+  testing::killed(run, at("stopped"));
+  done("attack --model " + plain() + " --int8 tensor --keep-positions --out " + at("edited.safetensors"));
+  check_refused(tool("fit-codec --model " + at("edited.safetensors") + " --data " + at("scene") +
+                     " --iterations 100 --resume --out " + at("stopped")),
+                {"the model that was begun from"});
+  done(run + " --resume --out " + at("stopped"));
+  done(run + " --threads 1 --out " + at("whole"));
+  CHECK(testing::file_bytes(at("stopped/model.cmk")) == testing::file_bytes(at("whole/model.cmk")));
+}
+
+TEST_CASE("tool: fit-codec takes the loss on alpha as one of training alone") {
+  static_cast<void>(plain());
+  done("train --recipe scaffold+alpha --iterations 20 --data " + at("scene") + " --out " + at("alpha"));
+  done("fit-codec --model " + at("alpha/model.safetensors") + " --data " + at("scene") + " --iterations 20 --out " +
+       at("alpha_fitted"));
+  CHECK(json_of(at("alpha_fitted/results.json"))["recipe"] == "hac+fitted");
 }
 
 TEST_CASE("tool: what no codec can be fitted to is refused in one line") {
@@ -106,7 +132,13 @@ TEST_CASE("tool: what no codec can be fitted to is refused in one line") {
   check_refused(
       tool("fit-codec --model " + at("other/model.safetensors") + " --data " + at("scene") + " --out " + at("twice")),
       {"compmark-host", "compmark train --codec"});
+  done("attack --model " + plain() + " --int8 channel --out " + at("off_grid.safetensors"));
+  check_refused(
+      tool("fit-codec --model " + at("off_grid.safetensors") + " --data " + at("scene") + " --out " + at("twice")),
+      {"off_grid.safetensors", "anchor.position", "grid"});
+  check_refused(tool("train --recipe hac+fitted --data " + at("scene") + " --out " + at("twice")), {"fit-codec"});
   CHECK_FALSE(fs::exists(at("twice/model.cmk")));
+  CHECK_FALSE(fs::exists(at("twice/model.safetensors")));
 }
 
 }  // namespace fit_codec_test

@@ -10,7 +10,7 @@
 // Rows outside the visible list whose rate is counted get it straight into the arena's gradients of the blocks "anchor.feature",
 // "anchor.scaling" and "anchor.offset", found by name when the parameters are added; without these blocks only listed rows are sampled.
 // Everything runs in fixed panels of 64 anchors: same bits at any thread count. Cost at n visible anchors: n 86 random numbers,
-// n (576 + 9.7 k) multiply-adds forward and twice that backward; memory 1.2 KB a visible anchor.
+// n (576 + 9.7 k) multiply-adds forward and, of those that teach (Settings::step_share), twice that backward; memory 1.2 KB a visible anchor.
 // Longer than 300 lines: both ways of both kinds of panels share one layout.
 #pragma once
 
@@ -76,7 +76,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     HacEntries entries;
     double hash_weight = 0;  ///< loss of one bit of the grid
     Buffer<T> position;      ///< [3] in the box
-    // The way back takes only those light entries that have a gradient, half of them where half of the anchors are hidden.
+    // The way back takes only those light entries that have a gradient: of those that are seen, Settings::step_share.
     Buffer<std::uint32_t> back;  ///< light entries with one
     Buffer<T> back_position;     ///< [3] of these, to whole panels, then of the full ones
     Buffer<T> d_grid;            ///< by the network's inputs, level-major, rows as back_position

@@ -133,8 +133,10 @@ template <class Json = nlohmann::json>
   if (stored.value("effects", Json()) != wanted.value("effects", Json()))
     return other_run(file, "settings", "the numbers of effects are others in the checkpoint");
   if (stored.value("mark", Json()) != wanted.value("mark", Json()))
-    return other_run(file, "settings",
-                     "the watermark (its message, decoder or numbers) is another one in the checkpoint");
+    return other_run(
+        file, "settings",
+        "the watermark (its message, decoder or numbers), or the model that was begun from, is another one in "
+        "the checkpoint");
   if (stored.value("rate", Json()) != wanted.value("rate", Json()))
     return other_run(file, "settings", "the rate's numbers (lambda and its phases) are others in the checkpoint");
   return Done{};

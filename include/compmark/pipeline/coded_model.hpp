@@ -45,6 +45,30 @@ inline constexpr double least_coded_extent = 1e-6;
 
 }  // namespace detail
 
+/// The cells that a model's anchors lie in, in their order. Cost: linear.
+template <Recipe R>
+[[nodiscard]] Result<std::vector<Voxel>> anchor_voxels(const Model<R>& model) {
+  const auto columns = model.columns();
+  std::vector<Voxel> voxels;
+  voxels.reserve(model.anchor_count());
+  for (std::size_t i = 0; i < model.anchor_count(); ++i) {
+    Voxel voxel{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double place = static_cast<double>(columns.position(i, axis)), cell = std::round(place / model.voxel_size);
+      // A float holds a place to 2^-24 of itself; beside that it may lie nowhere but on the grid.
+      if (!(std::abs(cell) < 0x1p31) ||
+          std::abs(place - cell * model.voxel_size) > 1e-3 * model.voxel_size + 0x1p-22 * std::abs(place)) {
+        return detail::coded_error("anchor.position[" + std::to_string(i) + "]",
+                                   "does not lie on the grid of cells of " + std::to_string(model.voxel_size),
+                                   "compress models that were trained here");
+      }
+      voxel[axis] = static_cast<std::int32_t>(cell);
+    }
+    voxels.push_back(voxel);
+  }
+  return voxels;
+}
+
 /// What a codec compresses of a trained model, its context with it. `base_step` is that of the training (RateNumbers).
 template <Recipe R>
   requires present<typename R::EntropyModel>
@@ -65,22 +89,11 @@ template <Recipe R>
   const AnchorColumns<const Scalar> columns = model.columns();
   const MatrixView<const Scalar> mask = model.arena.values(model.road.rate.mask);
   const std::size_t rows = model.anchor_count();
-  coded.voxels.reserve(rows);
+  Result<std::vector<Voxel>> voxels = anchor_voxels(model);
+  if (!voxels) return voxels.error();
+  coded.voxels = std::move(*voxels);
   coded.mask.reserve(rows);
   for (std::size_t i = 0; i < rows; ++i) {
-    Voxel voxel{};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double place = static_cast<double>(columns.position(i, axis)), cell = std::round(place / model.voxel_size);
-      // A float holds a place to 2^-24 of itself; beside that it may lie nowhere but on the grid.
-      if (!(std::abs(cell) < 0x1p31) ||
-          std::abs(place - cell * model.voxel_size) > 1e-3 * model.voxel_size + 0x1p-22 * std::abs(place)) {
-        return detail::coded_error("anchor.position[" + std::to_string(i) + "]",
-                                   "does not lie on the grid of cells of " + std::to_string(model.voxel_size),
-                                   "compress models that were trained here");
-      }
-      voxel[axis] = static_cast<std::int32_t>(cell);
-    }
-    coded.voxels.push_back(voxel);
     std::uint32_t live = 0;
     for (std::size_t k = 0; k < mask.columns; ++k) live |= mask_live(mask(i, k)) ? 1u << k : 0u;
     coded.mask.push_back(live);

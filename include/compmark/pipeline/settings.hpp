@@ -69,7 +69,7 @@ struct MarkNumbers {
   double least_step = 0;        ///< against the collapse of the step, see quant/distortion.hpp
   double step_rate_weight = 0;  ///< likewise
 
-  std::string identity;  ///< hash of message and decoder; a run is resumed with the same alone
+  std::string identity;  ///< hash of message, decoder and the model begun from; a run is resumed with the same alone
 
   friend bool operator==(const MarkNumbers&, const MarkNumbers&) = default;
 };

@@ -94,7 +94,7 @@ template <class Json = nlohmann::json>
     rates["round_after"] = r.round_after;
     rates["mask_weight"] = r.mask_weight;
     rates["sample"] = r.sample;
-    rates["step_share"] = r.step_share;
+    if (r.step_share != 0) rates["step_share"] = r.step_share;  // checkpoints are older than this number
     rates["feature_step"] = r.feature_step;
     rates["scaling_step"] = r.scaling_step;
     rates["offset_step"] = r.offset_step;

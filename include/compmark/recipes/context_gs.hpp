@@ -28,7 +28,7 @@ struct ContextGsMasked : ContextGs<WithShape<ScaffoldMasked, coded_shape>> {};
 struct ContextGsAlpha : ContextGs<WithShape<ScaffoldAlpha, coded_shape>> {};
 struct ContextGsExposure : ContextGs<WithShape<ScaffoldExposure, coded_shape>> {};
 
-struct ContextGsFitted : ContextGs<Scaffold> {};
-struct ContextGsFittedMasked : ContextGs<ScaffoldMasked> {};
+struct ContextGsFitted : Fitted<ContextGs<Scaffold>> {};
+struct ContextGsFittedMasked : Fitted<ContextGs<ScaffoldMasked>> {};
 
 }  // namespace compmark::inline v0::recipes

@@ -36,7 +36,12 @@ struct HacMasked : Hac<WithShape<ScaffoldMasked, coded_shape>> {};
 struct HacAlpha : Hac<WithShape<ScaffoldAlpha, coded_shape>> {};
 struct HacExposure : Hac<WithShape<ScaffoldExposure, coded_shape>> {};
 
-struct HacFitted : Hac<Scaffold> {};
-struct HacFittedMasked : Hac<ScaffoldMasked> {};
+/// A finished host and a codec that is fitted to it.
+template <class CodedRecipe>
+struct Fitted : CodedRecipe {
+  static constexpr bool is_fitted = true;
+};
+struct HacFitted : Fitted<Hac<Scaffold>> {};
+struct HacFittedMasked : Fitted<Hac<ScaffoldMasked>> {};
 
 }  // namespace compmark::inline v0::recipes
