@@ -202,17 +202,7 @@ Command add_embed(CLI::App& app) {
       ->required();
   app.add_option("--iterations", options->iterations, "length of the run (default: 2000; of a model for a codec 8000)")
       ->check(CLI::PositiveNumber);
-  app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 64.0));
-  app.add_option("--seed", options->seed, "seed of every random number (default: 0)");
-  app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
-  app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
-  app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
+  add_finished_model_options(app, *options);
   add_mark_options(app, options->mark, true);
   app.add_option("--distortion", *distortion,
                  "of a model for a codec, where the message is read while it is trained: round (as the file does), "

@@ -34,6 +34,20 @@ std::string rounded(double value, int digits) {
 
 }  // namespace
 
+void add_finished_model_options(CLI::App& app, TrainOptions& options) {
+  app.add_option("--downscale", options.downscale, "divide the images' size by this; as in the training")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 64.0));
+  app.add_option("--seed", options.seed, "seed of every random number (default: 0)");
+  app.add_option("--threads", options.threads, "0: all; the result is the same for any number")->capture_default_str();
+  app.add_option("--checkpoint-every", options.checkpoint_every, "iterations between checkpoints")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--resume", options.resume, "continue the run in --out from its checkpoint");
+  app.add_option("--json-log", options.json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.add_option("--lpips-alex", options.lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
+}
+
 Error unfinished_run(const std::filesystem::path& checkpoint) {
   return {ErrorKind::invalid,
           checkpoint.string(),

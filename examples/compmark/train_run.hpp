@@ -5,6 +5,7 @@
 // train_recipe.hpp.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <compmark/codec/codec_model.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
@@ -57,6 +58,9 @@ struct TrainOptions {
   std::string codec = "none";        ///< that the model is trained for
   double rate_lambda = 0.001;        ///< loss of one bit more a scalar
 };
+
+/// Options of a run that starts from a finished model, whatever it does with it.
+void add_finished_model_options(CLI::App& app, TrainOptions& options);
 
 /// What is said where a run without --resume would write over a checkpoint.
 [[nodiscard]] compmark::Error unfinished_run(const std::filesystem::path& checkpoint);
