@@ -4,6 +4,7 @@
 // compmark info: what a model file holds, and the digest that names it.
 #include <bit>
 #include <compmark/codec/container.hpp>
+#include <compmark/codec/inspect.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/safetensors.hpp>
@@ -66,6 +67,11 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
   }
   for (const auto& [name, found] : sections) {
     std::printf("    %s %6zu %10llu bytes\n", name.c_str(), found.first, static_cast<unsigned long long>(found.second));
+  }
+  const std::vector<CodecLevel> levels = codec_levels(*container);
+  for (std::size_t i = 0; levels.size() > 1 && i < levels.size(); ++i) {
+    std::printf("  level %zu     %llu anchors, there after %llu bytes\n", i + 1,
+                static_cast<unsigned long long>(levels[i].anchors), static_cast<unsigned long long>(levels[i].end));
   }
   if (views) print_views(*info);
   return success;

@@ -6,6 +6,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -14,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "compmark/codec/inspect.hpp"
 #include "support/cmk_file.hpp"
 #include "support/context_gs_model.hpp"
 
@@ -53,6 +55,54 @@ TEST_CASE("codec/context_gs_damage: every flipped bit of a file is found, with a
 
 TEST_CASE("codec/context_gs_damage: every truncation and every appended byte is found") {
   testing::check_truncations(good_context_gs());
+}
+
+TEST_CASE(
+    "codec/context_gs_damage: a file that ends too early gives the levels that are whole, and nothing of the next") {
+  const std::vector<std::byte>& good = good_context_gs();
+  const auto whole = decode(good);
+  REQUIRE(whole.ok());
+  CHECK(whole->levels == 3);
+  const auto container = parse_container(good, "");
+  REQUIRE(container.ok());
+  const std::vector<CodecLevel> levels = codec_levels(*container);
+  REQUIRE(levels.size() == 3);
+  CHECK(levels[0].anchors + levels[1].anchors + levels[2].anchors == whole->model.anchors());
+  for (std::size_t n = 0; n < good.size(); ++n) {
+    std::size_t arrived = 0, anchors = 0;
+    while (arrived < 3 && levels[arrived].end <= n) anchors += levels[arrived++].anchors;
+    const auto cut = decode(std::span<const std::byte>(good).first(n), {.partial = true});
+    REQUIRE(cut.ok() == (arrived > 0));
+    if (!cut) {
+      REQUIRE(cut.error().kind == ErrorKind::truncated);
+      continue;
+    }
+    REQUIRE(cut->levels == arrived);
+    REQUIRE(cut->file_levels == 3);
+    REQUIRE(!cut->verified);
+    REQUIRE(cut->model.anchors() == anchors);
+    REQUIRE(cut->absent_anchors == whole->model.anchors() - anchors);
+    REQUIRE(std::equal(cut->model.voxels.begin(), cut->model.voxels.end(), whole->model.voxels.begin()));
+    REQUIRE(std::equal(cut->model.mask.begin(), cut->model.mask.end(), whole->model.mask.begin()));
+    REQUIRE(std::equal(cut->model.feature.begin(), cut->model.feature.end(), whole->model.feature.begin()));
+    REQUIRE(std::equal(cut->model.extent.begin(), cut->model.extent.end(), whole->model.extent.begin()));
+    REQUIRE(std::equal(cut->model.offset.begin(), cut->model.offset.end(), whole->model.offset.begin()));
+  }
+  const auto all = decode(good, {.partial = true});
+  REQUIRE(all.ok());
+  CHECK(all->verified);
+  // What has arrived is as strict as ever, and is a model that can be written.
+  const std::span<const std::byte> first = std::span<const std::byte>(good).first(levels[0].end);
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    std::vector<std::byte> damaged(first.begin(), first.end());
+    damaged[i] ^= std::byte{32};
+    REQUIRE(!decode(damaged, {.partial = true}).ok());
+  }
+  SerialExecutor executor;
+  const auto again = encode_cmk(decode(first, {.partial = true})->model, {}, executor);
+  REQUIRE(again.ok());
+  CHECK(again->report.level_anchors == std::array<std::uint64_t, 3>{0, 0, levels[0].anchors});
+  CHECK(decode(again->bytes)->verified);
 }
 
 TEST_CASE("codec/context_gs_damage: random bytes in place of a payload, checksums right: an error, never a model") {

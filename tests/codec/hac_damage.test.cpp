@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "compmark/codec/inspect.hpp"
 #include "support/cmk_file.hpp"
 #include "support/codec_model.hpp"
 
@@ -19,6 +20,7 @@ using namespace compmark;
 using testing::decode;
 using testing::make_codec_model;
 using testing::put;
+using testing::same;
 using File = testing::CmkFile;
 
 const testing::CodecModelShape tiny{
@@ -40,6 +42,24 @@ TEST_CASE("codec/hac_damage: every flipped bit of a file is found, with and with
 
 TEST_CASE("codec/hac_damage: every truncation and every appended byte is found") {
   testing::check_truncations(good_hac());
+}
+
+TEST_CASE(
+    "codec/hac_damage: a file that ends too early has one level, which is whole when all of its chunks are there") {
+  const std::vector<std::byte>& good = good_hac();
+  const auto container = parse_container(good, "");
+  REQUIRE(container.ok());
+  REQUIRE(codec_levels(*container).size() == 1);
+  const std::size_t end = codec_levels(*container)[0].end;
+  REQUIRE(end < good.size());
+  for (std::size_t n = 0; n < good.size(); ++n) {
+    const auto cut = decode(std::span<const std::byte>(good).first(n), {.partial = true});
+    REQUIRE(cut.ok() == (n >= end));
+    if (!cut) continue;
+    REQUIRE(!cut->verified);
+    REQUIRE(cut->levels == 1);
+    REQUIRE(same(cut->model, decode(good)->model));
+  }
 }
 
 TEST_CASE("codec/hac_damage: random bytes in place of a payload, checksums right: an error, never a model") {

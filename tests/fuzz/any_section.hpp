@@ -45,11 +45,18 @@ class AnySection {
         payload[std::to_integer<std::size_t>(bytes[i]) * 7 % payload.size()] ^= bytes[i + 1];
     }
     SerialExecutor executor;
-    const auto decoded =
-        decode_cmk(write_container(header_, sections), "fuzz",
-                   {.salvage = (choice & 128u) != 0, .memory_limit = 1u << 24, .tables = &tables_}, executor);
+    CodecDecodeSettings settings;
+    settings.salvage = (choice & 128u) != 0;
+    settings.memory_limit = 1u << 24;
+    settings.tables = &tables_;
+    const std::vector<std::byte> file = write_container(header_, sections);
+    const auto decoded = decode_cmk(file, "fuzz", settings, executor);
     if (!decoded && (decoded.error().problem.empty() || decoded.error().remedy.empty())) std::abort();
     if (decoded && decoded->verified && payload != good_[which].bytes) std::abort();
+    settings.partial = true;
+    const auto begun =
+        decode_cmk(std::span<const std::byte>(file).first(file.size() - file.size() / 4), "fuzz", settings, executor);
+    if (begun && begun->verified) std::abort();
   }
 
  private:

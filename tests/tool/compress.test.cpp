@@ -6,6 +6,7 @@
 #include <doctest/doctest.h>
 
 #include <compmark/codec/container.hpp>
+#include <compmark/codec/inspect.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>
@@ -301,6 +302,22 @@ TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvag
   INFO(salvage.text);
   CHECK(salvage.code == 4);
   CHECK(salvage.text.find("is lost") != std::string::npos);
+  // The beginning of a file is a preview, when that is asked.
+  const std::vector<CodecLevel> levels = codec_levels(*container);
+  REQUIRE(levels.size() == 3);
+  CHECK(info.text.find("there after " + std::to_string(levels[1].end) + " bytes") != std::string::npos);
+  const auto begun = expected.begin();
+  REQUIRE(write_file(at("gs_begun.cmk"),
+                     std::vector<std::byte>(begun, begun + static_cast<std::ptrdiff_t>(levels[1].end) + 7)));
+  const std::string decompress =
+      "decompress --model " + at("gs_begun.cmk") + " --out " + at("gs_begun.safetensors") + " ";
+  check_refused(tool(decompress), {"gs_begun.cmk", "bytes"});
+  const Outcome preview = done(decompress + "--partial");
+  CHECK(preview.text.find("2 of 3 levels") != std::string::npos);
+  CHECK(preview.text.find(std::to_string(levels[2].anchors) + " anchors are still to come") != std::string::npos);
+  done("evaluate --model " + at("gs_begun.safetensors") + " --data " + at("scene") + " --json " +
+       at("gs_evaluate.json"));
+  CHECK(json_of(at("gs_evaluate.json"))["psnr"].get<double>() < compressed["test"]["psnr"].get<double>());
   check_refused(tool("train --codec hac --recipe context_gs --data " + at("scene") + " --out " + at("no")),
                 {"--codec", "context_gs"});
 }

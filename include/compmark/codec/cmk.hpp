@@ -35,7 +35,7 @@ template <Executor E>
 template <Executor E>
 [[nodiscard]] Result<CodecDecoded> decode_cmk(std::span<const std::byte> bytes, const std::string& path,
                                               const CodecDecodeSettings& settings, E& executor) {
-  const Result<Container> parsed = parse_container(bytes, path);
+  const Result<Container> parsed = parse_container(bytes, path, settings.partial);
   if (!parsed) return parsed.error();
   return parsed->header.profile == ContainerProfile::context_gs ? decode_context_gs(bytes, path, settings, executor)
                                                                 : decode_hac(bytes, path, settings, executor);

@@ -3,7 +3,8 @@
 //
 // The container of compressed models, `.cmk` (compression sheet, 6; docs/container.md has every byte): a header of 64 bytes, a table of
 // contents, and sections that tile the rest of the file. Every byte is covered by exactly one CRC-32C, which is checked before what it
-// covers is parsed. This file knows nothing of what is inside a section. Reading costs one pass over the bytes; nothing is copied.
+// covers is parsed. This file knows nothing of what is inside a section. Reading costs one pass over the bytes; nothing is copied. The table of
+// contents comes first, so that the beginning of a file says what of it has arrived.
 #pragma once
 
 #include <algorithm>
@@ -122,8 +123,16 @@ class Container {
   ContainerHeader header;
   std::vector<SectionEntry> sections;  ///< in the order of the file
 
+  /// Whether all of a section is there; of a file that was parsed whole, always.
+  [[nodiscard]] bool arrived(const SectionEntry& entry) const { return entry.offset + entry.size <= bytes_.size(); }
   /// The bytes of a section, once their CRC is right.
   [[nodiscard]] Result<std::span<const std::byte>> payload(const SectionEntry& entry) const {
+    if (!arrived(entry)) {
+      return error(ErrorKind::truncated, entry.name(),
+                   "ends at byte " + std::to_string(entry.offset + entry.size) + ", " + std::to_string(bytes_.size()) +
+                       " bytes of the file are there",
+                   "wait for the rest of it, or copy the file again");
+    }
     const std::span<const std::byte> bytes = raw(entry);
     if (crc32c(bytes) != entry.crc) {
       return error(ErrorKind::malformed, entry.name(),
@@ -133,7 +142,7 @@ class Container {
     }
     return bytes;
   }
-  /// The bytes of a section as they are.
+  /// The bytes of a section that has arrived, as they are.
   [[nodiscard]] std::span<const std::byte> raw(const SectionEntry& entry) const {
     return bytes_.subspan(static_cast<std::size_t>(entry.offset), static_cast<std::size_t>(entry.size));
   }
@@ -158,12 +167,14 @@ class Container {
   std::string path;  ///< for messages
 
  private:
-  friend Result<Container> parse_container(std::span<const std::byte> bytes, std::string path);
+  friend Result<Container> parse_container(std::span<const std::byte> bytes, std::string path, bool partial);
   std::span<const std::byte> bytes_;
 };
 
-/// Checks header and table of contents. `bytes` must outlive the container.
-[[nodiscard]] inline Result<Container> parse_container(std::span<const std::byte> bytes, std::string path) {
+/// Checks header and table of contents. `bytes` must outlive the container. `partial`: the file may end anywhere behind its table of contents;
+/// without it a file that ends too early is refused.
+[[nodiscard]] inline Result<Container> parse_container(std::span<const std::byte> bytes, std::string path,
+                                                       bool partial = false) {
   Container container;
   container.path = std::move(path);
   container.bytes_ = bytes;
@@ -210,7 +221,7 @@ class Container {
   if (header_size != ContainerFormat::header_size || table_offset != ContainerFormat::header_size || reserved != 0) {
     return fail(ErrorKind::malformed, "header", "sizes or reserved bytes are not those of format 1");
   }
-  if (file_size != bytes.size()) {
+  if (partial ? file_size < bytes.size() : file_size != bytes.size()) {
     return fail(file_size > bytes.size() ? ErrorKind::truncated : ErrorKind::malformed, "file size",
                 "the file has " + number(bytes.size()) + " bytes, its header says " + number(file_size));
   }
@@ -246,7 +257,7 @@ class Container {
           ErrorKind::malformed, e.name(),
           "begins at byte " + number(e.offset) + ", the section before it ends at " + number(reached), copy_again);
     }
-    if (e.size > bytes.size() - reached) {
+    if (e.size > file_size - reached) {
       return container.error(ErrorKind::malformed, e.name(), "its " + number(e.size) + " bytes end behind the file",
                              copy_again);
     }
@@ -256,8 +267,8 @@ class Container {
     reached += e.size;
     container.sections.push_back(e);
   }
-  if (reached != bytes.size()) {
-    return fail(ErrorKind::malformed, "file size", number(bytes.size() - reached) + " bytes behind the last section");
+  if (reached != file_size) {
+    return fail(ErrorKind::malformed, "file size", number(file_size - reached) + " bytes behind the last section");
   }
   return container;
 }

@@ -4,7 +4,8 @@
 // The bytes of a ContextGS file to a model; what is refused: decoding.hpp. Levels follow one another, the chunks of a level decode in parallel;
 // the result does not depend on the number of threads. With salvage a damaged chunk costs its own anchors, and every chunk in which some
 // anchor has a parent among lost ones: a chunk is one stream of symbols, of which nothing can be read without the models of all that come
-// before. So damage at level 0 costs one chunk, damage at level 2 may cost most of the file. Cost: ~2.5 us an anchor and core.
+// before. So damage at level 0 costs one chunk, damage at level 2 may cost most of the file. A file that has not arrived to its end gives its
+// whole levels (partial). Cost: ~2.5 us an anchor and core.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +26,7 @@ namespace compmark::inline v0 {
 template <Executor E>
 [[nodiscard]] Result<CodecDecoded> decode_context_gs(std::span<const std::byte> bytes, const std::string& path,
                                                      const CodecDecodeSettings& settings, E& executor) {
-  const Result<Container> parsed = parse_container(bytes, path);
+  const Result<Container> parsed = parse_container(bytes, path, settings.partial);
   if (!parsed) return parsed.error();
   CodecDecoded result;
   CodecModel& model = result.model;

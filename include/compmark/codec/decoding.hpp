@@ -3,7 +3,8 @@
 //
 // What all decoders do. Nothing is believed before its checksum, no memory is taken before the limits, and nothing that looks plausible comes out
 // of a damaged file: it is refused with the section and the remedy, or, with `salvage`, the anchors of damaged chunks are left out and
-// listed. What is between the sections is the codec's (hac_decoder.hpp, context_gs_decoder.hpp).
+// listed. With `partial` a ContextGS file need not have arrived whole: its levels follow one another, and those that are there are decoded.
+// What is between the sections is the codec's (hac_decoder.hpp, context_gs_decoder.hpp).
 #pragma once
 
 #include <algorithm>
@@ -28,6 +29,9 @@ namespace compmark::inline v0 {
 
 struct CodecDecodeSettings {
   bool salvage = false;  ///< leave out the anchors of damaged chunks instead of refusing the file
+  /// Of a ContextGS file that ends too early decode the levels that are whole, at least the first: a preview (docs/compression.md). A HAC file has
+  /// one level and must have all its chunks.
+  bool partial = false;
   std::uint64_t memory_limit = std::uint64_t{1} << 34;  ///< bytes of the decoded arrays
   const GaussianTables* tables = nullptr;               ///< made anew if there are none, 1 ms
 };
@@ -37,51 +41,13 @@ struct CodecDecoded {
   ContainerHeader header;
   std::vector<std::pair<std::uint32_t, Error>> damaged;  ///< chunks that were left out (salvage), and why
   std::uint64_t lost_anchors = 0;
-  std::vector<std::string> lost_sections;  ///< of others, damaged and left out (salvage)
-  bool verified = false;  ///< the digest of the whole model was right; cannot be when anchors were lost
+  std::vector<std::string> lost_sections;     ///< of others, damaged or absent and left out (salvage, partial)
+  std::uint32_t levels = 0, file_levels = 0;  ///< how many have been decoded (partial), and of how many; HAC has one
+  std::uint64_t absent_anchors = 0;           ///< of the levels that have not arrived (partial)
+  bool verified = false;  ///< the digest of the whole model was right; cannot be when anchors were lost or are absent
 };
 
 namespace detail {
-
-/// Checks what the table of contents promises, before any payload is looked at.
-[[nodiscard]] inline Result<Done> check_sections(const Container& file, const CodecSections& format) {
-  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
-    return file.error(kind, std::move(field), std::move(problem), std::move(remedy));
-  };
-  if (file.header.profile != format.profile) {
-    return fail(ErrorKind::unsupported, "profile",
-                std::to_string(static_cast<std::uint32_t>(file.header.profile)) + " is not that of " + format.name +
-                    ", " + std::to_string(static_cast<std::uint32_t>(format.profile)),
-                "decode it with a program that knows its codec");
-  }
-  if (file.header.numeric_spec != CodecFormat::numeric_spec) {
-    return fail(
-        ErrorKind::unsupported, "numeric specification",
-        std::to_string(file.header.numeric_spec) + ", this program has " + std::to_string(CodecFormat::numeric_spec),
-        "decode it with the version that wrote it");
-  }
-  for (const SectionEntry& entry : file.sections) {
-    const bool known = format.knows(entry.kind);
-    if (!known && entry.critical()) {
-      return fail(ErrorKind::unsupported, entry.name(), "is needed for decoding, and this program does not know it",
-                  "decode it with a newer version");
-    }
-    if (!known) continue;
-    if (entry.version != 1 || entry.method != 0) {
-      return fail(ErrorKind::unsupported, entry.name(),
-                  "version " + std::to_string(entry.version) + ", method " + std::to_string(entry.method) +
-                      "; this program reads 1, 0",
-                  "decode it with a newer version");
-    }
-    const bool chunked = CodecSections::in(format.chunked, entry.kind),
-               parted = chunked || CodecSections::in(format.parted, entry.kind);
-    if (entry.part >= (parted ? format.parts : 1) || (!chunked && entry.chunk != 0)) {
-      return fail(ErrorKind::malformed, entry.name(), "has a number that this section does not have",
-                  "copy the file again");
-    }
-  }
-  return Done{};
-}
 
 /// The sections of a file on their way to a model. A template, so that who includes this without decoding does not pay for it.
 template <class Settings>
@@ -123,7 +89,9 @@ class FileReader {
       const SectionEntry& entry = file_.sections[i];
       const auto payload = file_.payload(entry);
       if (payload) continue;
-      if (!settings_.salvage || !format_.can_be_lost(entry)) return payload.error();
+      const bool goes_on = file_.arrived(entry) ? settings_.salvage && format_.can_be_lost(entry)
+                                                : format_.can_be_lost(entry) || entry.kind == CodecFormat::digests;
+      if (!goes_on) return payload.error();
       intact_[i] = 0;
       if (!format_.knows(entry.kind)) result.lost_sections.push_back(entry.name());
     }
@@ -144,7 +112,7 @@ class FileReader {
 
   /// How many chunks there are says how many anchors there can be: a small file cannot ask for much memory. Nor can a chunk of a few bytes: an
   /// anchor has its feature, its extents and one offset at least, and no symbol of a table of 2^16 costs less than 2^-16 bits.
-  [[nodiscard]] Result<Done> expect(const CodecModel& model, std::vector<LevelRange> levels,
+  [[nodiscard]] Result<Done> expect(const CodecModel& model, const std::vector<LevelRange>& levels,
                                     std::size_t hyperprior = 0) {
     const auto grain = static_cast<std::size_t>(model.chunk_anchors);
     std::size_t chunks = 0;
@@ -172,6 +140,8 @@ class FileReader {
                                             " anchors do not have or its bytes do not hold");
       }
     }
+    const Result<Done> some = count_arrived(levels);
+    if (!some) return some.error();
     const std::uint64_t memory = anchors_ * 4 * (3 + 1 + d + 6 + k3 + hyperprior);  // below 2^28 * 2^15
     if (memory > settings_.memory_limit) {
       return file_.error(ErrorKind::exhausted, "META",
@@ -181,7 +151,10 @@ class FileReader {
     }
     return Done{};
   }
-  [[nodiscard]] std::span<const ChunkPlace> places() const { return places_; }
+  /// The chunks to decode: those of levels that are whole.
+  [[nodiscard]] std::span<const ChunkPlace> places() const {
+    return std::span<const ChunkPlace>(places_).first(arrived_);
+  }
   [[nodiscard]] const SectionEntry& entry(std::uint32_t kind, std::size_t chunk) const {
     const auto at = std::find(format_.chunked.begin(), format_.chunked.end(), kind) - format_.chunked.begin();
     return entries_[static_cast<std::size_t>(at)][chunk];
@@ -202,11 +175,14 @@ class FileReader {
     Result<std::vector<CodecTensor>> networks = decode_networks(*renderers);
     if (!networks) return located(networks.error());
     model.networks = std::move(*networks);
-    const auto digest_bytes = section(CodecFormat::digests);
-    if (!digest_bytes) return digest_bytes.error();
-    Result<CodecDigests> digests = decode_digests(*digest_bytes, places_.size());
-    if (!digests) return located(digests.error());
-    digests_ = std::move(*digests);
+    const SectionEntry* end = file_.find(CodecFormat::digests);
+    if (end == nullptr || file_.arrived(*end)) {
+      const auto digest_bytes = section(CodecFormat::digests);
+      if (!digest_bytes) return digest_bytes.error();
+      Result<CodecDigests> digests = decode_digests(*digest_bytes, places_.size());
+      if (!digests) return located(digests.error());
+      digests_ = std::move(*digests);
+    }
     for (std::size_t i = 0; i < file_.sections.size(); ++i) {
       const SectionEntry& entry = file_.sections[i];
       if (format_.knows(entry.kind) || intact_[i] == 0) continue;
@@ -240,7 +216,8 @@ class FileReader {
       errors_[c]->field = name + ": " + errors_[c]->field;
       return;
     }
-    if (decoded->symbol_hash != digests_.symbols[c] || decoded->symbol_count != entry(CodecFormat::stream, c).items ||
+    const bool other = digests_ && decoded->symbol_hash != digests_->symbols[c];
+    if (other || decoded->symbol_count != entry(CodecFormat::stream, c).items ||
         entry(CodecFormat::mask, c).items != places_[c].end - places_[c].begin) {
       errors_[c] = file_.error(
           ErrorKind::invalid, name,
@@ -255,7 +232,10 @@ class FileReader {
   /// What was remembered; the digest of the whole, or the model without the lost anchors.
   [[nodiscard]] Result<Done> finish(CodecDecoded& result) {
     std::vector<std::uint32_t> kept;
-    for (std::size_t c = 0; c < places_.size(); ++c) {
+    result.levels = whole_levels_;
+    result.file_levels = format_.parts;
+    for (std::size_t c = arrived_; c < places_.size(); ++c) result.absent_anchors += places_[c].end - places_[c].begin;
+    for (std::size_t c = 0; c < arrived_; ++c) {
       if (errors_[c] && !settings_.salvage) return *errors_[c];
       if (errors_[c]) {
         result.damaged.emplace_back(static_cast<std::uint32_t>(c), *errors_[c]);
@@ -264,12 +244,13 @@ class FileReader {
       }
       for (std::size_t i = places_[c].begin; i < places_[c].end; ++i) kept.push_back(static_cast<std::uint32_t>(i));
     }
-    if (!result.damaged.empty()) {
+    if (!result.damaged.empty() || result.absent_anchors > 0) {
       result.model = take_rows(result.model, kept);
       return Done{};
     }
+    if (!digests_) return Done{};
     const Sha256Bytes digest = model_digest(values_, result.model, result.model.anchors(), named_);
-    if (digest != digests_.model || short_digest(digest) != file_.header.digest) {
+    if (digest != digests_->model || short_digest(digest) != file_.header.digest) {
       return file_.error(
           ErrorKind::invalid, "DIGS",
           "its bytes are whole, but the model is another than the one that was encoded: encoder and decoder differ",
@@ -280,6 +261,22 @@ class FileReader {
   }
 
  private:
+  /// Levels from the first on whose chunks are all there. Of a level that is not whole nothing is decoded: it would show as holes.
+  [[nodiscard]] Result<Done> count_arrived(std::span<const LevelRange> levels) {
+    for (whole_levels_ = 0; whole_levels_ < levels.size(); ++whole_levels_) {
+      std::size_t end = arrived_;
+      for (; end < places_.size() && places_[end].part == levels[whole_levels_].part; ++end) {
+        for (const std::vector<SectionEntry>& entries : entries_) {
+          if (file_.arrived(entries[end])) continue;
+          if (arrived_ == 0) return file_.payload(entries[end]).error();
+          return Done{};
+        }
+      }
+      arrived_ = end;
+    }
+    return Done{};
+  }
+
   const CodecSections& format_;
   const Settings& settings_;
   const Container& file_;
@@ -290,7 +287,9 @@ class FileReader {
   std::vector<std::vector<SectionEntry>> entries_;  ///< of each chunked kind, by chunk
   std::vector<ChunkPlace> places_;
   std::vector<std::span<const std::byte>> named_;
-  CodecDigests digests_;
+  std::size_t arrived_ = 0;  ///< of `places_`, those of whole levels
+  std::uint32_t whole_levels_ = 0;
+  std::optional<CodecDigests> digests_;  ///< none when the end of the file has not arrived
   std::vector<std::optional<Error>> errors_;
   std::vector<ChunkDigest> values_;
 };

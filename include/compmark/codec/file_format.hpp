@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What the files of all codecs have in common (docs/container.md): names of sections, META, what a decoder must know first and what the owner
-// wants to find again, and TABL, which names the numbers of the tables. Each reader checks every count before it believes it.
+// wants to find again, TABL, which names the numbers of the tables, and what a table of contents may promise. Each reader checks every count
+// before it believes it.
 #pragma once
 
 #include <algorithm>
@@ -56,6 +57,46 @@ namespace detail {
 
 [[nodiscard]] inline Error bad_section(const char* section, std::string problem) {
   return {ErrorKind::malformed, "", section, std::move(problem), "copy the file again"};
+}
+
+/// Checks what the table of contents promises, before any payload is looked at.
+[[nodiscard]] inline Result<Done> check_sections(const Container& file, const CodecSections& format) {
+  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+    return file.error(kind, std::move(field), std::move(problem), std::move(remedy));
+  };
+  if (file.header.profile != format.profile) {
+    return fail(ErrorKind::unsupported, "profile",
+                std::to_string(static_cast<std::uint32_t>(file.header.profile)) + " is not that of " + format.name +
+                    ", " + std::to_string(static_cast<std::uint32_t>(format.profile)),
+                "decode it with a program that knows its codec");
+  }
+  if (file.header.numeric_spec != CodecFormat::numeric_spec) {
+    return fail(
+        ErrorKind::unsupported, "numeric specification",
+        std::to_string(file.header.numeric_spec) + ", this program has " + std::to_string(CodecFormat::numeric_spec),
+        "decode it with the version that wrote it");
+  }
+  for (const SectionEntry& entry : file.sections) {
+    const bool known = format.knows(entry.kind);
+    if (!known && entry.critical()) {
+      return fail(ErrorKind::unsupported, entry.name(), "is needed for decoding, and this program does not know it",
+                  "decode it with a newer version");
+    }
+    if (!known) continue;
+    if (entry.version != 1 || entry.method != 0) {
+      return fail(ErrorKind::unsupported, entry.name(),
+                  "version " + std::to_string(entry.version) + ", method " + std::to_string(entry.method) +
+                      "; this program reads 1, 0",
+                  "decode it with a newer version");
+    }
+    const bool chunked = CodecSections::in(format.chunked, entry.kind),
+               parted = chunked || CodecSections::in(format.parted, entry.kind);
+    if (entry.part >= (parted ? format.parts : 1) || (!chunked && entry.chunk != 0)) {
+      return fail(ErrorKind::malformed, entry.name(), "has a number that this section does not have",
+                  "copy the file again");
+    }
+  }
+  return Done{};
 }
 
 /// META: u64 anchors, u32 K, u32 D, u32 anchors a chunk, f64 voxel size, 3 x f64 base steps, u32 number of values; of each, keys

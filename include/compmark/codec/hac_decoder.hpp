@@ -24,7 +24,7 @@ namespace compmark::inline v0 {
 template <Executor E>
 [[nodiscard]] Result<CodecDecoded> decode_hac(std::span<const std::byte> bytes, const std::string& path,
                                               const CodecDecodeSettings& settings, E& executor) {
-  const Result<Container> parsed = parse_container(bytes, path);
+  const Result<Container> parsed = parse_container(bytes, path, settings.partial);
   if (!parsed) return parsed.error();
   CodecDecoded result;
   CodecModel& model = result.model;

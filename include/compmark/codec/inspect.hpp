@@ -14,7 +14,6 @@
 
 #include "compmark/codec/container.hpp"
 #include "compmark/codec/context_gs_format.hpp"
-#include "compmark/codec/decoding.hpp"
 #include "compmark/codec/file_format.hpp"
 #include "compmark/codec/hac_format.hpp"
 #include "compmark/core/result.hpp"
@@ -35,6 +34,25 @@ struct CodecInfo {
     return bytes;
   }
 };
+
+/// A level of a ContextGS file, in the order of the file; HAC has one.
+struct CodecLevel {
+  std::uint64_t anchors = 0;
+  std::uint64_t end = 0;  ///< so many bytes of the file are enough for this level and those before
+};
+template <class File>
+[[nodiscard]] std::vector<CodecLevel> codec_levels(const File& file) {
+  std::vector<CodecLevel> levels;
+  std::uint32_t part = 0;
+  for (const SectionEntry& entry : file.sections) {
+    if (entry.kind != CodecFormat::mask && entry.kind != CodecFormat::stream) continue;
+    if (levels.empty() || entry.part != part) levels.emplace_back();
+    part = entry.part;
+    levels.back().end = entry.offset + entry.size;
+    if (entry.kind == CodecFormat::mask) levels.back().anchors += entry.items;
+  }
+  return levels;
+}
 
 /// `path` is for messages. A file whose META is damaged has no information to give and is an error.
 template <class Info = CodecInfo>  // a template, so that who does not call it does not pay for it
