@@ -67,10 +67,11 @@ int decompress(const DecompressOptions& options, CodecDecoded decoded) {
   if (Result<Done> written = (*loaded)->write(options.out); !written) return fail(written.error());
   std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), (*loaded)->anchor_count(),
               decoded.verified ? ", verified" : "");
-  if (!decoded.verified && decoded.damaged.empty() && decoded.lost_sections.empty()) {
-    std::fprintf(stderr, "compmark: note: %u of %u levels have arrived, %llu anchors are still to come\n",
-                 static_cast<unsigned>(decoded.levels), static_cast<unsigned>(decoded.file_levels),
-                 static_cast<unsigned long long>(decoded.absent_anchors));
+  if (decoded.absent_bytes > 0) {
+    std::fprintf(
+        stderr, "compmark: note: %u of %u levels have arrived; %llu bytes and %llu anchors are still to come\n",
+        static_cast<unsigned>(decoded.levels), static_cast<unsigned>(decoded.file_levels),
+        static_cast<unsigned long long>(decoded.absent_bytes), static_cast<unsigned long long>(decoded.absent_anchors));
   }
   for (const std::string& section : decoded.lost_sections)
     std::fprintf(stderr, "compmark: warning: section %s is lost\n", section.c_str());
@@ -117,8 +118,8 @@ Command add_decompress(CLI::App& app) {
   app.add_flag("--salvage", options->salvage,
                "decode what is not damaged and leave out the rest (exit code 4 if anything was)");
   app.add_flag("--partial", options->partial,
-               "the file may end too early: of a ContextGS file, the levels that are whole (a preview; compmark info "
-               "lists them)");
+               "the file may end too early: of a ContextGS file decode the levels that are whole, a preview (compmark "
+               "info of the whole file says after how many bytes they are)");
   app.add_option("--threads", options->threads, "0: all")->capture_default_str();
   return [options]() -> int {
     if (const Result<Done> kept = keep_inputs(options->out, {options->model}, "--out"); !kept)

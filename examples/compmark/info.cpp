@@ -70,7 +70,7 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
   }
   const std::vector<CodecLevel> levels = codec_levels(*container);
   for (std::size_t i = 0; levels.size() > 1 && i < levels.size(); ++i) {
-    std::printf("  level %zu     %llu anchors, there after %llu bytes\n", i + 1,
+    std::printf("  level %zu     %llu anchors, there after %llu bytes\n", levels.size() - 1 - i,
                 static_cast<unsigned long long>(levels[i].anchors), static_cast<unsigned long long>(levels[i].end));
   }
   if (views) print_views(*info);

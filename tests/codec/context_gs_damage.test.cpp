@@ -87,10 +87,20 @@ TEST_CASE(
     REQUIRE(std::equal(cut->model.feature.begin(), cut->model.feature.end(), whole->model.feature.begin()));
     REQUIRE(std::equal(cut->model.extent.begin(), cut->model.extent.end(), whole->model.extent.begin()));
     REQUIRE(std::equal(cut->model.offset.begin(), cut->model.offset.end(), whole->model.offset.begin()));
+    REQUIRE(std::equal(cut->model.hyperprior.begin(), cut->model.hyperprior.end(), whole->model.hyperprior.begin()));
+    REQUIRE(cut->model.hyperprior.size() == anchors * 3);
+    REQUIRE(cut->model.networks == whole->model.networks);
+    REQUIRE(cut->model.metadata == whole->model.metadata);
+    REQUIRE(cut->model.context_gs == whole->model.context_gs);
+    REQUIRE(cut->absent_bytes == good.size() - n);
   }
   const auto all = decode(good, {.partial = true});
   REQUIRE(all.ok());
   CHECK(all->verified);
+  CHECK(all->absent_bytes == 0);
+  std::vector<std::byte> longer = good;
+  longer.push_back(std::byte{0});
+  CHECK(!decode(longer, {.partial = true}).ok());
   // What has arrived is as strict as ever, and is a model that can be written.
   const std::span<const std::byte> first = std::span<const std::byte>(good).first(levels[0].end);
   for (std::size_t i = 0; i < first.size(); ++i) {
@@ -103,6 +113,72 @@ TEST_CASE(
   REQUIRE(again.ok());
   CHECK(again->report.level_anchors == std::array<std::uint64_t, 3>{0, 0, levels[0].anchors});
   CHECK(decode(again->bytes)->verified);
+}
+
+TEST_CASE(
+    "codec/context_gs_damage: partial files of other shapes: unknown and missing sections, damage, empty levels") {
+  Section unknown;
+  unknown.entry.kind = four_characters("XTRA");
+  unknown.entry.flags = 0;
+  unknown.bytes = std::vector<std::byte>(9, std::byte{42});
+  File file(good_context_gs());
+  file.sections.push_back(unknown);
+  std::vector<std::byte> bytes = file.bytes();
+  const auto without = decode(std::span<const std::byte>(bytes).first(bytes.size() - 1), {.partial = true});
+  REQUIRE(without.ok());  // DIGS is there, what nobody knows is not
+  CHECK(without->verified);
+  CHECK(without->lost_sections.empty());
+  CHECK(without->model.extra.empty());
+  CHECK(without->absent_bytes == 1);
+  // Arrived, but another model than the header names: DIGS is not needed to find that.
+  file = File(good_context_gs());
+  file.header.digest ^= 1;
+  bytes = file.bytes();
+  CHECK(decode(std::span<const std::byte>(bytes).first(bytes.size() - 1), {.partial = true}).error().field == "DIGS");
+  // No DIGS in the table is not one that has not arrived.
+  file = File(good_context_gs());
+  file.sections.pop_back();
+  CHECK(!decode(file.bytes(), {.partial = true}).ok());
+  // A chunk of the level that has not arrived may be damaged, one of a whole level may not; salvage leaves it out.
+  file = File(good_context_gs());
+  bytes = file.bytes();
+  const auto container = parse_container(bytes, "");
+  REQUIRE(container.ok());
+  const std::vector<CodecLevel> levels = codec_levels(*container);
+  const std::span<const std::byte> cut = std::span<const std::byte>(bytes).first(bytes.size() - 200);
+  REQUIRE(cut.size() > levels[1].end);
+  REQUIRE(cut.size() < levels[2].end);
+  const auto flip = [&](std::uint32_t part) {
+    bytes[static_cast<std::size_t>(container->find(F::stream, part, 0)->offset)] ^= std::byte{4};
+  };
+  flip(1);
+  CHECK(!decode(cut, {.partial = true}).ok());
+  const auto salvaged = decode(cut, {.salvage = true, .partial = true});
+  REQUIRE(salvaged.ok());
+  CHECK(salvaged->levels == 2);
+  CHECK(salvaged->lost_anchors == container->find(F::mask, 1, 0)->items);
+  CHECK(salvaged->model.anchors() == levels[0].anchors + levels[1].anchors - salvaged->lost_anchors);
+  CHECK(salvaged->absent_anchors == levels[2].anchors);
+  flip(1);
+  REQUIRE(decode(bytes).ok());
+  // Nothing is kept for anchors that have not arrived.
+  const std::uint64_t needed = 4 * (3 + 1 + 4 + 6 + 6 + 3) * levels[0].anchors;
+  const std::span<const std::byte> coarse = std::span<const std::byte>(bytes).first(levels[0].end);
+  CHECK(decode(coarse, {.partial = true, .memory_limit = needed}).ok());
+  CHECK(decode(coarse, {.partial = true, .memory_limit = needed - 1}).error().kind == ErrorKind::exhausted);
+  // Cells that hold one anchor each: all of level 2, and that is the whole of it.
+  CodecModel lonely = decode(good_context_gs())->model;
+  lonely.context_gs->cells = {1, 1};
+  const std::vector<std::byte> one = testing::encoded(lonely).bytes;
+  const auto parsed = parse_container(one, "");
+  REQUIRE(parsed.ok());
+  const std::vector<CodecLevel> single = codec_levels(*parsed);
+  REQUIRE(single.size() == 3);
+  CHECK(single[0].end == single[2].end);
+  const auto first = decode(std::span<const std::byte>(one).first(single[0].end), {.partial = true});
+  REQUIRE(first.ok());
+  CHECK(first->levels == 3);
+  CHECK(first->absent_anchors == 0);
 }
 
 TEST_CASE("codec/context_gs_damage: random bytes in place of a payload, checksums right: an error, never a model") {

@@ -55,8 +55,12 @@ TEST_CASE(
   for (std::size_t n = 0; n < good.size(); ++n) {
     const auto cut = decode(std::span<const std::byte>(good).first(n), {.partial = true});
     REQUIRE(cut.ok() == (n >= end));
-    if (!cut) continue;
+    if (!cut) {
+      REQUIRE(cut.error().kind == ErrorKind::truncated);
+      continue;
+    }
     REQUIRE(!cut->verified);
+    REQUIRE(cut->absent_anchors == 0);
     REQUIRE(cut->levels == 1);
     REQUIRE(same(cut->model, decode(good)->model));
   }

@@ -51,7 +51,7 @@ struct ContainerFormat {
   static constexpr std::uint16_t major = 1, minor = 0;
   static constexpr std::size_t header_size = 64, entry_size = 48;
   static constexpr std::uint32_t section_limit = 65'536;
-  static constexpr std::uint32_t flag_reserved_progressive = 1, flag_networks = 2, flag_salvageable = 4;
+  static constexpr std::uint32_t flag_reserved = 1, flag_networks = 2, flag_salvageable = 4;
 };
 
 /// What stands in the header and is not about bytes.
@@ -123,7 +123,11 @@ class Container {
   ContainerHeader header;
   std::vector<SectionEntry> sections;  ///< in the order of the file
 
-  /// Whether all of a section is there; of a file that was parsed whole, always.
+  /// Bytes of the file that are not there; 0 of a file that was parsed whole.
+  [[nodiscard]] std::uint64_t absent_bytes() const {
+    return sections.empty() ? 0 : sections.back().offset + sections.back().size - bytes_.size();
+  }
+  /// Whether all of a section is there.
   [[nodiscard]] bool arrived(const SectionEntry& entry) const { return entry.offset + entry.size <= bytes_.size(); }
   /// The bytes of a section, once their CRC is right.
   [[nodiscard]] Result<std::span<const std::byte>> payload(const SectionEntry& entry) const {
@@ -222,8 +226,10 @@ class Container {
     return fail(ErrorKind::malformed, "header", "sizes or reserved bytes are not those of format 1");
   }
   if (partial ? file_size < bytes.size() : file_size != bytes.size()) {
-    return fail(file_size > bytes.size() ? ErrorKind::truncated : ErrorKind::malformed, "file size",
-                "the file has " + number(bytes.size()) + " bytes, its header says " + number(file_size));
+    const bool begun = file_size > bytes.size();
+    return container.error(begun ? ErrorKind::truncated : ErrorKind::malformed, "file size",
+                           "the file has " + number(bytes.size()) + " bytes, its header says " + number(file_size),
+                           begun ? "copy the file again, or ask for what has arrived (partial)" : copy_again);
   }
   if (count > ContainerFormat::section_limit) {
     return fail(ErrorKind::malformed, "section count", number(count) + " is above the limit of 65536");

@@ -55,7 +55,7 @@ template <Executor E>
   if (!voxels) return reader.located(voxels.error());
   order = detail::context_gs_order(*voxels, context.cells);
   if (order.counts != *counts) return reader.malformed("LVLS", "its levels are not those of the anchors");
-  for (const std::uint32_t row : order.row) model.voxels.push_back((*voxels)[row]);
+  for (std::size_t i = 0; i < reader.arrived_anchors(); ++i) model.voxels.push_back((*voxels)[order.row[i]]);
   for (std::uint32_t level = 3; level-- > 0;) {
     Result<IntegerNetwork> network = reader.network(context.inputs(level), context.heads.outputs(), level);
     if (!network) return network.error();

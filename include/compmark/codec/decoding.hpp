@@ -41,10 +41,11 @@ struct CodecDecoded {
   ContainerHeader header;
   std::vector<std::pair<std::uint32_t, Error>> damaged;  ///< chunks that were left out (salvage), and why
   std::uint64_t lost_anchors = 0;
-  std::vector<std::string> lost_sections;     ///< of others, damaged or absent and left out (salvage, partial)
-  std::uint32_t levels = 0, file_levels = 0;  ///< how many have been decoded (partial), and of how many; HAC has one
-  std::uint64_t absent_anchors = 0;           ///< of the levels that have not arrived (partial)
-  bool verified = false;  ///< the digest of the whole model was right; cannot be when anchors were lost or are absent
+  std::vector<std::string> lost_sections;  ///< of others, damaged and left out (salvage)
+  std::uint64_t absent_bytes = 0;          ///< of the file's end (partial); sections of others there are left out too
+  std::uint32_t levels = 0, file_levels = 0;  ///< how many were whole, of how many; HAC has one
+  std::uint64_t absent_anchors = 0;           ///< of the levels that were not
+  bool verified = false;  ///< DIGS was right; cannot be when it has not arrived, or anchors were lost or are absent
 };
 
 namespace detail {
@@ -93,8 +94,9 @@ class FileReader {
                                                 : format_.can_be_lost(entry) || entry.kind == CodecFormat::digests;
       if (!goes_on) return payload.error();
       intact_[i] = 0;
-      if (!format_.knows(entry.kind)) result.lost_sections.push_back(entry.name());
+      if (file_.arrived(entry) && !format_.knows(entry.kind)) result.lost_sections.push_back(entry.name());
     }
+    result.absent_bytes = file_.absent_bytes();
     result.header = file_.header;
     const auto meta = section(CodecFormat::meta);
     if (!meta) return meta.error();
@@ -142,10 +144,10 @@ class FileReader {
     }
     const Result<Done> some = count_arrived(levels);
     if (!some) return some.error();
-    const std::uint64_t memory = anchors_ * 4 * (3 + 1 + d + 6 + k3 + hyperprior);  // below 2^28 * 2^15
+    const std::uint64_t memory = arrived_anchors() * 4 * (3 + 1 + d + 6 + k3 + hyperprior);  // below 2^28 * 2^15
     if (memory > settings_.memory_limit) {
       return file_.error(ErrorKind::exhausted, "META",
-                         std::to_string(anchors_) + " anchors take " + std::to_string(memory) +
+                         std::to_string(arrived_anchors()) + " anchors take " + std::to_string(memory) +
                              " bytes, more than the limit of " + std::to_string(settings_.memory_limit),
                          "raise the limit");
     }
@@ -155,6 +157,8 @@ class FileReader {
   [[nodiscard]] std::span<const ChunkPlace> places() const {
     return std::span<const ChunkPlace>(places_).first(arrived_);
   }
+  /// How many anchors these have: nothing is kept for the others.
+  [[nodiscard]] std::size_t arrived_anchors() const { return arrived_ == 0 ? 0 : places_[arrived_ - 1].end; }
   [[nodiscard]] const SectionEntry& entry(std::uint32_t kind, std::size_t chunk) const {
     const auto at = std::find(format_.chunked.begin(), format_.chunked.end(), kind) - format_.chunked.begin();
     return entries_[static_cast<std::size_t>(at)][chunk];
@@ -234,7 +238,7 @@ class FileReader {
     std::vector<std::uint32_t> kept;
     result.levels = whole_levels_;
     result.file_levels = format_.parts;
-    for (std::size_t c = arrived_; c < places_.size(); ++c) result.absent_anchors += places_[c].end - places_[c].begin;
+    result.absent_anchors = anchors_ - arrived_anchors();
     for (std::size_t c = 0; c < arrived_; ++c) {
       if (errors_[c] && !settings_.salvage) return *errors_[c];
       if (errors_[c]) {
@@ -244,19 +248,16 @@ class FileReader {
       }
       for (std::size_t i = places_[c].begin; i < places_[c].end; ++i) kept.push_back(static_cast<std::uint32_t>(i));
     }
-    if (!result.damaged.empty() || result.absent_anchors > 0) {
-      result.model = take_rows(result.model, kept);
-      return Done{};
-    }
-    if (!digests_) return Done{};
+    if (!result.damaged.empty()) result.model = take_rows(result.model, kept);
+    if (!result.damaged.empty() || result.absent_anchors > 0) return Done{};
     const Sha256Bytes digest = model_digest(values_, result.model, result.model.anchors(), named_);
-    if (digest != digests_->model || short_digest(digest) != file_.header.digest) {
+    if ((digests_ && digest != digests_->model) || short_digest(digest) != file_.header.digest) {
       return file_.error(
           ErrorKind::invalid, "DIGS",
           "its bytes are whole, but the model is another than the one that was encoded: encoder and decoder differ",
           "decode it with the version that wrote it and report this");
     }
-    result.verified = true;
+    result.verified = digests_.has_value();
     return Done{};
   }
 

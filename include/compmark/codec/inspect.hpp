@@ -5,6 +5,7 @@
 // of contents and META, and checks the checksums of all sections: one pass over the bytes.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -35,22 +36,25 @@ struct CodecInfo {
   }
 };
 
-/// A level of a ContextGS file, in the order of the file; HAC has one.
+/// A level of a file, in the order of the file: of ContextGS three, of HAC one.
 struct CodecLevel {
-  std::uint64_t anchors = 0;
-  std::uint64_t end = 0;  ///< so many bytes of the file are enough for this level and those before
+  std::uint64_t anchors = 0;  ///< as the table of contents says
+  std::uint64_t end = 0;      ///< so many bytes of the file are enough to decode this level and those before (partial)
 };
 template <class File>
 [[nodiscard]] std::vector<CodecLevel> codec_levels(const File& file) {
-  std::vector<CodecLevel> levels;
-  std::uint32_t part = 0;
+  const CodecSections& format =
+      file.header.profile == ContainerProfile::context_gs ? ContextGsFormat::sections : HacFormat::sections;
+  std::vector<CodecLevel> levels(format.parts);
+  std::uint64_t end = 0;
   for (const SectionEntry& entry : file.sections) {
-    if (entry.kind != CodecFormat::mask && entry.kind != CodecFormat::stream) continue;
-    if (levels.empty() || entry.part != part) levels.emplace_back();
-    part = entry.part;
-    levels.back().end = entry.offset + entry.size;
-    if (entry.kind == CodecFormat::mask) levels.back().anchors += entry.items;
+    const bool chunked = CodecSections::in(format.chunked, entry.kind);
+    if (!format.knows(entry.kind) || entry.kind == CodecFormat::digests || entry.part >= format.parts) continue;
+    std::uint64_t& reached = chunked ? levels[format.parts - 1 - entry.part].end : end;
+    reached = std::max(reached, entry.offset + entry.size);
+    if (entry.kind == CodecFormat::mask) levels[format.parts - 1 - entry.part].anchors += entry.items;
   }
+  for (CodecLevel& level : levels) level.end = end = std::max(end, level.end);
   return levels;
 }
 
