@@ -135,7 +135,8 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   options.recipe = *recipe;
   options.codec = recipe_codec(*recipe);
   const bool coded = is_coded_recipe(*recipe);
-  if (options.iterations == 0) options.iterations = coded ? 8000 : 2000;
+  const bool fitted = options.mark.decoder.empty() || fitted_decoder(options.mark.decoder);
+  if (options.iterations == 0) options.iterations = coded ? (fitted ? 4000 : 8000) : 2000;
   if (coded) options.profile = "hac";  // as their training
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
   if (!coded && distortion != "round") {
@@ -163,12 +164,11 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   const bool own_twin = options.mark.twin.empty();
   if (own_twin) options.mark.twin = options.model;
   settings.mark = mark_beside_the_host();
-  settings.mark.residual_rate =
-      0.001;  // nothing else moves, so that small steps find what is read in every view (docs/watermark.md)
+  settings.mark.residual_rate = fitted ? 0.006 : 0.001;  // as what they were measured with (docs/watermark.md)
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
   // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark.md).
-  if (coded && !options.mark.fidelity) settings.mark.fidelity = fitted_decoder(options.mark.decoder) ? 500 : 600;
+  if (coded && !options.mark.fidelity) settings.mark.fidelity = fitted ? 2000 : 600;
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
@@ -200,7 +200,9 @@ Command add_embed(CLI::App& app) {
                  "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "
                  "with unmarked.cmk beside it")
       ->required();
-  app.add_option("--iterations", options->iterations, "length of the run (default: 2000; of a model for a codec 8000)")
+  app.add_option("--iterations", options->iterations,
+                 "length of the run (default: 2000; of a model for a codec 4000, or 8000 with a decoder that was not "
+                 "fitted to the scene)")
       ->check(CLI::PositiveNumber);
   add_finished_model_options(app, *options);
   add_mark_options(app, options->mark, true);

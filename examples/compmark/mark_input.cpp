@@ -35,17 +35,22 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
       ->check(CLI::PositiveNumber);
   app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
       ->check(CLI::PositiveNumber);
+  app.add_option(
+         "--message-power", options.power,
+         "1: a bit that is not right by the margin is pulled, however wrong it is; 2: the more the wronger it is "
+         "(default: 1, or 2 where --fidelity is above 0 with a decoder that was fitted to the scene)")
+      ->check(CLI::Range(1.0, 8.0));
   app.add_option("--message-rate", options.rate,
                  "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: "
-                 "embed 0.001; "
+                 "embed 0.001, or 0.006 with a decoder that was fitted to the scene; "
                  "train with --decoder 0.002, with --fidelity too 0.006)")
       ->check(CLI::PositiveNumber);
   app.add_option(
          "--fidelity", options.fidelity,
          "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
          "by so much; "
-         "0: the message joins the loss of the photographs, as published (default: embed 3000, or 1000 with a decoder "
-         "that was fitted to the scene, 600, or 500 with a fitted one, of a model for a codec; train with --decoder 0)")
+         "0: the message joins the loss of the photographs, as published (default: embed 3000, and of a model for a "
+         "codec 600, or 2000 with a decoder that was fitted to the scene; train with --decoder 0)")
       ->check(CLI::Range(0.0, 1e6));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
@@ -110,10 +115,11 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
     mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
   }
-  if (fitted_decoder(options.decoder) && mark.fidelity > 0) mark.fidelity = 1000;
+  if (mark.fidelity > 0 && fitted_decoder(options.decoder)) mark.hinge_power = 2;
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
+  if (options.power) mark.hinge_power = *options.power;
   if (options.rate) mark.residual_rate = *options.rate;
   if (options.fidelity) mark.fidelity = *options.fidelity;
   mark.message_every = options.message_every;

@@ -32,17 +32,19 @@ struct MarkOptions {
   std::filesystem::path twin;      ///< unmarked model to compare with; may be empty
   std::optional<double> weight;    ///< of the message; not set: the profile's
   std::optional<double> margin;    ///< of the hinge, in logits
+  std::optional<double> power;     ///< of the hinge
   std::optional<double> rate;      ///< at which the mark is learned; not set: that of the command
   std::optional<double> fidelity;  ///< of the marked renders to the unmarked ones; not set: that of the command
   std::int64_t message_every = 1;  ///< cadence
   bool for_compression = false;    ///< with the noise of quantization
   /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.
   [[nodiscard]] bool wanted() const {
-    return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || weight || margin || rate || fidelity ||
-           message_every != 1 || for_compression;
+    return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || weight || margin || power || rate ||
+           fidelity || message_every != 1 || for_compression;
   }
 };
-/// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-rate, --fidelity, --message-every, --for-compression
+/// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --message-every,
+/// --for-compression
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
 
 struct MarkInput {

@@ -19,7 +19,7 @@ struct Preset {
 
 inline constexpr std::array<Preset, 3> presets = {{
     {"draft", 2000, 0.004, 1000},
-    {"standard", 10000, 0.002, 8000},
+    {"standard", 10000, 0.002, 4000},
     {"best", 30000, 0.001, 8000},
 }};
 

@@ -348,7 +348,7 @@ Command add_train(CLI::App& app) {
   app.add_option(
          "--mark-iterations", options->mark_iterations,
          "without --decoder: length of the run that hides the message after the training (default: 2000; with a "
-         "codec 8000)")
+         "codec 4000)")
       ->check(CLI::PositiveNumber);
   return [options, &app]() -> int {
     apply_preset(app, *options);

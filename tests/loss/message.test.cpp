@@ -59,10 +59,17 @@ TEST_CASE("loss/message: gradient law of both rules and both reductions, and the
   const Random random(3, 0, random_stage("test"));
   const std::vector<std::uint8_t> bits = alternating(48);
   for (std::size_t i = 0; i < 48; ++i) z.push_back(static_cast<double>(random.centered(i)));
-  for (const MessageRule rule : {MessageRule::cross_entropy, MessageRule::hinge}) {
+  struct Rule {
+    MessageRule rule;
+    double power;
+  };
+  const std::vector<Rule> rules{
+      {MessageRule::cross_entropy, 1}, {MessageRule::hinge, 1}, {MessageRule::hinge, 2}, {MessageRule::hinge, 2.5}};
+  for (const Rule& rule : rules) {
     for (const MessageReduction reduction : {MessageReduction::mean, MessageReduction::sum}) {
       MessageLoss<double>::Settings settings;
-      settings.rule = rule;
+      settings.rule = rule.rule;
+      settings.power = rule.power;
       settings.reduction = reduction;
       settings.margin = 1.7;
       const MessageLoss<double> loss(settings);
@@ -122,6 +129,27 @@ TEST_CASE("loss/message: a hinge does not pull a bit that is right by the margin
       loss.forward_backward(std::vector<double>{5.0, 7.0, 4.0, 1.0}, std::vector<std::uint8_t>{1, 1, 1, 0}, 1.0, d);
   CHECK(report.loss == doctest::Approx((0 + 0 + 1 + 6) / 4.0));
   CHECK(d == std::vector<double>{0, 0, -0.25, 0.25});
+}
+
+TEST_CASE("loss/message: a power of the hinge costs the margin where nothing is said, and pulls a bit as it needs") {
+  MessageLoss<double>::Settings settings;
+  settings.rule = MessageRule::hinge;
+  settings.logit_scale = 1;
+  settings.margin = 4;
+  const std::vector<double> z{4.0, 9.0, 2.0, 0.0,
+                              4.0};  // right by the margin, by more, by half of it, by nothing, wrong
+  const std::vector<std::uint8_t> bits{1, 1, 1, 1, 0};
+  std::vector<double> linear(5, 0.0), squared(5, 0.0);
+  CHECK(MessageLoss<double>(settings).forward_backward(z, bits, 5.0, linear).loss ==
+        doctest::Approx((2 + 4 + 8) / 5.0));
+  settings.power = 2;
+  CHECK(MessageLoss<double>(settings).forward_backward(z, bits, 5.0, squared).loss ==
+        doctest::Approx((1 + 4 + 16) / 5.0));
+  CHECK(linear == std::vector<double>{0, 0, -1, -1, 1});
+  CHECK(squared == std::vector<double>{0, 0, -1, -2, 4});
+  // a logit that is no number stays one, whatever the power
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK(std::isnan(MessageLoss<double>(settings).forward(std::vector<double>{nan}, std::vector<std::uint8_t>{1}).loss));
 }
 
 TEST_CASE("loss/message: matches, margins, no bits, and NaN") {

@@ -69,9 +69,16 @@ struct DrawnReadingBench {
 }  // namespace
 
 TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with a host and without") {
-  for (const double fidelity : {0.0, 40.0}) {
+  for (const auto& [fidelity, power] : {std::pair(0.0, 0.0), std::pair(40.0, 0.0), std::pair(40.0, 2.0)}) {
     CAPTURE(fidelity);
+    CAPTURE(power);
     DrawnReadingBench bench;
+    if (power > 0) {
+      auto& loss = bench.pipeline.marks().message_loss.settings;
+      loss.rule = MessageRule::hinge;
+      loss.margin = 30;  // of logits up to 30, scaled by 10: some bits are right by it, some are not
+      loss.power = power;
+    }
     DrawnReading<MarkedSmooth> drawn;
     bench.clear();
     const double total = bench.read(drawn, fidelity);

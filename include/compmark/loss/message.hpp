@@ -3,8 +3,9 @@
 //
 // Message loss: what the logits z of a MessageDecoder cost when the bits m are expected, and the gradient (method sheet 5.4). With x = scale z
 // and s = +1 for a one, -1 for a zero:  cross entropy softplus(-s x), derivative -s scale sigmoid(-s x);  hinge max(0, margin - s x) (Fernandez
-// et al., ICASSP 2022). Both are written in the sign that does not cancel: no infinity at |x| = 1e4 and full relative digits where a bit is
-// safely right (numerics case LS8). Mean over the bits as released, plain sum as in the paper. Cost: two transcendentals a bit.
+// et al., ICASSP 2022), or a power of it: margin (max(0, margin - s x) / margin)^power, which pulls a bit the more the wronger it is. All are
+// written in the sign that does not cancel: no infinity at |x| = 1e4 and full relative digits where a bit is safely right (numerics case LS8).
+// Mean over the bits as released, plain sum as in the paper. Cost: two transcendentals a bit.
 #pragma once
 
 #include <cmath>
@@ -47,6 +48,8 @@ class MessageLoss {
     MessageRule rule = MessageRule::cross_entropy;
     MessageReduction reduction = MessageReduction::mean;
     T margin = T(5);  ///< of the hinge, in scaled logits; carriers are published with logit_scale 1 and margin 5
+    /// Of the hinge, at least 1. At 1, as published, a bit that is nearly right is pulled as much as one that is wrong; at 2 as it needs.
+    T power = T(1);
   };
 
   Settings settings;
@@ -86,8 +89,10 @@ class MessageLoss {
         pull = (right < T(0) ? T(1) : e) / (T(1) + e);
       } else {
         const T missing = settings.margin - right;
-        loss = missing <= T(0) ? T(0) : missing;
-        pull = missing <= T(0) ? T(0) : T(1);
+        const T steep =
+            std::pow(missing / settings.margin, settings.power - T(1));  // 1 at power 1; NaN where none is missing
+        loss = missing <= T(0) ? T(0) : missing * steep;
+        pull = missing <= T(0) ? T(0) : settings.power * steep;
       }
       report.loss += static_cast<double>(loss);
       const double margin = static_cast<double>(sign * logits[i]);

@@ -42,6 +42,7 @@ struct MarkNumbers {
   std::int64_t message_every = 1;  ///< cadence: every n-th iteration, n times the weight; does not scale
   double logit_scale = 10;         ///< of the cross entropy; a decoder file states what suits its logits
   double hinge_margin = 0;  ///< above 0: a hinge instead, no pull on a bit that is right by this much (scaled logits)
+  double hinge_power = 1;   ///< at least 1: of the hinge, in units of its margin; above 1 wrong bits are pulled harder
   std::int64_t between_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
   /// Above 0 the host is left alone: it trains as without a mark, to the bit, and beside it the residual, from drawn views (between_every)
   /// that shall carry the message and differ little from the host's own render: this, times their mean square difference.

@@ -61,6 +61,7 @@ template <class Json = nlohmann::json>
     mark["message_every"] = m.message_every;
     mark["logit_scale"] = m.logit_scale;
     mark["hinge_margin"] = m.hinge_margin;
+    if (m.hinge_power != 1) mark["hinge_power"] = m.hinge_power;  // as fidelity
     mark["between_every"] = m.between_every;
     if (m.fidelity != 0) mark["fidelity"] = m.fidelity;  // checkpoints are older than this number
     mark["lambda_hsv"] = m.lambda_hsv;

@@ -235,6 +235,7 @@ class Trainer {
     if (settings_.mark.hinge_margin > 0) {
       loss.rule = MessageRule::hinge;
       loss.margin = static_cast<Scalar>(settings_.mark.hinge_margin);
+      loss.power = static_cast<Scalar>(settings_.mark.hinge_power);
     }
     marks.decoder = std::move(decoder);
     marks.message.assign(message.begin(), message.end());
