@@ -125,7 +125,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(times_in(log, "trained ") == 2);
   CHECK(times_in(log, "marked --data") == 1);  // with the host that is there
   CHECK(times_in(log, "--seed 3") == 3);
-  CHECK(times_in(log, "--mark-iterations 16000") == 1);
+  CHECK(times_in(log, "--mark-iterations 8000") == 1);
   CHECK(text_of(at("run/standard_marked_longer_hac/decoder.safetensors")) == "decoder\n");
   nlohmann::json json = json_of(at("run/tradeoff.json"));
   REQUIRE(json["points"].size() == 3);
