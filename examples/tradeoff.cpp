@@ -8,7 +8,7 @@
 //
 // Every point is a cell of the fidelity table (examples/fidelity/cell.hpp) in a folder of its own; points that differ in the mark alone share the
 // training and the decoder. What is finished is not run again, what was stopped goes on. DIR/tradeoff.json, .md, .html and .svg are written after each.
-// Cost: that of its points; the presets alone are 84,000 iterations of training and 34,000 of the mark.
+// Cost: that of its points; the presets alone are 84,000 iterations of training and 26,000 of the mark.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>

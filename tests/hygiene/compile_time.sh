@@ -11,28 +11,32 @@ shift
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 
-# Least user time of two runs, in hundredths of a second.
+# User time of one run, in hundredths of a second.
 cost() {
   printf '#include <%s>\nint main() {}\n' "$1" >"$folder/header.cpp"
   shift
-  best=999999
-  for _ in 1 2; do
-    spent=$(sh -c '"$@" >/dev/null 2>&1 || exit 1; times' timer "$@" | awk 'NR == 2 { split($1, t, /[ms]/); printf "%d", (t[1] * 60 + t[2]) * 100 + 0.5 }')
-    [ -n "$spent" ] || { echo "cannot compile" >&2; "$@" || true; exit 1; }
-    [ "$spent" -lt "$best" ] && best=$spent
-  done
-  echo "$best"
+  spent=$(sh -c '"$@" >/dev/null 2>&1 || exit 1; times' timer "$@" | awk 'NR == 2 { split($1, t, /[ms]/); printf "%d", (t[1] * 60 + t[2]) * 100 + 0.5 }')
+  [ -n "$spent" ] || { echo "cannot compile" >&2; "$@" || true; exit 1; }
+  [ "$spent" -gt 0 ] || spent=1
+  echo "$spent"
 }
 
-base=$(cost Eigen/Dense "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")
-[ "$base" -gt 0 ] || base=1
+# The two in turns, and the least of each in four rounds: with Eigen measured once, before all others, the same umbrella header took 4.8 to
+# 9.8 of it on a shared machine.
 bad=0
 budget() {
   header=$1
   limit=$2
   shift 2
-  spent=$(cost "$header" "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")
-  ratio=$((spent * 100 / base))
+  base=999999
+  least=999999
+  for _ in 1 2 3 4; do
+    spent=$(cost Eigen/Dense "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")
+    [ "$spent" -ge "$base" ] || base=$spent
+    spent=$(cost "$header" "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")
+    [ "$spent" -ge "$least" ] || least=$spent
+  done
+  ratio=$((least * 100 / base))
   verdict=ok
   [ "$ratio" -le "$limit" ] || { verdict="OVER ITS BUDGET"; bad=1; }
   echo "$header: $((ratio / 100)).$(printf %02d $((ratio % 100))) of Eigen/Dense, budget $((limit / 100)).$(printf %02d $((limit % 100))): $verdict"
@@ -42,5 +46,5 @@ budget compmark/raster/concept.hpp 60 "$@"
 budget compmark/anchor/concept.hpp 60 "$@"
 budget compmark/raster/tile.hpp 150 "$@"
 budget compmark/pipeline/trainer.hpp 250 "$@"
-budget compmark/compmark.hpp 850 "$@" # for examples: JSON, stb and every room at once; 6.7 to 7.8 measured
+budget compmark/compmark.hpp 1000 "$@" # for examples: JSON, stb and every room at once; 7.6 to 8.5 measured
 exit $bad
