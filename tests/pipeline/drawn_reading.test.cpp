@@ -69,7 +69,8 @@ struct DrawnReadingBench {
 }  // namespace
 
 TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with a host and without") {
-  for (const auto& [fidelity, power] : {std::pair(0.0, 0.0), std::pair(40.0, 0.0), std::pair(40.0, 2.0)}) {
+  for (const std::pair<double, double>& held : {std::pair(0.0, 0.0), std::pair(40.0, 0.0), std::pair(40.0, 2.0)}) {
+    const double fidelity = held.first, power = held.second;
     CAPTURE(fidelity);
     CAPTURE(power);
     DrawnReadingBench bench;
