@@ -164,7 +164,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   const bool own_twin = options.mark.twin.empty();
   if (own_twin) options.mark.twin = options.model;
   settings.mark = mark_beside_the_host();
-  settings.mark.residual_rate = fitted ? 0.006 : 0.001;  // as what they were measured with (docs/watermark.md)
+  settings.mark.residual_rate = fitted ? 0.006 : 0.001;  // what each was measured with (docs/watermark.md)
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
   // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark.md).

@@ -9,6 +9,7 @@
 #include <compmark/metric/rounding.hpp>
 #include <compmark/version.hpp>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "evaluation.hpp"
@@ -39,11 +40,11 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
          "--message-power", options.power,
          "1: a bit that is not right by the margin is pulled, however wrong it is; 2: the more the wronger it is "
          "(default: 1, or 2 where --fidelity is above 0 with a decoder that was fitted to the scene)")
-      ->check(CLI::Range(1.0, 8.0));
+      ->check(CLI::Range(1.0, 4.0));
   app.add_option("--message-rate", options.rate,
                  "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: "
                  "embed 0.001, or 0.006 with a decoder that was fitted to the scene; "
-                 "train with --decoder 0.002, with --fidelity too 0.006)")
+                 "train with --decoder, and embed --fidelity 0, 0.002, train with --fidelity too 0.006)")
       ->check(CLI::PositiveNumber);
   app.add_option(
          "--fidelity", options.fidelity,
@@ -109,8 +110,13 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   input.for_compression = options.for_compression;
 
   MarkNumbers& mark = settings.mark;
-  if (options.fidelity && !std::isfinite(*options.fidelity)) {
-    return Error{ErrorKind::invalid, {}, "--fidelity", "is not a number", "give 0, or a weight up to 1000000"};
+  for (const auto& [number, name, remedy] :
+       {std::tuple(options.fidelity, "--fidelity", "give 0, or a weight up to 1000000"),
+        std::tuple(options.weight, "--message-weight", "give a weight above 0"),
+        std::tuple(options.margin, "--message-margin", "give logits above 0"),
+        std::tuple(options.power, "--message-power", "give a power of 1 to 4"),
+        std::tuple(options.rate, "--message-rate", "give a rate above 0")}) {
+    if (number && !std::isfinite(*number)) return Error{ErrorKind::invalid, {}, name, "is not a number", remedy};
   }
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
     mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
@@ -119,6 +125,13 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   mark.logit_scale = decoder->logit_scale();
   if (options.weight) mark.lambda_message = *options.weight;
   if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
+  if (options.power && mark.hinge_margin <= 0) {
+    return Error{ErrorKind::unsupported,
+                 {},
+                 "--message-power",
+                 "is that of a hinge, and this profile takes cross entropy",
+                 "give --message-margin too, or leave it out"};
+  }
   if (options.power) mark.hinge_power = *options.power;
   if (options.rate) mark.residual_rate = *options.rate;
   if (options.fidelity) mark.fidelity = *options.fidelity;

@@ -57,7 +57,7 @@ struct Point {
     points.push_back(from_standard(
         name, mark_words(static_cast<std::int64_t>(static_cast<double>(standard.mark_iterations) * factor))));
   }
-  for (const char* fidelity : {"200", "1000"}) {
+  for (const char* fidelity : {"1000", "4000"}) {  // half and twice that of embed with a codec
     std::vector<std::string> words = mark_words(standard.mark_iterations);
     words.insert(words.end(), {"--fidelity", fidelity});
     points.push_back(from_standard((std::string("fidelity_") + fidelity).c_str(), std::move(words)));

@@ -149,7 +149,24 @@ TEST_CASE("loss/message: a power of the hinge costs the margin where nothing is 
   CHECK(squared == std::vector<double>{0, 0, -1, -2, 4});
   // a logit that is no number stays one, whatever the power
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  CHECK(std::isnan(MessageLoss<double>(settings).forward(std::vector<double>{nan}, std::vector<std::uint8_t>{1}).loss));
+  for (const double power : {1.0, 2.0, 2.5}) {
+    settings.power = power;
+    CHECK(
+        std::isnan(MessageLoss<double>(settings).forward(std::vector<double>{nan}, std::vector<std::uint8_t>{1}).loss));
+  }
+  // far off in float: what is right costs nothing, what is wrong (1e4 + 4) / 4 times as much as what says nothing, squared
+  MessageLoss<float>::Settings single;
+  single.rule = MessageRule::hinge;
+  single.logit_scale = 1;
+  single.margin = 4;
+  single.power = 2;
+  std::vector<float> pulls(2, 0.0F);
+  const std::vector<float> far{1e4F, -1e4F};
+  const double cost =
+      MessageLoss<float>(single).forward_backward(far, std::vector<std::uint8_t>{1, 1}, 2.0F, pulls).loss;
+  CHECK(cost == doctest::Approx(0.5 * 4 * 2501.0 * 2501.0).epsilon(1e-6));
+  CHECK(pulls[0] == 0);
+  CHECK(pulls[1] == doctest::Approx(-2 * 2501.0).epsilon(1e-6));
 }
 
 TEST_CASE("loss/message: matches, margins, no bits, and NaN") {

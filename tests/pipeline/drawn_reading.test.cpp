@@ -84,6 +84,13 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
     bench.clear();
     const double total = bench.read(drawn, fidelity);
     CHECK(std::isfinite(total));
+    if (power > 0) {  // the power is felt: another costs something else
+      DrawnReadingBench linear;
+      linear.pipeline.marks().message_loss.settings = bench.pipeline.marks().message_loss.settings;
+      linear.pipeline.marks().message_loss.settings.power = 1;
+      DrawnReading<MarkedSmooth> read_linear;
+      CHECK(std::abs(linear.read(read_linear, fidelity) - total) > 1e-3 * total);
+    }
     const MatrixView<double> residual = DrawnReadingBench::values(bench.model),
                              gradient = DrawnReadingBench::gradients(bench.model);
     const std::vector<double> start(residual.data, residual.data + residual.size());

@@ -223,6 +223,14 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
   CHECK(not_detected(verdict("fit-embedded", setting().other, "--split all", fitted)));  // negative controls
   CHECK(not_detected(verdict("unmarked", setting().key, "--split all", fitted)));
 
+  // The defaults with a fitted decoder, said aloud: a run that was stopped goes on with them, and with no others.
+  const std::string defaults = "embed --iterations 100 --data " + setting().scene + " --key " + setting().key +
+                               " --decoder " + fitted + " --model " + at("unmarked/model.safetensors");
+  testing::killed(defaults, at("fit-stopped"));
+  const std::string go_on = defaults + " --resume --out " + at("fit-stopped") + " --message-rate 0.006 --fidelity 3000";
+  check_refused(tool(go_on + " --message-power 1"), {"checkpoint.safetensors"});
+  CHECK(tool(go_on + " --message-power 2").code == 0);
+
   // Whoever has the unmarked model can take away what the scene says by itself: no key gains by it but the one that is there.
   const std::string less = " --unmarked " + at("unmarked/model.safetensors");
   CHECK(verdict("fit-embedded", setting().key, "--split all --json " + at("less.json") + less, fitted) == 0);
@@ -230,9 +238,8 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
   const double informed = json_of(at("less.json"))["bit_accuracy"]["mean"].get<double>(),
                blind = json_of(at("all.json"))["bit_accuracy"]["mean"].get<double>();
   MESSAGE("of all views ", blind, " of the bits, informed ", informed);
-  // A bit that the scene says by itself was hardly moved, so that some of them go with what the scene says: .021 here with the
-  // hinge's square, which leaves them alone the more.
-  CHECK(informed > blind - 0.05);
+  // A bit that the scene says by itself needs less of a mark, so that some go with what the scene says: .021 of them here.
+  CHECK(informed > blind - 0.03);
   CHECK(not_detected(verdict("fit-embedded", setting().other, "--split all" + less, fitted)));
   CHECK(not_detected(verdict("unmarked", setting().key, "--split all" + less, fitted)));  // nothing is left of it
   check_refused(tool("verify --model " + at("fit-embedded/model.safetensors") + " --key " + setting().key +
@@ -333,7 +340,12 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
   testing::killed(embed + at("unmarked/model.safetensors"), at("stopped-embed"));
   check_refused(tool(embed + at("straight/model.safetensors") + " --resume --out " + at("stopped-embed")),
                 {"checkpoint.safetensors", "watermark"});
-  CHECK(finished(embed + at("unmarked/model.safetensors") + " --resume", "stopped-embed") ==
+  check_refused(
+      tool(embed + at("unmarked/model.safetensors") + " --resume --message-power 2 --out " + at("stopped-embed")),
+      {"checkpoint.safetensors"});
+  // The defaults with a decoder that was not fitted to the scene, said aloud.
+  const std::string defaults = " --message-power 1 --message-rate 0.001 --fidelity 3000";
+  CHECK(finished(embed + at("unmarked/model.safetensors") + defaults + " --resume", "stopped-embed") ==
         finished(embed + at("unmarked/model.safetensors"), "straight-embed"));
 }
 
@@ -357,6 +369,13 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   CHECK_FALSE(fs::exists(at("none/model.safetensors")));
   check_refused(tool(common + " --for-compression"), {"--key", "missing"});
   check_refused(tool(common + " --message-rate 0.1"), {"--key", "missing"});
+  for (const char* name : {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity"}) {
+    CHECK(tool(common + setting().mark() + " " + name + " nan").code != 0);
+  }
+  CHECK(tool(common + setting().mark() + " --message-power 0.5").code != 0);
+  check_refused(tool("train --profile paper --iterations 20 --data " + setting().scene + " --out " + at("none") +
+                     setting().mark() + " --message-power 2"),
+                {"--message-power", "--message-margin"});
   static_cast<void>(unmarked());
   check_refused(tool("train --effects none --iterations 20 --data " + setting().scene + " --out " + at("unmarked") +
                      setting().mark() + " --twin " + at("unmarked/model.safetensors")),

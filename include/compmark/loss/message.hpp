@@ -3,8 +3,9 @@
 //
 // Message loss: what the logits z of a MessageDecoder cost when the bits m are expected, and the gradient (method sheet 5.4). With x = scale z
 // and s = +1 for a one, -1 for a zero:  cross entropy softplus(-s x), derivative -s scale sigmoid(-s x);  hinge max(0, margin - s x) (Fernandez
-// et al., ICASSP 2022), or a power of it: margin (max(0, margin - s x) / margin)^power, which pulls a bit the more the wronger it is. All are
-// written in the sign that does not cancel: no infinity at |x| = 1e4 and full relative digits where a bit is safely right (numerics case LS8).
+// et al., ICASSP 2022), or a power of it: margin (max(0, margin - s x) / margin)^power, which pulls a bit the more the wronger it is. Both are
+// written in the sign that does not cancel: full relative digits where a bit is safely right, and no infinity at |x| = 1e4 but that of a power
+// which is one (numerics case LS8).
 // Mean over the bits as released, plain sum as in the paper. Cost: two transcendentals a bit.
 #pragma once
 
@@ -48,7 +49,7 @@ class MessageLoss {
     MessageRule rule = MessageRule::cross_entropy;
     MessageReduction reduction = MessageReduction::mean;
     T margin = T(5);  ///< of the hinge, in scaled logits; carriers are published with logit_scale 1 and margin 5
-    /// Of the hinge, at least 1. At 1, as published, a bit that is nearly right is pulled as much as one that is wrong; at 2 as it needs.
+    /// Of the hinge, at least 1; above 1 the margin is above 0. At 1, as published, a bit that is nearly right is pulled as much as one that is wrong; at 2 as it needs.
     T power = T(1);
   };
 
@@ -73,6 +74,9 @@ class MessageLoss {
   MessageReport run(std::span<const T> logits, std::span<const std::uint8_t> bits, T weight,
                     std::span<T> d_logits) const {
     COMPMARK_ASSERT(logits.size() == bits.size(), "MessageLoss: one logit a bit");
+    COMPMARK_ASSERT(settings.rule != MessageRule::hinge || settings.power == T(1) ||
+                        (settings.power > T(1) && settings.margin > T(0)),
+                    "MessageLoss: a hinge has a power of 1, or one above it and a margin");
     MessageReport report;
     report.bits = bits.size();
     if (bits.empty()) return report;
@@ -89,10 +93,14 @@ class MessageLoss {
         pull = (right < T(0) ? T(1) : e) / (T(1) + e);
       } else {
         const T missing = settings.margin - right;
-        const T steep =
-            std::pow(missing / settings.margin, settings.power - T(1));  // 1 at power 1; NaN where none is missing
-        loss = missing <= T(0) ? T(0) : missing * steep;
-        pull = missing <= T(0) ? T(0) : settings.power * steep;
+        if (missing <= T(0)) {
+          loss = pull = T(0);
+        } else {
+          // Power 1 needs no margin to divide by. NaN is missing too.
+          const T steep = settings.power == T(1) ? T(1) : std::pow(missing / settings.margin, settings.power - T(1));
+          loss = missing * steep;
+          pull = settings.power * steep;
+        }
       }
       report.loss += static_cast<double>(loss);
       const double margin = static_cast<double>(sign * logits[i]);
