@@ -46,8 +46,8 @@ const std::string& marked() {
     REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_lattice(24, 64, 2), "a test",
                                              fs::path(at("decoder.safetensors")))
                 .ok());
-    done("train --effects none --iterations 600 --message-weight 0.1 --data " + at("scene") + " --out " + at("run") +
-         " --key " + at("owner.key") + " --decoder " + at("decoder.safetensors"));
+    done("train --voxel-size 0.2 --effects none --iterations 600 --message-weight 0.1 --data " + at("scene") +
+         " --out " + at("run") + " --key " + at("owner.key") + " --decoder " + at("decoder.safetensors"));
     return at("run/model.safetensors");
   }();
   return model;
@@ -57,7 +57,7 @@ const std::string& marked() {
 const std::string& unmarked() {
   static const std::string model = [] {
     (void)marked();
-    done("train --effects none --iterations 600 --data " + at("scene") + " --out " + at("plain"));
+    done("train --voxel-size 0.2 --effects none --iterations 600 --data " + at("scene") + " --out " + at("plain"));
     return at("plain/model.safetensors");
   }();
   return model;
@@ -84,8 +84,8 @@ TEST_CASE("tool: a model of 8 bits a number pays for its positions, and little e
                places = psnr_of(attacked(unmarked(), "--int8 tensor --keep-positions")),
                fine = psnr_of(attacked(unmarked(), "--int8 channel --keep-positions"));
   MESSAGE("PSNR ", before, "; a scale a tensor ", whole, "; positions kept ", places, "; a scale a channel ", fine);
-  // measured: 25.64; 25.43; 25.62; 25.63 dB (a trained chair: 36.8; 29.8; 36.4; 36.6, docs/quantizers.md)
-  CHECK(whole < before - 0.1);
+  // measured: 24.26; 24.13; 24.26; 24.26 dB (a trained chair: 36.8; 29.8; 36.4; 36.6, docs/quantizers.md)
+  CHECK(whole < before - 0.05);
   CHECK(whole > before - 8);
   CHECK(places > before - 0.5);
   CHECK(places > whole);

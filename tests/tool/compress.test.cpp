@@ -41,7 +41,8 @@ std::string at(const std::string& name) { return (scratch() / name).string(); }
 const nlohmann::json& results() {
   static const nlohmann::json instance = [] {
     done("scene --out " + at("scene") + " --width 96 --height 80 --train 12 --test 4");
-    done("train --codec hac --effects none --iterations 400 --data " + at("scene") + " --out " + at("run"));
+    done("train --codec hac --voxel-size 0.2 --effects none --iterations 400 --data " + at("scene") + " --out " +
+         at("run"));
     return json_of(at("run/results.json"));
   }();
   return instance;
@@ -251,7 +252,8 @@ TEST_CASE(
 
 TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvaged by chunks") {
   done("scene --out " + at("scene") + " --width 96 --height 80 --train 12 --test 4");
-  done("train --codec context_gs --effects none --iterations 400 --data " + at("scene") + " --out " + at("gs"));
+  done("train --codec context_gs --voxel-size 0.2 --effects none --iterations 400 --data " + at("scene") + " --out " +
+       at("gs"));
   const nlohmann::json run = json_of(at("gs/results.json"));
   CHECK(run["recipe"] == "context_gs");
   const nlohmann::json& compressed = run["compressed"];
@@ -311,7 +313,7 @@ TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvag
                      std::vector<std::byte>(begun, begun + static_cast<std::ptrdiff_t>(levels[1].end) + 7)));
   const std::string decompress =
       "decompress --model " + at("gs_begun.cmk") + " --out " + at("gs_begun.safetensors") + " ";
-  check_refused(tool(decompress), {"gs_begun.cmk", "bytes"});
+  check_refused(tool(decompress), {"gs_begun.cmk", "bytes", "decompress --partial"});
   const Outcome preview = done(decompress + "--partial");
   CHECK(preview.text.find("2 of 3 levels") != std::string::npos);
   CHECK(preview.text.find(std::to_string(levels[2].anchors) + " anchors are still to come") != std::string::npos);

@@ -164,7 +164,7 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   fs::create_directories(at("scenes/empty"));
   const std::string command = "--data " + at("scenes") + " --out " + at("run") +
                               " --codecs hac --bits 16 --mark-iterations 100 --message-rate 0.01 --fidelity 50 "
-                              "--voxel-size 0 --iterations ";
+                              "--voxel-size 0.2 --iterations ";
   const auto run = [](const std::string& arguments) { return run_tool(COMPMARK_REPRODUCE_FIDELITY, arguments); };
   const Outcome outcome = run(command + "200");
   INFO(outcome.text);

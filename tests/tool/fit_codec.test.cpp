@@ -34,7 +34,7 @@ std::string at(const std::string& name) { return (scratch() / name).string(); }
 const nlohmann::json& results() {
   static const nlohmann::json instance = [] {
     done("scene --out " + at("scene") + " --width 96 --height 80 --train 12 --test 4");
-    done("train --effects none --iterations 300 --data " + at("scene") + " --out " + at("plain"));
+    done("train --voxel-size 0.2 --effects none --iterations 300 --data " + at("scene") + " --out " + at("plain"));
     return json_of(at("plain/results.json"));
   }();
   return instance;

@@ -87,7 +87,7 @@ TEST_CASE("rate_distortion: every point is trained once, a smaller lambda makes 
   done("scene --out " + at("one") + " --width 48 --height 40 --train 6 --test 2");
   const auto run = [&](const std::string& arguments) {
     return run_tool(COMPMARK_RATE_DISTORTION, "--data " + at("one") + " --out " + at("run") + " --compmark " +
-                                                  COMPMARK_TOOL + " --effects none " + arguments);
+                                                  COMPMARK_TOOL + " --effects none --voxel-size 0.2 " + arguments);
   };
   const Outcome first = run("--iterations 200 --codecs hac --lambdas 0.05 0.001");
   INFO(first.text);
@@ -99,7 +99,7 @@ TEST_CASE("rate_distortion: every point is trained once, a smaller lambda makes 
   CHECK(point(0)["bytes"].get<double>() < point(1)["bytes"].get<double>());
   CHECK(point(0)["bytes"].get<double>() == static_cast<double>(fs::file_size(at("run/one_hac_0.05/model.cmk"))));
   CHECK(point(0)["views"] == 2);
-  CHECK(json["train"] == nlohmann::json({"--effects", "none"}));
+  CHECK(json["train"] == nlohmann::json({"--effects", "none", "--voxel-size", "0.2"}));
   CHECK(json["bd"].empty());
 
   // One more codec: the points of the first are found again.

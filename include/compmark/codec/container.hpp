@@ -227,9 +227,10 @@ class Container {
   }
   if (partial ? file_size < bytes.size() : file_size != bytes.size()) {
     const bool begun = file_size > bytes.size();
-    return container.error(begun ? ErrorKind::truncated : ErrorKind::malformed, "file size",
-                           "the file has " + number(bytes.size()) + " bytes, its header says " + number(file_size),
-                           begun ? "copy the file again, or ask for what has arrived (partial)" : copy_again);
+    return container.error(
+        begun ? ErrorKind::truncated : ErrorKind::malformed, "file size",
+        "the file has " + number(bytes.size()) + " bytes, its header says " + number(file_size),
+        begun ? "copy the file again, or ask for what has arrived (decompress --partial)" : copy_again);
   }
   if (count > ContainerFormat::section_limit) {
     return fail(ErrorKind::malformed, "section count", number(count) + " is above the limit of 65536");

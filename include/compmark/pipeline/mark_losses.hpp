@@ -32,7 +32,7 @@ struct MarkWeights {
 };
 
 struct MarkReport {
-  double message = 0;    ///< mean cross entropy of a bit
+  double message = 0;    ///< mean loss of a bit, cross entropy or hinge
   std::size_t bits = 0;  ///< 0: the message was not read in this iteration
   std::size_t matches = 0;
   double hsv = 0;
