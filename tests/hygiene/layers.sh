@@ -3,7 +3,9 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # The layer law, by the include graph: core <- math <- scene <- stage rooms <- {codec, pipeline} <- recipes; io at the rim; stage rooms
-# never include one another; a concept.hpp includes only core; no header reaches itself.   layers.sh <project root>
+# never include one another; a concept.hpp includes only core; no header reaches itself. And what may be missing stays missing: a header that
+# needs a library of its own (an optional component) is included by no other header, and by tests named after the component alone, which
+# are left out where it is not installed.   layers.sh <project root>
 set -eu
 cd "${1:-.}/include"
 
@@ -45,3 +47,19 @@ if grep -q loop loops.$$; then
 fi
 rm -f loops.$$
 echo "layer law holds: $(edges | wc -l) includes"
+
+optional=$(sed -nE '/set\(COMPMARK_OPTIONAL_COMPONENTS/,/\)/ { s/"([a-z]+ [a-z0-9_\/]+\.hpp) [A-Za-z:_]+"/\n\1\n/gp }' ../cmake/CompmarkTargets.cmake | grep -E '^[a-z]+ [a-z0-9_/]+\.hpp$')
+[ -n "$optional" ] || { echo "no optional components in cmake/CompmarkTargets.cmake: this check has lost its list"; exit 1; }
+bad=0
+while read -r component header; do
+  found=$(cd .. && grep -rlE "#include [<\"]compmark/$header[>\"]" include tests examples benchmarks --include='*.hpp' --include='*.cpp' |
+    grep -vE "/${component}_[a-z_]*\.(test|fail)\.cpp$|^tests/fail/${component}_" || true)
+  for file in $found; do
+    echo "$file includes compmark/$header, which needs $component: only tests named ${component}_*.test.cpp may"
+    bad=1
+  done
+done <<LIST
+$optional
+LIST
+[ "$bad" -eq 0 ]
+echo "optional components stay optional: $(echo "$optional" | wc -l)"

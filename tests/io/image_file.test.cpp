@@ -3,7 +3,6 @@
 #include <doctest/doctest.h>
 #include <compmark/core/random.hpp>
 #include <compmark/io/image_file.hpp>
-#include <compmark/io/xtensor_adaptor.hpp>
 
 // A program's own copy of stb, after ours and with its own options: it must still compile and be the complete one.
 #pragma GCC diagnostic push
@@ -145,20 +144,4 @@ TEST_CASE("io/image_file: floats are rounded to the nearest byte, clamped, NaN i
   CHECK(bytes.channels == 3);
   // planar [3][4] to interleaved: pixel x has values x, x + 4, x + 8
   CHECK(bytes.pixels == std::vector<std::uint8_t>{0, 255, 254, 255, 0, 0, 128, 1, 0, 0, 2, 0});
-}
-
-TEST_CASE("io/xtensor_adaptor: views and xtensor see the same memory") {
-  std::vector<float> values(2 * 3 * 4);
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i);
-  const ImageView<float> image{values.data(), 2, 3, 4};
-  auto array = as_xtensor(image);
-  CHECK(array.dimension() == 3);
-  CHECK(array(1, 2, 3) == 23);
-  array(1, 0, 0) = 99;
-  CHECK(image(1, 0, 0) == 99);
-  const ImageView<float> back = image_view(array);
-  CHECK(back.data == values.data());
-  CHECK(back.height == 3);
-  auto matrix = as_xtensor(MatrixView<const float>{values.data(), 6, 4});
-  CHECK(matrix(5, 3) == 23);
 }

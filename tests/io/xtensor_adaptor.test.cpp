@@ -27,6 +27,6 @@ TEST_CASE("io/xtensor_adaptor: a view and its expression share elements, both wa
   CHECK(back.height == 3);
   CHECK(back.width == 4);
 
-  auto matrix = compmark::as_xtensor(compmark::MatrixView<float>{data.data(), 6, 4});
+  auto matrix = compmark::as_xtensor(compmark::MatrixView<const float>{data.data(), 6, 4});
   CHECK(matrix(5, 3) == 23.0f);
 }
