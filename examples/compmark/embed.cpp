@@ -113,7 +113,10 @@ Result<CodecModel> coded_host(const TrainOptions& options) {
 
 Result<Done> can_mark_finished(const TrainOptions& options) {
   const bool coded = is_coded_recipe(options.recipe);
-  if (reading_recipe(options.recipe) != (coded ? recipe_codec(options.recipe) : "scaffold"))
+  const std::string marked = marking_recipe(options.recipe);
+  // In the loss of the photographs their exposures would have to train on.
+  const bool exposed_loss = marked != options.recipe && options.mark.fidelity && *options.mark.fidelity == 0;
+  if (exposed_loss || reading_recipe(marked) != (coded ? recipe_codec(options.recipe) : "scaffold"))
     return no_message_in(options.recipe);
   if (!coded || !options.mark.fidelity || *options.mark.fidelity > 0) return Done{};
   return Error{ErrorKind::unsupported,
@@ -139,6 +142,10 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   if (options.iterations == 0) options.iterations = coded ? (fitted ? 4000 : 8000) : 2000;
   if (coded) options.profile = "hac";  // as their training
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
+  options.recipe = marking_recipe(*recipe);
+  if (options.recipe != *recipe)
+    options.notes.push_back(
+        "the photographs' exposures stay in the unmarked model: renders, where a mark is, have none");
   if (!coded && distortion != "round") {
     return fail({ErrorKind::unsupported, options.model.string(), "--distortion",
                  "is of models that are trained for a codec",

@@ -44,11 +44,11 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   if (Result<Done> good = check(options); !good) return good.error();
   const Result<ModelSource> source = ModelSource::open(options.model, options.threads);
   if (!source) return source.error();
-  const std::string plain = reading_recipe(source->recipe);
+  const std::string plain = marking_recipe(reading_recipe(source->recipe));
   if (plain != "scaffold" && plain != "hac" && plain != "context_gs") {
     return Error{ErrorKind::unsupported, options.model.string(), "recipe",
                  "\"" + source->recipe + "\" is not one that a message is hidden in",
-                 "a model of scaffold, hac or context_gs, alone or with +mask or +alpha"};
+                 "a model of scaffold, hac or context_gs, alone or with +mask, +alpha or +exposure"};
   }
   ThreadExecutor executor(options.threads);
   const auto begin = std::chrono::steady_clock::now();

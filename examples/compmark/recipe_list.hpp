@@ -10,8 +10,10 @@
 #include <compmark/recipes/far_field.hpp>
 #include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <initializer_list>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "common.hpp"
 
@@ -87,14 +89,18 @@ inline const char* recipe_codec(std::string_view name) {
   return head == "hac" ? "hac" : head == "context_gs" ? "context_gs" : "none";
 }
 inline bool is_coded_recipe(std::string_view name) { return std::string_view(recipe_codec(name)) != "none"; }
-/// The recipe that a trained model of another one is read as: masks and the loss on alpha are of training alone, and leave nothing in a
-/// model. Its ModelInfo keeps the name.
-inline std::string reading_recipe(std::string name) {
-  for (const std::string_view effect : {"+mask", "+alpha"}) {
+/// A recipe's name without these effects.
+inline std::string without_effects(std::string name, std::initializer_list<std::string_view> effects) {
+  for (const std::string_view effect : effects) {
     if (const std::size_t at = name.find(effect); at != std::string::npos) name.erase(at, effect.size());
   }
   return name;
 }
+/// The recipe that a trained model of another one is read as: masks and the loss on alpha are of training alone, and leave nothing in a
+/// model. Its ModelInfo keeps the name.
+inline std::string reading_recipe(std::string name) { return without_effects(std::move(name), {"+mask", "+alpha"}); }
+/// The recipe that a finished model of another one is marked as: the exposures of the photographs are in no render, which is where a mark is.
+inline std::string marking_recipe(std::string name) { return without_effects(std::move(name), {"+exposure"}); }
 /// For commands that only read models: `f` is compiled for every recipe that renders otherwise than the others.
 template <class F>
 auto with_coded_reading_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {

@@ -194,6 +194,44 @@ TEST_CASE("tool: embed marks a finished model and leaves the file it read as it 
   CHECK(tool("info " + at("dense/model.safetensors")).text.find(before) != std::string::npos);
 }
 
+TEST_CASE("tool: a model that was trained with exposures is marked as what its renders are, one without") {
+  const std::string exposed = at("exposed/model.safetensors"), decoder = at("exposed-decoder.safetensors");
+  const Outcome trained = tool("train --effects exposure --iterations 60 --voxel-size 0.2 --data " + setting().scene +
+                               " --out " + at("exposed"));
+  INFO(trained.text);
+  REQUIRE(trained.code == 0);
+  REQUIRE(json_of(at("exposed/results.json"))["recipe"] == "scaffold+exposure");
+  REQUIRE(tool("fit --bits 24 --waves 48 --views 60 --gradient-views 2 --data " + setting().scene + " --model " +
+               exposed + " --out " + decoder)
+              .code == 0);
+  const std::string embed = "embed --iterations 20 --model " + exposed + " --data " + setting().scene + " --key " +
+                            setting().key + " --decoder " + decoder + " --out ";
+  const Outcome marked = tool(embed + at("exposed-marked"));
+  INFO(marked.text);
+  REQUIRE(marked.code == 0);
+  CHECK(marked.text.find("exposures stay in the unmarked model") != std::string::npos);
+  const nlohmann::json results = json_of(at("exposed-marked/results.json"));
+  CHECK(results["recipe"] == "scaffold");
+  CHECK(results["psnr_marked_vs_unmarked"].get<double>() >
+        30);  // the twin is the model with exposures: its renders are compared
+  const Result<SafetensorsFile> host = read_safetensors(exposed),
+                                beside = read_safetensors(at("exposed-marked/model.safetensors"));
+  REQUIRE((host.ok() && beside.ok()));
+  const auto exposures = [](const SafetensorsFile& file) {
+    return std::count_if(file.tensors.begin(), file.tensors.end(),
+                         [](const auto& tensor) { return tensor.first.find("exposure") != std::string::npos; });
+  };
+  CHECK(exposures(*host) > 0);
+  CHECK(exposures(*beside) == 0);
+  for (const char* name : {"anchor.position", "anchor.scaling", "mlp_color.0.weight"}) {
+    CAPTURE(name);
+    CHECK(*beside->values<float>(name) == *host->values<float>(name));
+  }
+  CHECK(*beside->values<float>("anchor.feature") != *host->values<float>("anchor.feature"));
+  // In the loss of the photographs they would have to train on, which no recipe with a message does.
+  check_refused(tool(embed + at("exposed-loss") + " --fidelity 0"), {"scaffold+exposure"});
+}
+
 TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden for it is proven") {
   static_cast<void>(unmarked());
   const std::string scene = "fit --bits 24 --data " + setting().scene + " --model " + at("unmarked/model.safetensors");
