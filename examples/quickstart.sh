@@ -43,7 +43,7 @@ voxel_size='' mark=''
 if [ -z "$data" ]; then
   data=$out/scene
   voxel_size='--voxel-size 0' # its points lie on its surfaces, as densely as they should
-  mark='--mark-iterations 1500' # every bit of every view: 4,000, the default, show no more
+  mark='--mark-iterations 1500' # enough for every bit of every view
   "$compmark" scene --out "$data" --width 400 --height 400 --train 60 --test 8
 else
   "$compmark" probe --data "$data"
