@@ -21,6 +21,7 @@
 #include "fidelity/command_line.hpp"
 #include "fidelity/process.hpp"
 #include "fidelity/run_cell.hpp"
+#include "fidelity/scenes.hpp"
 #include "fidelity/table.hpp"
 
 namespace {

@@ -26,6 +26,7 @@
 #include "fidelity/points.hpp"
 #include "fidelity/process.hpp"
 #include "fidelity/run_cell.hpp"
+#include "fidelity/scenes.hpp"
 
 namespace {
 

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Rate-distortion curves of codecs over lambda: a point is a training and its compressed file, measured from the file; codecs are compared by the
-// Bjontegaard delta (compmark/metric/bd_rate.hpp).
+// Bjontegaard delta (compmark/metric/bd_rate.hpp) of their points that no other of the same codec beats: where more bytes buy no quality, which
+// photographs of changing brightness come to soon, who takes the codec takes the smaller file.
 #pragma once
 
 #include <algorithm>
@@ -80,18 +81,33 @@ struct CurvePoint {
 struct CurveDelta {
   std::string scene, reference, tested;
   std::optional<compmark::BdDelta> rate_psnr, psnr, rate_ssim;
-  std::string problem;  ///< why the first of them that is not there is not
+  std::vector<std::string> beaten;  ///< points that were left out, with the quality and by which lambda they are beaten
+  std::string problem;              ///< why the first of them that is not there is not
 };
 
-/// The curve of a codec on a scene, with the quality that `quality` says of a point.
-template <class Quality>
-[[nodiscard]] std::vector<compmark::RatePoint> curve_of(const std::vector<CurvePoint>& points, const std::string& scene,
-                                                        const std::string& codec, Quality&& quality) {
-  std::vector<compmark::RatePoint> curve;
+/// The curve of a codec on a scene, with the quality that `quality` says of a point, by rising bytes. Points that another one beats, with no more bytes
+/// and no less quality, are told to `beaten` (point, by which) instead.
+template <class Quality, class Beaten>
+[[nodiscard]] std::vector<compmark::RatePoint> front_of(const std::vector<CurvePoint>& points, const std::string& scene,
+                                                        const std::string& codec, Quality&& quality, Beaten&& beaten) {
+  std::vector<const CurvePoint*> own;
   for (const CurvePoint& point : points) {
-    if (point.scene.name == scene && point.codec == codec) curve.push_back({point.bytes, quality(point)});
+    if (point.scene.name == scene && point.codec == codec) own.push_back(&point);
   }
-  return curve;
+  std::stable_sort(own.begin(), own.end(), [&](const CurvePoint* a, const CurvePoint* b) {
+    return a->bytes != b->bytes ? a->bytes < b->bytes : quality(*a) > quality(*b);
+  });
+  std::vector<compmark::RatePoint> front;
+  const CurvePoint* best = nullptr;
+  for (const CurvePoint* point : own) {
+    if (best != nullptr && !(quality(*point) > quality(*best))) {
+      beaten(*point, *best);
+      continue;
+    }
+    front.push_back({point->bytes, quality(*point)});
+    best = point;
+  }
+  return front;
 }
 
 /// In the order of the points.
@@ -103,7 +119,7 @@ template <class Quality>
   return names;
 }
 
-/// Every codec against the first of `codecs`, whichever points are there, scene by scene.
+/// Every codec against the first of `codecs`, whichever points are there, scene by scene, by what no other point of theirs beats.
 [[nodiscard]] inline std::vector<CurveDelta> curve_deltas(const std::vector<CurvePoint>& points,
                                                           const std::vector<std::string>& codecs) {
   const auto psnr = [](const CurvePoint& point) { return point.psnr; };
@@ -111,19 +127,24 @@ template <class Quality>
   std::vector<CurveDelta> deltas;
   for (const std::string& scene : scene_names(points)) {
     for (std::size_t c = 1; c < codecs.size(); ++c) {
-      CurveDelta delta{scene, codecs[0], codecs[c], {}, {}, {}, {}};
+      CurveDelta delta{scene, codecs[0], codecs[c], {}, {}, {}, {}, {}};
       const auto keep = [&](const char* name, Result<compmark::BdDelta> found, std::optional<compmark::BdDelta>& to) {
         if (found)
           to = *found;
         else if (delta.problem.empty())
           delta.problem = std::string(name) + ": " + found.error().line();
       };
-      const auto curve = [&](const std::string& codec, auto&& quality) {
-        return curve_of(points, scene, codec, quality);
+      const auto front = [&](const std::string& codec, const char* name, auto&& quality) {
+        return front_of(points, scene, codec, quality, [&](const CurvePoint& point, const CurvePoint& better) {
+          delta.beaten.push_back(
+              tool::format_text("%s %g by %g (%s)", codec.c_str(), point.lambda, better.lambda, name));
+        });
       };
-      keep("BD-rate (PSNR)", compmark::bd_rate(curve(codecs[0], psnr), curve(codecs[c], psnr)), delta.rate_psnr);
-      keep("BD-PSNR", compmark::bd_quality(curve(codecs[0], psnr), curve(codecs[c], psnr)), delta.psnr);
-      keep("BD-rate (SSIM)", compmark::bd_rate(curve(codecs[0], ssim), curve(codecs[c], ssim)), delta.rate_ssim);
+      const auto reference = front(codecs[0], "PSNR", psnr), tested = front(codecs[c], "PSNR", psnr);
+      keep("BD-rate (PSNR)", compmark::bd_rate(reference, tested), delta.rate_psnr);
+      keep("BD-PSNR", compmark::bd_quality(reference, tested), delta.psnr);
+      keep("BD-rate (SSIM)", compmark::bd_rate(front(codecs[0], "SSIM", ssim), front(codecs[c], "SSIM", ssim)),
+           delta.rate_ssim);
       deltas.push_back(std::move(delta));
     }
   }
@@ -147,7 +168,13 @@ template <class Quality>
 
 [[nodiscard]] inline tool::Table delta_table(const std::vector<CurveDelta>& deltas) {
   tool::Table table;
-  table.columns = {"scene", "BD-rate (PSNR)", "over, dB", "BD-PSNR", "over, kB", "BD-rate (SSIM)", "not there"};
+  table.columns = {"scene",    "BD-rate (PSNR)", "over, dB",         "BD-PSNR",
+                   "over, kB", "BD-rate (SSIM)", "beaten, left out", "not there"};
+  const auto words = [](const std::vector<std::string>& list) {
+    std::string text;
+    for (const std::string& word : list) text += (text.empty() ? "" : ", ") + word;
+    return text;
+  };
   const auto percent = [](const std::optional<compmark::BdDelta>& delta) {
     return delta ? tool::format_text("%+.1f %%", 100 * delta->delta) : std::string("–");
   };
@@ -157,7 +184,7 @@ template <class Quality>
                           rate ? tool::format_text("%.2f to %.2f", rate->from, rate->to) : std::string("–"),
                           psnr ? tool::format_text("%+.2f dB", psnr->delta) : std::string("–"),
                           psnr ? tool::format_text("%.0f to %.0f", psnr->from / 1e3, psnr->to / 1e3) : std::string("–"),
-                          percent(delta.rate_ssim), delta.problem});
+                          percent(delta.rate_ssim), words(delta.beaten), delta.problem});
   }
   return table;
 }
@@ -221,6 +248,7 @@ template <class Quality>
     add("bd_rate_psnr", delta.rate_psnr);
     add("bd_psnr", delta.psnr);
     add("bd_rate_ssim", delta.rate_ssim);
+    if (!delta.beaten.empty()) one["beaten"] = delta.beaten;
     if (!delta.problem.empty()) one["problem"] = delta.problem;
     json["bd"].push_back(std::move(one));
   }

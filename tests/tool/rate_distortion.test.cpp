@@ -81,6 +81,30 @@ TEST_CASE("rate_distortion: codecs are compared scene by scene, and where they c
   CHECK(plots[0].series[0].color == 1);
 }
 
+TEST_CASE("rate_distortion: points that another of their codec beats are left out of the comparison, and named") {
+  // Of a capture whose quality no byte improves past some point: the curve of all points falls, and has no Bjontegaard delta.
+  const std::vector<CurvePoint> points = {
+      made("cup", "hac", .0005, 29.42, 1400e3),      made("cup", "hac", .001, 29.43, 1200e3),
+      made("cup", "hac", .002, 29.43, 960e3),        made("cup", "hac", .004, 29.1, 780e3),
+      made("cup", "context_gs", .002, 29.43, 768e3), made("cup", "context_gs", .004, 29.1, 624e3)};
+  const std::vector<CurveDelta> deltas = curve_deltas(points, {"hac", "context_gs"});
+  REQUIRE(deltas.size() == 1);
+  REQUIRE(deltas[0].rate_psnr);
+  CHECK(deltas[0].rate_psnr->delta == doctest::Approx(-0.2));
+  CHECK(deltas[0].rate_psnr->from == 29.1);
+  CHECK(deltas[0].rate_psnr->to == 29.43);
+  REQUIRE(deltas[0].beaten.size() == 4);  // two of PSNR, two of SSIM
+  CHECK(deltas[0].beaten[0] == "hac 0.001 by 0.002 (PSNR)");
+  CHECK(deltas[0].beaten[1] == "hac 0.0005 by 0.002 (PSNR)");
+  CHECK(deltas[0].problem.empty());
+  CHECK(curve_json(Settings{}, points, {"hac", "context_gs"})["bd"][0]["beaten"].size() == 4);
+  CHECK(curve_plots(points, {"hac"})[0].series[0].points.size() == 4);  // seen all the same
+  // The control: all of them.
+  std::vector<compmark::RatePoint> all;
+  for (std::size_t i = 0; i < 4; ++i) all.push_back({points[i].bytes, points[i].psnr});
+  CHECK_FALSE(compmark::bd_rate(all, all));
+}
+
 TEST_CASE("rate_distortion: every point is trained once, a smaller lambda makes a larger file, and the page has all") {
   const ScratchFolder scratch("compmark-rate-distortion-test");
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };

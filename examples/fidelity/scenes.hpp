@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The scenes that words of a command line name. What reads datasets is compiled once for the programs that run cells, in scenes.cpp.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cell.hpp"
+#include "compmark/core/result.hpp"
+
+namespace fidelity {
+
+/// The scene that a word of the command line names (a folder, SCENE@2 at half its size), or all that are in the folder; what is none is named on stderr.
+[[nodiscard]] Result<std::vector<Scene>> scenes_of(const char* program, const std::string& word);
+
+/// Those of all words, each of a name of its own: results are told apart by it.
+[[nodiscard]] Result<std::vector<Scene>> scenes_of(const char* program, const std::vector<std::string>& words);
+
+}  // namespace fidelity
