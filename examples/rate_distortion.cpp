@@ -95,9 +95,8 @@ Result<Done> write_page(const Settings& settings, const std::vector<CurvePoint>&
       deltas.empty()
           ? std::string()
           : "BD-rate: bytes at equal quality, below 0 fewer; BD-PSNR: decibels at equal bytes; means over what "
-            "both curves reach (Bjontegaard, monotone cubics over log bytes), without points that another of the same "
-            "codec "
-            "beats. One run a point.";
+            "both curves reach (Bjontegaard, monotone cubics over log bytes), without points that another one of the "
+            "same codec beats. One run a point.";
   const fs::path base = settings.out / "rate_distortion";
   const auto file = [&](const char* end) { return fs::path(base.string() + end); };
   if (Result<Done> r = compmark::write_json(file(".json"), curve_json(settings, points, codecs)); !r) return r;

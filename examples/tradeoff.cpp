@@ -126,7 +126,7 @@ int main(int argc, char** argv) {
           word_of_the_cells(app.remaining(), {"--iterations", "--lambda", "--mark-iterations", "--fidelity"}))
     return fail({ErrorKind::invalid, {}, *own, "cannot be given", "the points have their own"});
   settings.extra = train_words(app.remaining());
-  const Result<std::vector<Scene>> scenes = scenes_of(program, data);
+  const Result<std::vector<Scene>> scenes = scenes_of(program, std::vector<std::string>{data});
   if (!scenes) return fail(scenes.error());
   if (scenes->size() != 1)
     return fail({ErrorKind::invalid, data, "--data", "holds more than one scene", "name one of them"});

@@ -85,15 +85,24 @@ struct CurveDelta {
   std::string problem;              ///< why the first of them that is not there is not
 };
 
+/// The points of a codec on a scene, by rising bytes.
+[[nodiscard]] inline std::vector<const CurvePoint*> points_of(const std::vector<CurvePoint>& points,
+                                                              const std::string& scene, const std::string& codec) {
+  std::vector<const CurvePoint*> own;
+  for (const CurvePoint& point : points) {
+    if (point.scene.name == scene && point.codec == codec) own.push_back(&point);
+  }
+  std::stable_sort(own.begin(), own.end(),
+                   [](const CurvePoint* a, const CurvePoint* b) { return a->bytes < b->bytes; });
+  return own;
+}
+
 /// The curve of a codec on a scene, with the quality that `quality` says of a point, by rising bytes. Points that another one beats, with no more bytes
 /// and no less quality, are told to `beaten` (point, by which) instead.
 template <class Quality, class Beaten>
 [[nodiscard]] std::vector<compmark::RatePoint> front_of(const std::vector<CurvePoint>& points, const std::string& scene,
                                                         const std::string& codec, Quality&& quality, Beaten&& beaten) {
-  std::vector<const CurvePoint*> own;
-  for (const CurvePoint& point : points) {
-    if (point.scene.name == scene && point.codec == codec) own.push_back(&point);
-  }
+  std::vector<const CurvePoint*> own = points_of(points, scene, codec);
   std::stable_sort(own.begin(), own.end(), [&](const CurvePoint* a, const CurvePoint* b) {
     return a->bytes != b->bytes ? a->bytes < b->bytes : quality(*a) > quality(*b);
   });
@@ -200,12 +209,7 @@ template <class Quality, class Beaten>
       for (std::size_t c = 0; c < codecs.size(); ++c) {
         const std::string& codec = codecs[c];
         tool::PlotSeries series{.label = codec, .points = {}, .names = {}, .color = static_cast<int>(c), .dots = true};
-        std::vector<const CurvePoint*> own;
-        for (const CurvePoint& point : points) {
-          if (point.scene.name == scene && point.codec == codec) own.push_back(&point);
-        }
-        std::sort(own.begin(), own.end(), [](const CurvePoint* a, const CurvePoint* b) { return a->bytes < b->bytes; });
-        for (const CurvePoint* point : own) {
+        for (const CurvePoint* point : points_of(points, scene, codec)) {
           series.points.push_back({point->bytes / 1e3, quality(*point)});
           series.names.push_back(tool::format_text("%g", point->lambda));
         }

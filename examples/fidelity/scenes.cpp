@@ -17,7 +17,9 @@
 
 namespace fidelity {
 
-Result<std::vector<Scene>> scenes_of(const char* program, const std::string& word) {
+namespace {
+
+Result<std::vector<Scene>> scenes_of_word(const char* program, const std::string& word) {
   Scene scene;
   std::string folder = word;
   if (const std::size_t at = word.rfind('@'); at != std::string::npos && !fs::exists(word)) {
@@ -65,10 +67,12 @@ Result<std::vector<Scene>> scenes_of(const char* program, const std::string& wor
   return found;
 }
 
+}  // namespace
+
 Result<std::vector<Scene>> scenes_of(const char* program, const std::vector<std::string>& words) {
   std::vector<Scene> all;
   for (const std::string& word : words) {
-    const Result<std::vector<Scene>> scenes = scenes_of(program, word);
+    const Result<std::vector<Scene>> scenes = scenes_of_word(program, word);
     if (!scenes) return scenes.error();
     for (const Scene& scene : *scenes) {
       if (std::any_of(all.begin(), all.end(), [&](const Scene& other) { return other.name == scene.name; })) {

@@ -12,10 +12,8 @@
 
 namespace fidelity {
 
-/// The scene that a word of the command line names (a folder, SCENE@2 at half its size), or all that are in the folder; what is none is named on stderr.
-[[nodiscard]] Result<std::vector<Scene>> scenes_of(const char* program, const std::string& word);
-
-/// Those of all words, each of a name of its own: results are told apart by it.
+/// The scenes of a command line, each of a name of its own, as results are told apart by it. A word names one (a folder, SCENE@2 at half its size), or all
+/// that are in a folder; what is none is named on stderr.
 [[nodiscard]] Result<std::vector<Scene>> scenes_of(const char* program, const std::vector<std::string>& words);
 
 }  // namespace fidelity

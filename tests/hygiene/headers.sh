@@ -44,9 +44,8 @@ problems=$(headers="$headers" awk '
 
 # shellcheck disable=SC2046 # words on purpose
 problems=$(awk '
-  FNR == 1 { if (file != "" && !licensed) print file ": no SPDX line"; file = FILENAME; licensed = 0 }
-  FNR <= 4 && /SPDX-License-Identifier: Apache-2.0/ { licensed = 1 }
-  END { if (!licensed) print file ": no SPDX line" }' \
+  FNR <= 4 && /SPDX-License-Identifier: Apache-2.0/ { licensed[FILENAME] = 1 }
+  END { for (i = 1; i < ARGC; ++i) if (!(ARGV[i] in licensed)) print ARGV[i] ": no SPDX line" }' \
   $(find . -path ./build -prune -o -path ./.git -prune -o \( -name CMakeLists.txt -o -name '*.cmake' -o -name '*.sh' -o -name '*.awk' \) -print) .ci/run)
 [ -z "$problems" ] || complain "$problems"
 
