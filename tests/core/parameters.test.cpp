@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
+#include <string>
 
 using namespace compmark;
 
@@ -49,6 +50,25 @@ TEST_CASE_TEMPLATE("core/parameters: blocks are named, aligned and do not overla
   CHECK(small.arena.values(small.position)(0, 0) == T(100));  // adding later blocks kept the values of earlier ones
   CHECK(small.arena.gradients(small.weight).rows == 4);
   CHECK(small.arena.gradients(small.weight).columns == 7);
+}
+
+TEST_CASE("core/parameters: a block more does not copy those that stand already") {
+  // A model adds a few large blocks and some twenty small ones. An arena that takes exactly what it needs moves with every one of them.
+  ParameterArena<float> arena;
+  int moves = 0;
+  const float* last = nullptr;
+  for (int block = 0; block < 100; ++block) {
+    arena.values(arena.add("block" + std::to_string(block), 64, 16, RowKind::fixed)).flat()[0] =
+        static_cast<float>(block);
+    moves += arena.all_values().data() == last ? 0 : 1;
+    last = arena.all_values().data();
+  }
+  CHECK(moves <= 13);  // memory grows by a half: 1.5^12 > 100
+  for (std::size_t block = 0; block < 100; ++block) {
+    CHECK(arena.values(BlockHandle{block})(0, 0) == static_cast<float>(block));
+    CHECK(arena.values(BlockHandle{block})(63, 15) == 0.0f);
+  }
+  for (const float gradient : arena.all_gradients()) CHECK(gradient == 0.0f);
 }
 
 TEST_CASE_TEMPLATE("core/parameters: one edit keeps and appends rows of all anchor blocks in step", T, float, double) {

@@ -4,6 +4,7 @@
 // Growing scratch memory. A Buffer never shrinks and never initialises, so that after warm-up an iteration allocates nothing.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
 #include <new>
@@ -47,8 +48,7 @@ class Buffer {
   /// Sets the size. New memory is taken only above the capacity, with half as much again to spare; the contents are then lost.
   void resize(std::size_t count) {
     if (count > capacity_) {
-      const std::size_t wanted =
-          capacity_ == 0 ? count : (count > capacity_ + capacity_ / 2 ? count : capacity_ + capacity_ / 2);
+      const std::size_t wanted = with_spare(count);
       data_.reset();
       capacity_ = 0;
       data_.reset(static_cast<T*>(::operator new (wanted * sizeof(T) + alignment, std::align_val_t{alignment})));
@@ -60,6 +60,18 @@ class Buffer {
   void resize(std::size_t count, T value) {
     resize(count);
     for (std::size_t i = 0; i < count; ++i) data()[i] = value;
+  }
+  /// Grows to `count` and keeps the contents; what is new becomes `value`. Memory is taken as by resize(), so that growing a little many times
+  /// costs a constant a value.
+  void extend(std::size_t count, T value) {
+    if (count > capacity_) {
+      Buffer grown(with_spare(count));
+      std::copy_n(data(), size_, grown.data());
+      grown.size_ = size_;
+      *this = std::move(grown);
+    }
+    for (std::size_t i = size_; i < count; ++i) data()[i] = value;
+    size_ = count;
   }
 
   [[nodiscard]] T* data() { return data_.get(); }
@@ -79,6 +91,7 @@ class Buffer {
   static constexpr std::size_t alignment = alignof(T) > 64 ? alignof(T) : 64;
 
  private:
+  [[nodiscard]] std::size_t with_spare(std::size_t count) const { return std::max(count, capacity_ + capacity_ / 2); }
   struct Free {
     void operator()(T* pointer) const { ::operator delete (pointer, std::align_val_t{alignment}); }
   };

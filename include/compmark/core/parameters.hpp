@@ -111,16 +111,9 @@ class ParameterArena {
   using Scalar = T;
 
   BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind) {
-    const ArenaLayout old_layout = layout_;
-    const BlockHandle handle = layout_.add(name, rows, columns, kind);
-    Buffer<T> grown(layout_.size());
-    std::fill(grown.begin(), grown.end(), T{});
-    for (const ArenaLayout::Block& block : old_layout.blocks()) {
-      std::copy_n(values_.data() + block.offset, block.size(),
-                  grown.data() + layout_.block(layout_.find(block.name)).offset);
-    }
-    values_ = std::move(grown);
-    gradients_.resize(layout_.size(), T{});
+    const BlockHandle handle = layout_.add(name, rows, columns, kind);  // behind the others, which stay where they are
+    values_.extend(layout_.size(), T{});
+    gradients_.extend(layout_.size(), T{});
     return handle;
   }
 
