@@ -8,6 +8,7 @@
 #include <compmark/pipeline/coded_model.hpp>
 #include <cstddef>
 #include <fstream>
+#include <memory>
 #include <utility>
 
 #include "codec_file.hpp"
@@ -45,17 +46,18 @@ Result<ModelSource> ModelSource::open(const std::filesystem::path& path, std::si
     source.coded = std::move(decoded->model);
     return source;
   }
-  const Result<SafetensorsFile> file = read_safetensors(path);
+  Result<SafetensorsFile> file = read_safetensors(path);
   if (!file) return file.error();
   Result<std::string> recipe = model_recipe(*file);
   if (!recipe) return recipe.error();
   source.recipe = std::move(*recipe);
+  source.file = std::make_shared<const SafetensorsFile>(std::move(*file));
   return source;
 }
 
 template <class R>
 Result<LoadedModel<R>> ModelSource::load() const {
-  if (!coded) return read_model<R>(path);
+  if (!coded) return model_from<R>(*file);
   if constexpr (present<typename R::EntropyModel>) {
     Result<LoadedModel<R>> loaded = model_from<R>(*coded);
     if (loaded) return loaded;

@@ -8,9 +8,11 @@
 #include <compmark/codec/codec_model.hpp>
 #include <compmark/core/absent.hpp>
 #include <compmark/core/result.hpp>
+#include <compmark/io/safetensors_reader.hpp>
 #include <compmark/pipeline/coded_model.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -22,7 +24,8 @@ bool is_coded_file(const std::filesystem::path& path);
 struct ModelSource {
   std::filesystem::path path;
   std::string recipe;
-  std::optional<compmark::CodecModel> coded;  ///< decoded, of a .cmk
+  std::optional<compmark::CodecModel> coded;                   ///< decoded, of a .cmk
+  std::shared_ptr<const compmark::SafetensorsFile> file = {};  ///< else, as it was read
 
   static compmark::Result<ModelSource> open(const std::filesystem::path& path, std::size_t threads = 0);
 

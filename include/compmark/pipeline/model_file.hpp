@@ -104,13 +104,19 @@ template <Recipe R>
   return detail::write_model_file(path, model.arena, detail::numbers_of(model), info);
 }
 
-/// Reads a model of recipe R: every count and shape is checked against the file before it is believed.
+/// A model of recipe R from a file that was read: every count and shape is checked against the file before it is believed.
+template <Recipe R>
+[[nodiscard]] Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
+  if (const Result<std::string> recipe = model_recipe(file); !recipe) return recipe.error();
+  return detail::model_from<R>(file);
+}
+
+/// Reads a model of recipe R, as above.
 template <Recipe R>
 [[nodiscard]] Result<LoadedModel<R>> read_model(const std::filesystem::path& path) {
   const Result<SafetensorsFile> file = read_safetensors(path);
   if (!file) return file.error();
-  if (const Result<std::string> recipe = model_recipe(*file); !recipe) return recipe.error();
-  return detail::model_from<R>(*file);
+  return model_from<R>(*file);
 }
 
 }  // namespace compmark::inline v0
