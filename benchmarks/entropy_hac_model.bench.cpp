@@ -188,7 +188,8 @@ void grid_backward(benchmark::State& state) {
   SerialExecutor serial;
   measure(state, 20000, 20000.0 * 2 * 576, 0, 1, [&] {
     Model::Grid::backward(p.context.grid, p.context.back_position.data(), 20000, p.context.d_grid.data(),
-                          p.context.back_position.size() / 3, p.arena.gradients(p.handles.grid), serial);
+                          p.context.back_position.size() / 3, p.context.hash_weight, p.arena.gradients(p.handles.grid),
+                          serial);
   });
 }
 void network(benchmark::State& state) {

@@ -222,10 +222,9 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     });
     Network::add_gradients(sums_of(0), gradients);
     const MatrixView<T> d_table = arena.gradients(handles.grid);
-    Grid::backward(context.grid, context.back_position.data(), back_rows, context.d_grid.data(), back_rows, d_table,
-                   executor);
+    Grid::backward(context.grid, context.back_position.data(), back_rows, context.d_grid.data(), back_rows,
+                   context.phase.counts ? context.hash_weight : 0.0, d_table, executor);
     if (!context.phase.counts) return;
-    Grid::bits_backward(context.grid, context.hash_weight, d_table, executor);
     mask_penalty_backward<T>(mask, settings_.mask_weight, d_mask, executor);
   }
 

@@ -104,10 +104,21 @@ class HashGrid {
     }
   }
 
-  /// Adds into d_table [entries, 4]. d_out is level-major: d_out[(level * capacity + row) * 4 + feature]. unit [count, 3].
+  /// Adds into d_table [entries, 4] what comes by way of the output, and the derivative of bits_weight * bits; then 0 where |value| > 1, also
+  /// for what was there. d_out is level-major: d_out[(level * capacity + row) * 4 + feature]. unit [count, 3].
   template <Executor E>
   static void backward(const Context& context, const T* unit, std::size_t count, const T* d_out, std::size_t capacity,
-                       MatrixView<T> d_table, E& executor) {
+                       double bits_weight, MatrixView<T> d_table, E& executor) {
+    scatter(unit, count, d_out, capacity, d_table, executor);
+    settle(context, bits_weight, d_table, executor);
+  }
+
+ private:
+  static constexpr int W = native_width<T>;
+  /// The output's part, as if every value passed: 144 corners an anchor are spared the look-up of which do.
+  template <Executor E>
+  static void scatter(const T* unit, std::size_t count, const T* d_out, std::size_t capacity, MatrixView<T> d_table,
+                      E& executor) {
     executor.for_chunks(levels, 1, [&](std::size_t index, std::size_t, std::size_t) {
       const HashGridLevel& level = hash_grid_levels<shape>[index];
       dispatch(level, [&](auto dimensions, auto dense) {
@@ -115,7 +126,7 @@ class HashGrid {
           T* const target = d_table.data + std::size_t{4} * entry;
           Four part = d, sum(target);
           part.scale(weight);
-          sum.add_product(part, Four(zero_one[context.signs[entry] >> 4].data()));
+          sum.add_product(part, Four(T(1)));
           sum.store(target);
         };
         std::size_t done = 0;
@@ -143,9 +154,9 @@ class HashGrid {
       });
     });
   }
-  /// Adds the derivative of weight * bits.
+  /// The derivative of weight * bits, and the straight-through rule: nothing passes where |value| > 1.
   template <Executor E>
-  static void bits_backward(const Context& context, double weight, MatrixView<T> d_table, E& executor) {
+  static void settle(const Context& context, double weight, MatrixView<T> d_table, E& executor) {
     const Pack<T, W> slope(static_cast<T>(weight * context.bits_slope));
     executor.for_chunks(entries, 8192, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t i = begin; i < end; i += 4) {
@@ -155,14 +166,12 @@ class HashGrid {
         for (unsigned lane = 0; lane < 16; lane += W) {
           T* const target = d_table.data + 4 * i + lane;
           const auto mask = Mask<T, W>::from_bits(passes >> lane & ((1u << W) - 1u));
-          (Pack<T, W>::load(target) + keep(mask, slope)).store(target);
+          keep(mask, Pack<T, W>::load(target) + slope).store(target);
         }
       }
     });
   }
 
- private:
-  static constexpr int W = native_width<T>;
   /// Nibble k to the low half of byte k.
   [[nodiscard]] static constexpr std::uint32_t spread_nibbles(std::uint32_t x) {
     x = (x | x << 8) & 0x00FF00FFu;
@@ -196,15 +205,13 @@ class HashGrid {
     }
   };
   using Signs = std::array<std::array<T, 4>, 16>;
-  [[nodiscard]] static constexpr Signs make(int low) {
+  alignas(64) static constexpr Signs plus_minus = [] {
     Signs values{};
     for (unsigned n = 0; n < 16; ++n) {
-      for (unsigned f = 0; f < 4; ++f) values[n][f] = static_cast<T>((n >> f & 1u) != 0 ? 1 : low);
+      for (unsigned f = 0; f < 4; ++f) values[n][f] = static_cast<T>((n >> f & 1u) != 0 ? 1 : -1);
     }
     return values;
-  }
-  alignas(64) static constexpr Signs plus_minus = make(-1);
-  alignas(64) static constexpr Signs zero_one = make(0);
+  }();
 
   static void by_axis(const T* unit, T* soa) {
     for (std::size_t i = 0; i < 16; ++i) {
