@@ -21,6 +21,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/entropy/hash_grid_cell.hpp"
 #include "compmark/entropy/hash_grid_lanes.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/math/pack.hpp"
@@ -82,8 +83,8 @@ class HashGrid {
   static void interpolate(const Context& context, const T* unit, std::size_t count, T* out, std::size_t stride) {
     std::size_t done = 0;
     if constexpr (detail::has_grid_lanes<T>) {
-      for (; done + 16 <= count; done += 16) {
-        interpolate_lanes(context, unit + 3 * done, out + done * stride, stride);
+      for (; done + 16 <= count; done += std::min(count - done, panel) / 16 * 16) {
+        interpolate_lanes(context, unit + 3 * done, std::min(count - done, panel) / 16, out + done * stride, stride);
       }
     }
     if (done == count) return;
@@ -91,7 +92,7 @@ class HashGrid {
       const HashGridLevel& level = hash_grid_levels<shape>[index];
       dispatch(level, [&](auto dimensions, auto dense) {
         for (std::size_t row = done; row < count; ++row) {
-          const Cell<dimensions> cell(level, unit + 3 * row);
+          const detail::GridCell<T, dimensions> cell(level, unit + 3 * row);
           Four sum(T(0));
           if (cell.inside) {
             cell.template corners<dense>(level, [&](std::uint32_t entry, T weight) {
@@ -115,6 +116,7 @@ class HashGrid {
 
  private:
   static constexpr int W = native_width<T>;
+  static constexpr std::size_t panel = 64;  ///< positions that a level is kept for
   /// The output's part, as if every value passed: 144 corners an anchor are spared the look-up of which do.
   template <Executor E>
   static void scatter(const T* unit, std::size_t count, const T* d_out, std::size_t capacity, MatrixView<T> d_table,
@@ -132,21 +134,26 @@ class HashGrid {
         std::size_t done = 0;
         if constexpr (detail::has_grid_lanes<T>) {
           using Lanes = detail::GridLanes<dimensions, dense>;
+          using Block = detail::GridBlock<Lanes::corners>;
+          Block blocks[2];  // the next is written while one is read: a read would wait for a write of just before
+          const auto prepare = [&](std::size_t begin, Block& block) {
+            alignas(64) T soa[3 * 16];
+            detail::by_axis(unit + 3 * begin, soa);
+            Lanes(level, soa, 16).store(block);
+          };
+          if (count >= 16) prepare(0, blocks[0]);
           for (; done + 16 <= count; done += 16) {
-            alignas(64) T soa[3 * 16], weight[Lanes::corners][16];
-            by_axis(unit + 3 * done, soa);
-            const Lanes lanes(level, soa, 16);
-            for (int c = 0; c < Lanes::corners; ++c) lanes.weight[c].store(weight[c]);
-            const unsigned inside = lanes.inside.bits();
+            const Block& block = blocks[done / 16 % 2];
+            if (done + 32 <= count) prepare(done + 16, blocks[(done / 16 + 1) % 2]);
             for (std::size_t i = 0; i < 16; ++i) {
-              if ((inside >> i & 1u) == 0) continue;
+              if ((block.inside >> i & 1u) == 0) continue;
               const Four d(d_out + 4 * (index * capacity + done + i));
-              for (int c = 0; c < Lanes::corners; ++c) add(lanes.entry[c][i], weight[c][i], d);
+              for (int c = 0; c < Lanes::corners; ++c) add(block.entry[c][i], block.weight[c][i], d);
             }
           }
         }
         for (std::size_t row = done; row < count; ++row) {
-          const Cell<dimensions> cell(level, unit + 3 * row);
+          const detail::GridCell<T, dimensions> cell(level, unit + 3 * row);
           if (!cell.inside) continue;
           const Four d(d_out + 4 * (index * capacity + row));
           cell.template corners<dense>(level, [&](std::uint32_t entry, T weight) { add(entry, weight, d); });
@@ -213,70 +220,24 @@ class HashGrid {
     return values;
   }();
 
-  static void by_axis(const T* unit, T* soa) {
-    for (std::size_t i = 0; i < 16; ++i) {
-      for (std::size_t axis = 0; axis < 3; ++axis) soa[axis * 16 + i] = unit[3 * i + axis];
-    }
-  }
-  static void interpolate_lanes(const Context& context, const T* unit, T* out, std::size_t stride) {
-    alignas(64) T soa[3 * 16], rows[4 * 16];
-    by_axis(unit, soa);
+  /// `blocks` times sixteen positions, a level after the other: the level's signs, 8 or 32 KB, come to the first-level cache once for all.
+  static void interpolate_lanes(const Context& context, const T* unit, std::size_t blocks, T* out, std::size_t stride) {
+    alignas(64) T soa[3 * panel], rows[4 * 16];
+    for (std::size_t block = 0; block < blocks; ++block) detail::by_axis(unit + 48 * block, soa + 48 * block);
     for (std::size_t index = 0; index < levels; ++index) {
       const HashGridLevel& level = hash_grid_levels<shape>[index];
       dispatch(level, [&](auto dimensions, auto dense) {
-        const detail::GridLanes<dimensions, dense> lanes(level, soa, 16);
-        Pack<T, 16> sum[4];
-        lanes.interpolate(context.signs.data(), sum);
-        lanes.transpose(sum, rows);
-        for (std::size_t i = 0; i < 16; ++i) std::copy_n(rows + lanes.at(i), 4, out + i * stride + 4 * index);
+        for (std::size_t block = 0; block < blocks; ++block) {
+          const detail::GridLanes<dimensions, dense> lanes(level, soa + 48 * block, 16);
+          Pack<T, 16> sum[4];
+          lanes.interpolate(context.signs.data(), sum);
+          lanes.transpose(sum, rows);
+          T* const to = out + 16 * block * stride + 4 * index;
+          for (std::size_t i = 0; i < 16; ++i) std::copy_n(rows + lanes.at(i), 4, to + i * stride);
+        }
       });
     }
   }
-
-  /// Where a position lies in a level: two neighbours an axis and their weights.
-  template <int dimensions>
-  struct Cell {
-    bool inside = true;
-    std::uint32_t neighbour[3][2] = {};
-    T weight[3][2] = {};
-
-    COMPMARK_INLINE Cell(const HashGridLevel& level, const T* unit) {
-      for (int d = 0; d < dimensions; ++d) {
-        const T t = unit[level.axis[static_cast<std::size_t>(d)]];
-        inside = inside && t >= T(0) && t <= T(1);
-      }
-      if (!inside) return;
-      const int last = level.resolution - 2;
-      for (int d = 0; d < dimensions; ++d) {
-        const T t = unit[level.axis[static_cast<std::size_t>(d)]];
-        const T p = fma(Pack<T, 1>(t), Pack<T, 1>(static_cast<T>(last)), Pack<T, 1>(T(0.5))).lane(0);
-        const int below = static_cast<int>(p);  // p >= 0
-        const T fraction = p - static_cast<T>(below);
-        neighbour[d][0] = static_cast<std::uint32_t>(std::max(below, 1));
-        neighbour[d][1] = static_cast<std::uint32_t>(std::min(below + 1, last));
-        weight[d][0] = 1 - fraction;
-        weight[d][1] = fraction;
-      }
-    }
-    /// f(entry, weight) of the 4 or 8 corners.
-    template <bool dense, class F>
-    COMPMARK_INLINE void corners(const HashGridLevel& level, const F& f) const {
-      const auto r = static_cast<std::uint32_t>(level.resolution);
-      const std::uint32_t step1 = dense ? r : HashGridLevel::prime1, step2 = dense ? r * r : HashGridLevel::prime2;
-      const auto entry = [&](std::uint32_t i0, std::uint32_t rest) {
-        return level.first + (dense ? i0 + rest : (i0 ^ rest) & level.hash_mask);
-      };
-      for (int c2 = 0; c2 < (dimensions == 3 ? 2 : 1); ++c2) {
-        const std::uint32_t h2 = dimensions == 3 ? neighbour[2][c2] * step2 : 0u;
-        for (int c1 = 0; c1 < 2; ++c1) {
-          const std::uint32_t h1 = neighbour[1][c1] * step1, rest = dense ? h1 + h2 : h1 ^ h2;
-          const T w = dimensions == 3 ? weight[1][c1] * weight[2][c2] : weight[1][c1];
-          f(entry(neighbour[0][0], rest), weight[0][0] * w);
-          f(entry(neighbour[0][1], rest), weight[0][1] * w);
-        }
-      }
-    }
-  };
 
   /// body(dimensions, dense) with both known to the compiler.
   template <class Body>

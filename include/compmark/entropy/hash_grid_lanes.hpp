@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The cells of 16 positions at once, for builds with gather instructions: neighbours, table rows and weights of a level's corners in lanes
-// (hash_grid.hpp has the scalar form and the rule; both add the same terms in the same order). A corner's four signs are half a byte: the
+// (hash_grid_cell.hpp has the scalar form; both add the same terms in the same order). A corner's four signs are half a byte: the
 // word around it is gathered and shifted, and a sign is one exclusive or with the weight. Cost: 20 cycles a corner of 16 positions, a third
 // of the scalar form.
 #pragma once
@@ -18,6 +18,21 @@ namespace compmark::inline v0::detail {
 
 template <class T>
 inline constexpr bool has_grid_lanes = std::is_same_v<T, float>&& native_width<T> == 16;
+
+/// Sixteen positions [16, 3] by axis.
+COMPMARK_INLINE void by_axis(const float* unit, float* soa) {
+  for (int i = 0; i < 16; ++i) {
+    for (int axis = 0; axis < 3; ++axis) soa[axis * 16 + i] = unit[3 * i + axis];
+  }
+}
+
+/// What the way back needs of them, in memory, to be read corner by corner.
+template <int corners>
+struct GridBlock {
+  alignas(64) std::uint32_t entry[corners][16];
+  alignas(64) float weight[corners][16];
+  unsigned inside;  ///< bit i: position i is
+};
 
 /// Positions by axis: unit[axis * stride + lane], 16 lanes from there. Lanes outside the box have inside false and sit at the origin.
 template <int dimensions, bool dense>
@@ -71,6 +86,11 @@ struct GridLanes {
     }
   }
 
+  void store(GridBlock<corners>& block) const {
+    for (int c = 0; c < corners; ++c) weight[c].store(block.weight[c]);
+    __builtin_memcpy(block.entry, entry, sizeof(entry));
+    block.inside = inside.bits();
+  }
   /// sum[feature] over the corners; 0 outside. `signs` is aligned to words.
   COMPMARK_INLINE void interpolate(const std::uint8_t* signs, P (&sum)[4]) const {
     for (P& s : sum) s = P(0.0f);
