@@ -223,7 +223,7 @@ TEST_CASE("entropy/hash_grid: same bits at any thread count") {
 TEST_CASE("entropy/hash_grid: sixteen positions at once and one by one are the same bits, both ways") {
   constexpr HashGridShape shape{};
   using Grid = HashGrid<float, shape>;
-  constexpr std::size_t rows = 61;  // three times sixteen and some
+  constexpr std::size_t rows = 157;  // two panels of 64, sixteen and some
   static Table<float, shape> table;
   std::vector<float> unit = positions<float>(rows);
   unit[31] = -0.5f;

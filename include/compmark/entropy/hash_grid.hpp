@@ -128,7 +128,7 @@ class HashGrid {
           T* const target = d_table.data + std::size_t{4} * entry;
           Four part = d, sum(target);
           part.scale(weight);
-          sum.add_product(part, Four(T(1)));
+          sum.add_product(part, Four(T(1)));  // product and sum are rounded apart, whatever a compiler contracts
           sum.store(target);
         };
         std::size_t done = 0;

@@ -5,7 +5,6 @@
 // hash_grid_lanes.hpp are proven against.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -33,8 +32,8 @@ struct GridCell {
       const T p = fma(Pack<T, 1>(t), Pack<T, 1>(static_cast<T>(last)), Pack<T, 1>(T(0.5))).lane(0);
       const int below = static_cast<int>(p);  // p >= 0
       const T fraction = p - static_cast<T>(below);
-      neighbour[d][0] = static_cast<std::uint32_t>(std::max(below, 1));
-      neighbour[d][1] = static_cast<std::uint32_t>(std::min(below + 1, last));
+      neighbour[d][0] = static_cast<std::uint32_t>(level.clamped(below));
+      neighbour[d][1] = static_cast<std::uint32_t>(level.clamped(below + 1));
       weight[d][0] = 1 - fraction;
       weight[d][1] = fraction;
     }
