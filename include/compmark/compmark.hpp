@@ -180,6 +180,7 @@
 #include "compmark/entropy/hac_model.hpp"
 #include "compmark/entropy/hac_parameters.hpp"
 #include "compmark/entropy/hash_grid.hpp"
+#include "compmark/entropy/hash_grid_cell.hpp"
 #include "compmark/entropy/hash_grid_lanes.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/entropy/integer_context.hpp"
