@@ -311,7 +311,7 @@ int run(PretrainOptions& options) {
   std::fprintf(stderr, "compmark: %d bits, training on %s, measuring on %s\n", options.bits, described(train).c_str(),
                described(held).c_str());
 
-  watch_interrupt();
+  std::optional<InterruptWatch> watch(std::in_place);
   Pretrainer<Network>::Context context;
   Lines lines(state.iteration);
   while (state.iteration < settings.steps) {
@@ -328,6 +328,7 @@ int run(PretrainOptions& options) {
                  static_cast<long long>(state.iteration));
     return interrupted_exit;
   }
+  watch.reset();
   lines.finish();
   const double seconds = lines.seconds();
 

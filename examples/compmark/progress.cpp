@@ -65,13 +65,19 @@ std::string values_text(const ProgressLine& line) {
 
 }  // namespace
 
-void watch_interrupt() {
+InterruptWatch::InterruptWatch() {
+  interrupt_count.store(0);
   struct sigaction action {};
   action.sa_handler = on_interrupt;
   sigemptyset(&action.sa_mask);
   action.sa_flags = SA_RESTART;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, &interrupt_);
+  sigaction(SIGTERM, &action, &terminate_);
+}
+
+InterruptWatch::~InterruptWatch() {
+  sigaction(SIGINT, &interrupt_, nullptr);
+  sigaction(SIGTERM, &terminate_, nullptr);
 }
 
 bool interrupted() { return interrupt_count.load(std::memory_order_relaxed) != 0; }

@@ -5,6 +5,8 @@
 // Ctrl-C raises. Values are means since the last output, so that a line says how the run goes and not how one view went.
 #pragma once
 
+#include <signal.h>
+
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
@@ -96,9 +98,21 @@ compmark::Result<std::vector<ProgressLine>> read_progress_log(const std::filesys
 /// "1:02:03" or "4:05".
 std::string format_duration(double seconds);
 
-/// Catches SIGINT and SIGTERM: the first one raises the flag, a second one ends the program at once. The handler only stores to a
-/// lock-free atomic and restores the default action, both async-signal-safe.
-void watch_interrupt();
+/// While it lives SIGINT and SIGTERM are caught: the first one raises the flag, a second one ends the program at once. The handler only stores to a
+/// lock-free atomic and restores the default action, both async-signal-safe. For work that leaves a checkpoint, and no longer: what follows (measuring,
+/// the page, the fit of a decoder) looks at no flag, and shall end at the first signal, as it does by itself.
+class InterruptWatch {
+ public:
+  InterruptWatch();  ///< lowers the flag
+  ~InterruptWatch();
+  InterruptWatch(const InterruptWatch&) = delete;
+  InterruptWatch& operator=(const InterruptWatch&) = delete;
+
+ private:
+  using Action = struct sigaction;
+  Action interrupt_{}, terminate_{};  ///< what was done before
+};
+/// Whether a signal came since the last watch began.
 [[nodiscard]] bool interrupted();
 
 }  // namespace tool

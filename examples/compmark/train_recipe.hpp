@@ -214,18 +214,20 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   Result<Progress> progress = Progress::open(progress_settings);
   if (!progress) return fail(progress.error());
   for (const std::string& note : options.notes) std::fprintf(stderr, "compmark: %s\n", note.c_str());
-  watch_interrupt();
   TrainObserver observer;
   observer.progress = &*progress;
   observer.info = &data.info;
   observer.checkpoint_every = options.checkpoint_every;
   observer.checkpoint = data.checkpoint;
   observer.seconds_before = seconds_before;
-  const Result<Done> done = trainer.run(train, observer);
+  const Result<Done> done = [&] {
+    const InterruptWatch watch;
+    return trainer.run(train, observer);
+  }();
   progress->finish();
   if (!done) return fail(done.error());
   if (observer.failure) return fail(*observer.failure);
-  if (!trainer.finished()) {
+  if (!trainer.finished() || interrupted()) {  // in the last iteration too: a checkpoint is there either way
     std::fprintf(stderr, "compmark: interrupted after iteration %lld; continue with --resume\n",
                  static_cast<long long>(trainer.state().iteration));
     return interrupted_exit;

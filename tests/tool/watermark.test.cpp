@@ -314,12 +314,21 @@ TEST_CASE(
       "train --voxel-size 0.2 --effects none --iterations 600 --mark-iterations 400 --fidelity 300 --message-rate "
       "0.004 --data " +
       setting().scene + " --key " + key + " --out " + at("whole");
-  const Outcome outcome = tool(run);
+  // A signal that meets the fit ends it at once: there is nothing to save, and no flag is looked at before the decoder would be written.
+  const Outcome ended =
+      tool(run + " 2>&1 & pid=$!; while [ ! -f " + at("whole/unmarked/results.json") +
+           " ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -TERM $pid; wait $pid; echo code $? #");
+  INFO(ended.text);
+  CHECK(ended.text.find("code 143") != std::string::npos);
+  CHECK_FALSE(fs::exists(at("whole/decoder.safetensors")));
+  const fs::file_time_type trained = fs::last_write_time(at("whole/unmarked/model.safetensors"));
+  const Outcome outcome = tool(run + " --resume");
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
   const nlohmann::json results = json_of(at("whole/results.json"));
   MESSAGE(results["bit_accuracy"].dump(), " p ", results["p_value"].dump(), " cost ",
           results["psnr_cost_vs_unmarked"].dump(), " dB, ", results["psnr_marked_vs_unmarked"].dump(), " dB");
+  CHECK(fs::last_write_time(at("whole/unmarked/model.safetensors")) == trained);
   CHECK(json_of(at("whole/unmarked/results.json"))["model_sha256"] == unmarked()["model_sha256"]);
   CHECK(results["psnr_marked_vs_unmarked"].get<double>() > 30);
   CHECK(json_of(at("whole/decoder.json"))["model_sha256"] == unmarked()["model_sha256"]);
