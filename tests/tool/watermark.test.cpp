@@ -232,6 +232,37 @@ TEST_CASE("tool: a model that was trained with exposures is marked as what its r
   check_refused(tool(embed + at("exposed-loss") + " --fidelity 0"), {"scaffold+exposure"});
 }
 
+TEST_CASE("tool: a model for a codec that was trained with exposures is marked in its file, as one without") {
+  const std::string exposed = at("exposed-hac/model.safetensors"), decoder = at("exposed-hac-decoder.safetensors");
+  const Outcome trained =
+      tool("train --codec hac --lambda 0.004 --effects exposure --iterations 60 --voxel-size 0.2 --data " +
+           setting().scene + " --out " + at("exposed-hac"));
+  INFO(trained.text);
+  REQUIRE(trained.code == 0);
+  REQUIRE(json_of(at("exposed-hac/results.json"))["recipe"] == "hac+exposure");
+  testing::done("fit --bits 24 --waves 48 --views 60 --gradient-views 2 --data " + setting().scene + " --model " +
+                exposed + " --out " + decoder);
+  const std::string out = at("exposed-hac-marked");
+  const Outcome marked = tool("embed --iterations 20 --model " + exposed + " --data " + setting().scene + " --key " +
+                              setting().key + " --decoder " + decoder + " --out " + out);
+  INFO(marked.text);
+  REQUIRE(marked.code == 0);
+  const nlohmann::json results = json_of(out + "/results.json");
+  CHECK(results["recipe"] == "hac");
+  // The twin is the file of the model with exposures, which no render of it has; a file with them would differ by whole colours.
+  CHECK(results["compressed"]["psnr_marked_vs_unmarked"].get<double>() > 30);
+  const Result<SafetensorsFile> host = read_safetensors(exposed), beside = read_safetensors(out + "/model.safetensors");
+  REQUIRE((host.ok() && beside.ok()));
+  CHECK(*beside->values<float>("anchor.position") == *host->values<float>("anchor.position"));
+  CHECK(*beside->values<float>("anchor.feature") != *host->values<float>("anchor.feature"));
+  for (const char* name : {"/unmarked.cmk", "/model.cmk"}) {
+    CAPTURE(name);
+    const Outcome read = tool("extract --model " + out + name + " --decoder " + decoder);
+    INFO(read.text);
+    CHECK(read.code == 0);
+  }
+}
+
 TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden for it is proven") {
   static_cast<void>(unmarked());
   const std::string scene = "fit --bits 24 --data " + setting().scene + " --model " + at("unmarked/model.safetensors");
