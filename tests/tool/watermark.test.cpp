@@ -249,7 +249,7 @@ TEST_CASE("tool: a model for a codec that was trained with exposures is marked i
   REQUIRE(marked.code == 0);
   const nlohmann::json results = json_of(out + "/results.json");
   CHECK(results["recipe"] == "hac");
-  // The twin is the file of the model with exposures, which no render of it has; a file with them would differ by whole colours.
+  // The twin is the file of the model with exposures: their renders are compared.
   CHECK(results["compressed"]["psnr_marked_vs_unmarked"].get<double>() > 30);
   const Result<SafetensorsFile> host = read_safetensors(exposed), beside = read_safetensors(out + "/model.safetensors");
   REQUIRE((host.ok() && beside.ok()));
