@@ -32,15 +32,16 @@ using namespace compmark;  // who includes this page does nothing but fit
 /// A figure on a terminal, a line every ten seconds elsewhere.
 class FitLine {
  public:
-  void on_progress(std::size_t done, std::size_t total) {
+  bool on_progress(std::size_t done, std::size_t total) {
     const double since = std::chrono::duration<double>(Clock::now() - last_).count();
-    if (done != total && since < (terminal_ ? 0.2 : 10)) return;
+    if (done != total && since < (terminal_ ? 0.2 : 10)) return true;
     last_ = Clock::now();
     const double spent = std::chrono::duration<double>(last_ - start_).count(),
                  left = spent * static_cast<double>(total - done) / static_cast<double>(done);
     std::fprintf(stderr, "%sfit %.0f %%  ETA %s%s", terminal_ ? "\r" : "",
                  100 * static_cast<double>(done) / static_cast<double>(total), format_duration(left).c_str(),
                  !terminal_ || done == total ? "\n" : "\x1b[K");
+    return true;  // a signal ends the process: nothing of a fit is kept
   }
 
  private:

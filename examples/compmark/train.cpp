@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -157,13 +158,25 @@ Result<Done> choose_effects(TrainOptions& options) {
   return Done{};
 }
 
+/// Whether the photographs' exposures may train although a message is wanted: no recipe with a message has them, but a finished model is marked as
+/// what its renders are, one without (marking_recipe).
+bool exposes(const TrainOptions& options) {
+  if (!options.mark.wanted()) return true;
+  return marks_afterwards(options) && (!options.mark.fidelity || *options.mark.fidelity > 0);
+}
+
 /// Messages are built into three recipes: an effect that none of them has is left out with a note.
 void leave_out_unmarked(TrainOptions& options) {
   if (options.recipe.rfind("scaffold+", 0) != 0) return;
   const auto names = [&](const char* part) { return options.recipe.find(part) != std::string::npos; };
-  const std::string recipe = names("mask") ? "scaffold+mask" : names("+alpha") ? "scaffold+alpha" : "scaffold";
+  const bool exposure = names("+exposure") && exposes(options);
+  const std::string recipe = std::string("scaffold") + (exposure ? "+exposure" : "") +
+                             (names("mask")     ? "+mask"
+                              : names("+alpha") ? "+alpha"
+                                                : "");
   if (recipe == options.recipe) return;
   for (const char* effect : {"exposure", "anti_aliasing", "far_field"}) {
+    if (exposure && effect == std::string_view("exposure")) continue;
     if (std::erase(options.simulated, effect) != 0)
       options.notes.push_back(std::string("effect ") + effect + " is left out: no recipe with a message has it");
   }
@@ -201,9 +214,9 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
                  "leave out --recipe and --profile"};
   }
   const auto names = [&](const char* part) { return options.recipe.find(part) != std::string::npos; };
-  // Masks before exposure: what a lens left empty must not count. No recipe with exposure has a message.
+  // Masks before exposure: what a lens left empty must not count.
   const bool alpha = names("+alpha"), mask = !alpha && names("mask"),
-             exposure = !alpha && !mask && !options.mark.wanted() && names("+exposure");
+             exposure = !alpha && !mask && names("+exposure") && exposes(options);
   options.recipe = options.codec + (alpha ? "+alpha" : exposure ? "+exposure" : mask ? "+mask" : "");
   for (const auto& [effect, kept] :
        {std::pair{"alpha", alpha}, std::pair{"masks", mask}, std::pair{"exposure", exposure},

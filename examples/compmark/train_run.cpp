@@ -242,9 +242,6 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
     if (Result<Done> written = write_json(options.out / "verification.json", json); !written)
       return fail(written.error());
   }
-  if (Result<Done> written = write_results(options.out / "results.json", results); !written)
-    return fail(written.error());
-
   const char* split = has_test ? "test" : "training";
   report.title = results.dataset;
   report.subtitle = "recipe " + options.recipe + ", profile " + settings.profile + ", " +
@@ -295,6 +292,9 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   }
   report.grids.push_back(std::move(grid));
   if (Result<Done> written = write_report(options.out / "report.html", report); !written) return fail(written.error());
+  // Last of all: a run that has it is taken as finished by who goes on from it.
+  if (Result<Done> written = write_results(options.out / "results.json", results); !written)
+    return fail(written.error());
   std::error_code ignored;
   std::filesystem::remove(run.checkpoint, ignored);
 

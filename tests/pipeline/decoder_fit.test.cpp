@@ -4,7 +4,9 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <span>
 #include <vector>
@@ -259,4 +261,30 @@ TEST_CASE("pipeline/decoder_fit: what nothing can be fitted to is an error") {
   const Result<DecoderFit<float>> none = fit_decoder(dark, views, small_fit(), executor);
   REQUIRE_FALSE(none);
   CHECK(none.error().line().find("no colour") != std::string::npos);
+}
+
+TEST_CASE("pipeline/decoder_fit: an observer that says stop is heard after every part, and the host is as it was") {
+  struct Stopping {
+    std::size_t last, *calls;
+    bool on_progress(std::size_t done, std::size_t /*total*/) const {
+      ++*calls;
+      return done < last;
+    }
+  };
+  Model<Host> host = finished();
+  const Model<Host> before = host;
+  ThreadExecutor executor(2);
+  const BlobViews views;
+  const DecoderFitSettings settings = small_fit();
+  const std::size_t statistics = static_cast<std::size_t>(settings.statistics_views),
+                    metric = 6 * static_cast<std::size_t>(settings.gradient_views);
+  // In the first of three loops, at the end of each of the first two, and in the last.
+  for (const std::size_t last : {std::size_t{1}, statistics, statistics + metric, statistics + metric + 1}) {
+    std::size_t calls = 0;
+    const Result<DecoderFit<float>> fit = fit_decoder(host, views, settings, executor, Stopping{last, &calls});
+    REQUIRE_FALSE(fit);
+    CHECK(fit.error().kind == ErrorKind::cancelled);
+    CHECK(calls == last);
+  }
+  CHECK(std::ranges::equal(host.arena.all_values(), before.arena.all_values()));
 }

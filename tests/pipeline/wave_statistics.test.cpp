@@ -173,7 +173,7 @@ TEST_CASE(
     "pipeline/wave_statistics: noise is the covariance of what is read, energy and agreement those of gradients") {
   WaveBench bench;
   Probe probe = bench.probe();
-  const detail::WaveStatistics found = detail::wave_statistics(probe, bench.settings, bench.executor);
+  const detail::WaveStatistics found = *detail::wave_statistics(probe, bench.settings, bench.executor);
   const std::size_t waves = 6, samples = 20;
   std::vector<std::vector<double>> read;
   std::vector<double> mean(waves, 0.0);
@@ -214,7 +214,7 @@ TEST_CASE("pipeline/wave_statistics: every view is read edited too, and the nois
   bench.settings.edit_weight = 0.3;
   bench.settings.edits.weight = {0, 1, 1, 0, 1, 1, 1, 0};  // there is no codec here
   Probe probe = bench.probe();
-  const detail::WaveStatistics found = detail::wave_statistics(probe, bench.settings, bench.executor);
+  const detail::WaveStatistics found = *detail::wave_statistics(probe, bench.settings, bench.executor);
   const std::size_t waves = 6, samples = 20, readings = 60;
   REQUIRE(found.deviation.size() == waves * readings);
   CHECK(found.per_view == 3);
@@ -251,8 +251,8 @@ TEST_CASE("pipeline/wave_statistics: where all views are one, what moves one mov
   one.views.count = 1;
   WaveBench ring;
   Probe narrow = one.probe(), wide = ring.probe();
-  const detail::WaveStatistics same = detail::wave_statistics(narrow, one.settings, one.executor);
-  const detail::WaveStatistics differ = detail::wave_statistics(wide, ring.settings, ring.executor);
+  const detail::WaveStatistics same = *detail::wave_statistics(narrow, one.settings, one.executor);
+  const detail::WaveStatistics differ = *detail::wave_statistics(wide, ring.settings, ring.executor);
   const double kept = detail::trace(same.agreement, 6) / detail::trace(same.energy, 6);
   const double lost = detail::trace(differ.agreement, 6) / detail::trace(differ.energy, 6);
   MESSAGE("agreement of one place ", kept, ", of a ring ", lost);

@@ -437,6 +437,16 @@ TEST_CASE("tool: a bad dataset is one error line with file, field and remedy, an
   if (mixed.code == 2) check_refused(mixed, {image.filename().string(), "20"});
 }
 
+TEST_CASE("tool: results.json comes last, so a run that could not write its page is not taken as finished") {
+  fs::create_directories(at("no-page/report.html/in-the-way"));
+  const Outcome outcome = tool("train --data " + scene() + " --out " + at("no-page") + " --iterations 20");
+  INFO(outcome.text);
+  CHECK(outcome.code == 2);
+  CHECK(outcome.text.find("error: " + at("no-page/report.html")) != std::string::npos);
+  CHECK(fs::exists(at("no-page/model.safetensors")));  // written before, and good
+  CHECK_FALSE(fs::exists(at("no-page/results.json")));
+}
+
 TEST_CASE("tool: bad options, an unwritable output and a damaged model are one error line each") {
   check_refused(tool("train --data " + scene() + " --out " + at("x") + " --profile nobody"),
                 {"--profile", "nobody", "scaffold"});

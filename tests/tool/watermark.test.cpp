@@ -6,6 +6,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <compmark/core/random.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>
@@ -381,6 +382,27 @@ TEST_CASE(
   check_refused(tool(run + " --bits 48"), {"owner16.key", "16", "48"});
   CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
   CHECK(json_of(at("whole/results.json"))["model_sha256"] == results["model_sha256"]);
+}
+
+TEST_CASE("tool: a scene that is marked when it is finished keeps the exposures that it calls for") {
+  // What is asked for and the recipe of the host. In the loss of the photographs the mark would have to train with them.
+  const std::vector<std::array<std::string, 3>> cases = {{"", "plain", "scaffold+exposure"},
+                                                         {"--codec hac --lambda 0.004 ", "coded", "hac+exposure"},
+                                                         {"--fidelity 0 ", "in-the-loss", "scaffold"}};
+  for (const auto& [options, name, recipe] : cases) {
+    CAPTURE(name);
+    const std::string out = at("exposed-then-marked-" + name);
+    // Of the host alone: ended when it is there.
+    const Outcome ended =
+        tool("train --voxel-size 0.2 --effects exposure --iterations 60 " + options + "--data " + setting().scene +
+             " --key " + setting().key + " --out " + out + " 2>&1 & pid=$!; while [ ! -f " + out +
+             "/unmarked/results.json ]; do kill -0 $pid 2>/dev/null || break; sleep 0.01; done; kill -TERM $pid; "
+             "wait $pid #");
+    INFO(ended.text);
+    REQUIRE(fs::exists(out + "/unmarked/results.json"));
+    CHECK(json_of(out + "/unmarked/results.json")["recipe"] == recipe);
+    CHECK((ended.text.find("exposure is left out") != std::string::npos) == (recipe == "scaffold"));
+  }
 }
 
 TEST_CASE("tool: train --fidelity leaves the host its bits, and writes it as the twin") {

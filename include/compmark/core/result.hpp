@@ -24,6 +24,7 @@ enum class ErrorKind {
   unsupported,  ///< valid, but of a kind that is not handled
   unwritable,   ///< the output cannot be written
   exhausted,    ///< a budget (memory, anchors, size) would be exceeded
+  cancelled,    ///< an observer of the caller said stop
 };
 
 /// One error: file, field and remedy, each may be empty. `line()` is what a tool prints.

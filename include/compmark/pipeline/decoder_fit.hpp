@@ -49,7 +49,7 @@ struct DecoderFit {
 };
 
 /// The decoder for `host`, whose gradients are used as workspace. `views` has size() and camera(i), of the cameras it was trained on. An Error where
-/// nothing can be chosen: no view, or no colour between black and white in any.
+/// nothing can be chosen: no view, or no colour between black and white in any; of kind cancelled where the observer said stop (decoder_fit_settings.hpp).
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
 [[nodiscard]] Result<DecoderFit<typename R::Scalar>> fit_decoder(Model<R>& host, const Views& views,
                                                                  const DecoderFitSettings& settings, E& executor,
@@ -75,7 +75,10 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   LatticeWeights<T> weights =
       random_lattice<T>(shape, std::vector<double>{settings.period}, settings.seed, settings.spread_octaves);
   detail::WaveProbe<R, Views, E> probe(host, views, shape, weights, settings, executor);
-  const detail::WaveStatistics found = detail::wave_statistics(probe, settings, executor, observer, jpeg);
+  const std::optional<detail::WaveStatistics> statistics =
+      detail::wave_statistics(probe, settings, executor, observer, jpeg);
+  if (!statistics) return Error{ErrorKind::cancelled, {}, {}, "the fit was stopped by its observer", {}};
+  const detail::WaveStatistics& found = *statistics;
   const std::size_t waves = static_cast<std::size_t>(settings.waves), bits = static_cast<std::size_t>(settings.bits);
   const double noise = detail::trace(found.noise, waves), energy = detail::trace(found.energy, waves);
   if (!(noise > 0) || !(energy > 0) || !std::isfinite(noise) || !std::isfinite(energy)) {

@@ -61,9 +61,9 @@ struct NoJpeg {
   }
 };
 
-/// Watches nothing. An observer is told of the way: after a part of the work, of `total` parts of about the same cost.
+/// Watches nothing. An observer is told of the way: after a part of the work, of `total` parts of about the same cost; it returns false to stop.
 struct NoFitObserver {
-  constexpr void on_progress(std::size_t /*done*/, std::size_t /*total*/) const {}
+  constexpr bool on_progress(std::size_t /*done*/, std::size_t /*total*/) const { return true; }
 };
 
 }  // namespace compmark::inline v0

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -179,9 +180,11 @@ template <Executor E>
   return sum;
 }
 
+/// Nothing where the observer said stop.
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
-[[nodiscard]] WaveStatistics wave_statistics(WaveProbe<R, Views, E>& probe, const DecoderFitSettings& settings,
-                                             E& executor, O&& observer = {}, const Jpeg& jpeg = {}) {
+[[nodiscard]] std::optional<WaveStatistics> wave_statistics(WaveProbe<R, Views, E>& probe,
+                                                            const DecoderFitSettings& settings, E& executor,
+                                                            O&& observer = {}, const Jpeg& jpeg = {}) {
   using T = typename R::Scalar;
   const std::size_t waves = static_cast<std::size_t>(settings.waves),
                     samples = static_cast<std::size_t>(settings.statistics_views),
@@ -201,7 +204,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     probe.render("decoder fit", n, settings.reach);
     keep(probe.means(), n * per_view);
     for (std::size_t e = 0; e < edits; ++e) keep(probe.edited_means(n * edits + e, jpeg), n * per_view + 1 + e);
-    observer.on_progress(++done, total);
+    if (!observer.on_progress(++done, total)) return std::nullopt;
   }
   for (std::size_t k = 0; k < waves; ++k) {
     double* const row = found.deviation.data() + k * readings;
@@ -218,7 +221,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     probe.render("decoder fit gradient", n);
     for (std::size_t d = 0; d < draws; ++d) {
       probe.signed_gradient(n * draws + d, one);
-      observer.on_progress(++done, total);
+      if (!observer.on_progress(++done, total)) return std::nullopt;
       for (std::size_t i = 0; i < parameters; ++i)
         square[i] += static_cast<double>(one[i]) * static_cast<double>(one[i]);
     }
@@ -239,7 +242,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     for (std::size_t k = 0; k < waves; ++k) {
       T* const row = gradient.data() + k * parameters;
       probe.wave_gradient(k, {row, parameters});
-      observer.on_progress(++done, total);
+      if (!observer.on_progress(++done, total)) return std::nullopt;
       for (std::size_t i = 0; i < parameters; ++i) {
         row[i] *= scale[i];
         sum[k * parameters + i] += row[i];
