@@ -250,6 +250,8 @@ TEST_CASE("tool: a model for a codec that was trained with exposures is marked i
   REQUIRE(marked.code == 0);
   const nlohmann::json results = json_of(out + "/results.json");
   CHECK(results["recipe"] == "hac");
+  CHECK(json_of(at("exposed-hac/results.json"))["rate_lambda"] == 0.004);
+  CHECK_FALSE(results.contains("rate_lambda"));  // no bit is a loss of the mark: a default is not the host's lambda
   // The twin is the file of the model with exposures: their renders are compared.
   CHECK(results["compressed"]["psnr_marked_vs_unmarked"].get<double>() > 30);
   const Result<SafetensorsFile> host = read_safetensors(exposed), beside = read_safetensors(out + "/model.safetensors");
