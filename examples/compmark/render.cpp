@@ -60,14 +60,21 @@ int run(const RenderOptions& options) {
                                         std::max(1, static_cast<int>(view.camera.height / options.downscale)));
     }
   }
+  for (const std::string& name : options.names) {
+    if (std::none_of(views.begin(), views.end(), [&](const StoredView& view) { return view.name == name; })) {
+      return fail({ErrorKind::invalid, options.data.empty() ? options.model.string() : options.data.string(), "--view",
+                   "no view is called \"" + name + "\"",
+                   options.data.empty() ? "compmark info --views lists them" : "give a name of this dataset"});
+    }
+  }
   std::erase_if(views, [&](const StoredView& view) {
     if (!options.names.empty())
       return std::find(options.names.begin(), options.names.end(), view.name) == options.names.end();
     return options.split == "test" ? !view.test : options.split == "train" ? view.test : false;
   });
   if (views.empty()) {
-    return fail({ErrorKind::invalid, options.model.string(), options.names.empty() ? "--split" : "--view",
-                 "selects no view", "see the names with compmark info"});
+    return fail({ErrorKind::invalid, options.model.string(), "--split", "there is no view of \"" + options.split + "\"",
+                 "compmark info --views lists what there is"});
   }
   if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
 

@@ -469,7 +469,20 @@ TEST_CASE("tool: bad options, an unwritable output and a damaged model are one e
   }
   CHECK(!fs::exists(at("none")));
   check_refused(tool("export --model " + model + " --out " + at("no/such/folder/a.ply")), {"a.ply"});
-  check_refused(tool("render --model " + model + " --out " + at("none") + " --view nobody"), {"--view"});
+  const std::string some = "render --model " + model + " --out " + at("none") + " --view ";
+  check_refused(tool(some + "nobody"), {"model.safetensors", "--view", "nobody", "info --views"});
+  // One of two that is missing is not passed over.
+  const std::string listed = tool("info --views " + model).text;
+  const std::size_t row = listed.rfind(" test ");
+  REQUIRE(row != std::string::npos);
+  const std::size_t begin = listed.rfind("\n    ", row) + 5;
+  const std::string name = listed.substr(begin, listed.find(' ', begin) - begin);
+  CAPTURE(name);
+  check_refused(tool(some + name + " nobody"), {"--view", "nobody"});
+  check_refused(tool("render --model " + model + " --out " + at("none") + " --data " + scene() + " --view nobody"),
+                {"--view", "nobody", "dataset"});
+  CHECK(!fs::exists(at("none")));
+  CHECK(tool(some + name).code == 0);
 }
 
 }  // namespace tool_test
