@@ -73,8 +73,8 @@ int run(const RenderOptions& options) {
     return options.split == "test" ? !view.test : options.split == "train" ? view.test : false;
   });
   if (views.empty()) {
-    return fail({ErrorKind::invalid, options.model.string(), "--split", "there is no view of \"" + options.split + "\"",
-                 "compmark info --views lists what there is"});
+    return fail({ErrorKind::invalid, options.model.string(), "--split", "\"" + options.split + "\" selects no view",
+                 "compmark info --views lists what there is, and --data takes the cameras of a dataset"});
   }
   if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
 
