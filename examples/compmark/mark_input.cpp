@@ -53,6 +53,10 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
          "0: the message joins the loss of the photographs, as published (default: embed 3000, and of a model for a "
          "codec 600, or 2000 with a decoder that was fitted to the scene; train with --decoder 0)")
       ->check(CLI::Range(0.0, 1e6));
+  app.add_option("--fidelity-fall", options.fall,
+                 "power by which the fidelity falls with the distance of a view from the nearest photograph: there the "
+                 "scene is wrong by more than a mark; 0: the same everywhere (default: 2)")
+      ->check(CLI::Range(0.0, 4.0));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -112,6 +116,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   MarkNumbers& mark = settings.mark;
   for (const auto& [number, name, remedy] :
        {std::tuple(options.fidelity, "--fidelity", "give 0, or a weight up to 1000000"),
+        std::tuple(options.fall, "--fidelity-fall", "give 0, or a power up to 4"),
         std::tuple(options.weight, "--message-weight", "give a weight above 0"),
         std::tuple(options.margin, "--message-margin", "give logits above 0"),
         std::tuple(options.power, "--message-power", "give a power of 1 to 4"),
@@ -135,6 +140,14 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.power) mark.hinge_power = *options.power;
   if (options.rate) mark.residual_rate = *options.rate;
   if (options.fidelity) mark.fidelity = *options.fidelity;
+  if (options.fall && mark.fidelity <= 0) {
+    return Error{ErrorKind::unsupported,
+                 {},
+                 "--fidelity-fall",
+                 "is that of a fidelity, and this training has none",
+                 "give --fidelity too, or leave it out"};
+  }
+  if (options.fall) mark.fidelity_fall = *options.fall;
   mark.message_every = options.message_every;
   if (mark.between_every != 0) mark.between_every = options.message_every;
   // A run is resumed with the same key, decoder and stages alone. The commitment says nothing of the message.

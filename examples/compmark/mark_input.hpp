@@ -35,16 +35,17 @@ struct MarkOptions {
   std::optional<double> power;     ///< of the hinge
   std::optional<double> rate;      ///< at which the mark is learned; not set: that of the command
   std::optional<double> fidelity;  ///< of the marked renders to the unmarked ones; not set: that of the command
+  std::optional<double> fall;      ///< power by which the fidelity falls with the distance from the photographs
   std::int64_t message_every = 1;  ///< cadence
   bool for_compression = false;    ///< with the noise of quantization
   /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || weight || margin || power || rate ||
-           fidelity || message_every != 1 || for_compression;
+           fidelity || fall || message_every != 1 || for_compression;
   }
 };
-/// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --message-every,
-/// --for-compression
+/// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,
+/// --message-every, --for-compression
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
 
 struct MarkInput {

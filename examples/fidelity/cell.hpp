@@ -96,7 +96,7 @@ struct Cell {
 
 /// What the folder was made with: another is another table.
 [[nodiscard]] inline nlohmann::ordered_json settings_json(const Cell& cell, const Settings& settings) {
-  return {{"schema", "compmark.fidelity-cell.3"},
+  return {{"schema", "compmark.fidelity-cell.4"},
           {"scene", fs::weakly_canonical(cell.scene.folder).string()},
           {"downscale", cell.scene.downscale},
           {"codec", cell.codec},

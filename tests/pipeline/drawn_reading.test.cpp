@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
@@ -44,19 +46,20 @@ struct DrawnReadingBench {
   }
   static MatrixView<double> values(Model<MarkedSmooth>& of) { return of.arena.values(of.road.embedder.residual); }
   static MatrixView<double> gradients(Model<MarkedSmooth>& of) { return of.arena.gradients(of.road.embedder.residual); }
-  static MarkPhases phases(double fidelity) {
+  static MarkPhases phases(double fidelity, double fall = 0) {
     MarkNumbers numbers = fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
     numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
     numbers.lambda_message = 1;
     numbers.between_every = 1;
     numbers.fidelity = fidelity;
+    numbers.fidelity_fall = fall;
     return {numbers, 100};
   }
   void clear() { std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0); }
-  double read(DrawnReading<MarkedSmooth>& drawn, double fidelity) {
+  double read(DrawnReading<MarkedSmooth>& drawn, double fidelity, double fall = 0) {
     const Pipeline<MarkedSmooth>::Context photographed;
     static_cast<void>(
-        drawn.read(pipeline, model, views, view, seed, iteration, phases(fidelity), photographed, executor));
+        drawn.read(pipeline, model, views, view, seed, iteration, phases(fidelity, fall), photographed, executor));
     return drawn.report().total;
   }
 
@@ -70,6 +73,7 @@ struct DrawnReadingBench {
 
 TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with a host and without") {
   for (const std::pair<double, double>& held : {std::pair(0.0, 0.0), std::pair(40.0, 0.0), std::pair(40.0, 2.0)}) {
+    const double fall = 1;
     const double fidelity = held.first, power = held.second;
     CAPTURE(fidelity);
     CAPTURE(power);
@@ -82,14 +86,14 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
     }
     DrawnReading<MarkedSmooth> drawn;
     bench.clear();
-    const double total = bench.read(drawn, fidelity);
+    const double total = bench.read(drawn, fidelity, fall);
     CHECK(std::isfinite(total));
     if (power > 0) {  // the power is felt: another costs something else
       DrawnReadingBench linear;
       linear.pipeline.marks().message_loss.settings = bench.pipeline.marks().message_loss.settings;
       linear.pipeline.marks().message_loss.settings.power = 1;
       DrawnReading<MarkedSmooth> read_linear;
-      CHECK(std::abs(linear.read(read_linear, fidelity) - total) > 1e-3 * total);
+      CHECK(std::abs(linear.read(read_linear, fidelity, fall) - total) > 1e-3 * total);
     }
     const MatrixView<double> residual = DrawnReadingBench::values(bench.model),
                              gradient = DrawnReadingBench::gradients(bench.model);
@@ -104,7 +108,7 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
       for (const int side : {0, 1}) {
         for (std::size_t i = 0; i < start.size(); ++i)
           residual.data[i] = start[i] + (side == 0 ? h : -h) * random.normal(i);
-        at[side] = bench.read(drawn, fidelity);
+        at[side] = bench.read(drawn, fidelity, fall);
       }
       const double numeric = (at[0] - at[1]) / (2 * h);
       best = std::min(best, std::abs(numeric - analytic) / std::abs(numeric));
@@ -112,6 +116,28 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
     CHECK(std::abs(analytic) > 1e-6);
     CHECK(best < 1e-6);
   }
+}
+
+TEST_CASE("pipeline/drawn_reading: it is held to the host as much as its camera is near the photographs") {
+  DrawnReadingBench bench;
+  DrawnReading<MarkedSmooth> drawn;
+  const double even = bench.read(drawn, 40), departure = drawn.report().departure;
+  const double fallen = bench.read(drawn, 40, 2);
+  CHECK(drawn.report().departure == departure);
+  const auto camera_of = [&](std::size_t i) { return bench.views.camera(i); };
+  const Random random(DrawnReadingBench::seed, DrawnReadingBench::iteration, random_stage("between"));
+  const Camera<double> camera =
+      drawn_camera(camera_of, bench.views.size(), DrawnReadingBench::view, random, DrawnReading<MarkedSmooth>::reach);
+  const double medians = PhotographDistance(camera_of, bench.views.size()).medians(camera);
+  const double share = 2 / (1 + medians * medians);
+  CHECK(std::abs(share - 1) > 0.1);  // else the fall is not seen here
+  CHECK(fallen - even == doctest::Approx(40 * (share - 1) * departure).epsilon(1e-9));
+  // Its ends: twice, as it is, and a twentieth where nobody looked; a fall of 0 is none.
+  const MarkPhases phases = DrawnReadingBench::phases(40, 2);
+  CHECK(phases.fidelity(0) == 80);
+  CHECK(phases.fidelity(1) == 40);
+  CHECK(phases.fidelity(std::numeric_limits<double>::infinity()) == 2);
+  CHECK(DrawnReadingBench::phases(40, 0).fidelity(7) == 40);
 }
 
 TEST_CASE("pipeline/drawn_reading: gradients are added to those that are there") {

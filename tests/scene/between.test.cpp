@@ -150,3 +150,34 @@ TEST_CASE("scene/between: views with room around them are drawn more often") {
   CHECK(drawn({0, 3}, 2) == std::vector<int>{1, 1});  // with fewer others, the farthest
   CHECK(ViewRoom().empty());
 }
+
+TEST_CASE(
+    "scene/between: the distance from the photographs is in medians of their own, and of those that look the same "
+    "way") {
+  std::vector<Camera<double>> cameras;
+  for (const double x : {0.0, 2.0, 4.0, 6.0, 20.0}) {  // the nearest is 2, 2, 2, 2 and 14 away
+    cameras.push_back(on_circle(0));
+    cameras.back().center_world = {x, 0, 0};
+  }
+  const auto at = [](double x, double angle) {
+    Camera<double> camera = on_circle(angle);
+    camera.center_world = {x, 0, 0};
+    return camera;
+  };
+  const auto camera = [&](std::size_t i) { return cameras[i]; };
+  const PhotographDistance distance(camera, cameras.size());
+  CHECK(distance.medians(at(2, 0)) == 0);
+  CHECK(distance.medians(at(5, 0)) == 0.5);
+  CHECK(distance.medians(at(12, 0)) == 3);
+  CHECK(distance.medians(at(-8, 1.0)) == 4);        // 57 degrees: the same way
+  CHECK(std::isinf(distance.medians(at(2, 1.1))));  // 63: nobody looked there
+  // Of another unit of length, the same. The distance in the scene's own units is not.
+  std::vector<Camera<double>> larger = cameras;
+  for (Camera<double>& one : larger) one.center_world[0] *= 10;
+  const PhotographDistance same([&](std::size_t i) { return larger[i]; }, larger.size());
+  CHECK(same.medians(at(120, 0)) == 3);
+  // Of photographs from one place, and of a single one, nothing is known.
+  CHECK(PhotographDistance([&](std::size_t) { return cameras[0]; }, 3).medians(at(7, 0)) == 1);
+  CHECK(PhotographDistance(camera, 1).medians(at(7, 0)) == 1);
+  CHECK(PhotographDistance().empty());
+}

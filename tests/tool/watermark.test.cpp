@@ -450,8 +450,11 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
   check_refused(
       tool(embed + at("unmarked/model.safetensors") + " --resume --message-power 2 --out " + at("stopped-embed")),
       {"checkpoint.safetensors"});
+  check_refused(
+      tool(embed + at("unmarked/model.safetensors") + " --resume --fidelity-fall 0 --out " + at("stopped-embed")),
+      {"checkpoint.safetensors"});
   // The defaults with a decoder that was not fitted to the scene, said aloud.
-  const std::string defaults = " --message-power 1 --message-rate 0.001 --fidelity 3000";
+  const std::string defaults = " --message-power 1 --message-rate 0.001 --fidelity 3000 --fidelity-fall 2";
   CHECK(finished(embed + at("unmarked/model.safetensors") + defaults + " --resume", "stopped-embed") ==
         finished(embed + at("unmarked/model.safetensors"), "straight-embed"));
 }
@@ -476,10 +479,13 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   CHECK_FALSE(fs::exists(at("none/model.safetensors")));
   check_refused(tool(common + " --for-compression"), {"--key", "missing"});
   check_refused(tool(common + " --message-rate 0.1"), {"--key", "missing"});
-  for (const char* name : {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity"}) {
+  for (const char* name :
+       {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity", "--fidelity-fall"}) {
     CHECK(tool(common + setting().mark() + " " + name + " nan").code != 0);
   }
   CHECK(tool(common + setting().mark() + " --message-power 0.5").code != 0);
+  CHECK(tool(common + setting().mark() + " --fidelity 3000 --fidelity-fall 5").code != 0);
+  check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "--fidelity"});
   check_refused(tool("train --profile paper --iterations 20 --data " + setting().scene + " --out " + at("none") +
                      setting().mark() + " --message-power 2"),
                 {"--message-power", "--message-margin"});

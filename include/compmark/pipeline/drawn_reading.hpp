@@ -67,7 +67,7 @@ class DrawnReading {
       }
     }
     const ForwardReport report = pipeline.forward(model, camera, view, context_, executor);
-    pipeline.message_loss(phases.between_weight(t), phases.fidelity(), host(), context_, executor);
+    pipeline.message_loss(phases.between_weight(t), fidelity(views, camera, phases), host(), context_, executor);
     pipeline.backward(model, camera, view, context_, executor);
     return report;
   }
@@ -83,6 +83,12 @@ class DrawnReading {
   bool alone = false;
 
  private:
+  template <class Views>
+  [[nodiscard]] double fidelity(const Views& views, const ViewCamera<R>& camera, const MarkPhases& phases) {
+    if (!phases.fidelity_falls()) return phases.fidelity();
+    if (distance_.empty()) distance_ = PhotographDistance([&](std::size_t i) { return views.camera(i); }, views.size());
+    return phases.fidelity(distance_.medians(camera));
+  }
   void set_rate_phase(const Context& photographed) requires(present<typename R::EntropyModel>) {
     context_.road.rate.phase = photographed.road.rate.phase;
     // The same noise. The rate was counted in the photographed view; without one it is no loss (docs/watermark.md).
@@ -92,6 +98,7 @@ class DrawnReading {
   Context context_;  ///< its own, so that the photographed view's stays
   Buffer<Scalar> host_storage_;
   ViewRoom room_;
+  PhotographDistance distance_;
 };
 
 }  // namespace compmark::inline v0

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "compmark/core/random.hpp"
@@ -48,6 +49,15 @@ class MarkPhases {
   [[nodiscard]] bool beside_the_host() const { return numbers_.fidelity > 0; }
   /// Weight of the departure from the host's render in an iteration that reads.
   [[nodiscard]] double fidelity() const { return numbers_.fidelity * static_cast<double>(between_every()); }
+  /// Whether that falls with the distance from the photographs.
+  [[nodiscard]] bool fidelity_falls() const { return beside_the_host() && numbers_.fidelity_fall > 0; }
+  /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): up to twice as much beside it, at a median as much, far
+  /// away a twentieth. What a mark costs there is to be measured by how wrong the host is already, and that grows with the distance.
+  [[nodiscard]] double fidelity(double medians) const {
+    if (!fidelity_falls()) return fidelity();
+    constexpr double least = 0.05;
+    return fidelity() * std::max(least, 2 / (1 + std::pow(medians, numbers_.fidelity_fall)));
+  }
 
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
   [[nodiscard]] bool reads_between(std::int64_t t) const {

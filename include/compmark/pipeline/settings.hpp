@@ -47,6 +47,9 @@ struct MarkNumbers {
   /// Above 0 the host is left alone: it trains as without a mark, to the bit, and beside it the residual, from drawn views (between_every)
   /// that shall carry the message and differ little from the host's own render: this, times their mean square difference.
   double fidelity = 0;
+  /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as most photographs do, and falls with this power of the
+  /// distance beyond; 0: the same everywhere.
+  double fidelity_fall = 0;
   double lambda_hsv = 0.6;
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;
@@ -157,6 +160,7 @@ struct TrainSettings {
   mark.lambda_message = 0.25;
   mark.message_ramp = 0;
   mark.fidelity = 3000;
+  mark.fidelity_fall = 2;
   mark.residual_rate = 0.006;
   mark.residual_decay = 0.05;
   return mark;

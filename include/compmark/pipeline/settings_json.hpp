@@ -64,6 +64,7 @@ template <class Json = nlohmann::json>
     if (m.hinge_power != 1) mark["hinge_power"] = m.hinge_power;  // as fidelity
     mark["between_every"] = m.between_every;
     if (m.fidelity != 0) mark["fidelity"] = m.fidelity;  // checkpoints are older than this number
+    if (m.fidelity_fall != 0) mark["fidelity_fall"] = m.fidelity_fall;
     mark["lambda_hsv"] = m.lambda_hsv;
     mark["hsv_after"] = m.hsv_after;
     mark["lambda_frequency"] = m.lambda_frequency;

@@ -3,7 +3,7 @@
 //
 // Views that nobody took: cameras between two neighbouring training cameras. What needs no photograph, such as reading a message, can be
 // asked of them, and then holds between the photographs too (docs/watermark.md). Position and axes are interpolated, the latter along the
-// shorter arc; the intrinsics are those of the first camera. Cost: O(views) for a choice; O(views^2) once for their room.
+// shorter arc; the intrinsics are those of the first camera. Cost: O(views) for a choice and for a distance; O(views^2) once for their room.
 #pragma once
 
 #include <algorithm>
@@ -53,13 +53,17 @@ template <class AnyCamera>
   return camera;
 }
 
+namespace detail {
+inline constexpr double same_way =
+    0.5;  ///< least cosine between the directions of two cameras that see the same things
+}
+
 /// One of the `nearest` views that stand closest to `view` and look the same way within 60 degrees, drawn with number `draw` of `random`; `view` itself
 /// where there is none. `cameras(i)` gives the camera of view i < views.
 template <class Cameras>
 [[nodiscard]] std::size_t neighbouring_view(const Cameras& cameras, std::size_t views, std::size_t view,
                                             const Random& random, std::uint64_t draw = 0) {
   constexpr std::size_t nearest = 6;
-  constexpr double least_cosine = 0.5;
   std::array<double, nearest> distance;
   std::array<std::size_t, nearest> index{};
   distance.fill(std::numeric_limits<double>::infinity());
@@ -74,7 +78,7 @@ template <class Cameras>
       square += d * d;
       cosine += other.rotation_camera_world[6 + c] * self.rotation_camera_world[6 + c];  // the viewing directions
     }
-    if (!(cosine >= least_cosine) || !(square < distance.back())) continue;
+    if (!(cosine >= detail::same_way) || !(square < distance.back())) continue;
     std::size_t place = found < nearest ? found++ : nearest - 1;
     for (; place > 0 && square < distance[place - 1]; --place) {
       distance[place] = distance[place - 1];
@@ -129,6 +133,62 @@ class ViewRoom {
 
  private:
   std::vector<double> summed_;  ///< of the views up to each
+};
+
+/// How far a camera stands from the photographs: the distance to the nearest training view that looks the same way within 60 degrees, in medians of that
+/// distance between the training views. A trained scene is the wronger the farther from its photographs it is looked at (docs/watermark.md).
+class PhotographDistance {
+ public:
+  PhotographDistance() = default;
+  /// `cameras(i)` gives the camera of view i < views.
+  template <class Cameras>
+  PhotographDistance(const Cameras& cameras, std::size_t views) {
+    for (std::size_t i = 0; i < views; ++i) {
+      const Camera<double> camera = cameras(i);
+      center_.push_back(camera.center_world);
+      direction_.push_back(direction_of(camera));
+    }
+    std::vector<double> apart;
+    for (std::size_t i = 0; i < views; ++i) {
+      const double distance = nearest(center_[i], direction_[i], i);
+      if (std::isfinite(distance)) apart.push_back(distance);
+    }
+    if (apart.empty()) return;
+    const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
+    std::nth_element(apart.begin(), middle, apart.end());
+    median_ = *middle;
+  }
+
+  [[nodiscard]] bool empty() const { return center_.empty(); }
+  /// 0 at a photograph, infinite where no view looks that way; 1 everywhere if most photographs were taken from one place, or there is but one: they
+  /// say nothing of what is far.
+  template <class AnyCamera>
+  [[nodiscard]] double medians(const AnyCamera& camera) const {
+    if (median_ == 0) return 1;
+    return nearest(camera.center_world, direction_of(camera), center_.size()) / median_;
+  }
+
+ private:
+  template <class AnyCamera>
+  [[nodiscard]] static std::array<double, 3> direction_of(const AnyCamera& camera) {
+    return {camera.rotation_camera_world[6], camera.rotation_camera_world[7], camera.rotation_camera_world[8]};
+  }
+  [[nodiscard]] double nearest(const std::array<double, 3>& center, const std::array<double, 3>& direction,
+                               std::size_t but) const {
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < center_.size(); ++i) {
+      double square = 0, cosine = 0;
+      for (std::size_t c = 0; c < 3; ++c) {
+        square += (center_[i][c] - center[c]) * (center_[i][c] - center[c]);
+        cosine += direction_[i][c] * direction[c];
+      }
+      if (i != but && cosine >= detail::same_way) least = std::min(least, square);
+    }
+    return std::sqrt(least);
+  }
+
+  std::vector<std::array<double, 3>> center_, direction_;
+  double median_ = 0;
 };
 
 /// Turned round its optical axis by `roll_radians`, with the image `zoom` times as large round the principal point.
