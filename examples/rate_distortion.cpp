@@ -141,9 +141,10 @@ int main(int argc, char** argv) {
   lambdas = once(lambdas);
   if (word_of_the_cells(app.remaining(), {"--lambda"}) == "--lambda")
     return fail({ErrorKind::invalid, {}, "--lambda", "cannot be given", "give --lambdas: every point has its own"});
-  if (const std::optional<std::string> own = word_of_the_cells(
-          app.remaining(), {"--bits", "--fidelity", "--fidelity-fall", "--message-weight", "--message-margin",
-                            "--message-power", "--message-rate", "--message-every", "--mark-iterations"}))
+  if (const std::optional<std::string> own =
+          word_of_the_cells(app.remaining(), {"--bits", "--fidelity", "--fidelity-fall", "--draw-by-cost",
+                                              "--message-weight", "--message-margin", "--message-power",
+                                              "--message-rate", "--message-every", "--mark-iterations"}))
     return fail({ErrorKind::invalid, {}, *own, "cannot be given", "leave it out: a curve has its own, and no message"});
   settings.extra = train_words(app.remaining());
   const Result<std::vector<Scene>> scenes = scenes_of(program, data);

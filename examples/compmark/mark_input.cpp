@@ -57,6 +57,10 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
                  "power by which the fidelity falls with the distance of a view from the nearest photograph: there the "
                  "scene is wrong by more than a mark; 0: the same everywhere (default: 2)")
       ->check(CLI::Range(0.0, 4.0));
+  app.add_option("--draw-by-cost", options.by_cost,
+                 "0 to 1: how much of where the mark of a finished model is learned is chosen by what the message cost "
+                 "there lately, so that hard places are seen more often (default: 0)")
+      ->check(CLI::Range(0.0, 1.0));
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -117,6 +121,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   for (const auto& [number, name, remedy] :
        {std::tuple(options.fidelity, "--fidelity", "give 0, or a weight up to 1000000"),
         std::tuple(options.fall, "--fidelity-fall", "give 0, or a power up to 4"),
+        std::tuple(options.by_cost, "--draw-by-cost", "give 0 to 1"),
         std::tuple(options.weight, "--message-weight", "give a weight above 0"),
         std::tuple(options.margin, "--message-margin", "give logits above 0"),
         std::tuple(options.power, "--message-power", "give a power of 1 to 4"),
@@ -140,13 +145,17 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.power) mark.hinge_power = *options.power;
   if (options.rate) mark.residual_rate = *options.rate;
   if (options.fidelity) mark.fidelity = *options.fidelity;
-  if (options.fall && mark.fidelity <= 0) {
-    return Error{ErrorKind::unsupported,
-                 {},
-                 "--fidelity-fall",
-                 "is that of a fidelity, and this training has none",
-                 "give --fidelity too, or leave it out"};
+  for (const auto& [number, name] :
+       {std::pair(options.fall, "--fidelity-fall"), std::pair(options.by_cost, "--draw-by-cost")}) {
+    if (number && mark.fidelity <= 0) {
+      return Error{ErrorKind::unsupported,
+                   {},
+                   name,
+                   "is that of a mark that is held to its host, and this one is not",
+                   "give --fidelity too, or leave it out"};
+    }
   }
+  if (options.by_cost) mark.draw_by_cost = *options.by_cost;
   if (options.fall) mark.fidelity_fall = *options.fall;
   mark.message_every = options.message_every;
   if (mark.between_every != 0) mark.between_every = options.message_every;

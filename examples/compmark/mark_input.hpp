@@ -36,16 +36,17 @@ struct MarkOptions {
   std::optional<double> rate;      ///< at which the mark is learned; not set: that of the command
   std::optional<double> fidelity;  ///< of the marked renders to the unmarked ones; not set: that of the command
   std::optional<double> fall;      ///< power by which the fidelity falls with the distance from the photographs
+  std::optional<double> by_cost;   ///< share of the draw of cameras that follows what the message costs there
   std::int64_t message_every = 1;  ///< cadence
   bool for_compression = false;    ///< with the noise of quantization
   /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || weight || margin || power || rate ||
-           fidelity || fall || message_every != 1 || for_compression;
+           fidelity || fall || by_cost || message_every != 1 || for_compression;
   }
 };
 /// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,
-/// --message-every, --for-compression
+/// --draw-by-cost, --message-every, --for-compression
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
 
 struct MarkInput {

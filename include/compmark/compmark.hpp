@@ -289,6 +289,7 @@
 #include "compmark/pipeline/trainer.hpp"
 #include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
+#include "compmark/pipeline/view_costs.hpp"
 #include "compmark/pipeline/view_row.hpp"
 
 #include "compmark/recipes/captures.hpp"

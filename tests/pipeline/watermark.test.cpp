@@ -9,9 +9,14 @@
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/mark/lattice_decoder.hpp>
 #include <compmark/mark/pretrain/lattice_network.hpp>
+#include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <cstring>
+#include <filesystem>
+#include <limits>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "directional.hpp"
@@ -376,6 +381,49 @@ TEST_CASE(
   double departure = 0, loose_departure = 0;
   const Model<ColourMarked> second = finished_model(frozen, departure);
   CHECK(same(host_alone(second), plain.model()));
+  // Cameras drawn by what the message cost there: another run, whose state is in its checkpoint.
+  TrainSettings by_cost = frozen;
+  by_cost.mark.draw_by_cost = 1;
+  double by_cost_departure = 0;
+  const Model<ColourMarked> straight = finished_model(by_cost, by_cost_departure);
+  CHECK(same(host_alone(straight), plain.model()));
+  CHECK(!same(baked_host(straight), baked_host(second)));
+  {
+    const auto begun = [&] {
+      Trainer<ColourMarked, ThreadExecutor> trainer(by_cost, 6, 1.0, executor);
+      trainer.set_watermark(colours(), message);
+      trainer.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
+      return trainer;
+    };
+    auto stopped = begun();
+    while (stopped.state().iteration < by_cost.iterations / 2) REQUIRE(stopped.step(views).ok());
+    CHECK(stopped.state().costs.mean.size() == views.size());
+    ModelInfo info;
+    info.recipe = "small";
+    for (std::size_t i = 0; i < views.size(); ++i)
+      info.views.push_back({std::to_string(i), false, views.camera(i), {}});
+    const std::filesystem::path path = std::filesystem::temp_directory_path() / "compmark-costs-test.safetensors";
+    REQUIRE(write_checkpoint(path, stopped.state(), by_cost, info, 0).ok());
+    auto loaded = read_checkpoint<ColourMarked, ThreadExecutor>(path, by_cost, info);
+    REQUIRE(loaded.ok());
+    auto resumed = begun();
+    resumed.restore(std::move(loaded->state));
+    REQUIRE(resumed.run(views));
+    CHECK(same(baked_host(resumed.model()), baked_host(straight)));
+    // Without them it would go on as another run, with a number that is none as well: refused by name.
+    const auto refused = [&](std::vector<double> costs) {
+      auto state = stopped.state();
+      state.costs.mean = std::move(costs);
+      REQUIRE(write_checkpoint(path, state, by_cost, info, 0).ok());
+      const auto read = read_checkpoint<ColourMarked, ThreadExecutor>(path, by_cost, info);
+      return !read.ok() && read.error().field == "mark.view_costs";
+    };
+    CHECK(refused({}));
+    CHECK(refused({1, 2, 3}));
+    CHECK(refused(std::vector<double>(views.size(), std::numeric_limits<double>::quiet_NaN())));
+    CHECK_FALSE(refused(stopped.state().costs.mean));
+    std::filesystem::remove(path);
+  }
   frozen.mark.fidelity /= 100;  // held a hundredth as much
   const Model<ColourMarked> loose = finished_model(frozen, loose_departure);
   CHECK(departure > 0);

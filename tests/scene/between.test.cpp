@@ -151,6 +151,25 @@ TEST_CASE("scene/between: views with room around them are drawn more often") {
   CHECK(ViewRoom().empty());
 }
 
+TEST_CASE("scene/between: room and a factor together say how often a view is drawn") {
+  const std::vector<double> x{0, 1, 2, 3, 4, 20};  // room 9, 4, 4, 4, 9, 144, as above
+  const ViewRoom room(
+      [&](std::size_t i) {
+        Camera<double> camera;
+        camera.center_world = {x[i], 0, 0};
+        return camera;
+      },
+      x.size());
+  const auto drawn = [&](const std::vector<double>& factor, int parts) {
+    std::vector<int> count(x.size());
+    for (int n = 0; n < parts; ++n) ++count[room.view((n + 0.5) / parts, factor)];
+    return count;
+  };
+  CHECK(drawn({}, 174) == std::vector<int>{9, 4, 4, 4, 9, 144});
+  CHECK(drawn({1, 1, 1, 1, 1, 1}, 174) == drawn({}, 174));
+  CHECK(drawn({2, 1, 0.5, 3, 0, 0.25}, 72) == std::vector<int>{18, 4, 2, 12, 0, 36});
+}
+
 TEST_CASE(
     "scene/between: the distance from the photographs is in medians of their own, and of those that look the same "
     "way") {

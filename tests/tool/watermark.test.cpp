@@ -453,6 +453,11 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
   check_refused(
       tool(embed + at("unmarked/model.safetensors") + " --resume --fidelity-fall 0 --out " + at("stopped-embed")),
       {"checkpoint.safetensors"});
+  // Drawn by what the message cost, which is state: stopped and gone on with it is the run that was not stopped, and another one than without.
+  const std::string by_cost = embed + at("unmarked/model.safetensors") + " --draw-by-cost 1";
+  testing::killed(by_cost, at("stopped-by-cost"));
+  CHECK(finished(by_cost + " --resume", "stopped-by-cost") == finished(by_cost, "straight-by-cost"));
+  CHECK(finished(by_cost, "straight-by-cost") != finished(embed + at("unmarked/model.safetensors"), "straight-even"));
   // The defaults with a decoder that was not fitted to the scene, said aloud.
   const std::string defaults = " --message-power 1 --message-rate 0.001 --fidelity 3000 --fidelity-fall 2";
   CHECK(finished(embed + at("unmarked/model.safetensors") + defaults + " --resume", "stopped-embed") ==
@@ -479,13 +484,14 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   CHECK_FALSE(fs::exists(at("none/model.safetensors")));
   check_refused(tool(common + " --for-compression"), {"--key", "missing"});
   check_refused(tool(common + " --message-rate 0.1"), {"--key", "missing"});
-  for (const char* name :
-       {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity", "--fidelity-fall"}) {
+  for (const char* name : {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity",
+                           "--fidelity-fall", "--draw-by-cost"}) {
     CHECK(tool(common + setting().mark() + " " + name + " nan").code != 0);
   }
   CHECK(tool(common + setting().mark() + " --message-power 0.5").code != 0);
   CHECK(tool(common + setting().mark() + " --fidelity 3000 --fidelity-fall 5").code != 0);
   check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "--fidelity"});
+  check_refused(tool(common + setting().mark() + " --draw-by-cost 1"), {"--draw-by-cost", "--fidelity"});
   check_refused(tool("train --profile paper --iterations 20 --data " + setting().scene + " --out " + at("none") +
                      setting().mark() + " --message-power 2"),
                 {"--message-power", "--message-margin"});

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -75,6 +76,11 @@ template <class State, class Json = nlohmann::json>
       writer.template add_values<Value>(name, {static_cast<std::int64_t>(column.size())},
                                         std::span<const Value>(column.data(), column.size()));
     });
+  }
+  if constexpr (requires { state.costs.mean; }) {
+    const std::vector<double>& costs = state.costs.mean;
+    if (!costs.empty())
+      writer.template add_values<double>("mark.view_costs", {static_cast<std::int64_t>(costs.size())}, costs);
   }
   return writer.write(path);
 }
@@ -245,6 +251,18 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
     state.growth.statistics.prepare(state.model.anchor_count(),
                                     static_cast<std::size_t>(R::AnchorModel::shape.offsets));
     detail::for_each_statistic(state.growth.statistics, fill);
+  }
+  if constexpr (requires { state.costs.mean; }) {
+    if (file->has("mark.view_costs")) {
+      const auto trained = std::count_if(info.views.begin(), info.views.end(), [](const auto& v) { return !v.test; });
+      state.costs.mean.resize(static_cast<std::size_t>(trained));
+      fill("mark.view_costs", state.costs.mean);
+      if (result && !std::all_of(state.costs.mean.begin(), state.costs.mean.end(),
+                                 [](double cost) { return std::isfinite(cost); }))
+        result = detail::other_run(*file, "mark.view_costs", "holds a number that is none");
+    } else if (settings.mark.draw_by_cost > 0 && state.iteration > 0 && result) {
+      result = detail::other_run(*file, "mark.view_costs", "is missing");
+    }
   }
   if (!result) return result.error();
   return checkpoint;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "compmark/core/absent.hpp"
 #include "compmark/core/buffer.hpp"
@@ -34,11 +35,13 @@ class DrawnReading {
   /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all (docs/watermark.md).
   static constexpr double reach = 1.7;
 
-  /// The training view that iteration t reads near if no photograph says which: those with room around them more often. `views` are always the same.
+  /// The training view that iteration t reads near if no photograph says which: those with room around them more often, times `factor` if that is not
+  /// empty. `views` are always the same.
   template <class Views>
-  [[nodiscard]] std::size_t roomy_view(const Views& views, std::uint64_t seed, std::int64_t t) {
+  [[nodiscard]] std::size_t roomy_view(const Views& views, std::uint64_t seed, std::int64_t t,
+                                       std::span<const double> factor = {}) {
     if (room_.empty()) room_ = ViewRoom([&](std::size_t i) { return views.camera(i); }, views.size());
-    return room_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0));
+    return room_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0), factor);
   }
 
   /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. `photographed` is the context of the

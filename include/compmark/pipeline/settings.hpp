@@ -50,6 +50,8 @@ struct MarkNumbers {
   /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as most photographs do, and falls with this power of the
   /// distance beyond; 0: the same everywhere.
   double fidelity_fall = 0;
+  /// Of a finished host: how much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the views alone) to 1.
+  double draw_by_cost = 0;
   double lambda_hsv = 0.6;
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;

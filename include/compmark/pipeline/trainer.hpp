@@ -33,6 +33,7 @@
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
+#include "compmark/pipeline/view_costs.hpp"
 #include "compmark/scene/image_point.hpp"
 
 namespace compmark::inline v0 {
@@ -51,6 +52,9 @@ class Trainer {
     typename Optimizer::State optimizer;
     typename Growth::State growth;
     std::int64_t iteration = 0;  ///< finished iterations
+    /// Of readings beside a finished host, if cameras are drawn by them.
+    [[no_unique_address]] std::conditional_t<DrawnReading<R>::can_stand_beside, ViewCosts, detail::Nothing<ViewCosts>>
+        costs;
   };
 
   /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (method sheet, section 3.2).
@@ -292,9 +296,12 @@ class Trainer {
   /// An iteration beside a host that does not train: no photograph is looked at. The last one steps too: nothing was saved before it.
   template <class Views>
   IterationReport mark_alone(const Views& views, double rate, IterationReport report) requires(marks_beside) {
-    report.view = drawn_.roomy_view(views, settings_.seed, report.iteration);
+    const double share = settings_.mark.draw_by_cost;
+    const std::vector<double> factor = share > 0 ? state_.costs.factors(share) : std::vector<double>();
+    report.view = drawn_.roomy_view(views, settings_.seed, report.iteration, factor);
     noise(report.iteration);
     report.forward = learn_residual(views, rate, report);
+    if (share > 0) state_.costs.add(report.view, views.size(), drawn_.report().message);
     report.loss.total = drawn_.report().total;
     report.anchors = state_.model.anchor_count();
     state_.iteration = report.iteration;

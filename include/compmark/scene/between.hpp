@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "compmark/core/random.hpp"
@@ -129,6 +130,17 @@ class ViewRoom {
   [[nodiscard]] std::size_t view(double uniform) const {
     const auto found = std::upper_bound(summed_.begin(), summed_.end(), uniform * summed_.back());
     return std::min(static_cast<std::size_t>(found - summed_.begin()), summed_.size() - 1);
+  }
+  /// The same with the room of every view times its `factor`; of none where that is empty.
+  [[nodiscard]] std::size_t view(double uniform, std::span<const double> factor) const {
+    if (factor.empty()) return view(uniform);
+    const auto room = [&](std::size_t i) { return (summed_[i] - (i > 0 ? summed_[i - 1] : 0)) * factor[i]; };
+    double sum = 0;
+    for (std::size_t i = 0; i < summed_.size(); ++i) sum += room(i);
+    double passed = room(0);
+    std::size_t i = 0;
+    while (i + 1 < summed_.size() && passed <= uniform * sum) passed += room(++i);
+    return i;
   }
 
  private:

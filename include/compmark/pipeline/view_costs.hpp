@@ -1,0 +1,48 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a message costs lately near each training view, and how much oftener than by its room a view is therefore drawn (MarkNumbers::draw_by_cost). In
+// every capture some places take a mark later than the others; drawn as often, they end with half of the bits where the others have all
+// (docs/watermark.md). It is part of the state of a run. Cost: O(views) an iteration.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+namespace compmark::inline v0 {
+
+class ViewCosts {
+ public:
+  std::vector<double> mean;  ///< [views], running; `unread` of a view that was not drawn yet
+
+  static constexpr double unread = -1;
+
+  /// That a reading near `view` of `views` cost so much.
+  void add(std::size_t view, std::size_t views, double cost) {
+    constexpr double memory = 0.9;
+    if (mean.empty()) mean.assign(views, unread);
+    mean[view] = mean[view] < 0 ? cost : memory * mean[view] + (1 - memory) * cost;
+  }
+
+  /// How much oftener each view is drawn: `share` of it in proportion to its cost, of the mean where it is not known. No view is forgotten: what costs
+  /// nothing now may cost again. Empty before the first reading.
+  [[nodiscard]] std::vector<double> factors(double share) const {
+    constexpr double least = 0.05;
+    double sum = 0, known = 0;
+    for (const double cost : mean) {
+      if (cost < 0) continue;
+      sum += cost;
+      ++known;
+    }
+    const double average = known > 0 ? sum / known : 0;
+    std::vector<double> factor(mean.size(), 1.0);
+    if (!(average > 0)) return factor;
+    for (std::size_t i = 0; i < mean.size(); ++i) {
+      if (mean[i] >= 0) factor[i] = (1 - share) + share * std::max(least, mean[i] / average);
+    }
+    return factor;
+  }
+};
+
+}  // namespace compmark::inline v0
