@@ -83,6 +83,22 @@ Result<OwnerKey> key_of(const MarkOptions& options) {
   return key;
 }
 
+Result<Done> check_held(const MarkOptions& options, double fidelity) {
+  for (const auto& [number, name] :
+       {std::pair(options.fall, "--fidelity-fall"), std::pair(options.by_cost, "--draw-by-cost")}) {
+    if (!number) continue;
+    if (!std::isfinite(*number))
+      return Error{ErrorKind::invalid, {}, name, "is not a number", "give one, or leave it out"};
+    if (fidelity > 0) continue;
+    return Error{ErrorKind::unsupported,
+                 {},
+                 name,
+                 "is that of a mark that is held to its host, and this one is not",
+                 "give a --fidelity above 0 too, or leave it out"};
+  }
+  return Done{};
+}
+
 Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings) {
   const auto missing = [](const char* option, const char* remedy) {
     return Error{ErrorKind::invalid, {}, option, "is missing", remedy};
@@ -120,8 +136,6 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   MarkNumbers& mark = settings.mark;
   for (const auto& [number, name, remedy] :
        {std::tuple(options.fidelity, "--fidelity", "give 0, or a weight up to 1000000"),
-        std::tuple(options.fall, "--fidelity-fall", "give 0, or a power up to 4"),
-        std::tuple(options.by_cost, "--draw-by-cost", "give 0 to 1"),
         std::tuple(options.weight, "--message-weight", "give a weight above 0"),
         std::tuple(options.margin, "--message-margin", "give logits above 0"),
         std::tuple(options.power, "--message-power", "give a power of 1 to 4"),
@@ -145,16 +159,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.power) mark.hinge_power = *options.power;
   if (options.rate) mark.residual_rate = *options.rate;
   if (options.fidelity) mark.fidelity = *options.fidelity;
-  for (const auto& [number, name] :
-       {std::pair(options.fall, "--fidelity-fall"), std::pair(options.by_cost, "--draw-by-cost")}) {
-    if (number && mark.fidelity <= 0) {
-      return Error{ErrorKind::unsupported,
-                   {},
-                   name,
-                   "is that of a mark that is held to its host, and this one is not",
-                   "give --fidelity too, or leave it out"};
-    }
-  }
+  if (Result<Done> held = check_held(options, mark.fidelity); !held) return held.error();
   if (options.by_cost) mark.draw_by_cost = *options.by_cost;
   if (options.fall) mark.fidelity_fall = *options.fall;
   mark.message_every = options.message_every;

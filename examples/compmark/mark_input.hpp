@@ -49,6 +49,9 @@ struct MarkOptions {
 /// --draw-by-cost, --message-every, --for-compression
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
 
+/// That what is said of holding a mark to its host is said of one that is held, with this `fidelity`.
+compmark::Result<compmark::Done> check_held(const MarkOptions& options, double fidelity);
+
 struct MarkInput {
   compmark::OwnerKey key;
   Decoder decoder;

@@ -254,6 +254,7 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
   if (!key) return fail(key.error());
   const bool coded = is_coded_recipe(options.recipe);
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
+  if (Result<Done> held = check_held(options.mark, options.mark.fidelity.value_or(1)); !held) return fail(held.error());
   const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
   if (!options.resume && std::filesystem::exists(options.out / "decoder.safetensors")) {
@@ -400,6 +401,13 @@ Command add_train(CLI::App& app) {
       settings->blur_variance = recipes::antialiasing_blur_variance;
     if (options->mark.wanted()) {
       if (marks_afterwards(*options)) return train_then_mark(*options, *settings);
+      if (options->mark.by_cost) {
+        return fail({ErrorKind::unsupported,
+                     {},
+                     "--draw-by-cost",
+                     "is that of a mark in a finished model, and this one trains with the scene",
+                     "leave out one of --draw-by-cost and --decoder, or mark the finished model with compmark embed"});
+      }
       Result<MarkInput> mark = load_mark(options->mark, *settings);
       if (mark && coded) return train_coded(*options, *settings, &*mark);
       return mark ? train_marked(*options, *settings, *mark) : fail(mark.error());

@@ -396,6 +396,10 @@ TEST_CASE(
       return trainer;
     };
     auto stopped = begun();
+    REQUIRE(stopped.step(views).ok());  // the first is what was read there, of the view that was drawn
+    const std::vector<double>& read = stopped.state().costs.mean;
+    CHECK(std::count_if(read.begin(), read.end(), [](double cost) { return cost >= 0; }) == 1);
+    CHECK(*std::max_element(read.begin(), read.end()) == stopped.between_report().message);
     while (stopped.state().iteration < by_cost.iterations / 2) REQUIRE(stopped.step(views).ok());
     CHECK(stopped.state().costs.mean.size() == views.size());
     ModelInfo info;
@@ -410,7 +414,7 @@ TEST_CASE(
     resumed.restore(std::move(loaded->state));
     REQUIRE(resumed.run(views));
     CHECK(same(baked_host(resumed.model()), baked_host(straight)));
-    // Without them it would go on as another run, with a number that is none as well: refused by name.
+    // Others than a view each, or a number that is none: refused by name.
     const auto refused = [&](std::vector<double> costs) {
       auto state = stopped.state();
       state.costs.mean = std::move(costs);
@@ -418,7 +422,7 @@ TEST_CASE(
       const auto read = read_checkpoint<ColourMarked, ThreadExecutor>(path, by_cost, info);
       return !read.ok() && read.error().field == "mark.view_costs";
     };
-    CHECK(refused({}));
+    CHECK_FALSE(refused({}));  // stopped before anything was read
     CHECK(refused({1, 2, 3}));
     CHECK(refused(std::vector<double>(views.size(), std::numeric_limits<double>::quiet_NaN())));
     CHECK_FALSE(refused(stopped.state().costs.mean));

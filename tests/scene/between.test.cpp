@@ -198,5 +198,8 @@ TEST_CASE(
   // Of photographs from one place, and of a single one, nothing is known.
   CHECK(PhotographDistance([&](std::size_t) { return cameras[0]; }, 3).medians(at(7, 0)) == 1);
   CHECK(PhotographDistance(camera, 1).medians(at(7, 0)) == 1);
+  // Nor where two of five happen to look the same way and the others each its own.
+  std::vector<Camera<double>> apart{at(0, 0), at(0.1, 0), at(3, 1.2), at(6, 2.4), at(9, 3.6)};
+  CHECK(PhotographDistance([&](std::size_t i) { return apart[i]; }, 5).medians(at(7, 0)) == 1);
   CHECK(PhotographDistance().empty());
 }

@@ -484,14 +484,23 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   CHECK_FALSE(fs::exists(at("none/model.safetensors")));
   check_refused(tool(common + " --for-compression"), {"--key", "missing"});
   check_refused(tool(common + " --message-rate 0.1"), {"--key", "missing"});
-  for (const char* name : {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity",
-                           "--fidelity-fall", "--draw-by-cost"}) {
+  for (const char* name : {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity"}) {
     CHECK(tool(common + setting().mark() + " " + name + " nan").code != 0);
+  }
+  for (const char* name : {"--fidelity-fall", "--draw-by-cost"}) {
+    const Outcome outcome = tool(common + setting().mark() + " --fidelity 3000 " + name + " nan");
+    CHECK(outcome.code != 0);
+    CHECK(outcome.text.find(name) != std::string::npos);
   }
   CHECK(tool(common + setting().mark() + " --message-power 0.5").code != 0);
   CHECK(tool(common + setting().mark() + " --fidelity 3000 --fidelity-fall 5").code != 0);
-  check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "--fidelity"});
-  check_refused(tool(common + setting().mark() + " --draw-by-cost 1"), {"--draw-by-cost", "--fidelity"});
+  check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "held to its host"});
+  check_refused(tool(common + setting().mark() + " --fidelity 3000 --draw-by-cost 1"),
+                {"--draw-by-cost", "finished model"});
+  // Before the host is trained, not after.
+  check_refused(tool(common + " --key " + setting().key + " --fidelity 0 --draw-by-cost 1"),
+                {"--draw-by-cost", "held to its host"});
+  CHECK_FALSE(fs::exists(at("none/unmarked")));
   check_refused(tool("train --profile paper --iterations 20 --data " + setting().scene + " --out " + at("none") +
                      setting().mark() + " --message-power 2"),
                 {"--message-power", "--message-margin"});

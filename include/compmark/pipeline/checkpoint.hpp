@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A training run on disk, exactly: parameters, Adam's moments and step counts, growth statistics, the iteration. Random numbers and the
-// order of views are functions of (seed, iteration) and need no state. A run resumed from a checkpoint ends in the same bits.
+// A training run on disk, exactly: parameters, Adam's moments and step counts, growth statistics, the iteration, and what the
+// message cost near each view where cameras are drawn by that. Random numbers and the order of photographs are functions of (seed, iteration) and need no
+// state. A run resumed from a checkpoint ends in the same bits.
 // The file is a model file with more tensors in it; its settings are stored and compared, field by field, before anything is believed.
 #pragma once
 
@@ -37,6 +38,11 @@ struct Checkpoint {
 };
 
 namespace detail {
+
+[[nodiscard]] inline std::size_t training_views(const ModelInfo& info) {
+  return static_cast<std::size_t>(
+      std::count_if(info.views.begin(), info.views.end(), [](const StoredView& view) { return !view.test; }));
+}
 
 /// The columns of the growth statistics under their names in the file.
 template <class Statistics, class F>
@@ -77,10 +83,13 @@ template <class State, class Json = nlohmann::json>
                                         std::span<const Value>(column.data(), column.size()));
     });
   }
+  [[maybe_unused]] std::vector<double> costs;  // the writer copies nothing
   if constexpr (requires { state.costs.mean; }) {
-    const std::vector<double>& costs = state.costs.mean;
-    if (!costs.empty())
+    if (settings.mark.draw_by_cost > 0) {
+      costs = state.costs.mean;
+      if (costs.empty()) costs.assign(detail::training_views(info), ViewCosts::unread);
       writer.template add_values<double>("mark.view_costs", {static_cast<std::int64_t>(costs.size())}, costs);
+    }
   }
   return writer.write(path);
 }
@@ -253,15 +262,12 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
     detail::for_each_statistic(state.growth.statistics, fill);
   }
   if constexpr (requires { state.costs.mean; }) {
-    if (file->has("mark.view_costs")) {
-      const auto trained = std::count_if(info.views.begin(), info.views.end(), [](const auto& v) { return !v.test; });
-      state.costs.mean.resize(static_cast<std::size_t>(trained));
-      fill("mark.view_costs", state.costs.mean);
-      if (result && !std::all_of(state.costs.mean.begin(), state.costs.mean.end(),
-                                 [](double cost) { return std::isfinite(cost); }))
+    if (settings.mark.draw_by_cost > 0) {
+      std::vector<double>& costs = state.costs.mean;
+      costs.resize(detail::training_views(info));
+      fill("mark.view_costs", costs);
+      if (result && !std::all_of(costs.begin(), costs.end(), [](double cost) { return std::isfinite(cost); }))
         result = detail::other_run(*file, "mark.view_costs", "holds a number that is none");
-    } else if (settings.mark.draw_by_cost > 0 && state.iteration > 0 && result) {
-      result = detail::other_run(*file, "mark.view_costs", "is missing");
     }
   }
   if (!result) return result.error();

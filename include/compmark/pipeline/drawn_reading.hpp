@@ -9,7 +9,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <span>
+#include <type_traits>
+#include <vector>
 
 #include "compmark/core/absent.hpp"
 #include "compmark/core/buffer.hpp"
@@ -19,6 +20,7 @@
 #include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/pipeline.hpp"
+#include "compmark/pipeline/view_costs.hpp"
 #include "compmark/scene/between.hpp"
 
 namespace compmark::inline v0 {
@@ -35,13 +37,14 @@ class DrawnReading {
   /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all (docs/watermark.md).
   static constexpr double reach = 1.7;
 
-  /// The training view that iteration t reads near if no photograph says which: those with room around them more often, times `factor` if that is not
-  /// empty. `views` are always the same.
+  /// The training view that iteration t reads near if no photograph says which: those with room around them more often, and by a `share` of the
+  /// draw those that cost more. `views` are always the same.
   template <class Views>
   [[nodiscard]] std::size_t roomy_view(const Views& views, std::uint64_t seed, std::int64_t t,
-                                       std::span<const double> factor = {}) {
+                                       const ViewCosts& costs = {}, double share = 0) {
+    if (share > 0) costs.factors(share, factor_);
     if (room_.empty()) room_ = ViewRoom([&](std::size_t i) { return views.camera(i); }, views.size());
-    return room_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0), factor);
+    return room_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0), factor_);
   }
 
   /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. `photographed` is the context of the
@@ -88,9 +91,14 @@ class DrawnReading {
  private:
   template <class Views>
   [[nodiscard]] double fidelity(const Views& views, const ViewCamera<R>& camera, const MarkPhases& phases) {
-    if (!phases.fidelity_falls()) return phases.fidelity();
-    if (distance_.empty()) distance_ = PhotographDistance([&](std::size_t i) { return views.camera(i); }, views.size());
-    return phases.fidelity(distance_.medians(camera));
+    if constexpr (can_stand_beside) {
+      if (phases.fidelity_falls()) {
+        if (distance_.empty())
+          distance_ = PhotographDistance([&](std::size_t i) { return views.camera(i); }, views.size());
+        return phases.fidelity(distance_.medians(camera));
+      }
+    }
+    return phases.fidelity();
   }
   void set_rate_phase(const Context& photographed) requires(present<typename R::EntropyModel>) {
     context_.road.rate.phase = photographed.road.rate.phase;
@@ -101,7 +109,9 @@ class DrawnReading {
   Context context_;  ///< its own, so that the photographed view's stays
   Buffer<Scalar> host_storage_;
   ViewRoom room_;
-  PhotographDistance distance_;
+  std::vector<double> factor_;  ///< of the views' room, of the last draw
+  [[no_unique_address]] std::conditional_t<can_stand_beside, PhotographDistance, detail::Nothing<PhotographDistance>>
+      distance_;
 };
 
 }  // namespace compmark::inline v0

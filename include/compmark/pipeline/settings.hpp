@@ -47,8 +47,8 @@ struct MarkNumbers {
   /// Above 0 the host is left alone: it trains as without a mark, to the bit, and beside it the residual, from drawn views (between_every)
   /// that shall carry the message and differ little from the host's own render: this, times their mean square difference.
   double fidelity = 0;
-  /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as most photographs do, and falls with this power of the
-  /// distance beyond; 0: the same everywhere.
+  /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as the median photograph does; it falls with this power of
+  /// the distance beyond, and is up to twice as much nearer by. 0: the same everywhere.
   double fidelity_fall = 0;
   /// Of a finished host: how much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the views alone) to 1.
   double draw_by_cost = 0;

@@ -297,8 +297,7 @@ class Trainer {
   template <class Views>
   IterationReport mark_alone(const Views& views, double rate, IterationReport report) requires(marks_beside) {
     const double share = settings_.mark.draw_by_cost;
-    const std::vector<double> factor = share > 0 ? state_.costs.factors(share) : std::vector<double>();
-    report.view = drawn_.roomy_view(views, settings_.seed, report.iteration, factor);
+    report.view = drawn_.roomy_view(views, settings_.seed, report.iteration, state_.costs, share);
     noise(report.iteration);
     report.forward = learn_residual(views, rate, report);
     if (share > 0) state_.costs.add(report.view, views.size(), drawn_.report().message);
@@ -310,6 +309,7 @@ class Trainer {
 
   void start(std::size_t rows) {
     state_.iteration = 0;
+    state_.costs = {};
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
     growth_.prepare(rows, state_.growth);
   }

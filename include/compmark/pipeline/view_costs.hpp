@@ -7,8 +7,11 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <vector>
+
+#include "compmark/core/config.hpp"
 
 namespace compmark::inline v0 {
 
@@ -18,16 +21,18 @@ class ViewCosts {
 
   static constexpr double unread = -1;
 
-  /// That a reading near `view` of `views` cost so much.
+  /// That a reading near `view` of `views` cost so much; of one that is no number nothing is learned, as the optimiser learns nothing from it.
   void add(std::size_t view, std::size_t views, double cost) {
     constexpr double memory = 0.9;
     if (mean.empty()) mean.assign(views, unread);
+    COMPMARK_ASSERT(mean.size() == views && view < views, "ViewCosts: the views of a run are always the same");
+    if (!std::isfinite(cost)) return;
     mean[view] = mean[view] < 0 ? cost : memory * mean[view] + (1 - memory) * cost;
   }
 
   /// How much oftener each view is drawn: `share` of it in proportion to its cost, of the mean where it is not known. No view is forgotten: what costs
-  /// nothing now may cost again. Empty before the first reading.
-  [[nodiscard]] std::vector<double> factors(double share) const {
+  /// nothing now may cost again. Empty before the first reading. Reuses the memory of `factor`.
+  void factors(double share, std::vector<double>& factor) const {
     constexpr double least = 0.05;
     double sum = 0, known = 0;
     for (const double cost : mean) {
@@ -36,12 +41,11 @@ class ViewCosts {
       ++known;
     }
     const double average = known > 0 ? sum / known : 0;
-    std::vector<double> factor(mean.size(), 1.0);
-    if (!(average > 0)) return factor;
+    factor.assign(known > 0 ? mean.size() : 0, 1.0);
+    if (!(average > 0)) return;
     for (std::size_t i = 0; i < mean.size(); ++i) {
       if (mean[i] >= 0) factor[i] = (1 - share) + share * std::max(least, mean[i] / average);
     }
-    return factor;
   }
 };
 

@@ -15,6 +15,7 @@
 #include <span>
 #include <vector>
 
+#include "compmark/core/config.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/scene/camera.hpp"
 
@@ -131,9 +132,10 @@ class ViewRoom {
     const auto found = std::upper_bound(summed_.begin(), summed_.end(), uniform * summed_.back());
     return std::min(static_cast<std::size_t>(found - summed_.begin()), summed_.size() - 1);
   }
-  /// The same with the room of every view times its `factor`; of none where that is empty.
+  /// The same with the room of every view times its `factor`; an empty `factor` changes nothing.
   [[nodiscard]] std::size_t view(double uniform, std::span<const double> factor) const {
     if (factor.empty()) return view(uniform);
+    COMPMARK_ASSERT(factor.size() == summed_.size(), "ViewRoom: a factor for every view");
     const auto room = [&](std::size_t i) { return (summed_[i] - (i > 0 ? summed_[i - 1] : 0)) * factor[i]; };
     double sum = 0;
     for (std::size_t i = 0; i < summed_.size(); ++i) sum += room(i);
@@ -165,15 +167,15 @@ class PhotographDistance {
       const double distance = nearest(center_[i], direction_[i], i);
       if (std::isfinite(distance)) apart.push_back(distance);
     }
-    if (apart.empty()) return;
+    if (apart.empty() || 2 * apart.size() < views) return;
     const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
     std::nth_element(apart.begin(), middle, apart.end());
     median_ = *middle;
   }
 
   [[nodiscard]] bool empty() const { return center_.empty(); }
-  /// 0 at a photograph, infinite where no view looks that way; 1 everywhere if most photographs were taken from one place, or there is but one: they
-  /// say nothing of what is far.
+  /// 0 at a photograph, infinite where no view looks that way. 1 everywhere where the photographs say nothing of what is far: most of them were taken from
+  /// one place, or less than half of them has another one that looks the same way.
   template <class AnyCamera>
   [[nodiscard]] double medians(const AnyCamera& camera) const {
     if (median_ == 0) return 1;
