@@ -397,9 +397,9 @@ TEST_CASE(
     };
     auto stopped = begun();
     REQUIRE(stopped.step(views).ok());  // the first is what was read there, of the view that was drawn
-    const std::vector<double>& read = stopped.state().costs.mean;
-    CHECK(std::count_if(read.begin(), read.end(), [](double cost) { return cost >= 0; }) == 1);
-    CHECK(*std::max_element(read.begin(), read.end()) == stopped.between_report().message);
+    const std::vector<double>& first = stopped.state().costs.mean;
+    CHECK(std::count_if(first.begin(), first.end(), [](double cost) { return cost >= 0; }) == 1);
+    CHECK(*std::max_element(first.begin(), first.end()) == stopped.between_report().message);
     while (stopped.state().iteration < by_cost.iterations / 2) REQUIRE(stopped.step(views).ok());
     CHECK(stopped.state().costs.mean.size() == views.size());
     ModelInfo info;
@@ -419,8 +419,8 @@ TEST_CASE(
       auto state = stopped.state();
       state.costs.mean = std::move(costs);
       REQUIRE(write_checkpoint(path, state, by_cost, info, 0).ok());
-      const auto read = read_checkpoint<ColourMarked, ThreadExecutor>(path, by_cost, info);
-      return !read.ok() && read.error().field == "mark.view_costs";
+      const auto found = read_checkpoint<ColourMarked, ThreadExecutor>(path, by_cost, info);
+      return !found.ok() && found.error().field == "mark.view_costs";
     };
     CHECK_FALSE(refused({}));  // stopped before anything was read
     CHECK(refused({1, 2, 3}));

@@ -209,7 +209,7 @@ TEST_CASE(
                             " --key " + key + " --decoder " + decoder + " --out " + out;
   check_refused(tool(embed + " --fidelity 0"), {"--fidelity", "train --codec"});
   CHECK_FALSE(fs::exists(out));
-  done(embed + " --fidelity 100");
+  done(embed + " --fidelity 60");
   const nlohmann::json compressed = json_of(out + "/results.json")["compressed"];
   MESSAGE(compressed["bit_accuracy"].dump(), " p ", compressed["p_value"].dump(), " cost ",
           compressed["psnr_cost_vs_unmarked"].dump(), " dB, ", compressed["psnr_marked_vs_unmarked"].dump(), " dB, ",
