@@ -387,7 +387,8 @@ TEST_CASE(
   double by_cost_departure = 0;
   const Model<ColourMarked> straight = finished_model(by_cost, by_cost_departure);
   CHECK(same(host_alone(straight), plain.model()));
-  CHECK(!same(baked_host(straight), baked_host(second)));
+  // Of 20 iterations the costs of six views differ too little to change a draw.
+  if (!compmark::testing::short_trainings) CHECK(!same(baked_host(straight), baked_host(second)));
   {
     const auto begun = [&] {
       Trainer<ColourMarked, ThreadExecutor> trainer(by_cost, 6, 1.0, executor);
