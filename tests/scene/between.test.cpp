@@ -24,6 +24,17 @@ Camera<double> on_circle(double angle) {
   return camera;
 }
 
+/// Of cameras at these places of a line.
+ViewRoom room_on_line(const std::vector<double>& x) {
+  return ViewRoom(
+      [&](std::size_t i) {
+        Camera<double> camera;
+        camera.center_world = {x[i], 0, 0};
+        return camera;
+      },
+      x.size());
+}
+
 }  // namespace
 
 TEST_CASE("scene/between: half way between two cameras of a circle it stands on the chord and looks at the centre") {
@@ -130,13 +141,7 @@ TEST_CASE("scene/between: drawn cameras fill the triangle of a view and two neig
 TEST_CASE("scene/between: views with room around them are drawn more often") {
   // Of so many equal parts of [0, 1), how many draw each view; cameras on a line.
   const auto drawn = [](const std::vector<double>& x, int parts) {
-    const ViewRoom room(
-        [&](std::size_t i) {
-          Camera<double> camera;
-          camera.center_world = {x[i], 0, 0};
-          return camera;
-        },
-        x.size());
+    const ViewRoom room = room_on_line(x);
     std::vector<int> count(x.size());
     for (int n = 0; n < parts; ++n) ++count[room.view((n + 0.5) / parts)];
     return count;
@@ -153,13 +158,7 @@ TEST_CASE("scene/between: views with room around them are drawn more often") {
 
 TEST_CASE("scene/between: room and a factor together say how often a view is drawn") {
   const std::vector<double> x{0, 1, 2, 3, 4, 20};  // room 9, 4, 4, 4, 9, 144, as above
-  const ViewRoom room(
-      [&](std::size_t i) {
-        Camera<double> camera;
-        camera.center_world = {x[i], 0, 0};
-        return camera;
-      },
-      x.size());
+  const ViewRoom room = room_on_line(x);
   const auto drawn = [&](const std::vector<double>& factor, int parts) {
     std::vector<int> count(x.size());
     for (int n = 0; n < parts; ++n) ++count[room.view((n + 0.5) / parts, factor)];
