@@ -116,8 +116,7 @@ Result<Done> can_mark_finished(const TrainOptions& options) {
   const std::string marked = marking_recipe(options.recipe);
   // In the loss of the photographs their exposures would have to train on.
   const bool exposed_loss = marked != options.recipe && options.mark.fidelity && *options.mark.fidelity == 0;
-  if (exposed_loss || reading_recipe(marked) != (coded ? recipe_codec(options.recipe) : "scaffold"))
-    return no_message_in(options.recipe);
+  if (exposed_loss || !is_markable_recipe(options.recipe)) return no_message_in(options.recipe);
   if (!coded || !options.mark.fidelity || *options.mark.fidelity > 0) return Done{};
   return Error{ErrorKind::unsupported,
                {},

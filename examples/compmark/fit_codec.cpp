@@ -3,16 +3,19 @@
 //
 // compmark fit-codec: a small file of a model that was not trained for one. What the file says of the model is fitted to it: how finely each anchor is
 // rounded, which offsets it can do without, and what each number is likely to be. The photographs say what rounding costs. The model's attributes and
-// networks keep their bits; with --touch-up they train on. A mark is what rounding leaves of it.
+// networks keep their bits; with --touch-up they train on. A mark that is in the model is what rounding leaves of it, which --key and --decoder measure; one
+// that is hidden in the fitted model instead (compmark embed) is trained under the rounding of its file.
 #include <compmark/pipeline/model_file.hpp>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "mark_input.hpp"
 #include "model_source.hpp"
 #include "recipe_list.hpp"
 #include "train_coded.hpp"
@@ -72,8 +75,16 @@ int fit_codec(TrainOptions options, bool touch_up) {
   settings.iterations = options.iterations;
   if (options.seed) settings.seed = *options.seed;
   settings.rate.lambda = options.rate_lambda;
+  std::optional<MarkInput> mark;
+  if (options.mark.wanted()) {
+    TrainSettings of_a_mark = settings;  // nothing trains for it
+    Result<MarkInput> read = load_mark(options.mark, of_a_mark);
+    if (!read) return fail(read.error());
+    mark = std::move(*read);
+    mark->read_only = true;
+  }
   settings.mark.identity = digest->substr(0, 16);  // a run is resumed from the same model alone
-  return train_coded(options, codec_settings(std::move(settings), touch_up), nullptr);
+  return train_coded(options, codec_settings(std::move(settings), touch_up), mark ? &*mark : nullptr);
 }
 
 }  // namespace
@@ -100,6 +111,12 @@ Command add_fit_codec(CLI::App& app) {
   app.add_option("--iterations", options->iterations, "length of the run")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  app.add_option(
+      "--key", options->mark.key,
+      "owner's key of a model that is marked: what of its message is read before and after (with --decoder)");
+  app.add_option("--decoder", options->mark.decoder, "decoder file that reads it");
+  app.add_option("--twin", options->mark.twin,
+                 "an unmarked model of the same scene, or its file, to say what the mark and the file cost");
   add_finished_model_options(app, *options);
   return [options, touch_up]() -> int { return fit_codec(*options, *touch_up); };
 }

@@ -37,8 +37,10 @@ Result<DecoderFit<float>> fit(ModelSource source, FitOptions& options, ThreadExe
 
 Result<DecoderFit<float>> fit_coded(const std::string& plain, const ModelSource& source, FitOptions& options,
                                     ThreadExecutor& executor) {
-  return plain == "hac" ? fit<recipes::HacScaffold>(source, options, executor)
-                        : fit<recipes::ContextGsScaffold>(source, options, executor);
+  if (plain == "hac") return fit<recipes::HacScaffold>(source, options, executor);
+  if (plain == "hac+fitted") return fit<recipes::HacFitted>(source, options, executor);
+  if (plain == "context_gs") return fit<recipes::ContextGsScaffold>(source, options, executor);
+  return fit<recipes::ContextGsFitted>(source, options, executor);
 }
 
 }  // namespace tool

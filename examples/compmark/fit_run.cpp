@@ -44,12 +44,12 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   if (Result<Done> good = check(options); !good) return good.error();
   const Result<ModelSource> source = ModelSource::open(options.model, options.threads);
   if (!source) return source.error();
-  const std::string plain = marking_recipe(reading_recipe(source->recipe));
-  if (plain != "scaffold" && plain != "hac" && plain != "context_gs") {
+  if (!is_markable_recipe(source->recipe)) {
     return Error{ErrorKind::unsupported, options.model.string(), "recipe",
                  "\"" + source->recipe + "\" is not one that a message is hidden in",
-                 "a model of scaffold, hac or context_gs, alone or with +mask, +alpha or +exposure"};
+                 "a model of scaffold, hac or context_gs, alone or with +mask, +alpha or +exposure, or of fit-codec"};
   }
+  const std::string plain = marking_recipe(reading_recipe(source->recipe));
   ThreadExecutor executor(options.threads);
   const auto begin = std::chrono::steady_clock::now();
   const Result<DecoderFit<float>> fit = plain == "scaffold" ? fit_model<recipes::Scaffold>(*source, options, executor)

@@ -63,6 +63,8 @@ struct MarkInput {
   double twin_unit = 1;              ///< as in the twin's ModelInfo, likewise the origin
   std::array<double, 3> twin_origin{0, 0, 0};
   bool for_compression = false;
+  bool read_only =
+      false;  ///< the model that a run starts from holds the message already: it is read, and nothing trains for it
 };
 /// Whether a decoder was fitted to a scene: what it has to say there is quiet, and a mark for it less dear.
 bool fitted_decoder(const std::filesystem::path& path);

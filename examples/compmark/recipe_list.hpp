@@ -101,6 +101,12 @@ inline std::string without_effects(std::string name, std::initializer_list<std::
 inline std::string reading_recipe(std::string name) { return without_effects(std::move(name), {"+mask", "+alpha"}); }
 /// The recipe that a finished model of another one is marked as: the exposures of the photographs are in no render, which is where a mark is.
 inline std::string marking_recipe(std::string name) { return without_effects(std::move(name), {"+exposure"}); }
+/// Whether a message can be hidden in a finished model of this recipe.
+inline bool is_markable_recipe(std::string_view name) {
+  const std::string plain = marking_recipe(reading_recipe(std::string(name)));
+  const std::string codec = recipe_codec(name);
+  return codec == "none" ? plain == "scaffold" : plain == codec || plain == codec + "+fitted";
+}
 /// For commands that only read models: `f` is compiled for every recipe that renders otherwise than the others.
 template <class F>
 auto with_coded_reading_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::recipes::HacScaffold>{})) {

@@ -15,8 +15,8 @@ Error no_message_in(const std::string& recipe) {
           {},
           "--recipe",
           "\"" + recipe + "\" is not built with a message",
-          "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha (finished models with +exposure "
-          "too): train with one of them (--recipe), and mark a model before a codec is fitted to it"};
+          "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha, and finished models with "
+          "+exposure or of fit-codec too: train with one of them (--recipe)"};
 }
 
 int train_marked(const TrainOptions& options, TrainSettings settings, const MarkInput& mark) {

@@ -133,7 +133,7 @@ struct SourceRecipe<R> {
   using Type = typename R::Host;
 };
 
-/// Trains and measures. `mark` is for recipes with a message decoder, null for all others.
+/// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which holds one already.
 template <class R>
 int run(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark = nullptr) {
   using Source = typename SourceRecipe<R>::Type;
@@ -273,8 +273,8 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
 /// A run of a recipe for compression, with a message or without.
 template <class R>
 int run_coded(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark) {
-  if (mark == nullptr) return run<R>(options, settings);
-  if constexpr (present<typename R::Exposure> || requires { R::is_fitted; }) {
+  if (mark == nullptr || mark->read_only) return run<R>(options, settings, mark);
+  if constexpr (present<typename R::Exposure>) {
     return fail(no_message_in(options.recipe));
   } else {
     return run<recipes::Marked<R, Decoder>>(options, settings, mark);

@@ -230,7 +230,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   results.model_sha256 = *digest;
   results.effects = run.info.effects;
   // Of a finished model that is marked no bit is a loss, and nobody named a lambda.
-  const bool rates = mark == nullptr || options.model.empty();
+  const bool rates = mark == nullptr || mark->read_only || options.model.empty();
   if (coded && rates) results.rate_lambda = settings.rate.lambda;
   if (coded) results.compressed = coded->metrics;
   if (measured_mark) {

@@ -4,6 +4,7 @@
 // compmark fit-codec: a small file of a model that was not trained for one.
 #include <doctest/doctest.h>
 
+#include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <cstddef>
 #include <filesystem>
@@ -115,6 +116,68 @@ TEST_CASE("tool: fit-codec takes the loss on alpha as one of training alone") {
   done("fit-codec --model " + at("alpha/model.safetensors") + " --data " + at("scene") + " --iterations 20 --out " +
        at("alpha_fitted"));
   CHECK(json_of(at("alpha_fitted/results.json"))["recipe"] == "hac+fitted");
+}
+
+TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as its file is read") {
+  REQUIRE(write_key(at("owner.key"), testing::fixed_key(1, 24)).ok());
+  REQUIRE(write_key(at("other.key"), testing::fixed_key(2, 24)).ok());
+  const std::string data = " --data " + at("scene"), decoder = at("of_fitted.safetensors");
+  for (const std::string codec : {"hac", "context_gs"}) {
+    CAPTURE(codec);
+    const std::string host = at(codec + "_host"), model = host + "/model.safetensors", out = at(codec + "_marked");
+    done(command(codec + "_host", "--codec " + codec));
+    done("fit --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --model " + model + " --out " + decoder);
+    done("embed --iterations 600 --fidelity 60 --message-rate 0.01 --model " + model + data + " --key " +
+         at("owner.key") + " --decoder " + decoder + " --out " + out);
+    const nlohmann::json results = json_of(out + "/results.json"), &compressed = results["compressed"];
+    MESSAGE(codec, ": ", compressed["bit_accuracy"].dump(), " of the file, ", results["bit_accuracy"].dump(),
+            " of the model, cost ", compressed["psnr_cost_vs_unmarked"].dump(), " dB, ", compressed["bytes"].dump(),
+            " bytes of ", fs::file_size(host + "/model.cmk"));
+    CHECK(results["recipe"] == codec + "+fitted");
+    CHECK(testing::file_bytes(out + "/unmarked.cmk") == testing::file_bytes(host + "/model.cmk"));
+    CHECK(compressed["bytes"].get<double>() < 1.1 * static_cast<double>(fs::file_size(host + "/model.cmk")));
+    const auto verdict = [&](const std::string& file, const std::string& key) {
+      return tool("verify --alpha 1e-3 --split all --model " + file + " --key " + at(key) + " --decoder " + decoder)
+          .code;
+    };
+    CHECK(verdict(out + "/model.cmk", "owner.key") == 0);
+    CHECK(verdict(out + "/model.cmk", "other.key") != 0);  // negative controls
+    CHECK(verdict(out + "/unmarked.cmk", "owner.key") != 0);
+    // The mark is in the features alone.
+    CHECK(block(model, "anchor.offset") == block(out + "/model.safetensors", "anchor.offset"));
+    CHECK(block(model, "anchor.feature") != block(out + "/model.safetensors", "anchor.feature"));
+  }
+}
+
+TEST_CASE("tool: fit-codec says what is read of a mark before and after, which it does not train for") {
+  REQUIRE(write_key(at("plain.key"), testing::fixed_key(1, 24)).ok());
+  const std::string data = " --data " + at("scene"), decoder = at("of_plain.safetensors"),
+                    mark = " --key " + at("plain.key") + " --decoder " + decoder;
+  done("fit --bits 24 --waves 72 --views 200 --gradient-views 6 --model " + plain() + data + " --out " + decoder);
+  done("embed --iterations 600 --fidelity 30 --message-rate 0.01 --model " + plain() + data + mark + " --out " +
+       at("marked_plain"));
+  const std::string marked = at("marked_plain/model.safetensors"),
+                    fit = "fit-codec --iterations 200 --model " + marked + data;
+  check_refused(tool(fit + " --out " + at("unread") + " --key " + at("plain.key")), {"--decoder", "missing"});
+  check_refused(tool(fit + " --out " + at("unread") + " --decoder " + decoder), {"--key", "missing"});
+  CHECK_FALSE(fs::exists(at("unread")));
+  done(fit + mark + " --twin " + plain() + " --out " + at("read"));
+  done(fit + " --out " + at("unread"));
+  // Reading changes nothing of what is fitted.
+  CHECK(testing::file_bytes(at("read/model.cmk")) == testing::file_bytes(at("unread/model.cmk")));
+  CHECK(same_model(marked, at("read/model.safetensors")));
+  const nlohmann::json before = json_of(at("marked_plain/results.json")), read = json_of(at("read/results.json"));
+  MESSAGE("bits of the model ", read["bit_accuracy"].dump(), ", of its file ",
+          read["compressed"]["bit_accuracy"].dump());
+  CHECK(read["rate_lambda"] == 0.001);
+  CHECK(read["bit_accuracy"] == before["bit_accuracy"]);
+  CHECK(read["psnr_cost_vs_unmarked"] == before["psnr_cost_vs_unmarked"]);
+  CHECK(read["bit_accuracy"]["mean"].get<double>() > 0.8);
+  // What the file says is what verify reads from it.
+  static_cast<void>(tool("verify --model " + at("read/model.cmk") + mark + " --json " + at("of_file.json")));
+  CHECK(json_of(at("of_file.json"))["bit_accuracy"] == read["compressed"]["bit_accuracy"]);
+  CHECK(read["compressed"]["psnr_cost_vs_unmarked"].get<double>() > read["psnr_cost_vs_unmarked"].get<double>());
+  CHECK_FALSE(json_of(at("unread/results.json")).contains("bit_accuracy"));
 }
 
 TEST_CASE("tool: what no codec can be fitted to is refused in one line") {
