@@ -30,7 +30,7 @@ using namespace compmark;
 TrainSettings codec_settings(TrainSettings settings, bool touch_up) {
   settings.grow_until = 0;
   settings.rate.noise_after = settings.rate.context_after = 0;
-  for (LearningRate* rate : {&settings.offset, &settings.mlp_opacity, &settings.mlp_color})
+  for (LearningRate* rate : {&settings.offset, &settings.mlp_opacity, &settings.mlp_color, &settings.effects.exposure})
     *rate = touch_up ? LearningRate{rate->final, rate->final} : LearningRate{};
   // Those that are constant in a training.
   for (LearningRate* rate : {&settings.feature, &settings.scaling, &settings.mlp_covariance})
@@ -45,11 +45,13 @@ Result<std::string> fitted_recipe(const std::string& recipe, const std::string& 
     return Error{ErrorKind::invalid, model.string(), "recipe", "\"" + recipe + "\" is trained for a codec",
                  "compmark compress writes its file"};
   }
-  if (reading_recipe(recipe) != "scaffold") {
+  const bool mask = recipe.find("+mask") != std::string::npos, exposure = recipe == "scaffold+exposure";
+  if (reading_recipe(recipe) != "scaffold" && !exposure) {
     return Error{ErrorKind::unsupported, model.string(), "recipe", "\"" + recipe + "\" is not one a codec is fitted to",
-                 "that is scaffold, alone or with +mask or +alpha; compmark train --codec trains others for one"};
+                 "that is scaffold, alone or with +mask, +alpha or +exposure; compmark train --codec trains others for "
+                 "one"};
   }
-  return codec + "+fitted" + (recipe.find("+mask") != std::string::npos ? "+mask" : "");
+  return codec + "+fitted" + (mask ? "+mask" : exposure ? "+exposure" : "");
 }
 
 int fit_codec(TrainOptions options, bool touch_up) {

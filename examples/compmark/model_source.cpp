@@ -84,9 +84,11 @@ COMPMARK_TOOL_LOADS(CompMarkPaperHost);
 COMPMARK_TOOL_LOADS(HacScaffold);
 COMPMARK_TOOL_LOADS(HacExposure);
 COMPMARK_TOOL_LOADS(HacFitted);
+COMPMARK_TOOL_LOADS(HacFittedExposure);
 COMPMARK_TOOL_LOADS(ContextGsScaffold);
 COMPMARK_TOOL_LOADS(ContextGsExposure);
 COMPMARK_TOOL_LOADS(ContextGsFitted);
+COMPMARK_TOOL_LOADS(ContextGsFittedExposure);
 #undef COMPMARK_TOOL_LOADS
 
 }  // namespace tool

@@ -71,6 +71,7 @@ auto with_hac_recipe(std::string_view name, F&& f) -> decltype(f(Tag<compmark::r
   if (name == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
   if (name == "hac+fitted") return f(Tag<compmark::recipes::HacFitted>{});
   if (name == "hac+fitted+mask") return f(Tag<compmark::recipes::HacFittedMasked>{});
+  if (name == "hac+fitted+exposure") return f(Tag<compmark::recipes::HacFittedExposure>{});
   return f.unknown(not_coded(name));
 }
 template <class F>
@@ -81,6 +82,7 @@ auto with_context_gs_recipe(std::string_view name, F&& f) -> decltype(f(Tag<comp
   if (name == "context_gs+exposure") return f(Tag<compmark::recipes::ContextGsExposure>{});
   if (name == "context_gs+fitted") return f(Tag<compmark::recipes::ContextGsFitted>{});
   if (name == "context_gs+fitted+mask") return f(Tag<compmark::recipes::ContextGsFittedMasked>{});
+  if (name == "context_gs+fitted+exposure") return f(Tag<compmark::recipes::ContextGsFittedExposure>{});
   return f.unknown(not_coded(name));
 }
 /// The codec that a recipe trains for; "none" for the others.
@@ -114,9 +116,11 @@ auto with_coded_reading_recipe(std::string_view name, F&& f) -> decltype(f(Tag<c
   if (plain == "hac") return f(Tag<compmark::recipes::HacScaffold>{});
   if (plain == "hac+exposure") return f(Tag<compmark::recipes::HacExposure>{});
   if (plain == "hac+fitted") return f(Tag<compmark::recipes::HacFitted>{});
+  if (plain == "hac+fitted+exposure") return f(Tag<compmark::recipes::HacFittedExposure>{});
   if (plain == "context_gs") return f(Tag<compmark::recipes::ContextGsScaffold>{});
   if (plain == "context_gs+exposure") return f(Tag<compmark::recipes::ContextGsExposure>{});
   if (plain == "context_gs+fitted") return f(Tag<compmark::recipes::ContextGsFitted>{});
+  if (plain == "context_gs+fitted+exposure") return f(Tag<compmark::recipes::ContextGsFittedExposure>{});
   return f.unknown(not_coded(name));
 }
 template <class F>

@@ -6,6 +6,7 @@
 
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
+#include <compmark/mark/lattice_file.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -116,6 +117,27 @@ TEST_CASE("tool: fit-codec takes the loss on alpha as one of training alone") {
   done("fit-codec --model " + at("alpha/model.safetensors") + " --data " + at("scene") + " --iterations 20 --out " +
        at("alpha_fitted"));
   CHECK(json_of(at("alpha_fitted/results.json"))["recipe"] == "hac+fitted");
+}
+
+TEST_CASE("tool: fit-codec keeps the exposures of a model that has them, and a mark is hidden in it without them") {
+  static_cast<void>(plain());
+  const std::string data = " --data " + at("scene"), host = at("exposed/model.safetensors"),
+                    fitted = at("exposed_fitted/model.safetensors");
+  done("train --recipe scaffold+exposure --voxel-size 0.2 --iterations 60" + data + " --out " + at("exposed"));
+  for (const std::string codec : {"context_gs", "hac"}) {
+    done("fit-codec --codec " + codec + " --model " + host + data + " --iterations 20 --out " + at("exposed_fitted"));
+    CHECK(json_of(at("exposed_fitted/results.json"))["recipe"] == codec + "+fitted+exposure");
+    CHECK(same_model(host, fitted));
+    CHECK(block(host, "exposure") == block(fitted, "exposure"));
+    done("render --model " + at("exposed_fitted/model.cmk") + " --out " + at("exposed_images"));
+  }
+  REQUIRE(write_key(at("exposed.key"), testing::fixed_key(1, 24)).ok());
+  const std::string decoder = at("colours.safetensors");
+  REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
+  done("embed --iterations 20 --model " + fitted + data + " --key " + at("exposed.key") + " --decoder " + decoder +
+       " --out " + at("exposed_marked"));
+  CHECK(json_of(at("exposed_marked/results.json"))["recipe"] == "hac+fitted");
+  CHECK(testing::file_bytes(at("exposed_marked/unmarked.cmk")) == testing::file_bytes(at("exposed_fitted/model.cmk")));
 }
 
 TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as its file is read") {

@@ -186,7 +186,9 @@ class Trainer {
       if (host_trains) {
         report.skipped_blocks =
             optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
-        if constexpr (present<typename R::Exposure>) R::Exposure::fix_gauge(model.arena, model.exposure);
+        if constexpr (present<typename R::Exposure>) {  // exposures that do not train keep their bits
+          if (rates_[model.exposure.affine.index] != 0) R::Exposure::fix_gauge(model.arena, model.exposure);
+        }
       }
       if constexpr (marks_beside) {
         if (residual_rate != 0) static_cast<void>(learn_residual(views, residual_rate, report));

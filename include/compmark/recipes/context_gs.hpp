@@ -6,7 +6,7 @@
 //
 //   ContextGs<Host>                       Host with anchor levels, hyperprior, adaptive steps and offset masks
 //   ContextGsScaffold, ContextGsAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input
-//   ContextGsFitted, ContextGsFittedMasked   a codec for a finished model of Scaffold, whose anchors stay as they are
+//   ContextGsFitted, ContextGsFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay as they are
 #pragma once
 
 #include "compmark/entropy/context_gs_model.hpp"
@@ -30,5 +30,6 @@ struct ContextGsExposure : ContextGs<WithShape<ScaffoldExposure, coded_shape>> {
 
 struct ContextGsFitted : Fitted<ContextGs<Scaffold>> {};
 struct ContextGsFittedMasked : Fitted<ContextGs<ScaffoldMasked>> {};
+struct ContextGsFittedExposure : Fitted<ContextGs<ScaffoldExposure>> {};
 
 }  // namespace compmark::inline v0::recipes

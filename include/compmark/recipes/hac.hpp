@@ -6,7 +6,7 @@
 //
 //   Hac<Host>                 Host with hash-grid context, adaptive steps and offset masks
 //   HacScaffold, HacAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input
-//   HacFitted, HacFittedMasked   a codec for a finished model of Scaffold, whose anchors stay as they are (with_room_for_stages)
+//   HacFitted, HacFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay as they are (with_room_for_stages)
 #pragma once
 
 #include "compmark/entropy/hac_model.hpp"
@@ -43,5 +43,6 @@ struct Fitted : CodedRecipe {
 };
 struct HacFitted : Fitted<Hac<Scaffold>> {};
 struct HacFittedMasked : Fitted<Hac<ScaffoldMasked>> {};
+struct HacFittedExposure : Fitted<Hac<ScaffoldExposure>> {};
 
 }  // namespace compmark::inline v0::recipes
