@@ -402,7 +402,7 @@ int main(int argc, char** argv) {
       plot.series.push_back(std::move(series));
     }
     const std::string page = tool::html_page("Accuracy against time", head, {plot}, proof, table);
-    if (const Result<Done> written = tool::write_pages(options->html, options->svg, page, plot); !written) {
+    if (const Result<Done> written = tool::write_pages(options->html, options->svg, page, {plot}); !written) {
       std::fprintf(stderr, "accuracy_vs_time: %s\n", written.error().line().c_str());
       return 1;
     }

@@ -425,7 +425,7 @@ int main(int argc, char** argv) {
   }
   const std::vector<tool::Plot> plots = plots_of(cases);
   const std::string page = tool::html_page("Accuracy against time: coding", head, plots, note, table);
-  if (const Result<Done> written = tool::write_pages(options->html, options->svg, page, plots[0]); !written)
+  if (const Result<Done> written = tool::write_pages(options->html, options->svg, page, {plots[0]}); !written)
     stop(written.error().line());
   return 0;
 }

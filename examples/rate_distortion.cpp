@@ -107,7 +107,7 @@ Result<Done> write_page(const Settings& settings, const std::vector<CurvePoint>&
   const std::string body =
       (deltas.empty() ? std::string() : delta_table(deltas).html() + "<p></p>") + curve_table(points).html();
   return tool::write_pages(file(".html"), file(".svg"), tool::html_page("Rate and distortion", head, plots, note, body),
-                           plots[0]);
+                           {plots[0]});
 }
 
 /// Each once, in the order in which it first comes.

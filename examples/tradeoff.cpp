@@ -93,7 +93,7 @@ Result<Done> write_page(const Settings& settings, const Scene& scene, const std:
       !r)
     return r;
   return tool::write_pages(settings.out / "tradeoff.html", settings.out / "tradeoff.svg",
-                           tool::html_page("Accuracy against time, whole", head, plots, note, table), plots[0]);
+                           tool::html_page("Accuracy against time, whole", head, plots, note, table), plots);
 }
 
 }  // namespace

@@ -91,11 +91,11 @@ inline std::string html_page(const std::string& title, const std::string& head, 
   return html_page(title, head, plots, note, table.html());
 }
 
-/// Writes what was asked for: the page, and its first plot alone.
+/// Writes what was asked for: the page, and `plots` of it alone.
 inline compmark::Result<compmark::Done> write_pages(const std::filesystem::path& html, const std::filesystem::path& svg,
-                                                    const std::string& page, const Plot& plot) {
+                                                    const std::string& page, const std::vector<Plot>& plots) {
   if (!svg.empty()) {
-    if (compmark::Result<compmark::Done> r = compmark::write_file(svg, standalone_svg(plot)); !r) return r;
+    if (compmark::Result<compmark::Done> r = compmark::write_file(svg, standalone_svg(plots)); !r) return r;
   }
   return html.empty() ? compmark::Result<compmark::Done>(compmark::Done{}) : compmark::write_file(html, page);
 }

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -20,9 +21,10 @@ namespace tool {
 struct PlotSeries {
   std::string label;
   std::vector<std::array<double, 2>>
-      points;                      ///< x, y; a point that is not finite (or not positive on a log axis) is left out
-  std::vector<std::string> names;  ///< text beside each point, may be shorter than points
-  int color = 0;                   ///< 0 … 5, see plot_style
+      points;  ///< x, y; a point that is not finite (or not positive on a log axis) is left out
+  std::vector<std::string>
+      names;      ///< text beside each point, may be shorter than points; where there is no room, a tooltip says it
+  int color = 0;  ///< 0 … 5, see plot_style
   bool line = true;
   bool dots = false;
   bool names_left = false;  ///< names stand left of and below their points instead of right and above
@@ -144,6 +146,49 @@ inline Axis make_axis(double low, double high, bool logarithmic, int wanted) {
   return axis;
 }
 
+struct Box {
+  double left = 0, top = 0, right = 0, bottom = 0;
+  [[nodiscard]] bool meets(const Box& other) const {
+    return left < other.right && other.left < right && top < other.bottom && other.top < bottom;
+  }
+  [[nodiscard]] bool holds(const Box& other) const {
+    return left <= other.left && other.right <= right && top <= other.top && other.bottom <= bottom;
+  }
+};
+
+/// Finds room for names: beside their dots, on no other dot and no other name.
+class NamePlaces {
+ public:
+  struct Place {
+    double x = 0, y = 0;
+    const char* anchor = "start";
+  };
+  explicit NamePlaces(const Box& frame) : frame_(frame) {}
+  void add_dot(double x, double y) { taken_.push_back({x - radius, y - radius, x + radius, y + radius}); }
+  /// For a name of so many letters at the dot (x, y); `left` of it and `below` it are tried first. None if it is crowded.
+  std::optional<Place> find(double x, double y, std::size_t letters, bool left, bool below) {
+    const double wide = 6.4 * static_cast<double>(letters);  // of 12 pixels' text, in the mean
+    for (const double far : {6.0, 18.0, 30.0}) {
+      for (int choice = 0; choice < 4; ++choice) {
+        const bool to_left = left != (choice % 2 == 1), under = below != (choice >= 2);
+        const Place place{x + (to_left ? -6 : 6), under ? y + far + 7 : y - far + 1, to_left ? "end" : "start"};
+        const double begin = to_left ? place.x - wide : place.x;
+        const Box box{begin, place.y - 10, begin + wide, place.y + 3};
+        if (!frame_.holds(box)) continue;
+        if (std::any_of(taken_.begin(), taken_.end(), [&](const Box& other) { return box.meets(other); })) continue;
+        taken_.push_back(box);
+        return place;
+      }
+    }
+    return std::nullopt;
+  }
+
+ private:
+  static constexpr double radius = 3.2;
+  Box frame_;
+  std::vector<Box> taken_;
+};
+
 }  // namespace plot_detail
 
 /// The plot as one <svg> element; needs plot_style and the variables --ink, --soft and --line in the page.
@@ -204,6 +249,13 @@ inline std::string svg(const Plot& plot) {
            escape_html(series.label) + "</text>";
     legend_x -= 7.0 * static_cast<double>(series.label.size()) + 16;
   }
+  plot_detail::NamePlaces places({left, top - 12, left + wide + right, top + tall});
+  for (const PlotSeries& series : plot.series) {
+    if (!series.dots) continue;
+    for (const std::array<double, 2>& p : series.points) {
+      if (usable(p)) places.add_dot(at_x(p[0]), at_y(p[1]));
+    }
+  }
   for (const PlotSeries& series : plot.series) {
     if (series.line) {
       out += format_text("<polyline style=\"stroke:var(--c%d)\" points=\"", series.color);
@@ -215,33 +267,38 @@ inline std::string svg(const Plot& plot) {
     for (std::size_t i = 0; i < series.points.size(); ++i) {
       const std::array<double, 2>& p = series.points[i];
       if (!usable(p)) continue;
+      const std::string name = i < series.names.size() ? escape_html(series.names[i]) : std::string();
       if (series.dots) {
-        out += format_text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3.2\" style=\"fill:var(--c%d)\"/>", at_x(p[0]),
-                           at_y(p[1]), series.color);
+        out += format_text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3.2\" style=\"fill:var(--c%d)\">", at_x(p[0]),
+                           at_y(p[1]), series.color) +
+               (name.empty() ? "" : "<title>" + name + "</title>") + "</circle>";
       }
-      if (i < series.names.size() && !series.names[i].empty()) {
-        const bool left_side = at_x(p[0]) > left + (series.names_left ? 110 : 0.8 * wide);
-        out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", at_x(p[0]) + (left_side ? -6 : 6),
-                           at_y(p[1]) + (series.names_left ? 13 : -5), left_side ? "end" : "start") +
-               escape_html(series.names[i]) + "</text>";
-      }
+      if (name.empty()) continue;
+      const bool left_side = at_x(p[0]) > left + (series.names_left ? 110 : 0.8 * wide);
+      const auto place = places.find(at_x(p[0]), at_y(p[1]), series.names[i].size(), left_side, series.names_left);
+      if (!place) continue;
+      out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", place->x, place->y, place->anchor) + name +
+             "</text>";
     }
   }
   return out + "</svg>";
 }
 
-/// The plot as a file of its own, with the colours that a page would give it.
-inline std::string standalone_svg(const Plot& plot) {
-  std::string text = svg(plot);
-  const std::string head = "<svg class=\"plot\"", title_end = "</title>";
-  text.insert(text.find(title_end) + title_end.size(),
-              "<style>svg{--ink:#16202c;--soft:#5b6878;--line:#dfe4ea;--paper:#fff}@media(prefers-color-scheme:dark){"
-              "svg{--ink:#e6ebf1;"
-              "--soft:#98a5b5;--line:#2d3742;--paper:#12171d}}" +
-                  std::string(plot_style) +
-                  "</style><rect width=\"100%\" height=\"100%\" style=\"fill:var(--paper)\"/>");
-  text.replace(text.find(head), head.size(), "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\"");
-  return text + "\n";
+/// Plots under one another as a file of its own, with the colours that a page would give them.
+inline std::string standalone_svg(const std::vector<Plot>& plots) {
+  int width = 0, height = 0;
+  std::string inside;
+  for (const Plot& plot : plots) {
+    inside += format_text("<g transform=\"translate(0 %d)\">", height) + svg(plot) + "</g>";
+    width = std::max(width, plot.width);
+    height += plot.height;
+  }
+  return format_text("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\">",
+                     width, height, width, height) +
+         "<style>svg{--ink:#16202c;--soft:#5b6878;--line:#dfe4ea;--paper:#fff}@media(prefers-color-scheme:dark){"
+         "svg{--ink:#e6ebf1;--soft:#98a5b5;--line:#2d3742;--paper:#12171d}}" +
+         std::string(plot_style) + "</style><rect width=\"100%\" height=\"100%\" style=\"fill:var(--paper)\"/>" +
+         inside + "</svg>\n";
 }
 
 }  // namespace tool

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -122,17 +123,13 @@ struct PricedPoint {
   const auto plot = [&](const char* title, const char* label, auto value) {
     tool::Plot made{
         .title = title, .x_label = "minutes, training to marked file", .y_label = label, .series = {}, .log_x = true};
-    for (const bool front : {true, false}) {
-      tool::PlotSeries series{.label = front ? "Pareto front of all four" : "the others",
-                              .points = {},
-                              .names = {},
-                              .color = front ? 0 : 5,
-                              .line = false,
-                              .dots = true};
+    for (const auto& [codec, name, color] : {std::tuple("hac", "HAC", 0), std::tuple("context_gs", "ContextGS", 1)}) {
+      tool::PlotSeries series{.label = name, .points = {}, .names = {}, .color = color, .line = false, .dots = true};
       for (const PricedPoint& one : points) {
-        if (on_front(one, points) != front) continue;
+        if (one.point.codec != codec) continue;
         series.points.push_back({one.seconds() / 60, value(one)});
-        series.names.push_back(one.point.label());
+        series.names.push_back(one.point.name);
+        std::replace(series.names.back().begin(), series.names.back().end(), '_', ' ');
       }
       if (!series.points.empty()) made.series.push_back(std::move(series));
     }

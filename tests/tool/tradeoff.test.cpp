@@ -8,6 +8,7 @@
 
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
+#include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -72,6 +73,46 @@ esac
 )";
 
 }  // namespace
+
+TEST_CASE("tradeoff: names of near points stand on no other name, and each is in its dot's tooltip") {
+  tool::Plot plot{.title = "crowded", .x_label = "x", .y_label = "y", .series = {}};
+  tool::PlotSeries series{.label = "", .points = {}, .names = {}, .line = false, .dots = true};
+  for (int i = 0; i < 12; ++i) {  // a far one stretches the axes
+    series.points.push_back({i == 11 ? 30.0 : 10 + 0.05 * i, i == 11 ? 20.0 : 37 + 0.07 * (i % 4)});
+    series.names.push_back("standard number " + std::to_string(i));
+  }
+  plot.series.push_back(series);
+  const std::string drawn = tool::svg(plot);
+  struct Box {
+    double left, right, top;
+  };
+  std::vector<Box> boxes;
+  const auto number = [&](std::size_t from, const std::string& attribute) {
+    return std::stod(drawn.substr(drawn.find(attribute + "=\"", from) + attribute.size() + 2));
+  };
+  for (const std::string& name : series.names) {
+    CHECK(drawn.find("<title>" + name + "</title>") != std::string::npos);
+    const std::size_t text = drawn.find("\">" + name + "</text>");
+    if (text == std::string::npos) continue;
+    const std::size_t begin = drawn.rfind("<text", text);
+    const double x = number(begin, "x"), wide = 6.4 * static_cast<double>(name.size());
+    const bool end = drawn.substr(begin, text - begin).find("\"end") != std::string::npos;
+    boxes.push_back({end ? x - wide : x, end ? x : x + wide, number(begin, "y")});
+  }
+  const auto meet = [](const Box& a, const Box& b) {
+    return a.left < b.right && b.left < a.right && std::abs(a.top - b.top) < 12;
+  };
+  CHECK(boxes.size() >= 5);  // there is room for some
+  for (std::size_t a = 0; a < boxes.size(); ++a) {
+    for (std::size_t b = 0; b < a; ++b) CHECK_FALSE(meet(boxes[a], boxes[b]));
+  }
+  // Each beside its own dot they would.
+  std::vector<double> x;
+  for (std::size_t at = drawn.find("<circle"); at != std::string::npos; at = drawn.find("<circle", at + 1))
+    x.push_back(number(at, "cx"));
+  REQUIRE(x.size() == 12);
+  CHECK(std::abs(x[1] - x[0]) < 6.4 * 17);
+}
 
 TEST_CASE("tradeoff: a point is on the front where none is as good in all four and better in one") {
   const std::vector<PricedPoint> points = {
