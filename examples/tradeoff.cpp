@@ -177,6 +177,13 @@ int main(int argc, char** argv) {
               [&](const PricedPoint& a, const PricedPoint& b) { return place(a) < place(b); });
     if (Result<Done> written = write_page(settings, scenes->front(), finished); !written) return fail(written.error());
   }
-  if (!finished.empty()) std::printf("%s", price_table(finished).markdown().c_str());
+  if (!finished.empty()) {
+    // Where nothing was left to run, as this version writes them.
+    if (!failed) {
+      if (Result<Done> written = write_page(settings, scenes->front(), finished); !written)
+        return fail(written.error());
+    }
+    std::printf("%s", price_table(finished).markdown().c_str());
+  }
   return failed ? 1 : 0;
 }

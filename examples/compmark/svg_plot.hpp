@@ -289,7 +289,10 @@ inline std::string standalone_svg(const std::vector<Plot>& plots) {
   int width = 0, height = 0;
   std::string inside;
   for (const Plot& plot : plots) {
-    inside += format_text("<g transform=\"translate(0 %d)\">", height) + svg(plot) + "</g>";
+    std::string one = svg(plot);
+    const std::string head = "<svg class=\"plot\"";  // whose style lets a page shrink it
+    one.replace(one.find(head), head.size(), head + format_text(" style=\"height:%dpx;max-width:none\"", plot.height));
+    inside += format_text("<g transform=\"translate(0 %d)\">", height) + one + "</g>";
     width = std::max(width, plot.width);
     height += plot.height;
   }

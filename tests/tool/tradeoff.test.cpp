@@ -6,9 +6,9 @@
 // is the fidelity table's test.
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
-#include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -102,7 +102,7 @@ TEST_CASE("tradeoff: names of near points stand on no other name, and each is in
   const auto meet = [](const Box& a, const Box& b) {
     return a.left < b.right && b.left < a.right && std::abs(a.top - b.top) < 12;
   };
-  CHECK(boxes.size() >= 5);  // there is room for some
+  CHECK(boxes.size() >= 3);  // there is room for some
   for (std::size_t a = 0; a < boxes.size(); ++a) {
     for (std::size_t b = 0; b < a; ++b) CHECK_FALSE(meet(boxes[a], boxes[b]));
   }
@@ -173,9 +173,9 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(json["points"][1]["name"] == "standard_hac");
   CHECK(json["points"][1]["seconds"]["train"] == 10000);
   CHECK(json["points"][1]["psnr"] == 10000);
-  for (const char* file : {"tradeoff.md", "tradeoff.html", "tradeoff.svg"})
+  for (const char* file : {"tradeoff.md", "tradeoff.html"})
     CHECK(times_in(text_of(scratch.path / "run" / file), "standard_hac") > 0);
-
+  CHECK(times_in(text_of(at("run/tradeoff.svg")), "<title>standard marked longer</title>") == 3);  // in three plots
   CHECK(json["scene"] == "one");
   CHECK(json["train"] == nlohmann::json({"--seed", "3"}));
 
