@@ -140,7 +140,7 @@ int main(int argc, char** argv) {
     return is_of(cell_of(scenes->front(), point), settings_of(settings, point));
   };
   std::vector<PricedPoint> finished;
-  bool failed = false;
+  bool failed = false, written = false;
   for (const Point& point : points) {  // of earlier commands, so that the page has them whatever becomes of this one
     const Cell cell = cell_of(scenes->front(), point);
     const Settings own = settings_of(settings, point);
@@ -175,13 +175,12 @@ int main(int argc, char** argv) {
     };
     std::sort(finished.begin(), finished.end(),
               [&](const PricedPoint& a, const PricedPoint& b) { return place(a) < place(b); });
-    if (Result<Done> written = write_page(settings, scenes->front(), finished); !written) return fail(written.error());
+    if (Result<Done> pages = write_page(settings, scenes->front(), finished); !pages) return fail(pages.error());
+    written = true;
   }
   if (!finished.empty()) {
-    // Where nothing was left to run, as this version writes them.
-    if (!failed) {
-      if (Result<Done> written = write_page(settings, scenes->front(), finished); !written)
-        return fail(written.error());
+    if (!written && !failed) {  // nothing was left to run: as this version writes them
+      if (Result<Done> pages = write_page(settings, scenes->front(), finished); !pages) return fail(pages.error());
     }
     std::printf("%s", price_table(finished).markdown().c_str());
   }

@@ -146,9 +146,8 @@ int embed_under(TrainOptions options, const std::string& distortion) {
     options.notes.push_back(
         "the photographs' exposures stay in the unmarked model: renders, where a mark is, have none");
   if (!coded && distortion != "round") {
-    return fail({ErrorKind::unsupported, options.model.string(), "--distortion",
-                 "is of models that are trained for a codec",
-                 "leave it out, or mark a model of compmark train --codec"});
+    return fail({ErrorKind::unsupported, options.model.string(), "--distortion", "is of models that a codec writes",
+                 "leave it out, or mark a model of compmark train --codec or fit-codec"});
   }
   std::error_code ignored;
   if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
@@ -200,7 +199,8 @@ Command add_embed(CLI::App& app) {
   auto options = std::make_shared<TrainOptions>();
   auto distortion = std::make_shared<std::string>("round");
   options->iterations = 0;
-  app.add_option("--model", options->model, "the model to mark (model.safetensors of a training)")->required();
+  app.add_option("--model", options->model, "the model to mark (model.safetensors of a training or of fit-codec)")
+      ->required();
   app.add_option("--data", options->data, "the dataset it was trained on")->required();
   app.add_option("--out", options->out,
                  "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "

@@ -27,7 +27,8 @@ int run(const FitOptions& options) {
 
 Command add_fit(CLI::App& app) {
   auto options = std::make_shared<FitOptions>();
-  app.add_option("--model", options->model, "the unmarked model (model.safetensors of a training)")->required();
+  app.add_option("--model", options->model, "the unmarked model (model.safetensors of a training or of fit-codec)")
+      ->required();
   app.add_option("--data", options->data, "the dataset it was trained on; its cameras alone are used")->required();
   app.add_option("--out", options->out, "decoder file to write (safetensors); keep it with the key")->required();
   app.add_option("--bits", options->fit.bits, "length of the message")

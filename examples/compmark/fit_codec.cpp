@@ -27,11 +27,14 @@ namespace {
 using namespace compmark;
 
 /// Of a finished model: nothing grows, and the rate counts from the first iteration on.
-TrainSettings codec_settings(TrainSettings settings, bool touch_up) {
+TrainSettings codec_settings(TrainSettings settings, bool touch_up, bool exposes) {
   settings.grow_until = 0;
   settings.rate.noise_after = settings.rate.context_after = 0;
-  for (LearningRate* rate : {&settings.offset, &settings.mlp_opacity, &settings.mlp_color, &settings.effects.exposure})
-    *rate = touch_up ? LearningRate{rate->final, rate->final} : LearningRate{};
+  const auto last = [&](LearningRate& rate) {
+    rate = touch_up ? LearningRate{rate.final, rate.final} : LearningRate{};
+  };
+  for (LearningRate* rate : {&settings.offset, &settings.mlp_opacity, &settings.mlp_color}) last(*rate);
+  if (exposes) last(settings.effects.exposure);
   // Those that are constant in a training.
   for (LearningRate* rate : {&settings.feature, &settings.scaling, &settings.mlp_covariance})
     *rate = touch_up ? LearningRate{rate->final / 10, rate->final / 100} : LearningRate{};
@@ -79,14 +82,17 @@ int fit_codec(TrainOptions options, bool touch_up) {
   settings.rate.lambda = options.rate_lambda;
   std::optional<MarkInput> mark;
   if (options.mark.wanted()) {
+    if (options.mark.key.empty())
+      return fail({ErrorKind::invalid, {}, "--key", "is missing", "give the one that the model was marked with"});
     TrainSettings of_a_mark = settings;  // nothing trains for it
     Result<MarkInput> read = load_mark(options.mark, of_a_mark);
     if (!read) return fail(read.error());
     mark = std::move(*read);
     mark->read_only = true;
   }
+  const bool exposes = options.recipe.find("+exposure") != std::string::npos;
   settings.mark.identity = digest->substr(0, 16);  // a run is resumed from the same model alone
-  return train_coded(options, codec_settings(std::move(settings), touch_up), mark ? &*mark : nullptr);
+  return train_coded(options, codec_settings(std::move(settings), touch_up, exposes), mark ? &*mark : nullptr);
 }
 
 }  // namespace
@@ -115,7 +121,8 @@ Command add_fit_codec(CLI::App& app) {
       ->check(CLI::PositiveNumber);
   app.add_option(
       "--key", options->mark.key,
-      "owner's key of a model that is marked: what of its message is read before and after (with --decoder)");
+      "owner's key of a model that is marked: what of its message is read from the model that this run leaves, "
+      "and from its file (with --decoder)");
   app.add_option("--decoder", options->mark.decoder, "decoder file that reads it");
   app.add_option("--twin", options->mark.twin,
                  "an unmarked model of the same scene, or its file, to say what the mark and the file cost");

@@ -23,7 +23,7 @@ struct PlotSeries {
   std::vector<std::array<double, 2>>
       points;  ///< x, y; a point that is not finite (or not positive on a log axis) is left out
   std::vector<std::string>
-      names;      ///< text beside each point, may be shorter than points; where there is no room, a tooltip says it
+      names;  ///< text beside each point, may be shorter than points; with dots, which say it when they are pointed at, room or not
   int color = 0;  ///< 0 … 5, see plot_style
   bool line = true;
   bool dots = false;
@@ -162,20 +162,34 @@ class NamePlaces {
   struct Place {
     double x = 0, y = 0;
     const char* anchor = "start";
+    bool far = false;  ///< so that a line has to lead there
   };
   explicit NamePlaces(const Box& frame) : frame_(frame) {}
-  void add_dot(double x, double y) { taken_.push_back({x - radius, y - radius, x + radius, y + radius}); }
+  void add_dot(double x, double y) {
+    taken_.push_back({x - radius, y - radius, x + radius, y + radius});
+    dots_.push_back({x, y});
+  }
   /// For a name of so many letters at the dot (x, y); `left` of it and `below` it are tried first. None if it is crowded.
   std::optional<Place> find(double x, double y, std::size_t letters, bool left, bool below) {
     const double wide = 6.4 * static_cast<double>(letters);  // of 12 pixels' text, in the mean
-    for (const double far : {6.0, 18.0, 30.0}) {
+    for (const double away : {6.0, 18.0, 30.0, 42.0}) {
       for (int choice = 0; choice < 4; ++choice) {
         const bool to_left = left != (choice % 2 == 1), under = below != (choice >= 2);
-        const Place place{x + (to_left ? -6 : 6), under ? y + far + 7 : y - far + 1, to_left ? "end" : "start"};
+        const Place place{x + (to_left ? -6 : 6), under ? y + away + 7 : y - away + 1, to_left ? "end" : "start",
+                          away > 6};
         const double begin = to_left ? place.x - wide : place.x;
         const Box box{begin, place.y - 10, begin + wide, place.y + 3};
         if (!frame_.holds(box)) continue;
         if (std::any_of(taken_.begin(), taken_.end(), [&](const Box& other) { return box.meets(other); })) continue;
+        // Without a line a name is taken for that of the dot that is nearest to it.
+        const auto distance = [&](double dot_x, double dot_y) {
+          return std::hypot(dot_x - std::clamp(dot_x, box.left, box.right),
+                            dot_y - std::clamp(dot_y, box.top, box.bottom));
+        };
+        const bool mistaken = std::any_of(dots_.begin(), dots_.end(), [&](const std::array<double, 2>& dot) {
+          return distance(dot[0], dot[1]) < distance(x, y);
+        });
+        if (mistaken && !place.far) continue;
         taken_.push_back(box);
         return place;
       }
@@ -187,6 +201,7 @@ class NamePlaces {
   static constexpr double radius = 3.2;
   Box frame_;
   std::vector<Box> taken_;
+  std::vector<std::array<double, 2>> dots_;
 };
 
 }  // namespace plot_detail
@@ -271,13 +286,22 @@ inline std::string svg(const Plot& plot) {
       if (series.dots) {
         out += format_text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3.2\" style=\"fill:var(--c%d)\">", at_x(p[0]),
                            at_y(p[1]), series.color) +
-               (name.empty() ? "" : "<title>" + name + "</title>") + "</circle>";
+               (name.empty()
+                    ? ""
+                    : "<title>" + name + (series.label.empty() ? "" : ", " + escape_html(series.label)) + "</title>") +
+               "</circle>";
       }
       if (name.empty()) continue;
       const bool left_side = at_x(p[0]) > left + (series.names_left ? 110 : 0.8 * wide);
       const auto place = places.find(at_x(p[0]), at_y(p[1]), series.names[i].size(), left_side, series.names_left);
       if (!place) continue;
-      out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", place->x, place->y, place->anchor) + name +
+      if (place->far) {
+        out += format_text(
+            "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" style=\"stroke:var(--c%d);opacity:.5\"/>",
+            at_x(p[0]), at_y(p[1]), place->x, place->y - (place->y < at_y(p[1]) ? 0 : 8), series.color);
+      }
+      out += format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\"", place->x, place->y, place->anchor) +
+             (plot.series.size() < 2 ? "" : format_text(" style=\"fill:var(--c%d)\"", series.color)) + ">" + name +
              "</text>";
     }
   }
@@ -296,8 +320,12 @@ inline std::string standalone_svg(const std::vector<Plot>& plots) {
     width = std::max(width, plot.width);
     height += plot.height;
   }
-  return format_text("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\">",
-                     width, height, width, height) +
+  return format_text(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 %d %d\" width=\"%d\" "
+             "height=\"%d\">",
+             width, height, width, height) +
+         "<title>" + (plots.empty() ? "" : escape_html(plots.front().title)) +
+         "</title>"
          "<style>svg{--ink:#16202c;--soft:#5b6878;--line:#dfe4ea;--paper:#fff}@media(prefers-color-scheme:dark){"
          "svg{--ink:#e6ebf1;--soft:#98a5b5;--line:#2d3742;--paper:#12171d}}" +
          std::string(plot_style) + "</style><rect width=\"100%\" height=\"100%\" style=\"fill:var(--paper)\"/>" +

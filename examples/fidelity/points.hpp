@@ -128,7 +128,9 @@ struct PricedPoint {
       for (const PricedPoint& one : points) {
         if (one.point.codec != codec) continue;
         series.points.push_back({one.seconds() / 60, value(one)});
-        series.names.push_back(one.point.name);
+        constexpr std::string_view base = "standard_";  // what a change is made to goes without saying
+        const std::string& full = one.point.name;
+        series.names.push_back(full.starts_with(base) ? full.substr(base.size()) : full);
         std::replace(series.names.back().begin(), series.names.back().end(), '_', ' ');
       }
       if (!series.points.empty()) made.series.push_back(std::move(series));

@@ -124,20 +124,22 @@ TEST_CASE("tool: fit-codec keeps the exposures of a model that has them, and a m
   const std::string data = " --data " + at("scene"), host = at("exposed/model.safetensors"),
                     fitted = at("exposed_fitted/model.safetensors");
   done("train --recipe scaffold+exposure --voxel-size 0.2 --iterations 60" + data + " --out " + at("exposed"));
+  REQUIRE(write_key(at("exposed.key"), testing::fixed_key(1, 24)).ok());
+  const std::string decoder = at("colours.safetensors");
+  REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
   for (const std::string codec : {"context_gs", "hac"}) {
     done("fit-codec --codec " + codec + " --model " + host + data + " --iterations 20 --out " + at("exposed_fitted"));
     CHECK(json_of(at("exposed_fitted/results.json"))["recipe"] == codec + "+fitted+exposure");
     CHECK(same_model(host, fitted));
     CHECK(block(host, "exposure") == block(fitted, "exposure"));
-    done("render --model " + at("exposed_fitted/model.cmk") + " --out " + at("exposed_images"));
+    done("embed --iterations 20 --model " + fitted + data + " --key " + at("exposed.key") + " --decoder " + decoder +
+         " --out " + at(codec + "_exposed_marked"));
+    CHECK(json_of(at(codec + "_exposed_marked/results.json"))["recipe"] == codec + "+fitted");
+    CHECK(testing::file_bytes(at(codec + "_exposed_marked/unmarked.cmk")) ==
+          testing::file_bytes(at("exposed_fitted/model.cmk")));
   }
-  REQUIRE(write_key(at("exposed.key"), testing::fixed_key(1, 24)).ok());
-  const std::string decoder = at("colours.safetensors");
-  REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
-  done("embed --iterations 20 --model " + fitted + data + " --key " + at("exposed.key") + " --decoder " + decoder +
-       " --out " + at("exposed_marked"));
-  CHECK(json_of(at("exposed_marked/results.json"))["recipe"] == "hac+fitted");
-  CHECK(testing::file_bytes(at("exposed_marked/unmarked.cmk")) == testing::file_bytes(at("exposed_fitted/model.cmk")));
+  done("fit-codec --touch-up --model " + host + data + " --iterations 20 --out " + at("exposed_touched"));
+  CHECK(block(host, "exposure") != block(at("exposed_touched/model.safetensors"), "exposure"));
 }
 
 TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as its file is read") {
@@ -163,8 +165,9 @@ TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as i
           .code;
     };
     CHECK(verdict(out + "/model.cmk", "owner.key") == 0);
-    CHECK(verdict(out + "/model.cmk", "other.key") != 0);  // negative controls
-    CHECK(verdict(out + "/unmarked.cmk", "owner.key") != 0);
+    const auto not_found = [&](int code) { return code == 1 || code == 3; };  // not detected, or inconclusive
+    CHECK(not_found(verdict(out + "/model.cmk", "other.key")));               // negative controls
+    CHECK(not_found(verdict(out + "/unmarked.cmk", "owner.key")));
     // The mark is in the features alone.
     CHECK(block(model, "anchor.offset") == block(out + "/model.safetensors", "anchor.offset"));
     CHECK(block(model, "anchor.feature") != block(out + "/model.safetensors", "anchor.feature"));

@@ -175,7 +175,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(json["points"][1]["psnr"] == 10000);
   for (const char* file : {"tradeoff.md", "tradeoff.html"})
     CHECK(times_in(text_of(scratch.path / "run" / file), "standard_hac") > 0);
-  CHECK(times_in(text_of(at("run/tradeoff.svg")), "<title>standard marked longer</title>") == 3);  // in three plots
+  CHECK(times_in(text_of(at("run/tradeoff.svg")), "<title>marked longer, HAC</title>") == 3);  // in three plots
   CHECK(json["scene"] == "one");
   CHECK(json["train"] == nlohmann::json({"--seed", "3"}));
 
