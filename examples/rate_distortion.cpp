@@ -24,6 +24,7 @@
 #include "fidelity/cell.hpp"
 #include "fidelity/command_line.hpp"
 #include "fidelity/curves.hpp"
+#include "fidelity/fitted.hpp"
 #include "fidelity/process.hpp"
 #include "fidelity/run_cell.hpp"
 #include "fidelity/scenes.hpp"
@@ -141,10 +142,9 @@ int main(int argc, char** argv) {
   lambdas = once(lambdas);
   if (word_of_the_cells(app.remaining(), {"--lambda"}) == "--lambda")
     return fail({ErrorKind::invalid, {}, "--lambda", "cannot be given", "give --lambdas: every point has its own"});
-  if (const std::optional<std::string> own =
-          word_of_the_cells(app.remaining(), {"--bits", "--fidelity", "--fidelity-fall", "--draw-by-cost",
-                                              "--message-weight", "--message-margin", "--message-power",
-                                              "--message-rate", "--message-every", "--mark-iterations"}))
+  std::vector<std::string> of_a_mark(mark_option_names.begin(), mark_option_names.end());
+  of_a_mark.emplace_back("--bits");
+  if (const std::optional<std::string> own = word_of_the_cells(app.remaining(), of_a_mark))
     return fail({ErrorKind::invalid, {}, *own, "cannot be given", "leave it out: a curve has its own, and no message"});
   settings.extra = train_words(app.remaining());
   const Result<std::vector<Scene>> scenes = scenes_of(program, data);

@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -117,6 +118,13 @@ Result<Done> can_mark_finished(const TrainOptions& options) {
   // In the loss of the photographs their exposures would have to train on.
   const bool exposed_loss = marked != options.recipe && options.mark.fidelity && *options.mark.fidelity == 0;
   if (exposed_loss || !is_markable_recipe(options.recipe)) return no_message_in(options.recipe);
+  if (options.mark.hold_steps && recipe_codec(options.recipe) != std::string_view("context_gs")) {
+    return Error{ErrorKind::unsupported,
+                 {},
+                 "--hold-steps",
+                 "is of models for context_gs, whose steps hang on what a mark changes",
+                 "leave it out"};
+  }
   if (!coded || !options.mark.fidelity || *options.mark.fidelity > 0) return Done{};
   return Error{ErrorKind::unsupported,
                {},
@@ -174,6 +182,9 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   if (!mark) return fail(mark.error());
   // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark.md).
   if (coded && !options.mark.fidelity) settings.mark.fidelity = fitted ? 2000 : 600;
+  // What the mark does to ancestors is not to make the steps of their descendants finer (pipeline/held_steps.hpp).
+  if (recipe_codec(*recipe) == std::string_view("context_gs") && !options.mark.hold_steps)
+    settings.mark.hold_steps_every = 50;
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone

@@ -61,6 +61,10 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
                  "0 to 1: how much of where the mark of a finished model is learned is chosen by what the message cost "
                  "there lately, so that hard places are seen more often (default: 0)")
       ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--hold-steps", options.hold_steps,
+                 "of a model for context_gs: every n-th iteration the codec's steps are held at what they are in the "
+                 "mean without a mark, or the file grows by more; 0: never (default: 50)")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -161,6 +165,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.fidelity) mark.fidelity = *options.fidelity;
   if (Result<Done> held = check_held(options, mark.fidelity); !held) return held.error();
   if (options.by_cost) mark.draw_by_cost = *options.by_cost;
+  if (options.hold_steps) mark.hold_steps_every = *options.hold_steps;
   if (options.fall) mark.fidelity_fall = *options.fall;
   mark.message_every = options.message_every;
   if (mark.between_every != 0) mark.between_every = options.message_every;

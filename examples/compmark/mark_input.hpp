@@ -29,20 +29,21 @@ struct MarkOptions {
   std::size_t bits = 0;  ///< 0: the key's
   std::filesystem::path key;
   std::filesystem::path decoder;
-  std::filesystem::path twin;      ///< unmarked model to compare with; may be empty
-  std::optional<double> weight;    ///< of the message; not set: the profile's
-  std::optional<double> margin;    ///< of the hinge, in logits
-  std::optional<double> power;     ///< of the hinge
-  std::optional<double> rate;      ///< at which the mark is learned; not set: that of the command
-  std::optional<double> fidelity;  ///< of the marked renders to the unmarked ones; not set: that of the command
-  std::optional<double> fall;      ///< power by which the fidelity falls with the distance from the photographs
-  std::optional<double> by_cost;   ///< share of the draw of cameras that follows what the message costs there
-  std::int64_t message_every = 1;  ///< cadence
-  bool for_compression = false;    ///< with the noise of quantization
+  std::filesystem::path twin;              ///< unmarked model to compare with; may be empty
+  std::optional<double> weight;            ///< of the message; not set: the profile's
+  std::optional<double> margin;            ///< of the hinge, in logits
+  std::optional<double> power;             ///< of the hinge
+  std::optional<double> rate;              ///< at which the mark is learned; not set: that of the command
+  std::optional<double> fidelity;          ///< of the marked renders to the unmarked ones; not set: that of the command
+  std::optional<double> fall;              ///< power by which the fidelity falls with the distance from the photographs
+  std::optional<double> by_cost;           ///< share of the draw of cameras that follows what the message costs there
+  std::optional<std::int64_t> hold_steps;  ///< cadence of MarkNumbers::hold_steps_every
+  std::int64_t message_every = 1;          ///< cadence
+  bool for_compression = false;            ///< with the noise of quantization
   /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || weight || margin || power || rate ||
-           fidelity || fall || by_cost || message_every != 1 || for_compression;
+           fidelity || fall || by_cost || hold_steps || message_every != 1 || for_compression;
   }
 };
 /// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,

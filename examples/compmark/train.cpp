@@ -401,12 +401,14 @@ Command add_train(CLI::App& app) {
       settings->blur_variance = recipes::antialiasing_blur_variance;
     if (options->mark.wanted()) {
       if (marks_afterwards(*options)) return train_then_mark(*options, *settings);
-      if (options->mark.by_cost) {
+      for (const auto& [given, name] : {std::pair(options->mark.by_cost.has_value(), "--draw-by-cost"),
+                                        std::pair(options->mark.hold_steps.has_value(), "--hold-steps")}) {
+        if (!given) continue;
         return fail({ErrorKind::unsupported,
                      {},
-                     "--draw-by-cost",
+                     name,
                      "is that of a mark in a finished model, and this one trains with the scene",
-                     "leave out one of --draw-by-cost and --decoder, or mark the finished model with compmark embed"});
+                     "leave it out, or --decoder, or mark the finished model with compmark embed"});
       }
       Result<MarkInput> mark = load_mark(options->mark, *settings);
       if (mark && coded) return train_coded(*options, *settings, &*mark);

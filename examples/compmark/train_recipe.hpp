@@ -174,6 +174,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
       Result<CodecEncoded> file = encode_codec(*coded, executor);
       if (!file) return fail(in_file(file.error(), options.model));
       host_file = std::move(file->model);
+      if (data.settings.mark.hold_steps_every > 0) leave_room_for_steps(*host_file);
     }
   }
 
@@ -242,10 +243,8 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     if constexpr (present<typename R::EntropyModel>) {
       Result<CodecModel> coded = coded_model(model, data.info);
       if (!coded) return coded.error();
-      if (host_file) {  // the steps that were trained with, and not those that suit the marked symbols a little better
-        coded->context = host_file->context;
-        coded->context_gs = host_file->context_gs;
-      }
+      // The steps that were trained with, and not those that suit the marked symbols a little better.
+      if (host_file) keep_context(*host_file, *coded);
       end.coded = std::move(*coded);
     }
     return Done{};

@@ -35,6 +35,7 @@ struct Settings {
   fs::path out, tool = "compmark";
   std::int64_t iterations = 10000;
   double rate_lambda = 0.004;
+  std::int64_t fit_codec = 0;  ///< above 0: the codec is fitted to a finished host, in so many iterations (fitted.hpp)
   int bits = 48;
   std::size_t threads = 0;
   fs::path lpips;                  ///< LPIPS-Alex weights; may be empty
@@ -59,7 +60,7 @@ struct Figures {
 struct Row {
   std::string scene, codec;
   std::array<Figures, 4> models;
-  double train_seconds = 0, fit_seconds = 0, mark_seconds = 0;
+  double train_seconds = 0, fit_seconds = 0, mark_seconds = 0;  ///< training with that of a codec fitted afterwards
 
   /// dB that the mark costs, before or after compression.
   [[nodiscard]] double lost(bool compressed) const {
@@ -96,14 +97,16 @@ struct Cell {
 
 /// What the folder was made with: another is another table.
 [[nodiscard]] inline nlohmann::ordered_json settings_json(const Cell& cell, const Settings& settings) {
-  return {{"schema", "compmark.fidelity-cell.4"},
-          {"scene", fs::weakly_canonical(cell.scene.folder).string()},
-          {"downscale", cell.scene.downscale},
-          {"codec", cell.codec},
-          {"lambda", settings.rate_lambda},
-          {"iterations", settings.iterations},
-          {"bits", settings.bits},
-          {"train", words_that_count(settings.extra)}};
+  nlohmann::ordered_json json = {{"schema", "compmark.fidelity-cell.4"},
+                                 {"scene", fs::weakly_canonical(cell.scene.folder).string()},
+                                 {"downscale", cell.scene.downscale},
+                                 {"codec", cell.codec},
+                                 {"lambda", settings.rate_lambda},
+                                 {"iterations", settings.iterations},
+                                 {"bits", settings.bits},
+                                 {"train", words_that_count(settings.extra)}};
+  if (settings.fit_codec > 0) json["fit_codec"] = settings.fit_codec;
+  return json;
 }
 
 /// Whether anything was trained there.
@@ -244,13 +247,17 @@ struct Cell {
       figures.p_value = model.at("p_value").get<double>();
       figures.worst_p_value = model.at("largest_view_p_value").get<double>();
     }
-    for (const auto& [name, field, seconds] : {std::tuple("results.json", "train_seconds", &row.mark_seconds),
-                                               std::tuple("unmarked/results.json", "train_seconds", &row.train_seconds),
-                                               std::tuple("decoder.json", "seconds", &row.fit_seconds)}) {
+    std::vector<std::tuple<std::string, const char*, double*>> timed = {
+        {"results.json", "train_seconds", &row.mark_seconds},
+        {"unmarked/results.json", "train_seconds", &row.train_seconds},
+        {"decoder.json", "seconds", &row.fit_seconds}};
+    if (settings.fit_codec > 0)
+      timed.emplace_back("../" + row.scene + "_host/results.json", "train_seconds", &row.train_seconds);
+    for (const auto& [name, field, seconds] : timed) {
       file = folder / name;
       const Result<nlohmann::json> json = compmark::read_json(file);
       if (!json) return json.error();
-      *seconds = json->at(field).get<double>();
+      *seconds += json->at(field).get<double>();
     }
   } catch (const nlohmann::json::exception& problem) {
     return malformed(problem.what());

@@ -9,11 +9,13 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "cell.hpp"
 #include "compmark/core/result.hpp"
+#include "fitted.hpp"
 #include "process.hpp"
 
 namespace fidelity {
@@ -40,11 +42,26 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
   const auto step = [&](const char* what, const std::vector<std::string>& command) {
     return run_step(program, cell.scene.name + ", " + cell.codec, what, command, folder);
   };
-  if (!is_trained(folder)) {
-    const Result<bool> trained = step("train", train_command(cell, settings));
-    if (!trained) return trained.error();
-    if (!*trained || stopped()) return std::optional<Row>();
+  const auto step_unless = [&](bool done, const char* what, const auto& command) -> Result<bool> {
+    if (done) return true;
+    const Result<bool> ended = step(what, command(cell, settings));
+    return ended && stopped() ? false : ended;
+  };
+  if (settings.fit_codec > 0 && !is_trained(folder)) {
+    const fs::path host = host_folder(cell, settings);
+    if (Result<Done> opened = open_folder(host, host_json(cell, settings)); !opened) return opened.error();
+    for (const auto& [done, what, command] :
+         {std::tuple(is_trained(host), "host", &plain_host_command),
+          std::tuple(is_trained(folder / "unmarked"), "fit-codec", &fit_codec_command)}) {
+      const Result<bool> ended = step_unless(done, what, command);
+      if (!ended) return ended.error();
+      if (!*ended) return std::optional<Row>();
+    }
   }
+  const Result<bool> marked = step_unless(is_trained(folder), settings.fit_codec > 0 ? "embed" : "train",
+                                          settings.fit_codec > 0 ? &embed_command : &train_command);
+  if (!marked) return marked.error();
+  if (!*marked) return std::optional<Row>();
   if (!is_measured(folder, settings)) {
     const Result<bool> measured = step("evaluate", evaluate_command(cell, settings));
     if (!measured) return measured.error();

@@ -131,6 +131,8 @@ inline void add_rows(Grid& grid, const Row& row) {
 [[nodiscard]] inline std::string settings_text(const Settings& settings) {
   std::string text = format_text("%lld iterations, λ = %g, %d bits", static_cast<long long>(settings.iterations),
                                  settings.rate_lambda, settings.bits);
+  if (settings.fit_codec > 0)
+    text += format_text(", the codec fitted afterwards in %lld", static_cast<long long>(settings.fit_codec));
   for (const std::string& word : words_that_count(settings.extra)) text += " " + word;
   return text + ". Every figure is a mean over the test views; after compression means read from the file.";
 }
@@ -149,6 +151,7 @@ inline void add_rows(Grid& grid, const Row& row) {
                                  {"bits", settings.bits},
                                  {"train", words_that_count(settings.extra)},
                                  {"rows", nlohmann::ordered_json::array()}};
+  if (settings.fit_codec > 0) json["fit_codec"] = settings.fit_codec;
   static constexpr std::array<const char*, 4> names = {"unmarked_before", "unmarked_after", "marked_before",
                                                        "marked_after"};
   for (const Row& row : rows) {

@@ -273,6 +273,7 @@
 #include "compmark/pipeline/coded_views.hpp"
 #include "compmark/pipeline/contributions.hpp"
 #include "compmark/pipeline/finished_host.hpp"
+#include "compmark/pipeline/held_steps.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/pipeline/model_info.hpp"

@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "colour_decoder.hpp"
 #include "directional.hpp"
 #include "short_training.hpp"
 #include "small_scene.hpp"
@@ -306,18 +307,7 @@ TEST_CASE("pipeline/watermark: a finished model is marked by training on from it
 
 namespace {
 
-/// Eight waves of colour, a bit a wave: what a surface keeps from wherever it is seen (mark/lattice_decoder.hpp).
-LatticeDecoder<float> colours() {
-  LatticeSettings settings;
-  settings.measure = LatticeMeasure::colour;
-  settings.bits = settings.features = 8;
-  settings.sigma = {0.5};
-  settings.stride = 1;
-  settings.gate = 0.02;
-  LatticeWeights<float> weights = random_lattice<float>(settings, std::vector<double>{0.1}, 3);
-  for (std::size_t b = 0; b < 8; ++b) weights.head[9 * b] = 1;
-  return {settings, weights};
-}
+using compmark::testing::colours;
 using ColourMarked = recipes::Marked<Host, LatticeDecoder<float>>;
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "fidelity/cell.hpp"
+#include "fidelity/fitted.hpp"
 #include "fidelity/process.hpp"
 #include "fidelity/table.hpp"
 #include "tool/running.hpp"
@@ -193,6 +194,53 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   CHECK(run("--data " + at("scenes/empty") + " --out " + at("nothing")).code == 2);
   CHECK(run("--data " + at("scenes/one@half") + " --out " + at("nothing")).code == 2);
   CHECK_FALSE(fs::exists(at("nothing")));
+}
+
+TEST_CASE("fidelity: words go to the command of a fitted cell that takes them") {
+  const DividedWords words = divide({"--voxel-size", "0.2", "--fidelity", "50", "--seed=3", "--mark-iterations=100",
+                                     "--message-rate", "0.01", "--checkpoint-every", "9", "--effects", "none"});
+  using Words = std::vector<std::string>;
+  CHECK(words.host == Words{"--voxel-size", "0.2", "--seed=3", "--checkpoint-every", "9", "--effects", "none"});
+  CHECK(words.codec == Words{"--seed=3", "--checkpoint-every", "9"});
+  CHECK(words.mark ==
+        Words{"--fidelity", "50", "--seed=3", "--iterations=100", "--message-rate", "0.01", "--checkpoint-every", "9"});
+  CHECK(divide({"--mark-iterations"}).mark == Words{"--iterations"});  // which embed refuses
+}
+
+TEST_CASE("fidelity: both codecs are fitted to one host, which stays what it was") {
+  const ScratchFolder scratch("compmark-fidelity-fitted-test");
+  const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
+  done("scene --out " + at("one") + " --width 64 --height 64 --train 12 --test 3");
+  const std::string command = "--data " + at("one") + " --out " + at("run") +
+                              " --bits 16 --mark-iterations 60 --message-rate 0.01 --fidelity 50 --voxel-size 0.2 "
+                              "--iterations 150 --fit-codec ";
+  const auto run = [](const std::string& arguments) { return run_tool(COMPMARK_REPRODUCE_FIDELITY, arguments); };
+  const Outcome outcome = run(command + "100");
+  INFO(outcome.text);
+  REQUIRE(outcome.code == 0);
+  CHECK(times_in(outcome.text, ": host") == 1);
+  CHECK(times_in(outcome.text, ": fit-codec") == 2);
+  CHECK(times_in(outcome.text, ": embed") == 2);
+  const nlohmann::json table = json_of(at("run/fidelity.json"));
+  CHECK(table["fit_codec"] == 100);
+  REQUIRE(table["rows"].size() == 2);
+  const double host = json_of(at("run/one_host/results.json"))["train_seconds"].get<double>();
+  for (const nlohmann::json& row : table["rows"]) {
+    const std::string folder = "run/one_" + row["codec"].get<std::string>();
+    CHECK(json_of(at(folder + "/unmarked/results.json"))["recipe"].get<std::string>().find("+fitted") !=
+          std::string::npos);
+    CHECK(row["marked_after"]["bytes"] == json_of(at(folder + "/results.json"))["compressed"]["bytes"]);
+    CHECK(row["marked_after"]["bit_accuracy"]["mean"].get<double>() >
+          row["unmarked_after"]["bit_accuracy"]["mean"].get<double>());
+    CHECK(row["seconds"]["train"].get<double>() > host);
+  }
+  const fs::file_time_type trained = fs::last_write_time(at("run/one_host/model.safetensors"));
+  fs::remove(at("run/one_hac/results.json"));  // as if its embedding had been stopped at the end
+  CHECK(run(command + "100").code == 0);
+  CHECK(fs::last_write_time(at("run/one_host/model.safetensors")) == trained);
+  CHECK(run(command + "120").code == 1);  // another table
+  CHECK(run(command + "0").code == 1);
+  CHECK(run(command + "-1").code == 2);
 }
 
 TEST_CASE("fidelity: who stops it stops the training too, which writes its checkpoint first") {

@@ -500,6 +500,10 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   // Before the host is trained, not after.
   check_refused(tool(common + " --key " + setting().key + " --fidelity 0 --draw-by-cost 1"),
                 {"--draw-by-cost", "held to its host"});
+  check_refused(tool(common + " --key " + setting().key + " --codec hac --hold-steps 50"),
+                {"--hold-steps", "context_gs"});
+  check_refused(tool(common + setting().mark() + " --codec context_gs --fidelity 3000 --hold-steps 50"),
+                {"--hold-steps", "finished model"});
   CHECK_FALSE(fs::exists(at("none/unmarked")));
   check_refused(tool("train --profile paper --iterations 20 --data " + setting().scene + " --out " + at("none") +
                      setting().mark() + " --message-power 2"),

@@ -75,17 +75,13 @@ class IntegerNetwork {
         return fail("a layer's weights, biases or shifts are incomplete");
       }
     }
-    const std::vector<std::int64_t> most_input(inputs, most);
-    std::vector<std::int64_t> most_hidden(hidden.outputs);
+    const std::vector<std::int64_t> most_of_units = most_hidden(most);
     for (std::size_t row = 0; row < hidden.outputs; ++row) {
-      const std::int64_t sum = most_sum(hidden, row, most_input);
-      if (sum < 0 || hidden.shift[row] < 0 || hidden.shift[row] > 31) {
+      if (most_of_units[row] < 0 || hidden.shift[row] < 0 || hidden.shift[row] > 31)
         return fail("row " + std::to_string(row) + " of the first layer could overflow");
-      }
-      most_hidden[row] = std::min<std::int64_t>(round_shift(sum, hidden.shift[row]), greatest_hidden);
     }
     for (std::size_t row = 0; row < output.outputs; ++row) {
-      if (most_sum(output, row, most_hidden) < 0 || output.shift[row] < -24 || output.shift[row] > 31) {
+      if (most_sum(output, row, most_of_units) < 0 || output.shift[row] < -24 || output.shift[row] > 31) {
         return fail("row " + std::to_string(row) + " of the second layer could overflow");
       }
     }
@@ -102,6 +98,18 @@ class IntegerNetwork {
       sum += std::abs(weight) * most[i];
     }
     return sum <= std::numeric_limits<std::int32_t>::max() ? sum : -1;
+  }
+
+  /// Largest value of each hidden unit, for inputs up to `most`; -1 where a sum does not fit 32 bits.
+  [[nodiscard]] std::vector<std::int64_t> most_hidden(std::int64_t most) const {
+    const std::vector<std::int64_t> most_input(hidden.inputs, most);
+    std::vector<std::int64_t> units(hidden.outputs);
+    for (std::size_t row = 0; row < hidden.outputs; ++row) {
+      const std::int64_t sum = most_sum(hidden, row, most_input);
+      const int shift = std::clamp<int>(hidden.shift[row], 0, 31);
+      units[row] = sum < 0 ? -1 : std::min<std::int64_t>(round_shift(sum, shift), greatest_hidden);
+    }
+    return units;
   }
 
   /// Scratch of one worker.

@@ -7,7 +7,10 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -80,6 +83,46 @@ template <Recipe R>
     }
   }
   return Done{};
+}
+
+/// Halves the weights of the outputs that choose the steps of a ContextGS file wherever their sums could come to more than half of what 32 bits hold, so
+/// that training has room to move their biases (pipeline/held_steps.hpp). Before adopt_networks. They keep 11 bits; a step of a hundred may differ by a
+/// sixteenth of an octave from the file's.
+inline void leave_room_for_steps(CodecModel& file) {
+  if (!file.context_gs) return;
+  for (IntegerNetwork& network : file.context_gs->network) {
+    IntegerLayer& layer = network.output;
+    const std::vector<std::int64_t> most = network.most_hidden(IntegerContextGs::most_input);
+    for (int group = 0; group < 3; ++group) {
+      const std::size_t row = file.context_gs->heads.r_row(group);
+      if (IntegerNetwork::most_sum(layer, row, most) <= std::int64_t{1} << 30) continue;
+      const auto halved = [](auto value) { return static_cast<decltype(value)>(std::nearbyint(0.5 * value)); };
+      for (std::size_t i = row * layer.inputs; i < (row + 1) * layer.inputs; ++i)
+        layer.weight[i] = halved(layer.weight[i]);
+      layer.bias[row] = halved(layer.bias[row]);
+      layer.shift[row] = static_cast<std::int8_t>(layer.shift[row] - 1);
+    }
+  }
+}
+
+/// Gives what a trained model is coded from the very context of `file`, whose networks it adopted, but for the biases of the steps where training has
+/// moved them.
+inline void keep_context(const CodecModel& file, CodecModel& coded) {
+  coded.context = file.context;
+  coded.context_gs = file.context_gs;
+  const std::optional<TrainedContextGs>& trained = coded.trained_gs;
+  if (!trained || !coded.context_gs) return;
+  for (std::size_t level = 0; level < IntegerContextGs::levels; ++level) {
+    IntegerLayer& layer = coded.context_gs->network[level].output;
+    for (int group = 0; group < 3; ++group) {
+      const std::size_t row = coded.context_gs->heads.r_row(group);
+      const int exponent = layer.shift[row] + IntegerNetwork::r_bits;
+      const float now = trained->network[level].bias2[row];
+      // A float does not hold the last bits of a bias above 2^24: those that did not move stay as they are.
+      if (now == static_cast<float>(std::ldexp(static_cast<double>(layer.bias[row]), -exponent))) continue;
+      layer.bias[row] = static_cast<std::int32_t>(std::llround(std::ldexp(static_cast<double>(now), exponent)));
+    }
+  }
 }
 
 }  // namespace compmark::inline v0

@@ -91,6 +91,11 @@ template <class State, class Json = nlohmann::json>
       writer.template add_values<double>("mark.view_costs", {static_cast<std::int64_t>(costs.size())}, costs);
     }
   }
+  if constexpr (requires { state.steps.wanted; }) {
+    if (settings.mark.hold_steps_every > 0 && !state.steps.wanted.empty())
+      writer.template add_values<double>("mark.held_steps", {static_cast<std::int64_t>(state.steps.wanted.size())},
+                                         state.steps.wanted);
+  }
   return writer.write(path);
 }
 
@@ -268,6 +273,15 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
       fill("mark.view_costs", costs);
       if (result && !std::all_of(costs.begin(), costs.end(), [](double cost) { return std::isfinite(cost); }))
         result = detail::other_run(*file, "mark.view_costs", "holds a number that is none");
+    }
+  }
+  if constexpr (requires { state.steps.wanted; }) {
+    if (settings.mark.hold_steps_every > 0 && state.iteration > 0) {
+      std::vector<double>& wanted = state.steps.wanted;
+      wanted.resize(HeldSteps::levels * HeldSteps::groups);
+      fill("mark.held_steps", wanted);
+      if (result && !std::all_of(wanted.begin(), wanted.end(), [](double mean) { return std::isfinite(mean); }))
+        result = detail::other_run(*file, "mark.held_steps", "holds a number that is none");
     }
   }
   if (!result) return result.error();

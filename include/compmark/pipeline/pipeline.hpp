@@ -271,6 +271,7 @@ class Pipeline {
   [[nodiscard]] const auto& marks() const { return marks_; }
   /// Embedder, distortion layer and entropy model. Only recipes with one of them have it.
   [[nodiscard]] auto& road() { return road_; }
+  [[nodiscard]] const auto& road() const { return road_; }
   [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
     return typename R::Rasterizer{typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane),
                                                                    static_cast<Scalar>(render.blur_variance)}};

@@ -52,6 +52,9 @@ struct MarkNumbers {
   double fidelity_fall = 0;
   /// Of a finished host: how much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the views alone) to 1.
   double draw_by_cost = 0;
+  /// Of a finished host whose context reads ancestors (ContextGS): every n-th iteration its steps are held at what they are in the mean without a mark
+  /// (pipeline/held_steps.hpp); 0: never. Does not scale.
+  std::int64_t hold_steps_every = 0;
   double lambda_hsv = 0.6;
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;

@@ -66,6 +66,7 @@ template <class Json = nlohmann::json>
     if (m.fidelity != 0) mark["fidelity"] = m.fidelity;  // checkpoints are older than this number
     if (m.fidelity_fall != 0) mark["fidelity_fall"] = m.fidelity_fall;
     if (m.draw_by_cost != 0) mark["draw_by_cost"] = m.draw_by_cost;
+    if (m.hold_steps_every != 0) mark["hold_steps_every"] = m.hold_steps_every;
     mark["lambda_hsv"] = m.lambda_hsv;
     mark["hsv_after"] = m.hsv_after;
     mark["lambda_frequency"] = m.lambda_frequency;

@@ -23,6 +23,7 @@
 #include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/pipeline/drawn_reading.hpp"
+#include "compmark/pipeline/held_steps.hpp"
 #include "compmark/pipeline/learning_rates.hpp"
 #include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/model.hpp"
@@ -55,6 +56,7 @@ class Trainer {
     /// Of readings beside a finished host, if cameras are drawn by them.
     [[no_unique_address]] std::conditional_t<DrawnReading<R>::can_stand_beside, ViewCosts, detail::Nothing<ViewCosts>>
         costs;
+    [[no_unique_address]] std::conditional_t<reads_marked_ancestors<R>, HeldSteps, detail::Nothing<HeldSteps>> steps;
   };
 
   /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (method sheet, section 3.2).
@@ -301,6 +303,7 @@ class Trainer {
     const double share = settings_.mark.draw_by_cost;
     report.view = drawn_.roomy_view(views, settings_.seed, report.iteration, state_.costs, share);
     noise(report.iteration);
+    if constexpr (reads_marked_ancestors<R>) hold_steps(report.iteration);
     report.forward = learn_residual(views, rate, report);
     if (share > 0) state_.costs.add(report.view, views.size(), drawn_.report().message);
     report.loss.total = drawn_.report().total;
@@ -309,9 +312,18 @@ class Trainer {
     return report;
   }
 
+  void hold_steps(std::int64_t t) requires(reads_marked_ancestors<R>) {
+    const std::int64_t every = settings_.mark.hold_steps_every;
+    if (every <= 0 || (t - 1) % every != 0 || !context_.road.rate.phase.context) return;
+    const RateNumbers& rate = settings_.rate;
+    state_.steps.hold(pipeline_, context_.road.rate.phase, {rate.feature_step, rate.scaling_step, rate.offset_step},
+                      state_.model, context_, *executor_);
+  }
+
   void start(std::size_t rows) {
     state_.iteration = 0;
     state_.costs = {};
+    state_.steps = {};
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
     growth_.prepare(rows, state_.growth);
   }

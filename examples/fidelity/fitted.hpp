@@ -1,0 +1,108 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The other road to a cell: a host that is trained without a codec, one a scene; the codec is fitted to it afterwards, and the mark hidden in what
+// the codec's file says. The host stays the model that its owner has; both codecs, and every lambda, are of the same one.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cell.hpp"
+
+namespace fidelity {
+
+/// Words for `compmark train` by who takes them on this road: some both do.
+struct DividedWords {
+  std::vector<std::string> host;   ///< for compmark train
+  std::vector<std::string> codec;  ///< for compmark fit-codec
+  std::vector<std::string> mark;   ///< for compmark embed
+};
+
+/// Names of options that are the mark's alone; each takes a value.
+inline constexpr std::array<std::string_view, 10> mark_option_names = {
+    "--fidelity",       "--fidelity-fall", "--draw-by-cost", "--hold-steps",    "--message-weight",
+    "--message-margin", "--message-power", "--message-rate", "--message-every", "--mark-iterations"};
+
+[[nodiscard]] inline DividedWords divide(const std::vector<std::string>& words) {
+  DividedWords divided;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    const std::size_t equals = words[i].find('=');
+    const std::string name = words[i].substr(0, equals);
+    const bool of_mark = std::find(mark_option_names.begin(), mark_option_names.end(), name) != mark_option_names.end();
+    const bool of_all = name == "--seed" || name == "--checkpoint-every";
+    std::vector<std::string> taken = {words[i]};
+    if ((of_mark || of_all) && equals == std::string::npos && i + 1 < words.size()) taken.push_back(words[++i]);
+    if (name == "--mark-iterations") taken[0].erase(2, std::string_view("mark-").size());  // as embed has it
+    const auto give = [&](std::vector<std::string>& to) { to.insert(to.end(), taken.begin(), taken.end()); };
+    if (of_mark || of_all) give(divided.mark);
+    if (!of_mark) give(divided.host);
+    if (of_all) give(divided.codec);
+  }
+  return divided;
+}
+
+[[nodiscard]] inline fs::path host_folder(const Cell& cell, const Settings& settings) {
+  return settings.out / (cell.scene.name + "_host");
+}
+/// What the host was made with.
+[[nodiscard]] inline nlohmann::ordered_json host_json(const Cell& cell, const Settings& settings) {
+  return {{"schema", "compmark.fidelity-host.1"},
+          {"scene", fs::weakly_canonical(cell.scene.folder).string()},
+          {"downscale", cell.scene.downscale},
+          {"iterations", settings.iterations},
+          {"train", words_that_count(divide(settings.extra).host)}};
+}
+
+namespace detail {
+/// What all three commands are told alike.
+[[nodiscard]] inline std::vector<std::string> common_words(const char* command, const Cell& cell,
+                                                           const Settings& settings, const fs::path& out) {
+  return {settings.tool.string(),
+          command,
+          "--data",
+          cell.scene.folder.string(),
+          "--downscale",
+          number_text(cell.scene.downscale),
+          "--threads",
+          std::to_string(settings.threads),
+          "--out",
+          out.string(),
+          "--resume"};
+}
+inline void add(std::vector<std::string>& words, const std::vector<std::string>& more) {
+  words.insert(words.end(), more.begin(), more.end());
+}
+}  // namespace detail
+
+[[nodiscard]] inline std::vector<std::string> plain_host_command(const Cell& cell, const Settings& settings) {
+  std::vector<std::string> words = detail::common_words("train", cell, settings, host_folder(cell, settings));
+  detail::add(words, {"--iterations", std::to_string(settings.iterations)});
+  detail::add(words, divide(settings.extra).host);
+  return words;
+}
+[[nodiscard]] inline std::vector<std::string> fit_codec_command(const Cell& cell, const Settings& settings) {
+  std::vector<std::string> words =
+      detail::common_words("fit-codec", cell, settings, cell.folder(settings) / "unmarked");
+  detail::add(words,
+              {"--model", (host_folder(cell, settings) / "model.safetensors").string(), "--codec", cell.codec,
+               "--lambda", number_text(settings.rate_lambda), "--iterations", std::to_string(settings.fit_codec)});
+  detail::add(words, divide(settings.extra).codec);
+  return words;
+}
+[[nodiscard]] inline std::vector<std::string> embed_command(const Cell& cell, const Settings& settings) {
+  const fs::path folder = cell.folder(settings);
+  std::vector<std::string> words = detail::common_words("embed", cell, settings, folder);
+  detail::add(words, {"--model", (folder / model_files[unmarked]).string(), "--bits", std::to_string(settings.bits),
+                      "--key", settings.key().string()});
+  detail::add(words, divide(settings.extra).mark);
+  return words;
+}
+
+}  // namespace fidelity

@@ -1,0 +1,109 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The steps of a model whose context reads ancestors (ContextGS), while a message is hidden in their features. The network that chooses an anchor's
+// steps has not seen marked ancestors, and takes what the mark does to them for detail: on the cup its steps shrink by half an octave at level 1 and
+// a quarter at level 0, of which come five of the seven percent that a marked file is larger (docs/watermark.md). So the biases of these
+// outputs are moved now and then until the steps of each level are in the mean (of their logarithms) what they are without a mark.
+// Cost: a pass of the context over all anchors, 1 us an anchor and core, every MarkNumbers::hold_steps_every-th iteration.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/entropy/rate.hpp"
+#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/pipeline.hpp"
+
+namespace compmark::inline v0 {
+
+/// For recipes whose entropy model reads ancestors, beside an Embedder.
+template <class R>
+inline constexpr bool reads_marked_ancestors = [] {
+  if constexpr (present<typename R::EntropyModel> && present<typename R::Embedder>) {
+    return requires(typename R::EntropyModel::Context context) { context.all_features; };
+  } else {
+    return false;
+  }
+}();
+
+class HeldSteps {
+ public:
+  static constexpr std::size_t levels = 3, groups = 3;
+  /// Means of ln q: of group g at level l the (3 l + g)-th. Empty before the first look. State of a run.
+  std::vector<double> wanted;
+
+  /// Moves the biases by what `model`'s steps, as `phase` has them, depart from the wanted ones; the first call looks at what they are without a mark
+  /// instead. `context` is for scratch.
+  template <Recipe R, Executor E>
+  void hold(const Pipeline<R>& pipeline, const RatePhase& phase, const std::array<double, 3>& base_step,
+            Model<R>& model, typename Pipeline<R>::Context& context, E& executor) requires(reads_marked_ancestors<R>) {
+    using Scalar = typename R::Scalar;
+    if (wanted.empty()) {
+      const Means means = look(pipeline, phase, base_step, false, model, context, executor);
+      wanted.assign(means.log_step.begin(), means.log_step.end());
+      return;
+    }
+    const Means means = look(pipeline, phase, base_step, true, model, context, executor);
+    for (std::size_t level = 0; level < levels; ++level) {
+      const MatrixView<Scalar> bias = model.arena.values(model.road.rate.network[level].bias2);
+      for (std::size_t group = 0; group < groups; ++group) {
+        const std::size_t at = groups * level + group;
+        if (!(means.slope[at] > 0) || !std::isfinite(means.log_step[at])) continue;
+        // In units that a file's bias holds exactly: what is trained is what is coded.
+        const double most = 0.125, move = std::clamp((wanted[at] - means.log_step[at]) / means.slope[at], -most, most);
+        bias.data[bias.size() - groups + group] += static_cast<Scalar>(std::nearbyint(move * 0x1p12) * 0x1p-12);
+      }
+    }
+  }
+
+ private:
+  struct Means {
+    std::array<double, levels * groups> log_step{}, slope{};  ///< of ln q by the network's output r
+  };
+  template <Recipe R, Executor E>
+  [[nodiscard]] static Means look(const Pipeline<R>& pipeline, RatePhase phase, const std::array<double, 3>& base_step,
+                                  bool marked, const Model<R>& model, typename Pipeline<R>::Context& context,
+                                  E& executor) {
+    phase.counts = false;
+    auto& road = context.road;
+    const auto before = road.rate.phase;
+    const bool embedded = road.embeds;
+    road.rate.phase = phase;
+    road.embeds = marked;
+    context.visible.resize(model.anchor_count());
+    for (std::size_t i = 0; i < context.visible.size(); ++i) context.visible[i] = static_cast<std::uint32_t>(i);
+    auto columns = pipeline.road().before_culling(model.arena, model.anchors, model.road, road, executor);
+    static_cast<void>(
+        pipeline.road().forward(model.arena, model.road, context.visible.span(), columns, road, executor));
+    road.rate.phase = before;
+    road.embeds = embedded;
+    const auto& plan = road.rate.context.plan;
+    Means means;
+    for (std::size_t level = 0; level < levels; ++level) {
+      const auto& section = plan.light[level];
+      if (section.count == 0) continue;
+      for (std::size_t group = 0; group < groups; ++group) {
+        double log_step = 0, slope = 0;
+        for (std::size_t e = section.first; e < section.first + section.count; ++e) {
+          const double q = static_cast<double>(road.rate.context.step[groups * e + group]) / base_step[group];
+          log_step += std::log(q);
+          slope += 2 - q;  // d ln q / d r = 2 sigmoid(-2 r)
+        }
+        means.log_step[groups * level + group] = log_step / static_cast<double>(section.count);
+        means.slope[groups * level + group] = slope / static_cast<double>(section.count);
+      }
+    }
+    return means;
+  }
+};
+
+}  // namespace compmark::inline v0
