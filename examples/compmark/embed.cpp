@@ -183,7 +183,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark.md).
   if (coded && !options.mark.fidelity) settings.mark.fidelity = fitted ? 2000 : 600;
   // What the mark does to ancestors is not to make the steps of their descendants finer (pipeline/held_steps.hpp).
-  if (recipe_codec(*recipe) == std::string_view("context_gs") && !options.mark.hold_steps)
+  if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != "none" && !options.mark.hold_steps)
     settings.mark.hold_steps_every = 50;
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());

@@ -47,7 +47,7 @@ struct MarkOptions {
   }
 };
 /// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,
-/// --draw-by-cost, --message-every, --for-compression
+/// --draw-by-cost, --hold-steps, --message-every, --for-compression
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
 
 /// That what is said of holding a mark to its host is said of one that is held, with this `fidelity`.

@@ -184,10 +184,18 @@ void leave_out_unmarked(TrainOptions& options) {
   options.notes.push_back("recipe " + recipe);
 }
 
-/// From the recipe that the effects call for to the one that trains for the codec; effects that it lacks are left out with a note.
+/// From the recipe that the effects call for to the one that trains for the codec, or that one can be fitted to; effects that it lacks are left out
+/// with a note.
 Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   const bool coded = is_coded_recipe(options.recipe);
-  if (options.codec == "none" && !coded) return Done{};
+  if (options.codec == "none" && !coded && !options.for_fit_codec) return Done{};
+  if (options.for_fit_codec && (coded || options.codec != "none")) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--for-fit-codec",
+                 "is of a model without a codec, and this one is trained for one",
+                 "leave out one of the two"};
+  }
   if (coded) {
     if (options.recipe.find("+fitted") != std::string::npos) {
       return Error{ErrorKind::invalid,
@@ -209,15 +217,19 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   if (recipe_given || options.recipe.rfind("scaffold", 0) != 0) {
     return Error{ErrorKind::invalid,
                  {},
-                 "--codec",
-                 "\"" + options.codec + "\" has recipes of its own, but the recipe is " + options.recipe,
+                 options.for_fit_codec ? "--for-fit-codec" : "--codec",
+                 (options.for_fit_codec ? "" : "\"" + options.codec + "\" ") +
+                     "has recipes of its own, but the recipe is " + options.recipe,
                  "leave out --recipe and --profile"};
   }
   const auto names = [&](const char* part) { return options.recipe.find(part) != std::string::npos; };
   // Masks before exposure: what a lens left empty must not count.
   const bool alpha = names("+alpha"), mask = !alpha && names("mask"),
              exposure = !alpha && !mask && names("+exposure") && exposes(options);
-  options.recipe = options.codec + (alpha ? "+alpha" : exposure ? "+exposure" : mask ? "+mask" : "");
+  options.recipe = (options.for_fit_codec ? "scaffold" : options.codec) + (alpha      ? "+alpha"
+                                                                           : exposure ? "+exposure"
+                                                                           : mask     ? "+mask"
+                                                                                      : "");
   for (const auto& [effect, kept] :
        {std::pair{"alpha", alpha}, std::pair{"masks", mask}, std::pair{"exposure", exposure},
         std::pair{"anti_aliasing", false}, std::pair{"far_field", false}}) {
@@ -310,6 +322,8 @@ Command add_train(CLI::App& app) {
   app.add_option("--codec", options->codec, "train for a small file: none, hac or context_gs; writes model.cmk too")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "hac", "context_gs"}));
+  app.add_flag("--for-fit-codec", options->for_fit_codec,
+               "leave out effects that a codec which is fitted afterwards (compmark fit-codec) does not know");
   app.add_option("--lambda", options->rate_lambda,
                  "with a codec: loss of one bit more a scalar; 0.0005 for quality to 0.004 for size")
       ->capture_default_str()

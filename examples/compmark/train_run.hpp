@@ -56,6 +56,7 @@ struct TrainOptions {
   std::filesystem::path model;       ///< the finished model that embed marks, or that fit-codec compresses
   std::int64_t mark_iterations = 0;  ///< of a mark that is hidden after the training; 0: what suits the recipe
   std::string codec = "none";        ///< that the model is trained for
+  bool for_fit_codec = false;        ///< without effects that fit-codec does not know
   double rate_lambda = 0.001;        ///< loss of one bit more a scalar
 };
 

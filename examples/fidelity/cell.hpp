@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // One cell of the fidelity table, a scene with a codec: its commands, and what their files say. One training makes all four models of it: the
-// unmarked one, its compressed file, the marked one, and its compressed file.
+// unmarked one, its compressed file, the marked one, and its compressed file (or three commands do: fitted.hpp).
 #pragma once
 
 #include <algorithm>
@@ -18,6 +18,7 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/json_file.hpp"
+#include "words.hpp"
 
 namespace fidelity {
 
@@ -82,19 +83,6 @@ struct Cell {
 
 [[nodiscard]] inline std::string number_text(double value) { return nlohmann::json(value).dump(); }
 
-/// The words for `compmark train` but for those that make no other results: when a checkpoint is written and how many images are kept.
-[[nodiscard]] inline std::vector<std::string> words_that_count(const std::vector<std::string>& words) {
-  std::vector<std::string> count;
-  bool value_of_none = false;
-  for (const std::string& word : words) {
-    const std::string name = word.substr(0, word.find('='));
-    const bool none = name == "--checkpoint-every" || name == "--memory-budget";
-    if (!none && !value_of_none) count.push_back(word);
-    value_of_none = none && name == word;
-  }
-  return count;
-}
-
 /// What the folder was made with: another is another table.
 [[nodiscard]] inline nlohmann::ordered_json settings_json(const Cell& cell, const Settings& settings) {
   nlohmann::ordered_json json = {{"schema", "compmark.fidelity-cell.4"},
@@ -106,6 +94,7 @@ struct Cell {
                                  {"bits", settings.bits},
                                  {"train", words_that_count(settings.extra)}};
   if (settings.fit_codec > 0) json["fit_codec"] = settings.fit_codec;
+  if (cell.codec == "context_gs") json["steps"] = "held";  // by default; before, they were not
   return json;
 }
 
@@ -169,7 +158,8 @@ struct Cell {
                                     folder.string(),
                                     "--resume"};
   words.insert(words.end(), more.begin(), more.end());
-  words.insert(words.end(), settings.extra.begin(), settings.extra.end());
+  const std::vector<std::string> own = words_for(cell.codec, settings.extra);
+  words.insert(words.end(), own.begin(), own.end());
   return words;
 }
 /// The same with a mark.

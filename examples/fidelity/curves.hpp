@@ -31,6 +31,7 @@ namespace fidelity {
   nlohmann::ordered_json json = settings_json(cell, settings);
   json["schema"] = "compmark.rate-distortion-cell.1";
   json.erase("bits");
+  json.erase("steps");
   return json;
 }
 

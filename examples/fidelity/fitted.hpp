@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The other road to a cell: a host that is trained without a codec, one a scene; the codec is fitted to it afterwards, and the mark hidden in what
-// the codec's file says. The host stays the model that its owner has; both codecs, and every lambda, are of the same one.
+// the codec's file says. The host stays the model that its owner has, and both codecs are of the same one. Its folder, SCENE_host, is that of no cell:
+// two commands into one --out at a time would both train it.
 #pragma once
 
 #include <algorithm>
@@ -83,7 +84,7 @@ inline void add(std::vector<std::string>& words, const std::vector<std::string>&
 
 [[nodiscard]] inline std::vector<std::string> plain_host_command(const Cell& cell, const Settings& settings) {
   std::vector<std::string> words = detail::common_words("train", cell, settings, host_folder(cell, settings));
-  detail::add(words, {"--iterations", std::to_string(settings.iterations)});
+  detail::add(words, {"--for-fit-codec", "--iterations", std::to_string(settings.iterations)});
   detail::add(words, divide(settings.extra).host);
   return words;
 }
@@ -101,7 +102,7 @@ inline void add(std::vector<std::string>& words, const std::vector<std::string>&
   std::vector<std::string> words = detail::common_words("embed", cell, settings, folder);
   detail::add(words, {"--model", (folder / model_files[unmarked]).string(), "--bits", std::to_string(settings.bits),
                       "--key", settings.key().string()});
-  detail::add(words, divide(settings.extra).mark);
+  detail::add(words, divide(words_for(cell.codec, settings.extra)).mark);
   return words;
 }
 

@@ -93,7 +93,17 @@ TEST_CASE("pipeline/held_steps: a mark moves the steps of a file, and held they 
     REQUIRE(coded.ok());
     return encoded(*coded);
   }();
+  const std::array<double, 9> of_file = steps_of(file);
   leave_room_for_steps(file);
+  CHECK(largest(steps_of(file), of_file) < 0.02);  // a weight has lost its last bit at most
+  for (const IntegerNetwork& network : file.context_gs->network) {
+    const std::vector<std::int64_t> most = network.most_hidden(IntegerContextGs::most_input);
+    for (int group = 0; group < 3; ++group) {
+      const std::int64_t sum = IntegerNetwork::most_sum(network.output, file.context_gs->heads.r_row(group), most);
+      CHECK(sum > 0);
+      CHECK(sum <= (std::int64_t{1} << 30) + 200);  // and what rounding a hundred halves adds
+    }
+  }
   REQUIRE(adopt_networks(file, host).ok());
   const auto file_of = [&](const Model<MarkedSteps>& model) {
     Result<CodecModel> coded = coded_model(baked_host(model), info);
@@ -189,6 +199,18 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
   }
   CHECK(others == 0);
 
+  // Whatever the cadence of reading: the first reading looks, and later ones hold.
+  for (const std::int64_t every : {2, 3, 5}) {
+    TrainSettings seldom = settings;
+    seldom.mark.between_every = every;
+    CAPTURE(every);
+    CHECK(biases(straight(2, seldom)) != biases(roomy));
+  }
+  // Without rounding or noise there are no steps: nothing is held, and what is stopped goes on.
+  TrainSettings none = settings;
+  none.rate.noise_after = none.rate.context_after = none.rate.round_after = 60000;
+  CHECK(biases(straight(2, none)) == biases(roomy));
+
   ThreadExecutor executor(2);
   auto stopped = begun(executor, settings);
   while (stopped.state().iteration < 13) REQUIRE(stopped.step(views).ok());
@@ -213,7 +235,8 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
     const auto found = read_back(std::move(wanted));
     return !found.ok() && found.error().field == "mark.held_steps";
   };
-  CHECK(refused({}));
+  CHECK_FALSE(refused({}));  // not looked yet
+  CHECK(read_back({})->state.steps.wanted.empty());
   CHECK(refused({1, 2, 3}));
   CHECK(refused(std::vector<double>(9, std::numeric_limits<double>::quiet_NaN())));
 }

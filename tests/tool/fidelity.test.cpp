@@ -205,6 +205,10 @@ TEST_CASE("fidelity: words go to the command of a fitted cell that takes them") 
   CHECK(words.mark ==
         Words{"--fidelity", "50", "--seed=3", "--iterations=100", "--message-rate", "0.01", "--checkpoint-every", "9"});
   CHECK(divide({"--mark-iterations"}).mark == Words{"--iterations"});  // which embed refuses
+  // HAC has no ancestors, and embed would refuse to hold its steps.
+  const Words held = {"--hold-steps", "9", "--hold-steps=8", "--fidelity", "50"};
+  CHECK(words_for("hac", held) == Words{"--fidelity", "50"});
+  CHECK(words_for("context_gs", held) == held);
 }
 
 TEST_CASE("fidelity: both codecs are fitted to one host, which stays what it was") {

@@ -119,6 +119,28 @@ TEST_CASE("tool: fit-codec takes the loss on alpha as one of training alone") {
   CHECK(json_of(at("alpha_fitted/results.json"))["recipe"] == "hac+fitted");
 }
 
+TEST_CASE("tool: a model for fit-codec is trained without the effects that it does not know") {
+  static_cast<void>(plain());
+  const std::string train = "train --voxel-size 0.2 --iterations 20 --data " + at("scene") + " --out ";
+  const testing::Outcome filtered = tool(train + at("filtered") + " --effects anti_aliasing --for-fit-codec");
+  INFO(filtered.text);
+  REQUIRE(filtered.code == 0);
+  CHECK(filtered.text.find("anti_aliasing is left out") != std::string::npos);
+  CHECK(json_of(at("filtered/results.json"))["recipe"] == "scaffold");
+  done("fit-codec --model " + at("filtered/model.safetensors") + " --data " + at("scene") + " --iterations 20 --out " +
+       at("filtered_fitted"));
+  // Those that it knows stay; and without the word the others do, which is what it refuses.
+  done(train + at("exposed_for_codec") + " --effects exposure --for-fit-codec");
+  CHECK(json_of(at("exposed_for_codec/results.json"))["recipe"] == "scaffold+exposure");
+  done(train + at("unfiltered") + " --effects anti_aliasing");
+  check_refused(tool("fit-codec --model " + at("unfiltered/model.safetensors") + " --data " + at("scene") +
+                     " --iterations 20 --out " + at("nothing")),
+                {"antialiasing"});
+  check_refused(tool(train + at("nothing") + " --codec hac --for-fit-codec"), {"--for-fit-codec"});
+  check_refused(tool(train + at("nothing") + " --recipe scaffold+antialiasing --for-fit-codec"),
+                {"--for-fit-codec", "scaffold+antialiasing"});
+}
+
 TEST_CASE("tool: fit-codec keeps the exposures of a model that has them, and a mark is hidden in it without them") {
   static_cast<void>(plain());
   const std::string data = " --data " + at("scene"), host = at("exposed/model.safetensors"),

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -113,14 +114,21 @@ inline void keep_context(const CodecModel& file, CodecModel& coded) {
   const std::optional<TrainedContextGs>& trained = coded.trained_gs;
   if (!trained || !coded.context_gs) return;
   for (std::size_t level = 0; level < IntegerContextGs::levels; ++level) {
-    IntegerLayer& layer = coded.context_gs->network[level].output;
+    IntegerNetwork& network = coded.context_gs->network[level];
+    IntegerLayer& layer = network.output;
+    const std::vector<std::int64_t> most = network.most_hidden(IntegerContextGs::most_input);
     for (int group = 0; group < 3; ++group) {
       const std::size_t row = coded.context_gs->heads.r_row(group);
       const int exponent = layer.shift[row] + IntegerNetwork::r_bits;
       const float now = trained->network[level].bias2[row];
       // A float does not hold the last bits of a bias above 2^24: those that did not move stay as they are.
       if (now == static_cast<float>(std::ldexp(static_cast<double>(layer.bias[row]), -exponent))) continue;
-      layer.bias[row] = static_cast<std::int32_t>(std::llround(std::ldexp(static_cast<double>(now), exponent)));
+      // Beyond the room that leave_room_for_steps left steps would be held rather than the file refused.
+      layer.bias[row] = 0;
+      const std::int64_t weights = IntegerNetwork::most_sum(layer, row, most);
+      const double room = weights < 0 ? 0 : static_cast<double>(std::numeric_limits<std::int32_t>::max() - weights);
+      layer.bias[row] = static_cast<std::int32_t>(
+          std::llround(std::clamp(std::ldexp(static_cast<double>(now), exponent), -room, room)));
     }
   }
 }

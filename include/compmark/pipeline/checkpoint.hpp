@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A training run on disk, exactly: parameters, Adam's moments and step counts, growth statistics, the iteration, and what the
-// message cost near each view where cameras are drawn by that. Random numbers and the order of photographs are functions of (seed, iteration) and need no
+// A training run on disk, exactly: parameters, Adam's moments and step counts, growth statistics, the iteration, what the
+// message cost near each view where cameras are drawn by that, and the steps that are held where a mark moves them. Random numbers and the order of photographs are functions of (seed, iteration) and need no
 // state. A run resumed from a checkpoint ends in the same bits.
 // The file is a model file with more tensors in it; its settings are stored and compared, field by field, before anything is believed.
 #pragma once
@@ -83,7 +83,7 @@ template <class State, class Json = nlohmann::json>
                                         std::span<const Value>(column.data(), column.size()));
     });
   }
-  [[maybe_unused]] std::vector<double> costs;  // the writer copies nothing
+  [[maybe_unused]] std::vector<double> costs, steps;  // the writer copies nothing
   if constexpr (requires { state.costs.mean; }) {
     if (settings.mark.draw_by_cost > 0) {
       costs = state.costs.mean;
@@ -92,9 +92,11 @@ template <class State, class Json = nlohmann::json>
     }
   }
   if constexpr (requires { state.steps.wanted; }) {
-    if (settings.mark.hold_steps_every > 0 && !state.steps.wanted.empty())
-      writer.template add_values<double>("mark.held_steps", {static_cast<std::int64_t>(state.steps.wanted.size())},
-                                         state.steps.wanted);
+    if (settings.mark.hold_steps_every > 0) {
+      steps = state.steps.wanted;
+      if (steps.empty()) steps.assign(HeldSteps::levels * HeldSteps::groups, HeldSteps::not_looked);
+      writer.template add_values<double>("mark.held_steps", {static_cast<std::int64_t>(steps.size())}, steps);
+    }
   }
   return writer.write(path);
 }
@@ -276,12 +278,13 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
     }
   }
   if constexpr (requires { state.steps.wanted; }) {
-    if (settings.mark.hold_steps_every > 0 && state.iteration > 0) {
+    if (settings.mark.hold_steps_every > 0) {
       std::vector<double>& wanted = state.steps.wanted;
       wanted.resize(HeldSteps::levels * HeldSteps::groups);
       fill("mark.held_steps", wanted);
       if (result && !std::all_of(wanted.begin(), wanted.end(), [](double mean) { return std::isfinite(mean); }))
         result = detail::other_run(*file, "mark.held_steps", "holds a number that is none");
+      if (result && wanted[0] == HeldSteps::not_looked) wanted.clear();
     }
   }
   if (!result) return result.error();

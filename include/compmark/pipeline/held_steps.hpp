@@ -38,6 +38,7 @@ inline constexpr bool reads_marked_ancestors = [] {
 class HeldSteps {
  public:
   static constexpr std::size_t levels = 3, groups = 3;
+  static constexpr double not_looked = 1e9;  ///< for a checkpoint, of every mean; larger than the logarithm of anything
   /// Means of ln q: of group g at level l the (3 l + g)-th. Empty before the first look. State of a run.
   std::vector<double> wanted;
 
@@ -58,7 +59,7 @@ class HeldSteps {
       for (std::size_t group = 0; group < groups; ++group) {
         const std::size_t at = groups * level + group;
         if (!(means.slope[at] > 0) || !std::isfinite(means.log_step[at])) continue;
-        // In units that a file's bias holds exactly: what is trained is what is coded.
+        // In units that the bias of a file's row holds, unless its shift is beyond four to the left: what is trained is what is coded.
         const double most = 0.125, move = std::clamp((wanted[at] - means.log_step[at]) / means.slope[at], -most, most);
         bias.data[bias.size() - groups + group] += static_cast<Scalar>(std::nearbyint(move * 0x1p12) * 0x1p-12);
       }

@@ -312,9 +312,12 @@ class Trainer {
     return report;
   }
 
+  /// In the first reading, and in the first of every so many iterations.
   void hold_steps(std::int64_t t) requires(reads_marked_ancestors<R>) {
     const std::int64_t every = settings_.mark.hold_steps_every;
-    if (every <= 0 || (t - 1) % every != 0 || !context_.road.rate.phase.context) return;
+    if (every <= 0 || !context_.road.rate.phase.context) return;
+    const std::int64_t before = t - std::max<std::int64_t>(1, settings_.mark.between_every);  // the reading before
+    if (!state_.steps.wanted.empty() && (t - 1) / every == (before - 1) / every) return;
     const RateNumbers& rate = settings_.rate;
     state_.steps.hold(pipeline_, context_.road.rate.phase, {rate.feature_step, rate.scaling_step, rate.offset_step},
                       state_.model, context_, *executor_);
