@@ -4,14 +4,18 @@
 // What an iteration with the rate as a loss costs beside one of the same anchors (D = 50, distance input) without: the workloads of
 // pipeline_iteration, and what HAC and ContextGS do in each part of a training: the noise of fixed steps, the rate (a twentieth of all anchors
 // counted), and rounding. Plain and coded iterations take turns, so that a machine that slows down slows both; `times_plain` is the ratio of their
-// medians. The goals are 1.5 for HAC and 2 for ContextGS.
+// medians. The goals are 1.5 for HAC and 2 for ContextGS. `held`: what holding the steps of ContextGS costs, once in the iterations between two holds of
+// a mark (pipeline/held_steps.hpp), beside a rounded iteration of the same model.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
 #include <compmark/core/thread_executor.hpp>
+#include <compmark/mark/lattice_decoder.hpp>
+#include <compmark/pipeline/held_steps.hpp>
 #include <compmark/pipeline/rate_phases.hpp>
 #include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/hac.hpp>
+#include <compmark/recipes/marked.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -87,6 +91,39 @@ void iteration(benchmark::State& state, const Workload& work, Stage stage, std::
 struct Hac : recipes::Hac<recipes::WithShape<recipes::Scaffold, recipes::coded_shape>> {};
 struct ContextGs : recipes::ContextGs<recipes::WithShape<recipes::Scaffold, recipes::coded_shape>> {};
 
+void held(benchmark::State& state, const Workload& work, std::size_t threads) {
+  using Marked = recipes::Marked<ContextGs, LatticeDecoder<float>>;
+  ThreadExecutor executor(threads);
+  CodedScene<Marked> coded(work, Stage::rounded);
+  const RateNumbers numbers;
+  Pipeline<Marked>::Context context;
+  HeldSteps steps;
+  const auto seconds = [](const auto& body) {
+    const auto begin = std::chrono::steady_clock::now();
+    body();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  const auto hold = [&] {
+    steps.hold(coded.pipeline, coded.context.road.rate.phase,
+               {numbers.feature_step, numbers.scaling_step, numbers.offset_step}, coded.model, context, executor);
+  };
+  for (int i = 0; i < 4; ++i) {
+    coded.next(executor);
+    hold();
+  }
+  std::vector<double> iterations, holds;
+  for (auto _ : state) {
+    iterations.push_back(seconds([&] { coded.next(executor); }));
+    holds.push_back(seconds(hold));
+    state.SetIterationTime(holds.back());
+  }
+  state.counters["hold_ms"] = 1e3 * median(holds);
+  state.counters["iteration_ms"] = 1e3 * median(iterations);
+  state.counters["percent_every_50"] = 100 * median(holds) / (50 * median(iterations));
+  state.counters["anchors/s"] =
+      benchmark::Counter(static_cast<double>(work.anchors), benchmark::Counter::kIsIterationInvariantRate);
+}
+
 template <class R>
 void add(const std::string& name) {
   const auto one = [&](const char* part, const Workload& work, Stage stage) {
@@ -105,6 +142,9 @@ void add(const std::string& name) {
 int main(int argc, char** argv) {
   add<Hac>("hac");
   add<ContextGs>("context_gs");
+  benchmark::RegisterBenchmark("context_gs/a_30k_400/held", held, workload_a, std::size_t{2})
+      ->Unit(benchmark::kMillisecond)
+      ->UseManualTime();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();
