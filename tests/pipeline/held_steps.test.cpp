@@ -128,7 +128,7 @@ TEST_CASE("pipeline/held_steps: a mark moves the steps of a file, and held they 
   double apart = 0;
   for (std::size_t i = 0; i < 9; ++i) apart = std::max(apart, std::abs(steps.wanted[i] / std::log(2.0) - wanted[i]));
   MESSAGE("means of training and file differ by ", apart, " octaves");
-  CHECK(apart < 0.01);
+  CHECK(apart < 0.01);  // measured .006
 
   // A loud mark: what a network makes of ancestors it has not seen the like of.
   const Random random(9, 0, random_stage("test held steps"));
@@ -142,8 +142,8 @@ TEST_CASE("pipeline/held_steps: a mark moves the steps of a file, and held they 
   }
   MESSAGE("octaves from the unmarked file's steps: ", moved, ", held once ", left[0], ", ten times ", left[9],
           ", twenty times ", left[19]);
-  CHECK(moved > 0.2);  // negative control
-  CHECK(left[19] < 0.02);
+  CHECK(moved > 0.2);      // negative control; measured 1.9
+  CHECK(left[19] < 0.02);  // measured .005
 }
 
 TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread count and after a stop") {
