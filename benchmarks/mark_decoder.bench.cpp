@@ -104,11 +104,25 @@ BENCHMARK(lattice)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
 
-/// Arguments: side of the image, percent of its rows that are not background, threads.
+/// Arguments: side of the image, percent of its rows that are not background, regions that are limited (1: none), threads. Every other region of random
+/// colours is held back.
 void lattice_of_colour(benchmark::State& bench) {
   const int side = static_cast<int>(bench.range(0));
-  ThreadExecutor executor(static_cast<std::size_t>(bench.range(2)));
-  const LatticeDecoder<float> decoder = benchmarks::fitted_lattice();
+  ThreadExecutor executor(static_cast<std::size_t>(bench.range(3)));
+  LatticeDecoder<float> decoder = benchmarks::fitted_lattice();
+  if (bench.range(2) > 1) {
+    LatticeSettings settings = decoder.settings();
+    settings.regions = static_cast<int>(bench.range(2));
+    settings.region_limit = 1e9;
+    decoder = {settings, decoder.weights()};
+    LatticeDecoder<float>::Context reading;
+    const auto image = testing::random_image<float>(side, side);
+    decoder.pool({image.data(), 3, side, side}, reading, executor);
+    std::vector<float> norm = reading.region_norm;
+    std::sort(norm.begin(), norm.end());
+    settings.region_limit = static_cast<double>(norm[norm.size() / 2]);
+    decoder = {settings, decoder.weights()};
+  }
   LatticeDecoder<float>::Context context;
   auto image = testing::random_image<float>(side, side);
   const std::size_t plane = static_cast<std::size_t>(side) * static_cast<std::size_t>(side),
@@ -123,8 +137,8 @@ void lattice_of_colour(benchmark::State& bench) {
       benchmark::Counter(static_cast<double>(plane), benchmark::Counter::kIsIterationInvariantRate);
 }
 BENCHMARK(lattice_of_colour)
-    ->Name("decoder_lattice_of_colour/side/percent_shown/threads")
-    ->ArgsProduct({{400}, {100, 30}, {1, 2}})
+    ->Name("decoder_lattice_of_colour/side/percent_shown/regions/threads")
+    ->ArgsProduct({{400}, {100, 30}, {1, 24}, {1, 2}})
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
 

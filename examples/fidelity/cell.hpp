@@ -94,7 +94,9 @@ struct Cell {
                                  {"bits", settings.bits},
                                  {"train", words_that_count(settings.extra)}};
   if (settings.fit_codec > 0) json["fit_codec"] = settings.fit_codec;
-  if (cell.codec == "context_gs") json["steps"] = "held";  // by default; before, they were not
+  // Defaults that were others before: cells of these are no rows of one table with them.
+  if (cell.codec == "context_gs") json["steps"] = "held";
+  json["regions"] = "limited";
   return json;
 }
 

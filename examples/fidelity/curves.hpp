@@ -30,8 +30,7 @@ namespace fidelity {
 [[nodiscard]] inline nlohmann::ordered_json curve_settings_json(const Cell& cell, const Settings& settings) {
   nlohmann::ordered_json json = settings_json(cell, settings);
   json["schema"] = "compmark.rate-distortion-cell.1";
-  json.erase("bits");
-  json.erase("steps");
+  for (const char* of_the_mark : {"bits", "steps", "regions"}) json.erase(of_the_mark);
   return json;
 }
 

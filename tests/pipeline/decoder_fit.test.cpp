@@ -263,6 +263,43 @@ TEST_CASE("pipeline/decoder_fit: what nothing can be fitted to is an error") {
   CHECK(none.error().line().find("no colour") != std::string::npos);
 }
 
+TEST_CASE("pipeline/decoder_fit: no region may say more than 1.2 times the loudest one of an ordinary view") {
+  DecoderFitSettings with = predicting();
+  with.region_positions = 100;  // of 60 x 50
+  DecoderFitSettings without = with;
+  without.region_limit = 0;
+  const BlobViews large{.width = 120, .height = 100};
+  const DecoderFit<float> limited = fitted(with, 2, large), plain = fitted(without, 3, large);
+  CHECK(limited.decoder.weights().head == plain.decoder.weights().head);  // the limit is no part of the choice
+  CHECK(!plain.decoder.settings().limited());
+  CHECK(limited.decoder.settings().regions == 24);
+  CHECK(!fitted(small_fit()).decoder.settings().limited());  // too small for two
+  const double limit = limited.decoder.settings().region_limit;
+  CHECK(limit > 0);
+  // Views that the fit did not see, by number: what the loudest region says there without a limit.
+  LatticeSettings open = limited.decoder.settings();
+  open.region_limit = 1e9;
+  const LatticeDecoder<float> decoder(open, limited.decoder.weights());
+  const Pipeline<Host> pipeline;
+  Pipeline<Host>::Context context;
+  LatticeDecoder<float>::Context reading;
+  ThreadExecutor executor(2);
+  std::vector<double> loudest;
+  for (std::size_t i = 0; i < 60; ++i) {
+    const Random random(4711, i, random_stage("held out"));
+    const auto camera_of = [&](std::size_t v) { return large.camera(v); };
+    const Camera<double> camera = drawn_camera(camera_of, large.size(), i % large.size(), random);
+    static_cast<void>(pipeline.forward(finished(), camera, unseen_view, context, executor));
+    decoder.pool(context.image, reading, executor);
+    loudest.push_back(*std::max_element(reading.region_norm.begin(), reading.region_norm.end()));
+  }
+  std::sort(loudest.begin(), loudest.end());
+  MESSAGE("limit ", limit, ", the loudest region of 60 other views: median ", loudest[30], ", ninth tenth ",
+          loudest[54]);
+  CHECK(limit > 0.8 * 1.2 * loudest[30]);
+  CHECK(limit < 1.25 * 1.2 * loudest[30]);
+}
+
 TEST_CASE("pipeline/decoder_fit: an observer that says stop is heard after every part, and the host is as it was") {
   struct Stopping {
     std::size_t last, *calls;
@@ -275,11 +312,16 @@ TEST_CASE("pipeline/decoder_fit: an observer that says stop is heard after every
   const Model<Host> before = host;
   ThreadExecutor executor(2);
   const BlobViews views;
-  const DecoderFitSettings settings = small_fit();
+  DecoderFitSettings settings = small_fit();
+  settings.region_positions = 20;  // of 24 x 20
   const std::size_t statistics = static_cast<std::size_t>(settings.statistics_views),
                     metric = 6 * static_cast<std::size_t>(settings.gradient_views);
-  // In the first of three loops, at the end of each of the first two, and in the last.
-  for (const std::size_t last : {std::size_t{1}, statistics, statistics + metric, statistics + metric + 1}) {
+  const std::size_t chosen =
+      statistics + metric +
+      static_cast<std::size_t>(settings.gradient_views) * static_cast<std::size_t>(settings.waves);
+  // In the first of four loops, at the end of each of the first two, in the third, and in the last.
+  for (const std::size_t last :
+       {std::size_t{1}, statistics, statistics + metric, statistics + metric + 1, chosen + 1}) {
     std::size_t calls = 0;
     const Result<DecoderFit<float>> fit = fit_decoder(host, views, settings, executor, Stopping{last, &calls});
     REQUIRE_FALSE(fit);

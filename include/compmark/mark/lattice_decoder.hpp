@@ -7,10 +7,15 @@
 // positions is what a crop, a rotation or a shift leaves in place, and contrast of logarithms does not see a change of brightness. A wave is
 // short against the contrast of photographs, whose own phases are therefore nearly uniform and hide the message little. The averaged responses
 // of convolutions lack that, which is why this decoder reads more at 38 dB, for 0.1 % of their cost (docs/decoder_training.md).
-// Cost: (3 octaves + 22) features operations a position, a position for every stride^2 pixels; the gradient twice that.
+// With a limit no region R of the image says more than that: its sums over the waves, s_R, and its gates, g_R, count by
+//   c_R = min(1, limit / |t_R|),   t_R = (head s_R + bias g_R) / (sum_i w_i + floor N),     p = sum_R c_R s_R / (sum_R c_R g_R + floor N),
+// Huber's weight of an M-estimator of the mean (Annals of Mathematical Statistics 35, 1964), one step from all weights 1. What shows as it never did
+// where the head was fitted, a glare in a corner, is loud and local, the message quiet and everywhere (docs/watermark.md).
+// Cost: (3 octaves + 22) features operations a position, a position for every stride^2 pixels; the gradient twice that. A limit: regions bits features more.
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <numbers>
 #include <span>
@@ -52,9 +57,13 @@ class LatticeDecoder {
 
   struct Context {
     LatticePositions<T> positions;
-    std::vector<T> pooled, d_pooled, slope;  ///< p, dL/dp, dL/dsum
-    Buffer<T> partial;                       ///< of every chunk of positions
-    T gate_sum = T(0);
+    std::vector<T> pooled, d_pooled;  ///< p, dL/dp
+    std::vector<T> slope, offset;     ///< [regions, features] dL/dsum, [regions] -dL/dgate
+    Buffer<T> partial;                ///< of every chunk of positions
+    T gate_sum = T(0);                ///< the denominator of p
+    T all_gates = T(0);               ///< that of t, with a limit
+    /// With a limit: [regions, features] s, [regions] g, [regions, bits] t, [regions] |t|, [regions] c.
+    std::vector<T> region_sum, region_gate, region_says, region_norm, region_share;
     typename HostPrediction<T>::Context host;
   };
 
@@ -70,6 +79,7 @@ class LatticeDecoder {
             weights_.host.direction.size() == weights_.host.coordinates() * weights_.phase.size() &&
             weights_.host.coefficient.size() == weights_.host.centres() * weights_.bias.size(),
         "LatticeDecoder: weights");
+    COMPMARK_ASSERT(settings_.regions >= 1 && settings_.region_limit >= 0, "LatticeDecoder: regions and their limit");
   }
 
   [[nodiscard]] int bits() const { return settings_.bits; }
@@ -99,16 +109,17 @@ class LatticeDecoder {
     LatticePositions<T>& at = context.positions;
     at.read(image, settings_, executor);
     const std::size_t features = static_cast<std::size_t>(settings_.features);
-    const std::size_t chunks = chunk_count(at.stride, grain);
-    context.partial.resize(chunks * features);
+    context.partial.resize(at.chunks.size() * features);
     const detail::LatticeWaves<T> waves = waves_of(context);
-    executor.for_chunks(at.stride, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      waves.sum(begin, end, context.partial.data() + begin / grain * features);
+    executor.for_chunks(at.chunks.size(), 1, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t c = begin; c < end; ++c)
+        waves.sum(at.chunks[c].begin, at.chunks[c].end, context.partial.data() + c * features);
     });
     context.gate_sum = static_cast<T>(settings_.floor) * static_cast<T>(at.count);
-    for (std::size_t i = 0; i < at.count; ++i) context.gate_sum += at.gate[i];
+    if (settings_.limited()) return pool_limited(context);
+    for (std::size_t i = 0; i < at.stride; ++i) context.gate_sum += at.gate[i];
     context.pooled.assign(features, T(0));
-    for (std::size_t c = 0; c < chunks; ++c) {
+    for (std::size_t c = 0; c < at.chunks.size(); ++c) {
       for (std::size_t k = 0; k < features; ++k) context.pooled[k] += context.partial[c * features + k];
     }
     for (T& p : context.pooled) p /= context.gate_sum;
@@ -118,26 +129,35 @@ class LatticeDecoder {
   template <Executor E>
   void backward(std::span<const T> d_logits, ImageView<T> d_image, Context& context, E& executor) const {
     pooled_gradient(d_logits, context);
+    const std::size_t features = context.pooled.size();
     T mean_slope(0);  // of the quotient: the gates are in its denominator too
-    for (std::size_t k = 0; k < context.pooled.size(); ++k) mean_slope += context.d_pooled[k] * context.pooled[k];
-    context.slope.resize(context.pooled.size());
-    for (std::size_t k = 0; k < context.slope.size(); ++k) context.slope[k] = context.d_pooled[k] / context.gate_sum;
-    const T offset = mean_slope / context.gate_sum;
+    for (std::size_t k = 0; k < features; ++k) mean_slope += context.d_pooled[k] * context.pooled[k];
     LatticePositions<T>& at = context.positions;
+    context.slope.resize(at.regions * features);
+    context.offset.assign(at.regions, mean_slope / context.gate_sum);
+    for (std::size_t r = 0; r < at.regions; ++r) {
+      for (std::size_t k = 0; k < features; ++k)
+        context.slope[r * features + k] = context.d_pooled[k] / context.gate_sum;
+    }
+    if (settings_.limited()) limit_gradient(context);
     at.d_u.resize(settings_.dimensions() * at.stride);
     at.d_gate.resize(at.stride);
     const detail::LatticeWaves<T> waves = waves_of(context);
-    executor.for_chunks(at.stride, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      waves.input_gradient(begin, end, context.slope.data(), at.d_u.data(), at.d_gate.data());
+    executor.for_chunks(at.chunks.size(), 1, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t c = begin; c < end; ++c) {
+        const auto& [first, last, region] = at.chunks[c];
+        waves.input_gradient(first, last, context.slope.data() + region * features, at.d_u.data(), at.d_gate.data());
+        for (std::size_t i = first; i < last; ++i) at.d_gate[i] -= context.offset[region];
+      }
     });
-    for (std::size_t i = 0; i < at.count; ++i) at.d_gate[i] -= offset;
     at.scatter(d_image, settings_, executor);
   }
 
-  /// Adds dL/dweights to `gradient`, after the forward of the same context.
+  /// Adds dL/dweights to `gradient`, without a limit, after the forward of the same context.
   template <Executor E>
   void add_weight_gradient(std::span<const T> d_logits, LatticeWeights<T>& gradient, Context& context,
                            E& executor) const {
+    COMPMARK_ASSERT(!settings_.limited(), "LatticeDecoder: weights train without a limit");
     pooled_gradient(d_logits, context);
     const std::size_t features = context.pooled.size(), dimensions = settings_.dimensions();
     for (std::size_t b = 0; b < d_logits.size(); ++b) {
@@ -145,13 +165,15 @@ class LatticeDecoder {
       for (std::size_t k = 0; k < features; ++k) gradient.head[b * features + k] += d_logits[b] * context.pooled[k];
     }
     const LatticePositions<T>& at = context.positions;
-    const std::size_t chunks = chunk_count(at.stride, grain), block = features * (1 + dimensions);
+    const std::size_t chunks = at.chunks.size(), block = features * (1 + dimensions);
     context.partial.resize(chunks * block);
     std::fill_n(context.partial.data(), chunks * block, T(0));
     const detail::LatticeWaves<T> waves = waves_of(context);
-    executor.for_chunks(at.stride, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      T* const sums = context.partial.data() + begin / grain * block;
-      waves.weight_sums(begin, end, sums, sums + features);
+    executor.for_chunks(chunks, 1, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t c = begin; c < end; ++c) {
+        T* const sums = context.partial.data() + c * block;
+        waves.weight_sums(at.chunks[c].begin, at.chunks[c].end, sums, sums + features);
+      }
     });
     for (std::size_t c = 0; c < chunks; ++c) {
       const T* const sums = context.partial.data() + c * block;
@@ -164,13 +186,73 @@ class LatticeDecoder {
     }
   }
 
-  static constexpr std::size_t grain = 512;  ///< positions: 27 octave planes of them fit the first cache
-
  private:
   [[nodiscard]] detail::LatticeWaves<T> waves_of(const Context& context) const {
     const LatticePositions<T>& at = context.positions;
     return {weights_.frequency.data(), weights_.phase.data(),  at.u.data(), at.gate.data(),
             weights_.phase.size(),     settings_.dimensions(), at.stride};
+  }
+
+  /// What the regions say, and p of what they may say. On entry gate_sum is the floor alone.
+  void pool_limited(Context& context) const {
+    const LatticePositions<T>& at = context.positions;
+    const std::size_t features = static_cast<std::size_t>(settings_.features), bits = weights_.bias.size();
+    context.region_sum.assign(at.regions * features, T(0));
+    context.region_gate.assign(at.regions, T(0));
+    context.region_says.resize(at.regions * bits);
+    context.region_norm.resize(at.regions);
+    context.region_share.resize(at.regions);
+    context.all_gates = context.gate_sum;
+    for (std::size_t c = 0; c < at.chunks.size(); ++c) {
+      const auto& [begin, end, r] = at.chunks[c];
+      for (std::size_t k = 0; k < features; ++k)
+        context.region_sum[r * features + k] += context.partial[c * features + k];
+      for (std::size_t i = begin; i < end; ++i) context.region_gate[r] += at.gate[i];
+    }
+    for (const T gate : context.region_gate) context.all_gates += gate;
+    context.pooled.assign(features, T(0));
+    for (std::size_t r = 0; r < at.regions; ++r) {
+      const T* const sum = context.region_sum.data() + r * features;
+      T square(0);
+      for (std::size_t b = 0; b < bits; ++b) {
+        T says = weights_.bias[b] * context.region_gate[r];
+        for (std::size_t k = 0; k < features; ++k) says += weights_.head[b * features + k] * sum[k];
+        says /= context.all_gates;
+        context.region_says[r * bits + b] = says;
+        square += says * says;
+      }
+      const T norm = std::sqrt(square), limit = static_cast<T>(settings_.region_limit);
+      const T share = norm > limit ? limit / norm : T(1);
+      context.region_norm[r] = norm;
+      context.region_share[r] = share;
+      context.gate_sum += share * context.region_gate[r];
+      for (std::size_t k = 0; k < features; ++k) context.pooled[k] += share * sum[k];
+    }
+    for (T& p : context.pooled) p /= context.gate_sum;
+  }
+
+  /// Of slope and offset of equal shares those of the shares, and what the shares themselves do.
+  void limit_gradient(Context& context) const {
+    const std::size_t features = context.pooled.size(), bits = weights_.bias.size();
+    T d_all_gates(0);
+    for (std::size_t r = 0; r < context.region_share.size(); ++r) {
+      const T share = context.region_share[r];
+      if (!(share < T(1))) continue;
+      T* const slope = context.slope.data() + r * features;
+      T d_share = -context.offset[r] * context.region_gate[r];
+      for (std::size_t k = 0; k < features; ++k) d_share += slope[k] * context.region_sum[r * features + k];
+      for (std::size_t k = 0; k < features; ++k) slope[k] *= share;
+      context.offset[r] *= share;
+      // c = limit / |t|: dc = -c t . dt / |t|^2, and t is a quotient by all gates.
+      const T norm = context.region_norm[r], scale = -d_share * share / (norm * norm * context.all_gates);
+      for (std::size_t b = 0; b < bits; ++b) {
+        const T d_says = scale * context.region_says[r * bits + b];
+        for (std::size_t k = 0; k < features; ++k) slope[k] += d_says * weights_.head[b * features + k];
+        context.offset[r] -= d_says * weights_.bias[b];
+      }
+      d_all_gates += d_share * share / context.all_gates;
+    }
+    for (T& offset : context.offset) offset -= d_all_gates;
   }
 
   void pooled_gradient(std::span<const T> d_logits, Context& context) const {

@@ -5,7 +5,8 @@
 // wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: measure ("contrast", also where it is missing: 3 octaves
 // dimensions; "colour": 3 (octaves + 1)), bits, features, octaves, sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale,
 // note. A decoder for one scene may have host.direction [coordinates, features], host.offset [coordinates], host.centre [centres, coordinates] and
-// host.coefficient [centres, bits] (host_prediction.hpp), with the metadata coordinates and centres: format_version 2. No number is believed before it is checked. Cost: one pass over the weights.
+// host.coefficient [centres, bits] (host_prediction.hpp), with the metadata coordinates and centres: format_version 2. One whose regions have a limit has the
+// metadata regions and region_limit: format_version 3, with or without a host prediction. No number is believed before it is checked. Cost: one pass over the weights.
 #pragma once
 
 #include <cstddef>
@@ -23,8 +24,8 @@
 
 namespace compmark::inline v0 {
 
-/// Of files with a host prediction; all others are version 1, which older programs read.
-inline constexpr int lattice_host_format_version = 2;
+/// Of files with a host prediction, and of those with limited regions; all others are version 1, which older programs read.
+inline constexpr int lattice_host_format_version = 2, lattice_limit_format_version = 3;
 
 /// Whether a tensor file says that it holds a lattice decoder.
 template <class TensorFile>
@@ -41,7 +42,7 @@ template <class T = float, class TensorFile>
     reader.fail(ErrorKind::unsupported, "__metadata__.format", "is not \"" + std::string(decoder_format) + "\"",
                 reader.remedy);
   const int version_number = reader.integer("format_version", 1, 1 << 30);
-  if (version_number > lattice_host_format_version)
+  if (version_number > lattice_limit_format_version)
     reader.fail(ErrorKind::unsupported, "__metadata__.format_version", "is newer than this program's",
                 "use a newer program");
   if (reader.text("kind") != "lattice")
@@ -76,6 +77,12 @@ template <class T = float, class TensorFile>
   positive("gate", settings.gate);
   positive("floor", settings.floor);
   positive("logit_scale", settings.logit_scale);
+  // Without its limit, or its host prediction, such a file would be read as another decoder.
+  const bool limited = version_number >= lattice_limit_format_version;
+  if (limited) {
+    settings.regions = reader.integer("regions", 1, 4096);
+    positive("region_limit", settings.region_limit);
+  }
   if (reader.failed()) return reader.error();
 
   const std::vector<float> frequency =
@@ -84,8 +91,7 @@ template <class T = float, class TensorFile>
   const std::vector<float> head = reader.tensor("head.weight", settings.bits, settings.features);
   const std::vector<float> bias = reader.tensor("head.bias", settings.bits);
   LatticeWeights<T> weights;
-  if (version_number >=
-      lattice_host_format_version) {  // without its prediction such a file would be read as another decoder
+  if (limited ? file.metadata.contains("coordinates") : version_number >= lattice_host_format_version) {
     const int coordinates = reader.integer("coordinates", 1, settings.features);
     const int centres = reader.integer("centres", 1, 1 << 20);
     const auto part = [&](const char* name, std::vector<T>& values, auto... extents) {
@@ -112,7 +118,9 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   const LatticeWeights<float>& w = decoder.weights();
   auto& m = writer.metadata;
   m["format"] = std::string(decoder_format);
-  m["format_version"] = std::to_string(w.host.empty() ? decoder_format_version : lattice_host_format_version);
+  m["format_version"] = std::to_string(s.limited()      ? lattice_limit_format_version
+                                       : w.host.empty() ? decoder_format_version
+                                                        : lattice_host_format_version);
   m["kind"] = "lattice";
   m["measure"] = s.measure == LatticeMeasure::colour ? "colour" : "contrast";
   m["bits"] = std::to_string(s.bits);
@@ -129,6 +137,10 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   m["gate"] = detail::exact_text(s.gate);
   m["floor"] = detail::exact_text(s.floor);
   m["logit_scale"] = detail::exact_text(s.logit_scale);
+  if (s.limited()) {
+    m["regions"] = std::to_string(s.regions);
+    m["region_limit"] = detail::exact_text(s.region_limit);
+  }
   if (!note.empty()) m["note"] = note;
   const auto features = static_cast<std::int64_t>(s.features);
   writer.add_values("wave.frequency", {features, static_cast<std::int64_t>(s.dimensions())},

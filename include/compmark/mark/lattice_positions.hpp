@@ -6,7 +6,8 @@
 //   u = (a_0, ..., a_n)                                                                        colour: blurs x 3 colours
 //   w = (1 - exp(-(m / g)^2)) (1 - exp(-((1 - m) / g)^2)),   m the mean colour of a_n          the gate
 // The first blur thins out, the others work on its grid (sigmas add in squares). The gate fades out black and white, where noise is clipped to
-// one side, and a background would speak for most positions. Cost: 3 (6 sigma_0 + 1) / stride + small, operations a pixel; a logarithm a value.
+// one side, and a background would speak for most positions. Positions lie region by region (LatticeSettings::regions), a grid of about square parts of
+// the image, each in whole packs; a single region is the image's own order. Cost: 3 (6 sigma_0 + 1) / stride + small, operations a pixel; a logarithm a value.
 #pragma once
 
 #include <algorithm>
@@ -34,13 +35,16 @@ struct LatticeSettings {
   int bits = 48;
   int features = 192;
   std::vector<double> sigma{
-      3, 6, 12};           ///< of the blurs, in pixels, growing; two or more for contrast, one or more for colour
-  int stride = 4;          ///< pixels between positions
-  double epsilon = 0.1;    ///< added before the logarithm
-  double gate = 0.12;      ///< distance from black and white at which a position counts
-  double floor = 0.02;     ///< share of the positions that is added to the sum of gates
-  double logit_scale = 2;  ///< what a message loss multiplies the logits by
+      3, 6, 12};            ///< of the blurs, in pixels, growing; two or more for contrast, one or more for colour
+  int stride = 4;           ///< pixels between positions
+  double epsilon = 0.1;     ///< added before the logarithm
+  double gate = 0.12;       ///< distance from black and white at which a position counts
+  double floor = 0.02;      ///< share of the positions that is added to the sum of gates
+  double logit_scale = 2;   ///< what a message loss multiplies the logits by
+  int regions = 1;          ///< about so many parts of the image, each of which says at most `region_limit`
+  double region_limit = 0;  ///< in the Euclidean norm of the logits; 0: no limit
 
+  [[nodiscard]] bool limited() const { return region_limit > 0; }
   [[nodiscard]] std::size_t dimensions() const {
     return 3 * (measure == LatticeMeasure::contrast ? sigma.size() - 1 : sigma.size());
   }
@@ -53,10 +57,16 @@ struct LatticePositions {
   int height = 0, width = 0;  ///< of the image the maps are for
   int rows = 0, columns = 0;  ///< of the grid
   std::size_t count = 0;      ///< positions
-  std::size_t stride = 0;     ///< of a row of u: count in whole packs, the rest with gate 0
-  Buffer<T> u;                ///< [dimensions, stride]
-  Buffer<T> gate;             ///< [stride]
-  Buffer<T> d_u;              ///< to be filled before scatter(); d_gate likewise
+  std::size_t stride = 0;     ///< of a row of u: every region in whole packs, the rest with gate 0
+  /// Of places, within one region: what a thread sums at a time.
+  struct Chunk {
+    std::size_t begin = 0, end = 0, region = 0;
+  };
+  std::vector<Chunk> chunks;
+  std::size_t regions = 1;
+  Buffer<T> u;     ///< [dimensions, stride]
+  Buffer<T> gate;  ///< [stride]
+  Buffer<T> d_u;   ///< to be filled before scatter(); d_gate likewise
   Buffer<T> d_gate;
 
   template <Executor E>
@@ -65,21 +75,27 @@ struct LatticePositions {
     read_levels(image, settings, executor);
     u.resize(settings.dimensions() * stride);
     gate.resize(stride);
+    std::fill_n(gate.data(), stride, T(0));
     executor.for_chunks(settings.dimensions(), 1, [&](std::size_t j, std::size_t, std::size_t) {
       const T* fine = levels_[j / 3].data() + j % 3 * count;
       T* target = u.data() + j * stride;
+      std::fill_n(target, stride, T(0));
       if (settings.measure == LatticeMeasure::colour) {
-        std::copy_n(fine, count, target);
-      } else {
-        const T* wide = levels_[j / 3 + 1].data() + j % 3 * count;
-        for (std::size_t i = 0; i < count; ++i) target[i] = fine[i] - wide[i];
+        for (const Run& run : runs_) std::copy_n(fine + run.position, run.count, target + run.place);
+        return;
       }
-      std::fill(target + count, target + stride, T(0));
+      const T* wide = levels_[j / 3 + 1].data() + j % 3 * count;
+      for (const Run& run : runs_) {
+        for (std::size_t i = 0; i < run.count; ++i)
+          target[run.place + i] = fine[run.position + i] - wide[run.position + i];
+      }
     });
-    executor.for_chunks(count, 1024, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t i = begin; i < end; ++i) gate[i] = gate_at(i, settings).value;
+    executor.for_chunks(runs_.size(), 1, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t n = begin; n < end; ++n) {
+        const Run& run = runs_[n];
+        for (std::size_t i = 0; i < run.count; ++i) gate[run.place + i] = gate_at(run.position + i, settings).value;
+      }
     });
-    std::fill(gate.data() + count, gate.data() + stride, T(0));
   }
 
   /// Adds what d_u and d_gate say to d_image; from the widest blur to the first.
@@ -87,10 +103,13 @@ struct LatticePositions {
   void scatter(ImageView<T> d_image, const LatticeSettings& settings, E& executor) {
     const std::size_t last = maps_.size() - 1;
     d_level_.resize(3 * count);
-    executor.for_chunks(count, 1024, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const T share = gate_at(i, settings).slope * d_gate[i] / T(3);
-        for (std::size_t c = 0; c < 3; ++c) d_level_[c * count + i] = share;
+    executor.for_chunks(runs_.size(), 1, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t n = begin; n < end; ++n) {
+        const Run& run = runs_[n];
+        for (std::size_t i = 0; i < run.count; ++i) {
+          const T share = gate_at(run.position + i, settings).slope * d_gate[run.place + i] / T(3);
+          for (std::size_t c = 0; c < 3; ++c) d_level_[c * count + run.position + i] = share;
+        }
       }
     });
     const T lowest = std::log(static_cast<T>(settings.epsilon));
@@ -100,14 +119,19 @@ struct LatticePositions {
         T* target = d_level_.data() + c * count;
         if (settings.measure == LatticeMeasure::colour) {
           const T* gradient = d_u.data() + (3 * b + c) * stride;
-          for (std::size_t i = 0; i < count; ++i) target[i] += gradient[i];
+          for (const Run& run : runs_) {
+            for (std::size_t i = 0; i < run.count; ++i) target[run.position + i] += gradient[run.place + i];
+          }
           return;
         }
         const T* fine = b < last ? d_u.data() + (3 * b + c) * stride : nullptr;
         const T* wide = b > 0 ? d_u.data() + (3 * (b - 1) + c) * stride : nullptr;
-        for (std::size_t i = 0; i < count; ++i) {
-          const T sum = (fine != nullptr ? fine[i] : T(0)) - (wide != nullptr ? wide[i] : T(0));
-          if (value[i] > lowest) target[i] += sum * std::exp(-value[i]);
+        for (const Run& run : runs_) {
+          for (std::size_t n = 0; n < run.count; ++n) {
+            const std::size_t i = run.position + n, at = run.place + n;
+            const T sum = (fine != nullptr ? fine[at] : T(0)) - (wide != nullptr ? wide[at] : T(0));
+            if (value[i] > lowest) target[i] += sum * std::exp(-value[i]);
+          }
         }
       });
       if (b == 0) {
@@ -123,9 +147,11 @@ struct LatticePositions {
 
  private:
   void prepare(ImageView<const T> image, const LatticeSettings& settings) {
-    if (height == image.height && width == image.width) return;
+    const int wanted = settings.limited() ? settings.regions : 1;
+    if (height == image.height && width == image.width && wanted == wanted_) return;
     height = image.height;
     width = image.width;
+    wanted_ = wanted;
     maps_.clear();
     maps_.push_back({RunTable<T>::gaussian(height, settings.sigma[0], settings.stride),
                      RunTable<T>::gaussian(width, settings.sigma[0], settings.stride)});
@@ -137,9 +163,44 @@ struct LatticePositions {
       maps_.push_back({RunTable<T>::gaussian(rows, more), RunTable<T>::gaussian(columns, more)});
     }
     count = static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns);
-    constexpr std::size_t lanes = native_width<T>;
-    stride = (count + lanes - 1) / lanes * lanes;
     levels_.resize(maps_.size());
+    place(wanted);
+  }
+  /// Lays out the positions, and what is done at a time.
+  void place(int wanted) {
+    constexpr std::size_t lanes = native_width<T>,
+                          grain = 512;  // 27 octave planes of 512 positions fit the first cache
+    const double aspect = static_cast<double>(rows) / columns;
+    const int down = std::clamp(static_cast<int>(std::lround(std::sqrt(wanted * aspect))), 1, std::min(wanted, rows));
+    const int across = std::clamp(static_cast<int>(std::lround(static_cast<double>(wanted) / down)), 1, columns);
+    regions = static_cast<std::size_t>(down) * static_cast<std::size_t>(across);
+    runs_.clear();
+    chunks.clear();
+    stride = 0;
+    for (int r = 0; r < down; ++r) {
+      for (int q = 0; q < across; ++q) {
+        const int top = r * rows / down, bottom = (r + 1) * rows / down;
+        const int left = q * columns / across, right = (q + 1) * columns / across;
+        const std::size_t first = stride, length = static_cast<std::size_t>(right - left);
+        std::size_t at = first;
+        if (across == 1) {
+          // Rows of the whole width lie behind each other in the image too.
+          const std::size_t begin = static_cast<std::size_t>(top) * length,
+                            all = static_cast<std::size_t>(bottom - top) * length;
+          for (std::size_t i = 0; i < all; i += 2 * grain)
+            runs_.push_back({begin + i, at + i, std::min(2 * grain, all - i)});
+          at += all;
+        } else {
+          for (int y = top; y < bottom; ++y, at += length)
+            runs_.push_back(
+                {static_cast<std::size_t>(y) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(left), at,
+                 length});
+        }
+        stride = (at + lanes - 1) / lanes * lanes;
+        for (std::size_t i = first; i < stride; i += grain)
+          chunks.push_back({i, std::min(i + grain, stride), static_cast<std::size_t>(r * across + q)});
+      }
+    }
   }
 
   [[nodiscard]] ImageView<T> grid(Buffer<T>& buffer) const { return {buffer.data(), 3, rows, columns}; }
@@ -163,6 +224,10 @@ struct LatticePositions {
     }
   }
 
+  /// Positions of the image that have places behind each other.
+  struct Run {
+    std::size_t position = 0, place = 0, count = 0;
+  };
   struct Gate {
     T value, slope;
   };
@@ -177,6 +242,8 @@ struct LatticePositions {
             T(2) * scale * (low * dark * (T(1) - bright) - high * bright * (T(1) - dark))};
   }
 
+  int wanted_ = 0;  ///< regions
+  std::vector<Run> runs_;
   std::vector<SeparableMap<T>> maps_;
   std::vector<Buffer<T>> levels_;  ///< log(a_b + epsilon), or a_b for colour
   Buffer<T> coarse_;               ///< a_n

@@ -12,8 +12,9 @@
 // the bits are read along the directions w of largest  w^T A w / w^T (N / n + conflict E / tr E) w, n the variance of the waves themselves: Fisher's
 // discriminant with the signal's covariance A. They are then mixed by a random rotation, so that all bits are as strong, and scaled to deviation 1 on
 // the unmarked host. The message plays no part, so the p-value of a random key stays exact (docs/verification.md); the decoder belongs to the scene and
-// has to be kept, with its hash, like the key. Measured gain: docs/watermark.md. Cost: a render and 1 + edits readings for every statistics view, `waves`
-// ways back for every gradient view, and the kernel ridge regression of all readings.
+// has to be kept, with its hash, like the key. At last no region of an image may say more than the loudest one of an ordinary view does. Measured gain:
+// docs/watermark.md. Cost: a render and 1 + edits readings for every statistics view, `waves` ways back for every gradient view, the kernel ridge
+// regression of all readings, and a render and a reading for every view of the limit.
 #pragma once
 
 #include <algorithm>
@@ -52,18 +53,21 @@ struct DecoderFit {
 /// nothing can be chosen: no view, or no colour between black and white in any; of kind cancelled where the observer said stop (decoder_fit_settings.hpp).
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
 [[nodiscard]] Result<DecoderFit<typename R::Scalar>> fit_decoder(Model<R>& host, const Views& views,
-                                                                 const DecoderFitSettings& settings, E& executor,
+                                                                 DecoderFitSettings settings, E& executor,
                                                                  O&& observer = {}, const Jpeg& jpeg = {}) {
   using T = typename R::Scalar;
   COMPMARK_ASSERT(settings.bits > 0 && settings.waves >= settings.bits && settings.gradient_views >= 2 &&
                       settings.statistics_views >= settings.waves && settings.anchors > 0 &&
                       settings.coordinates >= 0 && settings.waves - settings.coordinates >= settings.bits &&
                       settings.edits_per_view >= 0 && settings.edits_per_view < 16 && settings.edit_weight >= 0 &&
-                      settings.edit_weight <= 1 && settings.width > 0 && settings.prediction_ridge > 0,
+                      settings.edit_weight <= 1 && settings.width > 0 && settings.prediction_ridge > 0 &&
+                      settings.regions >= 1 && settings.region_limit >= 0 && settings.limit_views >= 0 &&
+                      settings.region_positions > 0,
                   "fit_decoder: settings");
   if (views.size() == 0 || host.anchor_count() == 0) {
     return Error{ErrorKind::invalid, {}, "views", "there is no view or no anchor to fit a decoder to", "give a scene"};
   }
+  settings.regions = detail::region_count(views, settings);
   LatticeSettings shape;
   shape.measure = LatticeMeasure::colour;
   shape.bits = settings.bits;
@@ -153,6 +157,14 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     }
     weights.bias[b] = static_cast<T>(bias);
     quiet->add_prediction(b, bits, row, weights.host);
+  }
+  if (detail::limit_views(settings) > 0) {
+    LatticeSettings regions = shape;
+    regions.regions = settings.regions;
+    const std::optional<double> loudest = probe.loudest_region(regions, weights, observer);
+    if (!loudest) return Error{ErrorKind::cancelled, {}, {}, "the fit was stopped by its observer", {}};
+    regions.region_limit = settings.region_limit * *loudest;
+    if (regions.limited()) shape = regions;
   }
   fit.decoder = {shape, std::move(weights)};
   return fit;

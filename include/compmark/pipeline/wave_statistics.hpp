@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -34,6 +35,31 @@
 namespace compmark::inline v0 {
 
 namespace detail {
+
+inline constexpr std::size_t metric_draws = 6;  ///< of signs, a gradient view
+/// Regions of the smallest view; 1: nothing to limit.
+template <class Views>
+[[nodiscard]] int region_count(const Views& views, const DecoderFitSettings& settings) {
+  double pixels = std::numeric_limits<double>::max();
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto camera = views.camera(i);
+    pixels = std::min(pixels, static_cast<double>(camera.width) * static_cast<double>(camera.height));
+  }
+  const double positions = pixels / (static_cast<double>(settings.stride) * settings.stride);
+  return std::clamp(static_cast<int>(std::min(positions / settings.region_positions, 4096.0)), 1, settings.regions);
+}
+/// Views that say how loud a region may be.
+[[nodiscard]] inline std::size_t limit_views(const DecoderFitSettings& settings) {
+  return settings.region_limit > 0 && settings.regions > 1
+             ? static_cast<std::size_t>(std::min(settings.limit_views, settings.statistics_views))
+             : 0;
+}
+/// Parts of the work of a fit, for its observer.
+[[nodiscard]] inline std::size_t fit_parts(const DecoderFitSettings& settings) {
+  return static_cast<std::size_t>(settings.statistics_views) +
+         static_cast<std::size_t>(settings.gradient_views) * (metric_draws + static_cast<std::size_t>(settings.waves)) +
+         limit_views(settings);
+}
 
 /// Renders a host in drawn views and asks how its features move waves of the colour.
 template <Recipe R, class Views, Executor E>
@@ -99,6 +125,25 @@ class WaveProbe {
     waves.bias.assign(1, T(0));
     for (std::size_t k = 0; k < waves.head.size(); ++k) waves.head[k] = random.uniform(k) < 0.5 ? T(-1) : T(1);
     way_back(LatticeDecoder<T>(shape, std::move(waves)), gradient);
+  }
+
+  /// What the loudest region of a view says to a decoder, the median over the views of the limit; nothing where the observer said stop.
+  template <class O>
+  [[nodiscard]] std::optional<double> loudest_region(LatticeSettings shape, const LatticeWeights<T>& weights,
+                                                     O&& observer) {
+    shape.region_limit = std::numeric_limits<double>::max();
+    const LatticeDecoder<T> decoder(shape, weights);
+    typename LatticeDecoder<T>::Context reading;
+    const std::size_t views = limit_views(settings_), total = fit_parts(settings_);
+    std::vector<double> loudest(views, 0.0);
+    for (std::size_t n = 0; n < views; ++n) {
+      render("decoder fit", n, settings_.reach);
+      decoder.pool(round(context_.image), reading, *executor_);
+      for (const T norm : reading.region_norm) loudest[n] = std::max(loudest[n], static_cast<double>(norm));
+      if (!observer.on_progress(total - views + n + 1, total)) return std::nullopt;
+    }
+    std::nth_element(loudest.begin(), loudest.begin() + static_cast<std::ptrdiff_t>(views / 2), loudest.end());
+    return loudest[views / 2];
   }
 
  private:
@@ -190,9 +235,8 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
                     samples = static_cast<std::size_t>(settings.statistics_views),
                     edits = static_cast<std::size_t>(settings.edits_per_view), per_view = 1 + edits,
                     readings = samples * per_view;
-  constexpr std::size_t draws = 6;
   std::size_t done = 0;
-  const std::size_t total = samples + static_cast<std::size_t>(settings.gradient_views) * (draws + waves);
+  const std::size_t total = fit_parts(settings);
   WaveStatistics found;
   found.per_view = per_view;
   found.deviation.resize(waves * readings);
@@ -219,8 +263,8 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   std::vector<double> square(parameters, 0.0);
   for (std::size_t n = 0; n < views; ++n) {
     probe.render("decoder fit gradient", n);
-    for (std::size_t d = 0; d < draws; ++d) {
-      probe.signed_gradient(n * draws + d, one);
+    for (std::size_t d = 0; d < metric_draws; ++d) {
+      probe.signed_gradient(n * metric_draws + d, one);
       if (!observer.on_progress(++done, total)) return std::nullopt;
       for (std::size_t i = 0; i < parameters; ++i)
         square[i] += static_cast<double>(one[i]) * static_cast<double>(one[i]);
