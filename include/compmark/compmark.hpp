@@ -329,6 +329,7 @@
 #include "compmark/pipeline/mark_losses.hpp"
 #include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/quiet_waves.hpp"
+#include "compmark/pipeline/wave_probe.hpp"
 #include "compmark/pipeline/wave_statistics.hpp"
 #include "compmark/quant/adaptive_quantizer.hpp"
 #include "compmark/quant/distortion.hpp"

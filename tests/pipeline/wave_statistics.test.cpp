@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/mark/pretrain/lattice_network.hpp"
 #include "directional.hpp"
 #include "small_scene.hpp"
 
