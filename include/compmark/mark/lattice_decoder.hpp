@@ -116,7 +116,7 @@ class LatticeDecoder {
         waves.sum(at.chunks[c].begin, at.chunks[c].end, context.partial.data() + c * features);
     });
     context.gate_sum = static_cast<T>(settings_.floor) * static_cast<T>(at.count);
-    if (settings_.limited()) return pool_limited(context);
+    if (settings_.limited()) return pool_limited(context, executor);
     for (std::size_t i = 0; i < at.stride; ++i) context.gate_sum += at.gate[i];
     context.pooled.assign(features, T(0));
     for (std::size_t c = 0; c < at.chunks.size(); ++c) {
@@ -194,7 +194,8 @@ class LatticeDecoder {
   }
 
   /// What the regions say, and p of what they may say. On entry gate_sum is the floor alone.
-  void pool_limited(Context& context) const {
+  template <Executor E>
+  void pool_limited(Context& context, E& executor) const {
     const LatticePositions<T>& at = context.positions;
     const std::size_t features = static_cast<std::size_t>(settings_.features), bits = weights_.bias.size();
     context.region_sum.assign(at.regions * features, T(0));
@@ -210,23 +211,27 @@ class LatticeDecoder {
       for (std::size_t i = begin; i < end; ++i) context.region_gate[r] += at.gate[i];
     }
     for (const T gate : context.region_gate) context.all_gates += gate;
+    const T limit = static_cast<T>(settings_.region_limit);
+    executor.for_chunks(at.regions, 1, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t r = first; r < last; ++r) {
+        const T* const sum = context.region_sum.data() + r * features;
+        T square(0);
+        for (std::size_t b = 0; b < bits; ++b) {
+          T says = weights_.bias[b] * context.region_gate[r];
+          for (std::size_t k = 0; k < features; ++k) says += weights_.head[b * features + k] * sum[k];
+          says /= context.all_gates;
+          context.region_says[r * bits + b] = says;
+          square += says * says;
+        }
+        context.region_norm[r] = std::sqrt(square);
+        context.region_share[r] = context.region_norm[r] > limit ? limit / context.region_norm[r] : T(1);
+      }
+    });
     context.pooled.assign(features, T(0));
     for (std::size_t r = 0; r < at.regions; ++r) {
-      const T* const sum = context.region_sum.data() + r * features;
-      T square(0);
-      for (std::size_t b = 0; b < bits; ++b) {
-        T says = weights_.bias[b] * context.region_gate[r];
-        for (std::size_t k = 0; k < features; ++k) says += weights_.head[b * features + k] * sum[k];
-        says /= context.all_gates;
-        context.region_says[r * bits + b] = says;
-        square += says * says;
-      }
-      const T norm = std::sqrt(square), limit = static_cast<T>(settings_.region_limit);
-      const T share = norm > limit ? limit / norm : T(1);
-      context.region_norm[r] = norm;
-      context.region_share[r] = share;
+      const T share = context.region_share[r];
       context.gate_sum += share * context.region_gate[r];
-      for (std::size_t k = 0; k < features; ++k) context.pooled[k] += share * sum[k];
+      for (std::size_t k = 0; k < features; ++k) context.pooled[k] += share * context.region_sum[r * features + k];
     }
     for (T& p : context.pooled) p /= context.gate_sum;
   }
