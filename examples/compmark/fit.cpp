@@ -60,12 +60,12 @@ Command add_fit(CLI::App& app) {
                  "outlives more of them, 0 is the least visible")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option(
-         "--region-limit", options->fit.region_limit,
-         "what none of some 24 parts of an image says more than, in medians of what the loudest part of a drawn "
-         "view says; 0: no limit")
+  app.add_option("--region-limit", options->fit.region_limit,
+                 "what one of some 24 parts of an image says more than this counts less; in medians of what the "
+                 "loudest part of "
+                 "a drawn view says; 0: no limit")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 1000.0));
+      ->check(CLI::Range(0.0, 100.0));
   app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 64.0));

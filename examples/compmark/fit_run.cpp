@@ -60,12 +60,13 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   const Result<std::string> model = file_sha256(options.model);
   if (!model) return model.error();
   const DecoderFitSettings& f = options.fit;
-  const std::string note =
-      "fitted to the unmarked model of sha256 " + *model + " with seed " + std::to_string(f.seed) + ", views " +
-      std::to_string(f.statistics_views) + ", gradient views " + std::to_string(f.gradient_views) + ", waves " +
-      std::to_string(f.waves) + ", period " + nlohmann::json(f.period).dump() + ", coordinates " +
-      std::to_string(f.coordinates) + ", stride " + std::to_string(f.stride) + ", edit weight " +
-      nlohmann::json(f.edit_weight).dump() + ", region limit " + nlohmann::json(f.region_limit).dump();
+  const std::string note = "fitted to the unmarked model of sha256 " + *model + " with seed " + std::to_string(f.seed) +
+                           ", views " + std::to_string(f.statistics_views) + ", gradient views " +
+                           std::to_string(f.gradient_views) + ", waves " + std::to_string(f.waves) + ", period " +
+                           nlohmann::json(f.period).dump() + ", coordinates " + std::to_string(f.coordinates) +
+                           ", stride " + std::to_string(f.stride) + ", edit weight " +
+                           nlohmann::json(f.edit_weight).dump() +
+                           (f.region_limit > 0 ? ", region limit " + nlohmann::json(f.region_limit).dump() : "");
   if (Result<Done> written = write_lattice<SafetensorsWriter>(fit->decoder, note, options.out); !written)
     return written.error();
   const Result<std::string> decoder = file_sha256(options.out);
@@ -83,6 +84,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
                                     {"edit_weight", options.fit.edit_weight},
                                     {"regions", fit->decoder.settings().regions},
                                     {"region_limit", fit->decoder.settings().region_limit},
+                                    {"held_back", fit->held_back},
                                     {"wave_deviation", fit->wave_deviation},
                                     {"wave_agreement", fit->wave_agreement},
                                     {"agreement", fit->agreement},

@@ -263,7 +263,9 @@ TEST_CASE("pipeline/decoder_fit: what nothing can be fitted to is an error") {
   CHECK(none.error().line().find("no colour") != std::string::npos);
 }
 
-TEST_CASE("pipeline/decoder_fit: no region may say more than 1.2 times the loudest one of an ordinary view") {
+TEST_CASE(
+    "pipeline/decoder_fit: the limit of a region is 1.2 times the loudest one of an ordinary view, at any thread "
+    "count") {
   DecoderFitSettings with = predicting();
   with.region_positions = 100;  // of 60 x 50
   DecoderFitSettings without = with;
@@ -273,6 +275,10 @@ TEST_CASE("pipeline/decoder_fit: no region may say more than 1.2 times the loude
   CHECK(limited.decoder.weights().head == plain.decoder.weights().head);  // the limit is no part of the choice
   CHECK(!plain.decoder.settings().limited());
   CHECK(limited.decoder.settings().regions == 24);
+  CHECK(fitted(with, 5, large).decoder.settings() == limited.decoder.settings());
+  CHECK(limited.held_back > 0);
+  CHECK(limited.held_back < 0.5);
+  CHECK(plain.held_back == 0);
   CHECK(!fitted(small_fit()).decoder.settings().limited());  // too small for two
   const double limit = limited.decoder.settings().region_limit;
   CHECK(limit > 0);

@@ -7,10 +7,11 @@
 // positions is what a crop, a rotation or a shift leaves in place, and contrast of logarithms does not see a change of brightness. A wave is
 // short against the contrast of photographs, whose own phases are therefore nearly uniform and hide the message little. The averaged responses
 // of convolutions lack that, which is why this decoder reads more at 38 dB, for 0.1 % of their cost (docs/decoder_training.md).
-// With a limit no region R of the image says more than that: its sums over the waves, s_R, and its gates, g_R, count by
+// With a limit a region R of the image that says more than that counts less: its sums over the waves, s_R, and its gates, g_R, by
 //   c_R = min(1, limit / |t_R|),   t_R = (head s_R + bias g_R) / (sum_i w_i + floor N),     p = sum_R c_R s_R / (sum_R c_R g_R + floor N),
 // Huber's weight of an M-estimator of the mean (Annals of Mathematical Statistics 35, 1964), one step from all weights 1. What shows as it never did
-// where the head was fitted, a glare in a corner, is loud and local, the message quiet and everywhere (docs/watermark.md).
+// where the head was fitted, a glare in a corner, is loud and local, the message quiet and everywhere (docs/watermark.md). It is a weighted mean: where
+// every region is loud none is held back. What the host prediction subtracts is no part of t.
 // Cost: (3 octaves + 22) features operations a position, a position for every stride^2 pixels; the gradient twice that. A limit: regions bits features more.
 #pragma once
 

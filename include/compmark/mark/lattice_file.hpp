@@ -11,6 +11,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <utility>
@@ -81,7 +82,12 @@ template <class T = float, class TensorFile>
   const bool limited = version_number >= lattice_limit_format_version;
   if (limited) {
     settings.regions = reader.integer("regions", 1, 4096);
-    positive("region_limit", settings.region_limit);
+    settings.region_limit = reader.numbers("region_limit", 1)[0];
+    if (!(settings.region_limit > 0 && settings.region_limit <= std::numeric_limits<float>::max()))
+      reader.fail(ErrorKind::invalid, "__metadata__.region_limit", "is not above 0 and finite", reader.remedy);
+  } else if (file.metadata.contains("regions") || file.metadata.contains("region_limit")) {
+    reader.fail(ErrorKind::invalid, "__metadata__.format_version", "is older than the limited regions of the file",
+                reader.remedy);
   }
   if (reader.failed()) return reader.error();
 
@@ -91,7 +97,10 @@ template <class T = float, class TensorFile>
   const std::vector<float> head = reader.tensor("head.weight", settings.bits, settings.features);
   const std::vector<float> bias = reader.tensor("head.bias", settings.bits);
   LatticeWeights<T> weights;
-  if (limited ? file.metadata.contains("coordinates") : version_number >= lattice_host_format_version) {
+  const bool predicts = limited ? file.metadata.contains("coordinates") || file.metadata.contains("centres") ||
+                                      file.tensors.contains("host.direction")
+                                : version_number >= lattice_host_format_version;
+  if (predicts) {
     const int coordinates = reader.integer("coordinates", 1, settings.features);
     const int centres = reader.integer("centres", 1, 1 << 20);
     const auto part = [&](const char* name, std::vector<T>& values, auto... extents) {

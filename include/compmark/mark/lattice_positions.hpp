@@ -41,7 +41,7 @@ struct LatticeSettings {
   double gate = 0.12;       ///< distance from black and white at which a position counts
   double floor = 0.02;      ///< share of the positions that is added to the sum of gates
   double logit_scale = 2;   ///< what a message loss multiplies the logits by
-  int regions = 1;          ///< about so many parts of the image, each of which says at most `region_limit`
+  int regions = 1;          ///< about so many parts of the image; what says more than `region_limit` counts less
   double region_limit = 0;  ///< in the Euclidean norm of the logits; 0: no limit
 
   [[nodiscard]] bool limited() const { return region_limit > 0; }

@@ -12,7 +12,7 @@
 // the bits are read along the directions w of largest  w^T A w / w^T (N / n + conflict E / tr E) w, n the variance of the waves themselves: Fisher's
 // discriminant with the signal's covariance A. They are then mixed by a random rotation, so that all bits are as strong, and scaled to deviation 1 on
 // the unmarked host. The message plays no part, so the p-value of a random key stays exact (docs/verification.md); the decoder belongs to the scene and
-// has to be kept, with its hash, like the key. At last no region of an image may say more than the loudest one of an ordinary view does. Measured gain:
+// has to be kept, with its hash, like the key. At last what a region of an image says much louder than the loudest of an ordinary view counts less. Measured gain:
 // docs/watermark.md. Cost: a render and 1 + edits readings for every statistics view, `waves` ways back for every gradient view, the kernel ridge
 // regression of all readings, and a render and a reading for every view of the limit.
 #pragma once
@@ -46,6 +46,7 @@ struct DecoderFit {
   double wave_deviation = 0;  ///< over the views, mean of the waves
   double wave_agreement = 0;  ///< tr A / tr E, mean of the waves
   double agreement = 0;       ///< the same of the directions that were chosen
+  double held_back = 0;       ///< share of the drawn views with a region that is louder than the limit
   double noise_ratio = 0;     ///< their w^T N w / w^T A w, as a share of the waves' own; below 1
 };
 
@@ -161,9 +162,11 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   if (detail::limit_views(settings) > 0) {
     LatticeSettings regions = shape;
     regions.regions = settings.regions;
-    const std::optional<double> loudest = probe.loudest_region(regions, weights, observer);
+    const std::optional<std::vector<double>> loudest = probe.loudest_regions(regions, weights, observer);
     if (!loudest) return Error{ErrorKind::cancelled, {}, {}, "the fit was stopped by its observer", {}};
-    regions.region_limit = settings.region_limit * *loudest;
+    regions.region_limit = settings.region_limit * (*loudest)[loudest->size() / 2];
+    const auto above = loudest->end() - std::upper_bound(loudest->begin(), loudest->end(), regions.region_limit);
+    fit.held_back = static_cast<double>(above) / static_cast<double>(loudest->size());
     if (regions.limited()) shape = regions;
   }
   fit.decoder = {shape, std::move(weights)};

@@ -51,11 +51,13 @@ struct DecoderFitSettings {
   std::size_t anchors = 8000;
   double conflict_weight = 0.03;  ///< of the energy beside the noise
   double ridge = 0.003;           ///< share of the mean variance that is added to every variance of the noise
-  int regions = 24;  ///< of an image, about: what none of them says more than (mark/lattice_decoder.hpp) …
-  double region_limit =
-      1.2;  ///< … in medians, over drawn views of the host, of what the loudest region says; 0: no limit
-  int limit_views = 256;        ///< of these; at most statistics_views
-  int region_positions = 1000;  ///< of a region at least, or there are fewer: small ones are loud by themselves
+  /// What a region of an image says more than so many medians, over drawn views of the host, of what the loudest region says, counts less
+  /// (mark/lattice_decoder.hpp); 0: no limit.
+  double region_limit = 1.2;
+  int regions = 24;  ///< of an image, about
+  int region_positions =
+      1000;  ///< of a region of the smallest view at least, or there are fewer: small ones are loud by themselves
+  int limit_views = 256;  ///< drawn views of the limit; at most statistics_views
 };
 
 /// In the place of an image codec, for edits without one: jpeg(image, quality, output) as Augmenter calls it.

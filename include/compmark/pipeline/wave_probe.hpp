@@ -123,11 +123,11 @@ class WaveProbe {
     way_back(LatticeDecoder<T>(shape, std::move(waves)), gradient);
   }
 
-  /// What the loudest region of a view says to a decoder, the median over the views of the limit; nothing where the observer said stop.
+  /// What the loudest region of each view of the limit says to a decoder, in growing order; nothing where the observer said stop.
   template <class O>
-  [[nodiscard]] std::optional<double> loudest_region(LatticeSettings shape, const LatticeWeights<T>& weights,
-                                                     O&& observer) {
-    shape.region_limit = std::numeric_limits<double>::max();
+  [[nodiscard]] std::optional<std::vector<double>> loudest_regions(LatticeSettings shape,
+                                                                   const LatticeWeights<T>& weights, O&& observer) {
+    shape.region_limit = static_cast<double>(std::numeric_limits<T>::max());
     const LatticeDecoder<T> decoder(shape, weights);
     typename LatticeDecoder<T>::Context reading;
     const std::size_t views = limit_views(settings_), total = fit_parts(settings_);
@@ -138,8 +138,8 @@ class WaveProbe {
       for (const T norm : reading.region_norm) loudest[n] = std::max(loudest[n], static_cast<double>(norm));
       if (!observer.on_progress(total - views + n + 1, total)) return std::nullopt;
     }
-    std::nth_element(loudest.begin(), loudest.begin() + static_cast<std::ptrdiff_t>(views / 2), loudest.end());
-    return loudest[views / 2];
+    std::sort(loudest.begin(), loudest.end());
+    return loudest;
   }
 
  private:

@@ -57,9 +57,10 @@ class LatticeNetwork {
     LatticeWeights<T> gradient;
   };
 
-  /// Adds the weights of `decoder` to the arena.
+  /// Adds the weights of `decoder`, which has no limited regions, to the arena.
   LatticeNetwork(LatticeDecoder<T> decoder, ParameterArena<T>& arena) : decoder_(std::move(decoder)) {
     const LatticeSettings& s = decoder_.settings();
+    COMPMARK_ASSERT(!s.limited(), "LatticeNetwork: weights train without a limit");
     const auto features = static_cast<std::size_t>(s.features), bits = static_cast<std::size_t>(s.bits);
     blocks_ = {arena.add("frequency", features, s.dimensions(), RowKind::fixed),
                arena.add("phase", features, 1, RowKind::fixed), arena.add("head", bits, features, RowKind::fixed),
