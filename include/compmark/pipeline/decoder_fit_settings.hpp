@@ -55,8 +55,8 @@ struct DecoderFitSettings {
   /// (mark/lattice_decoder.hpp); 0: no limit.
   double region_limit = 1.2;
   int regions = 24;  ///< of an image, about
-  int region_positions =
-      1000;  ///< of a region of the smallest view at least, or there are fewer: small ones are loud by themselves
+  /// Of a region of the smallest view at least, or there are fewer: small ones would hold back a mark that has to be loud.
+  int region_positions = 5000;
   int limit_views = 256;  ///< drawn views of the limit; at most statistics_views
 };
 
