@@ -91,13 +91,14 @@ double distance(const std::vector<double>& a, const std::vector<double>& b) {
 }  // namespace
 
 TEST_CASE("mark/lattice_regions: as many as were asked for, about square, each in whole packs, every position once") {
-  for (const auto& [height, width, wanted] : {std::array<int, 3>{300, 400, 24},
-                                              {480, 270, 24},
-                                              {400, 400, 24},
-                                              {7, 90, 6},
-                                              {90, 7, 6},
-                                              {5, 3, 24},
-                                              {9, 9, 1}}) {
+  for (const std::array<int, 3>& shape : {std::array<int, 3>{300, 400, 24},
+                                          {480, 270, 24},
+                                          {400, 400, 24},
+                                          {7, 90, 6},
+                                          {90, 7, 6},
+                                          {5, 3, 24},
+                                          {9, 9, 1}}) {
+    const int height = shape[0], width = shape[1], wanted = shape[2];
     CAPTURE(height);
     CAPTURE(width);
     const std::vector<double> pixels = scene(height, width);
@@ -219,7 +220,7 @@ TEST_CASE("mark/lattice_regions: the same bits at any thread count") {
   const LatticeDecoder<double> decoder = decoder_of<double>(24, middle_limit(24, pixels, height, width));
   const std::vector<double> slope{0.7, -1.1, 0.4, 0.2, -0.9};
   std::vector<std::vector<double>> logits, gradients;
-  for (const std::size_t count : {1, 2, 5}) {
+  for (const std::size_t count : {std::size_t{1}, std::size_t{2}, std::size_t{5}}) {
     ThreadExecutor threads(count);
     Reading reading = read(decoder, pixels, height, width, threads);
     std::vector<double> gradient(pixels.size(), 0.0);
@@ -245,15 +246,16 @@ TEST_CASE("mark/lattice_regions: a limit comes back from its file, and an older 
   REQUIRE(back.ok());
   CHECK(back->settings() == decoder.settings());
   CHECK(back->weights().host.empty());
-  for (const auto& [field, value] : {std::pair<std::string, std::string>{"regions", "0"},
-                                     {"regions", "many"},
-                                     {"region_limit", "0"},
-                                     {"region_limit", "nan"},
-                                     {"region_limit", "inf"},
-                                     {"format_version", "2"},
-                                     {"format_version", "4"}}) {
+  for (const auto& lie : {std::pair<std::string, std::string>{"regions", "0"},
+                          {"regions", "many"},
+                          {"region_limit", "0"},
+                          {"region_limit", "nan"},
+                          {"region_limit", "inf"},
+                          {"format_version", "2"},
+                          {"format_version", "4"}}) {
+    const std::string field = lie.first;
     CAPTURE(field);
-    const std::string good = std::exchange(file->metadata[field], value);
+    const std::string good = std::exchange(file->metadata[field], lie.second);
     const Result<LatticeDecoder<float>> bad = read_lattice(*file);
     REQUIRE(!bad.ok());
     CHECK(bad.error().field == "__metadata__." + field);
