@@ -60,10 +60,10 @@ Command add_fit(CLI::App& app) {
                  "outlives more of them, 0 is the least visible")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--region-limit", options->fit.region_limit,
-                 "what one of some 24 parts of an image says more than this counts less; in medians of what the "
-                 "loudest part of "
-                 "a drawn view says; 0: no limit")
+  app.add_option(
+         "--region-limit", options->fit.region_limit,
+         "parts of an image, about 24, that say more than this many medians of what the loudest part of a drawn view "
+         "says count less; 0: no limit")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 100.0));
   app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")

@@ -276,8 +276,6 @@ TEST_CASE(
   CHECK(!plain.decoder.settings().limited());
   CHECK(limited.decoder.settings().regions == 24);
   CHECK(fitted(with, 5, large).decoder.settings() == limited.decoder.settings());
-  CHECK(limited.held_back > 0);
-  CHECK(limited.held_back < 0.5);
   CHECK(plain.held_back == 0);
   CHECK(!fitted(small_fit()).decoder.settings().limited());  // too small for two
   const double limit = limited.decoder.settings().region_limit;
@@ -302,6 +300,10 @@ TEST_CASE(
   std::sort(loudest.begin(), loudest.end());
   MESSAGE("limit ", limit, ", the loudest region of 60 other views: median ", loudest[30], ", ninth tenth ",
           loudest[54]);
+  const auto above = loudest.end() - std::upper_bound(loudest.begin(), loudest.end(), limit);
+  MESSAGE("held back in ", limited.held_back, " of the drawn views, in ", above, " of 60 others");
+  CHECK(std::abs(limited.held_back - static_cast<double>(above) / 60) <
+        0.2);  // of 60 a share of .15 has deviation .05; measured .08 apart
   CHECK(limit > 0.8 * 1.2 * loudest[30]);
   CHECK(limit < 1.25 * 1.2 * loudest[30]);
 }

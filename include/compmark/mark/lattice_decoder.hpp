@@ -12,7 +12,7 @@
 // Huber's weight of an M-estimator of the mean (Annals of Mathematical Statistics 35, 1964), one step from all weights 1. What shows as it never did
 // where the head was fitted, a glare in a corner, is loud and local, the message quiet and everywhere (docs/watermark.md). It is a weighted mean: where
 // every region is loud none is held back. What the host prediction subtracts is no part of t.
-// Cost: (3 octaves + 22) features operations a position, a position for every stride^2 pixels; the gradient twice that. A limit: regions bits features more.
+// Cost: (3 octaves + 22) features operations a position, a position for every stride^2 pixels; the gradient twice that. A limit: regions x bits x features more, an image.
 #pragma once
 
 #include <algorithm>

@@ -160,14 +160,14 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     quiet->add_prediction(b, bits, row, weights.host);
   }
   if (detail::limit_views(settings) > 0) {
-    LatticeSettings regions = shape;
-    regions.regions = settings.regions;
-    const std::optional<std::vector<double>> loudest = probe.loudest_regions(regions, weights, observer);
+    LatticeSettings limited = shape;
+    limited.regions = settings.regions;
+    const std::optional<std::vector<double>> loudest = probe.loudest_regions(limited, weights, observer);
     if (!loudest) return Error{ErrorKind::cancelled, {}, {}, "the fit was stopped by its observer", {}};
-    regions.region_limit = settings.region_limit * (*loudest)[loudest->size() / 2];
-    const auto above = loudest->end() - std::upper_bound(loudest->begin(), loudest->end(), regions.region_limit);
+    limited.region_limit = settings.region_limit * (*loudest)[loudest->size() / 2];
+    const auto above = loudest->end() - std::upper_bound(loudest->begin(), loudest->end(), limited.region_limit);
     fit.held_back = static_cast<double>(above) / static_cast<double>(loudest->size());
-    if (regions.limited()) shape = regions;
+    if (limited.limited()) shape = limited;
   }
   fit.decoder = {shape, std::move(weights)};
   return fit;
