@@ -60,6 +60,11 @@ Command add_fit(CLI::App& app) {
                  "outlives more of them, 0 is the least visible")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--tone", options->fit.tone,
+                 "deviation of exposure and white balance, as gains of the channels, in the views that say what the "
+                 "scene says: what shifts by so much is not taken for a message; 0: the model's own light alone")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 0.5));
   app.add_option(
          "--region-limit", options->fit.region_limit,
          "parts of an image, about 24, that say more than this many medians of what the loudest part of a drawn view "

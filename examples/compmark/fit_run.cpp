@@ -60,13 +60,13 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   const Result<std::string> model = file_sha256(options.model);
   if (!model) return model.error();
   const DecoderFitSettings& f = options.fit;
-  const std::string note = "fitted to the unmarked model of sha256 " + *model + " with seed " + std::to_string(f.seed) +
-                           ", views " + std::to_string(f.statistics_views) + ", gradient views " +
-                           std::to_string(f.gradient_views) + ", waves " + std::to_string(f.waves) + ", period " +
-                           nlohmann::json(f.period).dump() + ", coordinates " + std::to_string(f.coordinates) +
-                           ", stride " + std::to_string(f.stride) + ", edit weight " +
-                           nlohmann::json(f.edit_weight).dump() +
-                           (f.region_limit > 0 ? ", region limit " + nlohmann::json(f.region_limit).dump() : "");
+  const std::string note =
+      "fitted to the unmarked model of sha256 " + *model + " with seed " + std::to_string(f.seed) + ", views " +
+      std::to_string(f.statistics_views) + ", gradient views " + std::to_string(f.gradient_views) + ", waves " +
+      std::to_string(f.waves) + ", period " + nlohmann::json(f.period).dump() + ", coordinates " +
+      std::to_string(f.coordinates) + ", stride " + std::to_string(f.stride) + ", edit weight " +
+      nlohmann::json(f.edit_weight).dump() + (f.tone > 0 ? ", tone " + nlohmann::json(f.tone).dump() : "") +
+      (f.region_limit > 0 ? ", region limit " + nlohmann::json(f.region_limit).dump() : "");
   if (Result<Done> written = write_lattice<SafetensorsWriter>(fit->decoder, note, options.out); !written)
     return written.error();
   const Result<std::string> decoder = file_sha256(options.out);
@@ -82,6 +82,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
                                     {"stride", options.fit.stride},
                                     {"edits_per_view", options.fit.edits_per_view},
                                     {"edit_weight", options.fit.edit_weight},
+                                    {"tone", options.fit.tone},
                                     {"regions", fit->decoder.settings().regions},
                                     {"region_limit", fit->decoder.settings().region_limit},
                                     {"held_back", fit->held_back},

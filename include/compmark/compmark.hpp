@@ -320,6 +320,7 @@
 #include "compmark/mark/pretrain/whitening.hpp"
 #include "compmark/mark/residual.hpp"
 #include "compmark/mark/stored_decoder.hpp"
+#include "compmark/mark/tone.hpp"
 #include "compmark/math/separable_map.hpp"
 #include "compmark/pipeline/anchor_road.hpp"
 #include "compmark/pipeline/decoder_fit.hpp"

@@ -54,6 +54,7 @@ DecoderFitSettings small_fit() {
   settings.reach = 1;
   settings.stride = 2;
   settings.edits_per_view = 0;
+  settings.tone = 0;
   settings.ridge = 0.01;
   settings.coordinates = 0;
   return settings;
@@ -73,9 +74,9 @@ DecoderFit<float> fitted(const DecoderFitSettings& settings, std::size_t threads
   return std::move(*fit);
 }
 
-/// Logits of a model in views drawn with a seed that no fit saw, [count, bits]; of renders with noise of this deviation.
+/// Logits of a model in views drawn with a seed that no fit saw, [count, bits]; of renders with noise, or in lights, of this deviation.
 std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<float>& decoder, std::size_t count,
-                              const BlobViews& views = {}, double noise = 0) {
+                              const BlobViews& views = {}, double noise = 0, double tone = 0) {
   const Pipeline<Host> pipeline;
   Pipeline<Host>::Context context;
   LatticeDecoder<float>::Context reading;
@@ -89,6 +90,10 @@ std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<flo
     static_cast<void>(pipeline.forward(model, camera, unseen_view, context, executor));
     for (std::size_t p = 0; noise > 0 && p < context.image.size(); ++p)
       context.image.data[p] += static_cast<float>(noise * random.normal(100 + p));
+    if (tone > 0) {
+      const Random light(4711, i, random_stage("held out tone"));
+      apply_tone<float>(drawn_tone<float>(tone, light), context.image, context.image);
+    }
     decoder.forward(context.image, logits, reading, executor);
     all.insert(all.end(), logits.begin(), logits.end());
   }
@@ -177,6 +182,25 @@ TEST_CASE("pipeline/decoder_fit: what was fitted with edits is told from edited 
   CHECK(clean < 2);
   CHECK(noisy < 3);
   CHECK(control > 1.6 * noisy);  // measured 2.3
+}
+
+TEST_CASE("pipeline/decoder_fit: what was fitted in many lights is told from renders in other lights too") {
+  // Mean square of what the unmarked host says, in the unit of the fit's noise: 1 where its views are as those of the fit.
+  const auto says = [](const DecoderFit<float>& fit, double tone) {
+    const std::vector<double> logits = logits_of(finished(), fit.decoder, 80, {}, 0, tone);
+    double square = 0;
+    for (const double logit : logits) square += logit * logit / static_cast<double>(logits.size());
+    return square;
+  };
+  DecoderFitSettings many = predicting();
+  many.tone = 0.02;
+  const DecoderFit<float> one_light = fitted(predicting()), lights = fitted(many);
+  const double same = says(one_light, 0), other = says(one_light, 0.02), light = says(lights, 0),
+               lit = says(lights, 0.02);
+  MESSAGE("fitted in one light: ", same, " there, ", other, " in another; in many: ", light, ", ", lit);
+  CHECK(other > 1.5 * same);  // the control, measured 2.3: the host's own light was all it had seen
+  CHECK(lit < 0.7 * other);   // measured 0.43
+  CHECK(lit < 2);
 }
 
 TEST_CASE("pipeline/decoder_fit: directions are chosen that agree between views and are quiet in the scene") {

@@ -26,6 +26,7 @@ inline DecoderFitSettings small_statistics() {
   settings.reach = 1;
   settings.stride = 2;
   settings.edits_per_view = 0;
+  settings.tone = 0;
   settings.ridge = 0.01;
   return settings;
 }

@@ -131,6 +131,42 @@ TEST_CASE("pipeline/wave_probe: reading a view leaves its render, and its gradie
   }
 }
 
+TEST_CASE(
+    "pipeline/wave_probe: a view of the statistics is read in a light of its own, and its gradients in the host's") {
+  WaveBench plain, lit([] {
+    DecoderFitSettings settings = small_statistics();
+    settings.tone = 0.05;
+    return settings;
+  }());
+  Probe of_plain = plain.probe(), of_lit = lit.probe();
+  of_plain.render("decoder fit", 4, plain.settings.reach);
+  const std::vector<double> own = of_plain.means();
+  of_plain.render_statistics_view(4);
+  CHECK(of_plain.means() == own);  // no tone: the host's light
+  of_lit.render_statistics_view(4);
+  const std::vector<double> means = of_lit.means();
+  CHECK(means != own);
+  // By hand: the render in the tone of that number, in 8 bits.
+  const ImageView<const double> render = of_lit.image();
+  CHECK(std::equal(render.data, render.data + render.size(), of_plain.image().data));
+  std::vector<double> toned(render.size());
+  const Random random(lit.settings.seed, 4, random_stage("decoder fit tone"));
+  const ImageView<double> image{toned.data(), 3, render.height, render.width};
+  apply_tone<double>(drawn_tone<double>(0.05, random), render, image);
+  for (double& value : toned) value = std::round(value * 255) / 255;
+  LatticeDecoder<double>::Context reading;
+  LatticeDecoder<double>(lit.lattice, lit.waves).pool(image, reading, lit.executor);
+  for (std::size_t k = 0; k < 6; ++k) CHECK(means[k] == doctest::Approx(reading.pooled[k]).epsilon(1e-12));
+  // The gradients are of the render, which is what a mark is hidden in.
+  std::vector<double> there(of_lit.parameters()), here(of_plain.parameters());
+  of_lit.wave_gradient(1, there);
+  of_plain.wave_gradient(1, here);
+  CHECK(there == here);
+  // Another number has another light; a view that is no statistics view has the host's again.
+  of_lit.render("decoder fit", 4, lit.settings.reach);
+  CHECK(of_lit.means() == own);
+}
+
 TEST_CASE("pipeline/wave_probe: there are as many regions as the smallest view has room for") {
   struct TwoSizes {
     [[nodiscard]] std::size_t size() const { return 2; }

@@ -266,6 +266,43 @@ TEST_CASE("tool: a model for a codec that was trained with exposures is marked i
   }
 }
 
+TEST_CASE(
+    "tool: what one region says is limited in views that are large enough, as much as was asked for, and read in as "
+    "many lights") {
+  // 128 x 96 positions, so two regions of 5,000; the scene of the other cases has 96 x 80, which is too small for a limit.
+  const std::string scene = at("large"), model = at("large-run/model.safetensors");
+  testing::done("scene --width 128 --height 96 --train 6 --test 2 --out " + scene);
+  testing::done("train --effects none --iterations 60 --voxel-size 0.3 --data " + scene + " --out " + at("large-run"));
+  const std::string fit = "fit --bits 12 --waves 30 --views 60 --gradient-views 2 --stride 1";
+  const auto fitted = [&](const std::string& data, const std::string& of, const std::string& name,
+                          const std::string& more) {
+    testing::done(fit + " --data " + data + " --model " + of + " --out " + at(name) + ".safetensors" + more);
+    return json_of(at(name) + ".json");
+  };
+  const nlohmann::json once = fitted(scene, model, "limit-once", " --region-limit 1"),
+                       thrice = fitted(scene, model, "limit-thrice", " --region-limit 3"),
+                       none = fitted(scene, model, "limit-none", " --region-limit 0");
+  CHECK(once["regions"] == 2);
+  CHECK(once["region_limit"].get<double>() > 0);
+  CHECK(thrice["region_limit"].get<double>() == doctest::Approx(3 * once["region_limit"].get<double>()));
+  // Of a limit of one median every other view is held back, of three fewer; of none there is nothing to hold.
+  CHECK(once["held_back"].get<double>() == doctest::Approx(0.5).epsilon(0.02));
+  CHECK(thrice["held_back"].get<double>() < once["held_back"].get<double>());
+  CHECK(none["region_limit"] == 0);
+  CHECK(none["held_back"] == 0);
+  static_cast<void>(unmarked());
+  CHECK(fitted(setting().scene, at("unmarked/model.safetensors"), "limit-small", "")["region_limit"] == 0);
+  // In many lights: another decoder, which says so, and by default none.
+  const nlohmann::json lights = fitted(scene, model, "limit-lights", " --region-limit 1 --tone 0.01");
+  CHECK(lights["tone"] == 0.01);
+  CHECK(once["tone"] == 0);
+  CHECK(lights["decoder_sha256"] != once["decoder_sha256"]);
+  check_refused(tool(fit + " --data " + scene + " --model " + model + " --out " + at("no-limit.safetensors") +
+                     " --region-limit 101"),
+                {"--region-limit"});
+  CHECK_FALSE(fs::exists(at("no-limit.safetensors")));
+}
+
 TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden for it is proven") {
   static_cast<void>(unmarked());
   const std::string scene = "fit --bits 24 --data " + setting().scene + " --model " + at("unmarked/model.safetensors");

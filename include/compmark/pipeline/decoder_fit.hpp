@@ -63,7 +63,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
                       settings.edits_per_view >= 0 && settings.edits_per_view < 16 && settings.edit_weight >= 0 &&
                       settings.edit_weight <= 1 && settings.width > 0 && settings.prediction_ridge > 0 &&
                       settings.regions >= 1 && settings.region_limit >= 0 && settings.limit_views >= 0 &&
-                      settings.region_positions > 0,
+                      settings.region_positions > 0 && settings.tone >= 0,
                   "fit_decoder: settings");
   if (views.size() == 0 || host.anchor_count() == 0) {
     return Error{ErrorKind::invalid, {}, "views", "there is no view or no anchor to fit a decoder to", "give a scene"};

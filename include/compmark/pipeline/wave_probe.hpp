@@ -22,6 +22,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/pretrain/augmentation.hpp"
+#include "compmark/mark/tone.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/pipeline/decoder_fit_settings.hpp"
 #include "compmark/pipeline/model.hpp"
@@ -86,15 +87,26 @@ class WaveProbe {
     view_ = room_.view(random.uniform(std::uint64_t{1} << 20));
     camera_ = drawn_camera(camera_of, views_->size(), view_, random, reach);
     static_cast<void>(pipeline_.forward(*host_, camera_, view_, context_, *executor_));
+    seen_ = context_.image;
+  }
+  /// Number n of the views of the statistics, in a light of its own (DecoderFitSettings::tone): what is read of it, edited or not.
+  void render_statistics_view(std::size_t n) {
+    render("decoder fit", n, settings_.reach);
+    if (!(settings_.tone > 0)) return;
+    toned_.resize(context_.image.size());
+    const ImageView<T> toned{toned_.data(), 3, context_.image.height, context_.image.width};
+    const Random random(settings_.seed, n, random_stage("decoder fit tone"));
+    apply_tone<T>(drawn_tone<T>(settings_.tone, random), context_.image, toned);
+    seen_ = toned;
   }
   /// The waves' means in the view, as they are read from its pixels in 8 bits.
-  [[nodiscard]] const std::vector<T>& means() { return read(context_.image); }
+  [[nodiscard]] const std::vector<T>& means() { return read(seen_); }
   /// The same after an edit, number n of the settings' stream.
   template <class Jpeg>
   [[nodiscard]] const std::vector<T>& edited_means(std::size_t n, const Jpeg& jpeg) {
     const Random random(settings_.seed, n, random_stage("decoder fit edit"));
     const AugmentationDraw draw = draw_augmentation(settings_.edits, random);
-    return read(augmenter_.forward(round(context_.image), draw, jpeg, *executor_));  // an edit is one of 8 bits
+    return read(augmenter_.forward(round(seen_), draw, jpeg, *executor_));  // an edit is one of 8 bits
   }
   /// The render of the view, as it is.
   [[nodiscard]] ImageView<const T> image() const { return context_.image; }
@@ -133,8 +145,8 @@ class WaveProbe {
     const std::size_t views = limit_views(settings_), total = fit_parts(settings_);
     std::vector<double> loudest(views, 0.0);
     for (std::size_t n = 0; n < views; ++n) {
-      render("decoder fit", n, settings_.reach);
-      decoder.pool(round(context_.image), reading, *executor_);
+      render_statistics_view(n);
+      decoder.pool(round(seen_), reading, *executor_);
       for (const T norm : reading.region_norm) loudest[n] = std::max(loudest[n], static_cast<double>(norm));
       if (!observer.on_progress(total - views + n + 1, total)) return std::nullopt;
     }
@@ -178,7 +190,8 @@ class WaveProbe {
   typename Pipeline<R>::Context context_;
   LatticeDecoder<T> decoder_;
   typename LatticeDecoder<T>::Context reading_, wave_;
-  Buffer<T> rounded_;
+  Buffer<T> rounded_, toned_;
+  ImageView<const T> seen_;  ///< the render, or the same in another light
   Augmenter<T> augmenter_;
   BlockHandle feature_;
   std::vector<std::size_t> anchors_;

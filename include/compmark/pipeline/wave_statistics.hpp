@@ -76,7 +76,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     for (std::size_t k = 0; k < waves; ++k) found.deviation[k * readings + n] = static_cast<double>(p[k]);
   };
   for (std::size_t n = 0; n < samples; ++n) {
-    probe.render("decoder fit", n, settings.reach);
+    probe.render_statistics_view(n);
     keep(probe.means(), n * per_view);
     for (std::size_t e = 0; e < edits; ++e) keep(probe.edited_means(n * edits + e, jpeg), n * per_view + 1 + e);
     if (!observer.on_progress(++done, total)) return std::nullopt;
