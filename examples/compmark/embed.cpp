@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -60,6 +61,19 @@ TrainSettings embed_settings(TrainSettings settings, const std::string& distorti
   return settings;
 }
 
+/// A run that goes on has the decoder that it began with, and is not told of another.
+Result<Done> fitted_alike(const MarkOptions& mark, const std::string& note, const std::filesystem::path& decoder) {
+  const auto number = [](double value) { return nlohmann::json(value).dump(); };
+  const bool other_period = mark.period && note.find(", period " + number(*mark.period) + ",") == std::string::npos;
+  const std::string tone = ", tone " + number(mark.tone.value_or(0)) + ",";
+  const bool toned = note.find(", tone ") != std::string::npos;
+  const bool other_tone = mark.tone && (*mark.tone > 0 ? (note + ",").find(tone) == std::string::npos : toned);
+  if (!other_period && !other_tone) return Done{};
+  return Error{ErrorKind::invalid, decoder.string(), other_period ? "--period" : "--tone",
+               "is not that of the decoder that this run began with",
+               "give the same as then, or leave it out; or choose another --out"};
+}
+
 /// Fits a decoder for the scene, of the key's length, into the run's folder; a run that is resumed has one.
 Result<Done> make_decoder(TrainOptions& options) {
   if (options.mark.key.empty()) return Done{};  // load_mark says so
@@ -77,7 +91,7 @@ Result<Done> make_decoder(TrainOptions& options) {
     if (!model) return model.error();
     const auto note = file->metadata.find("note");
     const bool of_this = note != file->metadata.end() && note->second.find(*model) != std::string::npos;
-    if (options.resume && of_this) return Done{};
+    if (options.resume && of_this) return fitted_alike(options.mark, note->second, fit.out);
     return Error{ErrorKind::invalid, fit.out.string(), "--decoder",
                  of_this ? "is missing, and a decoder of an earlier run is in this folder"
                          : "is missing, and a decoder of another model is in this folder",
@@ -92,6 +106,8 @@ Result<Done> make_decoder(TrainOptions& options) {
   }
   fit.fit.bits = static_cast<int>(key->bits);
   if (options.seed) fit.fit.seed = *options.seed;
+  if (options.mark.period) fit.fit.period = *options.mark.period;
+  if (options.mark.tone) fit.fit.tone = *options.mark.tone;
   fit.downscale = options.downscale;
   fit.threads = options.threads;
   if (Result<Done> folder = make_folder(options.out); !folder) return folder;
@@ -149,6 +165,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   if (options.iterations == 0) options.iterations = coded ? (fitted ? 4000 : 8000) : 2000;
   if (coded) options.profile = "hac";  // as their training
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
+  if (Result<Done> fits = check_to_fit(options.mark); !fits) return fail(fits.error());
   options.recipe = marking_recipe(*recipe);
   if (options.recipe != *recipe)
     options.notes.push_back(

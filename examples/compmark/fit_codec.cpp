@@ -84,6 +84,7 @@ int fit_codec(TrainOptions options, bool touch_up) {
   if (options.mark.wanted()) {
     if (options.mark.key.empty())
       return fail({ErrorKind::invalid, {}, "--key", "is missing", "give the one that the model was marked with"});
+    if (Result<Done> fits = check_to_fit(options.mark); !fits) return fail(fits.error());
     TrainSettings of_a_mark = settings;  // nothing trains for it
     Result<MarkInput> read = load_mark(options.mark, of_a_mark);
     if (!read) return fail(read.error());

@@ -25,6 +25,15 @@ void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
       "--decoder", options.decoder,
       "the decoder file that shall read the message (default: one is fitted to the scene, as by compmark fit, "
       "and written to --out)");
+  app.add_option("--period", options.period,
+                 "of the waves of a decoder that is fitted so, as compmark fit has it: longer ones are heard more "
+                 "evenly and outlive more, and shift the colour of larger parts")
+      ->check(CLI::Range(0.01, 2.0));
+  app.add_option(
+         "--tone", options.tone,
+         "deviation of exposure and white balance that such a decoder shall not take for a message, as compmark "
+         "fit has it")
+      ->check(CLI::Range(0.0, 0.5));
   if (required) {
     key->required();
   }
@@ -85,6 +94,18 @@ Result<OwnerKey> key_of(const MarkOptions& options) {
                  "leave out --bits, or make a key of that length with compmark keygen"};
   }
   return key;
+}
+
+Result<Done> check_to_fit(const MarkOptions& options) {
+  for (const auto& [number, name] : {std::pair(options.period, "--period"), std::pair(options.tone, "--tone")}) {
+    if (!number || options.decoder.empty()) continue;
+    return Error{ErrorKind::unsupported,
+                 {},
+                 name,
+                 "is that of a decoder that is fitted on the way, and --decoder names one that is there",
+                 "leave out one of the two, or make a decoder with compmark fit"};
+  }
+  return Done{};
 }
 
 Result<Done> check_held(const MarkOptions& options, double fidelity) {

@@ -30,6 +30,7 @@ struct MarkOptions {
   std::filesystem::path key;
   std::filesystem::path decoder;
   std::filesystem::path twin;              ///< unmarked model to compare with; may be empty
+  std::optional<double> period, tone;      ///< of a decoder that is fitted on the way (DecoderFitSettings)
   std::optional<double> weight;            ///< of the message; not set: the profile's
   std::optional<double> margin;            ///< of the hinge, in logits
   std::optional<double> power;             ///< of the hinge
@@ -42,13 +43,16 @@ struct MarkOptions {
   bool for_compression = false;            ///< with the noise of quantization
   /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.
   [[nodiscard]] bool wanted() const {
-    return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || weight || margin || power || rate ||
-           fidelity || fall || by_cost || hold_steps || message_every != 1 || for_compression;
+    return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || period || tone || weight || margin ||
+           power || rate || fidelity || fall || by_cost || hold_steps || message_every != 1 || for_compression;
   }
 };
-/// --bits, --key, --decoder, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,
+/// --bits, --key, --decoder, --period, --tone, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,
 /// --draw-by-cost, --hold-steps, --message-every, --for-compression
 void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
+
+/// That what is said of a decoder to fit is said where none is given.
+compmark::Result<compmark::Done> check_to_fit(const MarkOptions& options);
 
 /// That what is said of holding a mark to its host is said of one that is held, with this `fidelity`.
 compmark::Result<compmark::Done> check_held(const MarkOptions& options, double fidelity);

@@ -424,6 +424,7 @@ Command add_train(CLI::App& app) {
                      "is that of a mark in a finished model, and this one trains with the scene",
                      "leave it out, or --decoder, or mark the finished model with compmark embed"});
       }
+      if (Result<Done> fits = check_to_fit(options->mark); !fits) return fail(fits.error());
       Result<MarkInput> mark = load_mark(options->mark, *settings);
       if (mark && coded) return train_coded(*options, *settings, &*mark);
       return mark ? train_marked(*options, *settings, *mark) : fail(mark.error());

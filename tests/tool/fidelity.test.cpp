@@ -197,13 +197,14 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
 }
 
 TEST_CASE("fidelity: words go to the command of a fitted cell that takes them") {
-  const DividedWords words = divide({"--voxel-size", "0.2", "--fidelity", "50", "--seed=3", "--mark-iterations=100",
-                                     "--message-rate", "0.01", "--checkpoint-every", "9", "--effects", "none"});
+  const DividedWords words =
+      divide({"--voxel-size", "0.2", "--fidelity", "50", "--seed=3", "--mark-iterations=100", "--message-rate", "0.01",
+              "--checkpoint-every", "9", "--effects", "none", "--period=0.2", "--tone", "0.01"});
   using Words = std::vector<std::string>;
   CHECK(words.host == Words{"--voxel-size", "0.2", "--seed=3", "--checkpoint-every", "9", "--effects", "none"});
   CHECK(words.codec == Words{"--seed=3", "--checkpoint-every", "9"});
-  CHECK(words.mark ==
-        Words{"--fidelity", "50", "--seed=3", "--iterations=100", "--message-rate", "0.01", "--checkpoint-every", "9"});
+  CHECK(words.mark == Words{"--fidelity", "50", "--seed=3", "--iterations=100", "--message-rate", "0.01",
+                            "--checkpoint-every", "9", "--period=0.2", "--tone", "0.01"});
   CHECK(divide({"--mark-iterations"}).mark == Words{"--iterations"});  // which embed refuses
   // HAC has no ancestors, and embed would refuse to hold its steps.
   const Words held = {"--hold-steps", "9", "--hold-steps=8", "--fidelity", "50"};

@@ -385,7 +385,7 @@ TEST_CASE(
   REQUIRE(write_key(other, testing::fixed_key(2, 16)).ok());
   const std::string run =
       "train --voxel-size 0.2 --effects none --iterations 600 --mark-iterations 400 --fidelity 300 --message-rate "
-      "0.004 --data " +
+      "0.004 --period 0.12 --tone 0.005 --data " +
       setting().scene + " --key " + key + " --out " + at("whole");
   // A signal that meets the fit ends it at once: there is nothing to save, and no flag is looked at before the decoder would be written.
   const Outcome ended =
@@ -404,7 +404,10 @@ TEST_CASE(
   CHECK(fs::last_write_time(at("whole/unmarked/model.safetensors")) == trained);
   CHECK(json_of(at("whole/unmarked/results.json"))["model_sha256"] == unmarked()["model_sha256"]);
   CHECK(results["psnr_marked_vs_unmarked"].get<double>() > 30);
-  CHECK(json_of(at("whole/decoder.json"))["model_sha256"] == unmarked()["model_sha256"]);
+  const nlohmann::json fit = json_of(at("whole/decoder.json"));
+  CHECK(fit["model_sha256"] == unmarked()["model_sha256"]);
+  CHECK(fit["period"] == 0.12);
+  CHECK(fit["tone"] == 0.005);
   const std::string decoder = at("whole/decoder.safetensors");
   CHECK(verdict("whole", key, "--split all", decoder) == 0);
   CHECK(not_detected(verdict("whole", other, "--split all", decoder)));
@@ -421,6 +424,18 @@ TEST_CASE(
   check_refused(tool(run), {"decoder.safetensors", "--out"});
   check_refused(tool(run + " --resume --seed 9"), {"results.json", "seed"});
   check_refused(tool(run + " --bits 48"), {"owner16.key", "16", "48"});
+  // Nor is the decoder taken for another one, and one that is named is not fitted.
+  const std::string embed = "embed --iterations 400 --fidelity 300 --message-rate 0.004 --model " +
+                            at("whole/unmarked/model.safetensors") + " --data " + setting().scene + " --key " + key +
+                            " --out " + at("whole") + " --resume";
+  check_refused(tool(embed + " --period 0.2"), {"decoder.safetensors", "--period"});
+  check_refused(tool(embed + " --tone 0"), {"decoder.safetensors", "--tone"});
+  check_refused(tool(embed + " --tone 0.05"), {"decoder.safetensors", "--tone"});
+  check_refused(tool(embed + " --period 0.12 --decoder " + decoder), {"--period", "--decoder"});
+  check_refused(tool(embed + " --tone 0.005 --decoder " + decoder), {"--tone", "--decoder"});
+  const Outcome named = tool(embed + " --period 0.12 --tone 0.005");  // what it began with, said aloud
+  INFO(named.text);
+  CHECK(named.code == 0);
   CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
   CHECK(json_of(at("whole/results.json"))["model_sha256"] == results["model_sha256"]);
 }
