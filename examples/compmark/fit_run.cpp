@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/lattice_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "fit_model.hpp"
 #include "reading.hpp"
@@ -23,6 +25,11 @@ Result<Done> check(FitOptions& options) {
   };
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
   if (options.json == options.out) return refuse("--out", "is the name of the JSON file too", "name it .safetensors");
+  for (const auto& [number, name] :
+       {std::pair(options.fit.period, "--period"), std::pair(options.fit.tone, "--tone"),
+        std::pair(options.fit.edit_weight, "--edit-weight"), std::pair(options.fit.region_limit, "--region-limit")}) {
+    if (!std::isfinite(number)) return refuse(name, "is not a number", "give one, or leave it out");
+  }
   if (options.fit.waves == 0) options.fit.waves = std::max(64, 20 * options.fit.bits / 3);  // 320 for 48 bits
   if (options.fit.waves < options.fit.bits)
     return refuse("--waves", "is less than --bits", "give more waves than bits, or leave it out");

@@ -98,7 +98,10 @@ Result<OwnerKey> key_of(const MarkOptions& options) {
 
 Result<Done> check_to_fit(const MarkOptions& options) {
   for (const auto& [number, name] : {std::pair(options.period, "--period"), std::pair(options.tone, "--tone")}) {
-    if (!number || options.decoder.empty()) continue;
+    if (!number) continue;
+    if (!std::isfinite(*number))
+      return Error{ErrorKind::invalid, {}, name, "is not a number", "give one, or leave it out"};
+    if (options.decoder.empty()) continue;
     return Error{ErrorKind::unsupported,
                  {},
                  name,

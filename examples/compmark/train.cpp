@@ -267,6 +267,7 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
   const bool coded = is_coded_recipe(options.recipe);
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
   if (Result<Done> held = check_held(options.mark, options.mark.fidelity.value_or(1)); !held) return fail(held.error());
+  if (Result<Done> fits = check_to_fit(options.mark); !fits) return fail(fits.error());
   const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
   if (!options.resume && std::filesystem::exists(options.out / "decoder.safetensors")) {

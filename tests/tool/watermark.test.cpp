@@ -365,6 +365,10 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
                 {"--json", "model.safetensors"});
   check_refused(tool(fit + at("no.safetensors") + " --downscale 2"), {"model.safetensors", "--downscale"});
   check_refused(tool(scene + " --waves 23 --out " + at("no.safetensors")), {"--waves", "--bits"});
+  for (const char* number : {"--period", "--tone", "--edit-weight", "--region-limit"}) {
+    CAPTURE(number);
+    check_refused(tool(scene + " --out " + at("no.safetensors") + " " + number + " nan"), {number, "not a number"});
+  }
   check_refused(tool(scene + " --views 70 --out " + at("no.safetensors")), {"--views", "--waves"});
   check_refused(tool(scene + " --waves 72 --coordinates 60 --out " + at("no.safetensors")),
                 {"--coordinates", "--bits"});
@@ -433,7 +437,8 @@ TEST_CASE(
   check_refused(tool(embed + " --tone 0.05"), {"decoder.safetensors", "--tone"});
   check_refused(tool(embed + " --period 0.12 --decoder " + decoder), {"--period", "--decoder"});
   check_refused(tool(embed + " --tone 0.005 --decoder " + decoder), {"--tone", "--decoder"});
-  const Outcome named = tool(embed + " --period 0.12 --tone 0.005");  // what it began with, said aloud
+  check_refused(tool(embed + " --period nan"), {"--period", "not a number"});  // within every range, for CLI11
+  const Outcome named = tool(embed + " --period 0.12 --tone 0.005");           // what it began with, said aloud
   INFO(named.text);
   CHECK(named.code == 0);
   CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
@@ -521,6 +526,7 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
 TEST_CASE("tool: bad input to a marked training is one line, and nothing is written") {
   const std::string common = "train --effects none --iterations 20 --data " + setting().scene + " --out " + at("none");
   check_refused(tool(common + " --key " + setting().key + " --codec hac --for-compression"), {"--decoder", "missing"});
+  check_refused(tool(common + " --key " + setting().key + " --tone nan"), {"--tone", "not a number"});
   check_refused(tool(common + " --key " + setting().key + " --codec hac --fidelity 0"), {"--fidelity", "--decoder"});
   check_refused(tool(common + " --key " + at("nowhere.key")), {"nowhere.key"});
   check_refused(tool(common + " --decoder " + setting().decoder), {"--key", "missing"});
