@@ -14,6 +14,12 @@ if(PROJECT_IS_TOP_LEVEL)
   if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
     set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
   endif()
+  # Flags are the builder's choice, here too (a package must run on other machines), but nobody should train with four lanes of sixteen unawares.
+  string(TOUPPER "${CMAKE_BUILD_TYPE}" compmark_build_type)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang" AND NOT "${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_${compmark_build_type}}" MATCHES "-march=|-mcpu=|-mavx")
+    message(NOTICE "compmark: these flags are for the oldest machine of this architecture, and training takes several times as long; "
+                   "\"cmake --preset release\" builds for this one (-march=native)")
+  endif()
 endif()
 
 add_library(compmark_warnings INTERFACE)
