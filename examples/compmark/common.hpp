@@ -26,6 +26,8 @@ int fail(const compmark::Error& error);
 
 /// Recipe that a profile runs with unless --recipe says otherwise.
 std::string default_recipe(std::string_view profile);
+/// Whether a profile has the numbers that were published, whose mark trains with the scene, by the whole method.
+inline bool is_published_profile(std::string_view profile) { return profile == "official" || profile == "paper"; }
 
 /// Some views of a dataset, decoded on demand by the store.
 struct DatasetViews {

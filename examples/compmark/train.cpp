@@ -214,6 +214,11 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
     options.codec = recipe_codec(options.recipe);
     return Done{};
   }
+  if (!recipe_given && !options.for_fit_codec && is_published_profile(options.profile)) {
+    options.recipe = options.codec;  // its numbers in the codec's own host
+    options.notes.push_back("recipe " + options.recipe);
+    return Done{};
+  }
   if (recipe_given || options.recipe.rfind("scaffold", 0) != 0) {
     return Error{ErrorKind::invalid,
                  {},
@@ -329,7 +334,10 @@ Command add_train(CLI::App& app) {
                  "with a codec: loss of one bit more a scalar; 0.0005 for quality to 0.004 for size")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--profile", options->profile, "hyper-parameters: scaffold, hac, official or paper")
+  app.add_option("--profile", options->profile,
+                 "hyper-parameters: scaffold, hac, or the published method as its program (official) or its text "
+                 "(paper) has it, "
+                 "whose mark trains with the scene (--decoder)")
       ->capture_default_str();
   app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
       ->capture_default_str()
@@ -395,7 +403,10 @@ Command add_train(CLI::App& app) {
     if (Result<Done> chosen = choose_effects(*options); !chosen) return fail(chosen.error());
     if (Result<Done> chosen = choose_codec(*options, recipe_given); !chosen) return fail(chosen.error());
     if (options->mark.wanted() && !recipe_given && !coded) leave_out_unmarked(*options);
-    if (coded) settings->rate.lambda = options->rate_lambda;
+    if (coded) {
+      if (is_published_profile(options->profile)) *settings = for_codec(*settings);
+      settings->rate.lambda = options->rate_lambda;
+    }
     settings->iterations = options->iterations;
     settings->max_anchors = options->max_anchors;
     if (options->seed) settings->seed = *options->seed;
@@ -415,6 +426,14 @@ Command add_train(CLI::App& app) {
     if (options->recipe.find("+antialiasing") != std::string::npos)
       settings->blur_variance = recipes::antialiasing_blur_variance;
     if (options->mark.wanted()) {
+      if (is_published_profile(options->profile) && options->mark.decoder.empty()) {
+        return fail({ErrorKind::invalid,
+                     {},
+                     "--profile",
+                     "\"" + options->profile +
+                         "\" hides the message while the scene trains, read by a decoder that is there before",
+                     "give it with --decoder (one of weights/, or of compmark pretrain), or leave out --profile"});
+      }
       if (marks_afterwards(*options)) return train_then_mark(*options, *settings);
       for (const auto& [given, name] : {std::pair(options->mark.by_cost.has_value(), "--draw-by-cost"),
                                         std::pair(options->mark.hold_steps.has_value(), "--hold-steps")}) {

@@ -3,7 +3,7 @@
 #include "train_marked.hpp"
 
 #include <compmark/recipes/captures.hpp>
-#include <compmark/recipes/marked.hpp>
+#include <compmark/recipes/marked_codecs.hpp>
 #include <compmark/recipes/scaffold.hpp>
 
 #include "train_recipe.hpp"
@@ -15,8 +15,9 @@ Error no_message_in(const std::string& recipe) {
           {},
           "--recipe",
           "\"" + recipe + "\" is not built with a message",
-          "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha, and finished models with "
-          "+exposure or of fit-codec too: train with one of them (--recipe)"};
+          "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha, compmark-host and "
+          "compmark-paper-host with a decoder that is there (--decoder), and finished models with +exposure or of "
+          "fit-codec too: train with one of them (--recipe)"};
 }
 
 int train_marked(const TrainOptions& options, TrainSettings settings, const MarkInput& mark) {
@@ -25,6 +26,9 @@ int train_marked(const TrainOptions& options, TrainSettings settings, const Mark
     if (mark.for_compression) return run<MarkedForCompression<Scaffold, Decoder>>(options, settings, &mark);
     return run<Marked<Scaffold, Decoder>>(options, settings, &mark);
   }
+  // The whole published method, which has the noise of quantization in it.
+  if (options.recipe == "compmark-host") return run<CompMarkGs<CompMarkHost, Decoder>>(options, settings, &mark);
+  if (options.recipe == "compmark-paper-host") return run<CompMarkGsPaper<Decoder>>(options, settings, &mark);
   if (mark.for_compression) {
     return fail({ErrorKind::unsupported,
                  {},

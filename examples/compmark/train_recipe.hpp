@@ -15,7 +15,7 @@
 #include <compmark/pipeline/finished_host.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/pipeline/trainer.hpp>
-#include <compmark/recipes/marked.hpp>
+#include <compmark/recipes/marked_codecs.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -276,7 +276,17 @@ int run_coded(const TrainOptions& options, const TrainSettings& settings, const 
   if constexpr (present<typename R::Exposure>) {
     return fail(no_message_in(options.recipe));
   } else {
-    return run<recipes::Marked<R, Decoder>>(options, settings, mark);
+    if (!is_published_profile(settings.profile)) return run<recipes::Marked<R, Decoder>>(options, settings, mark);
+    // The published captures have no effects, and each recipe is ten seconds of a compiler.
+    if constexpr (present<typename R::AlphaLoss> || present<typename R::PixelWeights> || requires { R::is_fitted; }) {
+      return fail({ErrorKind::unsupported,
+                   {},
+                   "--profile",
+                   "\"" + settings.profile + "\" marks hac and context_gs as they are, not " + options.recipe,
+                   "leave out --recipe, or --profile"});
+    } else {
+      return run<recipes::WithFrequency<recipes::Marked<R, Decoder>>>(options, settings, mark);
+    }
   }
 }
 

@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "compmark/mark/lattice_decoder.hpp"
+#include "compmark/recipes/marked.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
 using namespace compmark;
@@ -66,6 +68,15 @@ TEST_CASE("pipeline/run_policies: the phases of each profile are the published o
     CHECK(same(phases("hac"), DensityPhases::hac(iterations)));
     CHECK(same(phases("official"), DensityPhases::official(iterations)));
     CHECK_FALSE(same(phases("scaffold"), DensityPhases::hac(iterations)));  // the comparison can tell
+    // Inside a codec's host the profiles of CompMarkGS have its pause, too.
+    for (const char* profile : {"official", "paper"}) {
+      CAPTURE(profile);
+      TrainSettings settings = for_codec(*profile_settings(profile));
+      settings.iterations = iterations;
+      CHECK(same(density_phases(settings).pause, DensityPhases::hac(iterations).pause));
+      CHECK(same(density_phases(settings).growing, phases(profile).growing));
+    }
+    CHECK_FALSE(same(phases("paper").pause, DensityPhases::hac(iterations).pause));
   }
 }
 
@@ -103,4 +114,18 @@ TEST_CASE("pipeline/run_policies: a distortion layer is told the numbers that it
   CHECK(all.rate_weight == 3);
   CHECK(all.of_its_own == 7);
   (void)distortion_layer<Recorded<NoNumber>>(mark);  // compiles
+}
+
+TEST_CASE("pipeline/run_policies: saturated colours are those that were released, or those of the paper's text") {
+  using Marked = recipes::Marked<recipes::Scaffold, LatticeDecoder<float>>;
+  using Hsv = Marked::HsvLoss;
+  const auto same_colours = [](const Hsv::Settings& a, const Hsv::Settings& b) {
+    return a.thirds == b.thirds && a.norm == b.norm && a.saturation == b.saturation && a.value == b.value;
+  };
+  for (const char* profile : {"scaffold", "hac", "official"}) {
+    CAPTURE(profile);
+    CHECK(same_colours(hsv_loss<Marked>(profile_settings(profile)->mark).settings, Hsv::Settings{}));
+  }
+  CHECK(same_colours(hsv_loss<Marked>(profile_settings("paper")->mark).settings, Hsv::Settings::paper()));
+  CHECK_FALSE(same_colours(Hsv::Settings{}, Hsv::Settings::paper()));  // the comparison can tell
 }

@@ -42,6 +42,17 @@ template <Recipe R>
   return typename R::DensityControl{settings};
 }
 
+/// Of a recipe with an HsvLoss.
+template <Recipe R>
+[[nodiscard]] typename R::HsvLoss hsv_loss(const MarkNumbers& mark) {
+  if constexpr (requires { R::HsvLoss::Settings::paper(); }) {
+    if (mark.hsv_as_written) return typename R::HsvLoss(R::HsvLoss::Settings::paper());
+  } else {
+    static_cast<void>(mark);
+  }
+  return typename R::HsvLoss();
+}
+
 /// Of a recipe with a DistortionLayer.
 template <Recipe R>
 [[nodiscard]] typename R::DistortionLayer distortion_layer(const MarkNumbers& mark) {

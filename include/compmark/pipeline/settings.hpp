@@ -56,6 +56,8 @@ struct MarkNumbers {
   /// (pipeline/held_steps.hpp); 0: never. Does not scale.
   std::int64_t hold_steps_every = 0;
   double lambda_hsv = 0.6;
+  bool hsv_as_written =
+      false;  ///< saturated colours by the thresholds of the paper's text, not by those that were released
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;
   std::int64_t frequency_after = 9999;
@@ -171,17 +173,21 @@ struct TrainSettings {
   return mark;
 }
 
+/// A profile's numbers inside a codec's host: growing pauses while features carry noise for the first time, as both codecs' authors have it
+/// (method sheet, 5.8).
+[[nodiscard]] inline TrainSettings for_codec(TrainSettings settings) {
+  settings.pause_from = 3000;
+  settings.pause_until = 4000;
+  return settings;
+}
+
 /// "scaffold": Scaffold-GS defaults. "hac": those with the pause in growing that the codecs' authors make. "official": what the published CompMarkGS code does. "paper": what its paper says.
 [[nodiscard]] inline std::optional<TrainSettings> profile_settings(std::string_view profile) {
   TrainSettings settings;
   settings.profile = std::string(profile);
   if (profile == "scaffold" || profile == "hac") {
     settings.mark = mark_in_the_photographs();
-    if (profile == "hac") {
-      settings.pause_from = 3000;
-      settings.pause_until = 4000;
-    }
-    return settings;
+    return profile == "hac" ? for_codec(settings) : settings;
   }
   if (profile == "official") {
     settings.seed = 42;
@@ -197,6 +203,7 @@ struct TrainSettings {
   if (profile == "paper") {
     settings.seed = 42;
     settings.mark.frequency_band_lowest = -0.3;
+    settings.mark.hsv_as_written = true;
     settings.grow_after = 1599;
     return settings;
   }

@@ -68,6 +68,7 @@ template <class Json = nlohmann::json>
     if (m.draw_by_cost != 0) mark["draw_by_cost"] = m.draw_by_cost;
     if (m.hold_steps_every != 0) mark["hold_steps_every"] = m.hold_steps_every;
     mark["lambda_hsv"] = m.lambda_hsv;
+    if (m.hsv_as_written) mark["hsv_as_written"] = true;  // as fidelity
     mark["hsv_after"] = m.hsv_after;
     mark["lambda_frequency"] = m.lambda_frequency;
     mark["frequency_after"] = m.frequency_after;

@@ -71,6 +71,7 @@ class Trainer {
     if constexpr (!MarkedPipeline::Road::is_absent || !MarkedPipeline::Marks::is_absent) {
       mark_phases_ = MarkPhases(settings_.mark, settings_.iterations);
     }
+    if constexpr (present<typename R::HsvLoss>) pipeline_.marks().hsv = hsv_loss<R>(settings_.mark);
     if constexpr (present<typename R::DistortionLayer>) {
       pipeline_.road() = typename MarkedPipeline::Road(distortion_layer<R>(settings_.mark));
     }

@@ -5,6 +5,7 @@
 // step of quantization, so that f^w is what is distorted, what is rated and what the file holds, and the message is read from what comes out.
 //
 //   CompMarkGs<Host, Decoder>  MarkedForCompression, with the frequency loss and the growing that looks at it
+//   CompMarkGsPaper<Decoder>   the same as the paper's text has it
 //   MarkedHac<Decoder>         in HAC        (HacScaffold, or another of hac.hpp)
 //   MarkedContextGs<Decoder>   in ContextGS  (ContextGsScaffold, or another of context_gs.hpp)
 //
@@ -27,8 +28,11 @@ struct WithFrequency : MarkedRecipe {
   using DensityControl = FrequencyGrowth<typename MarkedRecipe::Scalar, typename MarkedRecipe::Host::DensityControl>;
 };
 
-template <class HostRecipe, class Decoder>
-struct CompMarkGs : WithFrequency<MarkedForCompression<HostRecipe, Decoder>> {};
+template <class HostRecipe, class Decoder, DistortionOptions distortion_options = DistortionOptions{}>
+struct CompMarkGs : WithFrequency<MarkedForCompression<HostRecipe, Decoder, distortion_options>> {};
+/// The paper's text has one step an anchor where the released program has one a channel.
+template <class Decoder>
+struct CompMarkGsPaper : CompMarkGs<CompMarkPaperHost, Decoder, DistortionOptions{.per_channel = false}> {};
 
 template <class Decoder, class HostRecipe = HacScaffold>
 struct MarkedHac : WithFrequency<Marked<HostRecipe, Decoder>> {};
