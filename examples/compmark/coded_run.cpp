@@ -132,7 +132,7 @@ nlohmann::ordered_json coded_json(const CodecReport& report) {
 
 Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesystem::path& file,
                                    const DatasetViews& measured, const LpipsFiles& lpips, const MarkInput* mark,
-                                   ThreadExecutor& executor) {
+                                   const KeepView& keep, ThreadExecutor& executor) {
   CodedRun run;
   const auto encoding = Clock::now();
   const Result<CodecEncoded> encoded = write_codec_file(file, model, executor);
@@ -143,7 +143,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
       load_model(file, executor.concurrency());  // what was written is what is measured
   if (!decoded) return decoded.error();
   run.metrics.decode_seconds = since(decoding);
-  const Result<Evaluation> evaluation = evaluate_views(**decoded, measured, lpips, executor, [](const SeenView&) {});
+  Result<Evaluation> evaluation = evaluate_views(**decoded, measured, lpips, executor, keep);
   if (!evaluation) return evaluation.error();
   const CodecReport& report = encoded->report;
   run.metrics.codec = codec_file_name(report.profile);
@@ -158,13 +158,14 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
   if (mark != nullptr) {
     MarkInput compared = *mark;
     if (!mark->coded_twin.empty()) compared.twin = mark->coded_twin;
-    const Result<MarkMeasurement> found = measure_mark(**decoded, compared, measured, executor);
+    Result<MarkMeasurement> found = measure_mark(**decoded, compared, measured, executor);
     if (!found) return found.error();
     WatermarkMetrics metrics = watermark_metrics(found->report.verification);
     if (found->unmarked_psnr) metrics.psnr_cost_vs_unmarked = *found->unmarked_psnr - run.metrics.test.psnr;
     metrics.psnr_marked_vs_unmarked = found->psnr_marked_vs_unmarked;
     run.metrics.watermark = metrics;
     run.bits = logit_plot(mark->message, found->report.verification, "Bits of all views, compressed");
+    run.mark = std::move(*found);
   }
   run.table.heading = "Compressed";
   run.table.rows = {{"codec", run.metrics.codec},
@@ -174,12 +175,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
                     {"SSIM", formatted("%.4f", run.metrics.test.ssim)},
                     {"encoded in", formatted("%.2f s", run.metrics.encode_seconds)},
                     {"decoded in", formatted("%.2f s", run.metrics.decode_seconds)}};
-  if (run.metrics.watermark) {
-    run.table.rows.emplace_back("bit accuracy, mean and worst view",
-                                formatted("%.4f, %.4f", run.metrics.watermark->mean, run.metrics.watermark->min));
-  }
-  for (const auto& [name, bytes] : run.metrics.sections)
-    run.table.rows.emplace_back("of it " + name, formatted("%.1f KiB", static_cast<double>(bytes) / 1024));
+  run.evaluation = std::move(*evaluation);
   return run;
 }
 

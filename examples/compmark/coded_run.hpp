@@ -25,14 +25,17 @@ namespace tool {
 
 struct CodedRun {
   CompressedMetrics metrics;
-  ReportTable table;         ///< for the page
-  std::optional<Plot> bits;  ///< for the page, of a marked model
+  Evaluation evaluation;                ///< of the views, of the decoded model
+  std::optional<MarkMeasurement> mark;  ///< what was read of a message, likewise
+  ReportTable table;                    ///< for the page
+  std::optional<Plot> bits;             ///< for the page, of a marked model
 };
 
-/// Writes `file`, loads it and measures it over `measured`; `mark` may be null.
+/// Writes `file`, loads it and measures it over `measured`; `mark` may be null, `keep` is called for every view of the decoded model.
 compmark::Result<CodedRun> write_and_measure(const compmark::CodecModel& model, const std::filesystem::path& file,
                                              const DatasetViews& measured, const LpipsFiles& lpips,
-                                             const MarkInput* mark, compmark::ThreadExecutor& executor);
+                                             const MarkInput* mark, const KeepView& keep,
+                                             compmark::ThreadExecutor& executor);
 
 /// Bytes by what they are for, largest first; they add up to the file.
 std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const compmark::CodecReport& report);

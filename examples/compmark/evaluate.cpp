@@ -4,6 +4,7 @@
 // compmark evaluate: what models are worth against a dataset, one or several side by side: PSNR, SSIM and, given weights, LPIPS; what a mark costs and
 // how much of a message is read; bytes by section and milliseconds.
 #include <compmark/io/json_file.hpp>
+#include <compmark/mark/report.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -71,6 +72,11 @@ int run(const EvaluateOptions& options) {
   }
   if (!options.html.empty()) {
     ReportInput report = comparison_report(*comparison, base_name(input.data));
+    for (const ComparedModel& compared : comparison->models) {
+      if (compared.verification)
+        report.words.push_back(
+            {"Read from the renders of " + compared.path.filename().string(), report_text(*compared.verification)});
+    }
     report.tables.push_back(machine_table(static_cast<int>(executor.concurrency())));
     if (Result<Done> written = write_report(options.html, report); !written) return fail(written.error());
   }

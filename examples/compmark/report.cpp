@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
@@ -36,7 +35,8 @@ h1{margin:0;font-size:28px} h2{margin:36px 0 12px;font-size:18px} p.sub{margin:2
 table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums} caption{text-align:left;font-weight:600;padding:6px 0}
 td,th{padding:4px 10px 4px 0;border-bottom:1px solid var(--line);text-align:left;vertical-align:top} td.n,th.n{text-align:right}
 td:first-child{color:var(--soft)}
-.views figure{flex:1 1 240px;margin:0} .views img{width:100%;height:auto;display:block;border-radius:4px} figcaption{color:var(--soft);font-size:13px;padding-top:4px}
+h3{margin:0 0 4px;font-size:15px} p.verdict{margin:4px 0 8px;font-weight:600}
+.views{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:14px;margin-bottom:18px} .views figure{margin:0} .views img{width:100%;height:auto;display:block;border-radius:4px} figcaption{color:var(--soft);font-size:13px;padding-top:4px}
 .scroll{overflow-x:auto}
 )";
 
@@ -80,54 +80,39 @@ ReportImage difference(const ReportImage& a, const ReportImage& b, int gain) {
   return result;
 }
 
-/// At most about `wanted` points: means over blocks, so that noise does not draw a band.
-template <class Value>
-PlotSeries thinned(const std::vector<ProgressLine>& curve, std::size_t wanted, std::string label, int color,
-                   const Value& value) {
-  PlotSeries series;
-  series.label = std::move(label);
-  series.color = color;
-  const std::size_t block = std::max<std::size_t>(1, curve.size() / wanted);
-  for (std::size_t begin = 0; begin < curve.size(); begin += block) {
-    const std::size_t end = std::min(curve.size(), begin + block);
-    double x = 0, y = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      x += static_cast<double>(curve[i].iteration);
-      y += value(curve[i]);
+/// Lines of report_text(): those with a label of twelve letters are rows of a table, the others the verdict, which stands above it.
+std::string words(const ReportWords& input) {
+  constexpr std::size_t label = 12;
+  std::string verdict, rows;
+  for (std::size_t begin = 0; begin < input.text.size();) {
+    const std::size_t end = std::min(input.text.find('\n', begin), input.text.size());
+    const std::string line = input.text.substr(begin, end - begin);
+    begin = end + 1;
+    if (line.size() > label && line.compare(label - 2, 2, "  ") == 0) {
+      rows += "<tr><td>" + escape_html(line.substr(0, line.find("  "))) + "</td><td>" +
+              escape_html(line.substr(label)) + "</td></tr>";
+    } else if (!line.empty()) {
+      verdict += "<p class=\"verdict\">" + escape_html(line) + "</p>";
     }
-    series.points.push_back({x / static_cast<double>(end - begin), y / static_cast<double>(end - begin)});
   }
-  return series;
+  return "<div><h3>" + escape_html(input.heading) + "</h3>" + verdict + "<table>" + rows + "</table></div>";
 }
 
-std::string curves(const std::vector<ProgressLine>& curve) {
-  if (curve.empty()) return {};
-  Plot loss{.title = "Loss", .x_label = "iteration", .y_label = "loss (log)", .series = {}, .log_y = true};
-  loss.series.push_back(thinned(curve, 300, "total", 0, [](const ProgressLine& l) { return l.loss; }));
-  loss.series.push_back(thinned(curve, 300, "L1", 1, [](const ProgressLine& l) { return l.l1; }));
-  Plot psnr{.title = "PSNR", .x_label = "iteration", .y_label = "dB", .series = {}};
-  psnr.series.push_back(thinned(curve, 300, "training views", 0, [](const ProgressLine& l) { return l.psnr; }));
-  PlotSeries test{.label = "test views", .points = {}, .names = {}, .color = 1, .line = true, .dots = true};
-  for (const ProgressLine& line : curve) {
-    if (line.test_psnr) test.points.push_back({static_cast<double>(line.iteration), *line.test_psnr});
-  }
-  if (!test.points.empty()) psnr.series.push_back(std::move(test));
-  Plot anchors{.title = "Anchors", .x_label = "iteration", .y_label = "anchors", .series = {}, .from_zero = true};
-  anchors.series.push_back(
-      thinned(curve, 300, "anchors", 2, [](const ProgressLine& l) { return static_cast<double>(l.anchors); }));
-  Plot gaussians{
-      .title = "Gaussians of a view", .x_label = "iteration", .y_label = "Gaussians", .series = {}, .from_zero = true};
-  gaussians.series.push_back(
-      thinned(curve, 300, "Gaussians", 3, [](const ProgressLine& l) { return static_cast<double>(l.gaussians); }));
-  std::string text = "<h2>Training</h2><div class=\"row\">" + svg(loss) + svg(psnr) + svg(anchors) + svg(gaussians);
-  std::vector<ProgressLine> read;
-  std::copy_if(curve.begin(), curve.end(), std::back_inserter(read),
-               [](const ProgressLine& line) { return line.bit_accuracy.has_value(); });
-  if (!read.empty()) {
-    Plot bits{.title = "Bits that are right", .x_label = "iteration", .y_label = "share of a view's", .series = {}};
-    bits.series.push_back(
-        thinned(read, 300, "views of the training", 0, [](const ProgressLine& l) { return *l.bit_accuracy; }));
-    text += svg(bits);
+std::string view_row(const ReportView& view, const ReportInput& input) {
+  const std::string gain = "×" + std::to_string(input.difference_gain);
+  std::string figures = format_text("%.2f dB, SSIM %.4f", view.psnr, view.ssim);
+  if (view.lpips) figures += format_text(", LPIPS %.4f", *view.lpips);
+  std::string text = "<div class=\"views\">" + image_tag(view.ground_truth, view.name) +
+                     image_tag(view.render, input.renders + ": " + figures) +
+                     image_tag(difference(view.ground_truth, view.render, input.difference_gain),
+                               "difference from the ground truth " + gain);
+  if (view.unmarked) {  // under the marked one, with nothing under the ground truth
+    const UnmarkedView& twin = *view.unmarked;
+    text += "<div></div>" +
+            image_tag(twin.render,
+                      "unmarked, " + twin.file + ": " + format_text("%.2f dB, SSIM %.4f", twin.psnr, twin.ssim)) +
+            image_tag(difference(view.render, twin.render, input.difference_gain),
+                      "difference of marked and unmarked " + gain);
   }
   return text + "</div>\n";
 }
@@ -182,24 +167,22 @@ std::string make_report(const ReportInput& input) {
     }
     page += "</div>\n";
   }
-  page += curves(input.curve);
+  if (!input.words.empty()) {
+    page += "<h2>Is the message there?</h2><div class=\"row\">";
+    for (const ReportWords& one : input.words) page += words(one);
+    page += "</div>\n";
+  }
   if (!input.plots.empty()) {
     page += "<h2>Message</h2><div class=\"row\">";
     for (const Plot& plot : input.plots) page += svg(plot);
     page += "</div>\n";
   }
   if (!input.views.empty()) {
-    page += "<h2>Views: ground truth, render, difference ×" + std::to_string(input.difference_gain) + "</h2>\n";
-    for (const ReportView& view : input.views) {
-      std::string figures = format_text("%.2f dB, SSIM %.4f", view.psnr, view.ssim);
-      if (view.lpips) figures += format_text(", LPIPS %.4f", *view.lpips);
-      page += "<div class=\"row views\">" + image_tag(view.ground_truth, view.name) +
-              image_tag(view.render, "render: " + figures) +
-              image_tag(difference(view.ground_truth, view.render, input.difference_gain),
-                        "absolute difference ×" + std::to_string(input.difference_gain)) +
-              "</div>\n";
-    }
+    page += "<h2>Views: ground truth, " + escape_html(input.renders) + ", difference ×" +
+            std::to_string(input.difference_gain) + "</h2>\n";
+    for (const ReportView& view : input.views) page += view_row(view, input);
   }
+  for (const ReportCurve& curve : input.curves) page += curves_html(curve);
   for (const ReportGrid& one : input.grids) page += grid(one);
   if (!input.tables.empty()) {
     page += "<h2>Details</h2><div class=\"row\">";

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// report.html: one file to open or send. Curves, figures, settings and, for chosen test views, ground truth, render and five times their
-// difference side by side. Images are embedded PNGs, plots inline SVG; there is no script and nothing is loaded from elsewhere.
+// report.html: one file to open or send. Figures, what was read of a message in words and bit by bit, curves, settings and, for chosen test views,
+// ground truth, render and five times their difference side by side, with the unmarked twin's where there is one. Images are embedded PNGs, plots
+// inline SVG; there is no script and nothing is loaded from elsewhere.
 #pragma once
 
 #include <cstdint>
@@ -28,6 +29,14 @@ struct ReportImage {
 /// Clamps to [0, 1] and rounds half up, as every metric of the library does.
 ReportImage make_report_image(compmark::ImageView<const float> image);
 
+/// A view of the model that has no mark.
+struct UnmarkedView {
+  std::string file;    ///< name of the model's
+  ReportImage render;  ///< as large as the marked one
+  double psnr = 0;
+  double ssim = 0;
+};
+
 struct ReportView {
   std::string name;
   ReportImage ground_truth;
@@ -35,6 +44,21 @@ struct ReportView {
   double psnr = 0;
   double ssim = 0;
   std::optional<double> lpips;
+  std::optional<UnmarkedView> unmarked{};
+};
+
+/// The log of one run: of a training, or of what was done to its model afterwards.
+struct ReportCurve {
+  std::string heading;
+  std::vector<ProgressLine> lines;  ///< Progress::history() or read_progress_log()
+  bool beside_host = false;  ///< a mark learned beside a finished model: its PSNR is that against the unmarked renders
+  std::string page{};        ///< address of the run's own page, relative to this one; empty: it is this one
+};
+
+/// A verdict for people who know no statistics.
+struct ReportWords {
+  std::string heading;
+  std::string text;  ///< lines of report_text()
 };
 
 /// A table of two columns.
@@ -54,15 +78,20 @@ struct ReportInput {
   std::string title;     ///< e.g. "lego"
   std::string subtitle;  ///< e.g. "recipe scaffold, profile scaffold, 30,000 iterations"
   std::vector<std::pair<std::string, std::string>> headline;  ///< the few figures to see first: value, what it is
-  std::vector<ProgressLine> curve;                            ///< Progress::history() or read_progress_log()
+  std::vector<ReportWords> words{};                           ///< whether a message was found
+  std::vector<ReportCurve> curves{};                          ///< in the order in which they were run
   std::vector<ReportTable> tables;                            ///< metrics, machine, settings …
   std::vector<ReportGrid> grids;
   std::vector<Plot> plots;  ///< of the message that was read
   std::vector<ReportView> views;
+  std::string renders = "render";  ///< what the pictures are of
   int difference_gain = 5;
 };
 
-/// The page as text, and written atomically. Cost: PNG compression of three images a view (~0.1 s each at 800 x 800).
+/// Plots of one log, under its heading; empty without lines.
+std::string curves_html(const ReportCurve& curve);
+
+/// The page as text, and written atomically. Cost: PNG compression of three images a view, five with an unmarked twin (~0.1 s each at 800 x 800).
 std::string make_report(const ReportInput& input);
 compmark::Result<compmark::Done> write_report(const std::filesystem::path& path, const ReportInput& input);
 

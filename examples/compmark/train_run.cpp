@@ -16,23 +16,13 @@
 #include "coded_run.hpp"
 #include "common.hpp"
 #include "effects.hpp"
-#include "progress.hpp"
 #include "report.hpp"
 #include "results.hpp"
+#include "train_page.hpp"
 
 namespace tool {
 
 using namespace compmark;
-
-namespace {
-
-std::string rounded(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
-
-}  // namespace
 
 void add_finished_model_options(CLI::App& app, TrainOptions& options) {
   app.add_option("--downscale", options.downscale, "divide the images' size by this; as in the training")
@@ -157,17 +147,6 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
   return Done{};
 }
 
-namespace {
-
-std::string background_name(const std::array<float, 3>& color) {
-  if (color == std::array<float, 3>{0, 0, 0}) return "black";
-  if (color == std::array<float, 3>{1, 1, 1}) return "white";
-  return rounded(255 * double{color[0]}, 0) + " " + rounded(255 * double{color[1]}, 0) + " " +
-         rounded(255 * double{color[2]}, 0);
-}
-
-}  // namespace
-
 int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, const MarkInput* mark,
                ThreadExecutor& executor) {
   const TrainSettings& settings = run.settings;
@@ -176,28 +155,28 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
 
   const bool has_test = run.test.size() != 0;
   const DatasetViews& measured = has_test ? run.test : run.train;
-  const std::size_t shown = std::min<std::size_t>(3, measured.size());
-  ReportInput report;
+  ShownViews shown(measured);
+  // Pictures are of what others get: of the compressed file where there is one.
+  const KeepView keep = shown.keep(), pass = [](const SeenView&) {};
   Result<std::unique_ptr<AnyModel>> model = load_model(run.model);  // what was written is what is measured
   if (!model) return fail(model.error());
-  Result<Evaluation> evaluation = evaluate_views(**model, measured, options.lpips, executor, [&](const SeenView& view) {
-    for (std::size_t s = 0; s < shown; ++s) {
-      if (view.index != s * measured.size() / shown) continue;
-      report.views.push_back({view.result.name, make_report_image(view.truth), make_report_image(view.measured),
-                              view.result.psnr, view.result.ssim, view.result.lpips_alex});
-    }
-  });
+  Result<Evaluation> evaluation = evaluate_views(**model, measured, options.lpips, executor, end.coded ? pass : keep);
   if (!evaluation) return fail(evaluation.error());
   const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
   const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
-  const double milliseconds = evaluation->mean([](const ViewResult& v) { return v.milliseconds; });
 
   std::optional<CodedRun> coded;
   if (end.coded) {
     Result<CodedRun> written =
-        write_and_measure(*end.coded, options.out / "model.cmk", measured, options.lpips, mark, executor);
+        write_and_measure(*end.coded, options.out / "model.cmk", measured, options.lpips, mark, keep, executor);
     if (!written) return fail(written.error());
     coded = std::move(*written);
+  }
+  if (mark != nullptr) {
+    const std::filesystem::path& twin = coded && !mark->coded_twin.empty() ? mark->coded_twin : mark->twin;
+    if (!twin.empty()) {
+      if (Result<Done> added = shown.add_unmarked(twin, executor); !added) return fail(added.error());
+    }
   }
 
   std::optional<MarkMeasurement> measured_mark;
@@ -244,56 +223,9 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
     if (Result<Done> written = write_json(options.out / "verification.json", json); !written)
       return fail(written.error());
   }
-  const char* split = has_test ? "test" : "training";
-  report.title = results.dataset;
-  report.subtitle = "recipe " + options.recipe + ", profile " + settings.profile + ", " +
-                    std::to_string(settings.iterations) + " iterations";
-  report.headline = {{rounded(mean_psnr, 2) + " dB", std::string("PSNR, mean over the ") + split + " views"},
-                     {rounded(mean_ssim, 4), "SSIM"},
-                     {std::to_string(results.anchors), "anchors"},
-                     {format_duration(end.train_seconds), "training time"},
-                     {rounded(milliseconds, 1) + " ms", "render of a view"}};
-  if (Result<std::vector<ProgressLine>> log = read_progress_log(run.json_log); log) report.curve = std::move(*log);
-  report.tables = {machine_table(static_cast<int>(executor.concurrency())),
-                   {"Settings",
-                    {{"seed", std::to_string(settings.seed)},
-                     {"lambda (1 - SSIM)", rounded(settings.lambda_dssim, 3)},
-                     {"voxel size", rounded(end.voxel_size, 6)},
-                     {"growing threshold", rounded(settings.gradient_threshold, 6)},
-                     {"scene extent", rounded(run.extent.radius, 4)},
-                     {"background", background_name(settings.background)},
-                     {"model sha256", *digest}}}};
-  if (coded) {
-    report.headline.push_back({rounded(static_cast<double>(coded->metrics.bytes) / 1024, 0) + " KiB", "compressed"});
-    report.headline.push_back({rounded(coded->metrics.test.psnr, 2) + " dB", "PSNR of the compressed file"});
-    report.tables.push_back(coded->table);
-  }
-  if (results.watermark) {
-    const WatermarkMetrics& m = *results.watermark;
-    report.headline.push_back(
-        {rounded(100 * m.mean, 1) + " %", "of " + std::to_string(mark->bits.size()) + " bits read"});
-    ReportTable table{"Watermark",
-                      {{"key id", mark->sources.key_id},
-                       {"decoder sha256", mark->sources.decoder_sha256},
-                       {"bits", std::to_string(mark->bits.size())},
-                       {"bit accuracy, mean and worst view", rounded(m.mean, 4) + ", " + rounded(m.min, 4)},
-                       {"p-value of all views together", detail::short_number(m.p_value)},
-                       {"p-value of the worst view", detail::short_number(m.largest_view_p_value)}}};
-    if (m.psnr_cost_vs_unmarked)
-      table.rows.push_back({"PSNR lost to the twin", rounded(*m.psnr_cost_vs_unmarked, 2) + " dB"});
-    if (m.psnr_marked_vs_unmarked)
-      table.rows.push_back({"PSNR of marked against unmarked", rounded(*m.psnr_marked_vs_unmarked, 2) + " dB"});
-    report.tables.push_back(std::move(table));
-    report.plots.push_back(logit_plot(mark->message, measured_mark->report.verification, "Bits of all views"));
-    if (coded && coded->bits) report.plots.push_back(*coded->bits);
-  }
-  ReportGrid grid{std::string("Every ") + split + " view", {"view", "PSNR dB", "SSIM", "ms", "Gaussians"}, {}};
-  for (const ViewResult& view : evaluation->views) {
-    grid.rows.push_back({view.name, rounded(view.psnr, 2), rounded(view.ssim, 4), rounded(view.milliseconds, 1),
-                         std::to_string(view.gaussians)});
-  }
-  report.grids.push_back(std::move(grid));
-  if (Result<Done> written = write_report(options.out / "report.html", report); !written) return fail(written.error());
+  const ReportInput page =
+      run_page({options, run, end, results, *evaluation, mark, measured_mark, coded, has_test}, shown.pictures);
+  if (Result<Done> written = write_report(options.out / "report.html", page); !written) return fail(written.error());
   // Last of all: a run that has it is taken as finished by who goes on from it.
   if (Result<Done> written = write_results(options.out / "results.json", results); !written)
     return fail(written.error());
@@ -303,9 +235,9 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   std::printf(
       "%s: %lld iterations in %.0f s, %zu anchors, %s PSNR %.2f dB, SSIM %.4f over %zu views\nmodel %s\nsha256 "
       "%s\nreport %s\n",
-      results.dataset.c_str(), static_cast<long long>(settings.iterations), end.train_seconds, end.anchors, split,
-      mean_psnr, mean_ssim, measured.size(), run.model.string().c_str(), digest->c_str(),
-      (options.out / "report.html").string().c_str());
+      results.dataset.c_str(), static_cast<long long>(settings.iterations), end.train_seconds, end.anchors,
+      has_test ? "test" : "training", mean_psnr, mean_ssim, measured.size(), run.model.string().c_str(),
+      digest->c_str(), (options.out / "report.html").string().c_str());
   if (coded) {
     std::printf("compressed %s: %llu bytes, PSNR %.2f dB, SSIM %.4f\n", (options.out / "model.cmk").string().c_str(),
                 static_cast<unsigned long long>(coded->metrics.bytes), coded->metrics.test.psnr,

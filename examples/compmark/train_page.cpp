@@ -1,0 +1,241 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "train_page.hpp"
+
+#include <algorithm>
+#include <array>
+#include <compmark/mark/report.hpp>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include "any_model.hpp"
+#include "common.hpp"
+#include "progress.hpp"
+
+namespace tool {
+
+using namespace compmark;
+
+namespace {
+
+std::string decimals(double value, int digits) { return format_text("%.*f", digits, value); }
+
+std::string kibibytes(std::uint64_t bytes) { return format_text("%.1f KiB", static_cast<double>(bytes) / 1024); }
+
+std::string background_name(const std::array<float, 3>& color) {
+  if (color == std::array<float, 3>{0, 0, 0}) return "black";
+  if (color == std::array<float, 3>{1, 1, 1}) return "white";
+  return decimals(255 * double{color[0]}, 0) + " " + decimals(255 * double{color[1]}, 0) + " " +
+         decimals(255 * double{color[2]}, 0);
+}
+
+/// A path as the address of a link: what means something there is written as %XX.
+std::string address(const std::filesystem::path& path) {
+  std::string text;
+  for (const char c : path.generic_string()) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                       std::string_view("-_.~/").find(c) != std::string_view::npos;
+    text += plain ? std::string(1, c) : format_text("%%%02X", static_cast<unsigned>(static_cast<unsigned char>(c)));
+  }
+  return text;
+}
+
+/// The run whose finished model this one began with.
+struct HostRun {
+  Results results;
+  std::vector<ProgressLine> lines;
+  std::string page;  ///< its address, from the folder of this run
+};
+/// Nothing where the model's folder is not that of its run: a log of something else would be worse than none.
+std::optional<HostRun> host_run(const TrainOptions& options) {
+  if (options.model.empty()) return std::nullopt;
+  const std::filesystem::path folder = options.model.parent_path();
+  Result<Results> results = read_results(folder / "results.json");
+  const Result<std::string> digest = file_sha256(options.model);
+  if (!results || !digest || results->model_sha256 != *digest) return std::nullopt;
+  HostRun host;
+  host.results = std::move(*results);
+  Result<std::vector<ProgressLine>> log = read_progress_log(folder / "log.jsonl");
+  if (log && !log->empty() && log->back().iteration == host.results.iterations) host.lines = std::move(*log);
+  std::error_code none;
+  const std::filesystem::path page = folder / "report.html";
+  if (std::filesystem::exists(page, none)) host.page = address(std::filesystem::proximate(page, options.out, none));
+  return host;
+}
+
+bool marks(const RunFindings& f) { return f.mark != nullptr && !f.mark->read_only; }
+
+/// The host's training, where this run began with its model, and what this run did.
+std::vector<ReportCurve> run_curves(const RunFindings& f, std::optional<HostRun>& host) {
+  std::vector<ReportCurve> curves;
+  const bool from_model = !f.options.model.empty();
+  if (host)
+    curves.push_back({marks(f) ? "Training of the unmarked model" : "Training of the model that was compressed",
+                      std::move(host->lines), false, host->page});
+  Result<std::vector<ProgressLine>> log = read_progress_log(f.run.json_log);
+  if (!log) return curves;
+  const char* const heading = !from_model ? (marks(f) ? "Training, with the message" : "Training")
+                              : marks(f)  ? "Hiding the message"
+                                          : "Fitting the codec";
+  curves.push_back({heading, std::move(*log), from_model && marks(f) && f.run.settings.mark.fidelity > 0});
+  return curves;
+}
+
+ReportTable mark_table(const std::string& heading, const WatermarkMetrics& m, const MarkInput& mark) {
+  ReportTable table{heading,
+                    {{"key id", mark.sources.key_id},
+                     {"decoder sha256", mark.sources.decoder_sha256},
+                     {"bits", std::to_string(mark.bits.size())},
+                     {"bit accuracy, mean and worst view", decimals(m.mean, 4) + ", " + decimals(m.min, 4)},
+                     {"p-value of all views together", detail::short_number(m.p_value)},
+                     {"p-value of the worst view", detail::short_number(m.largest_view_p_value)}}};
+  if (m.psnr_cost_vs_unmarked)
+    table.rows.emplace_back("PSNR lost to the twin", decimals(*m.psnr_cost_vs_unmarked, 2) + " dB");
+  if (m.psnr_marked_vs_unmarked)
+    table.rows.emplace_back("PSNR of marked against unmarked", decimals(*m.psnr_marked_vs_unmarked, 2) + " dB");
+  return table;
+}
+
+/// What of a file is for what, and of the unmarked one where there is one.
+ReportGrid section_grid(const CodedRun& coded, const std::optional<CodedFile>& unmarked) {
+  ReportGrid grid{"Bytes by section", {"section", "model.cmk", "of it"}, {}};
+  if (unmarked) grid.columns.emplace_back("unmarked.cmk");
+  std::uint64_t whole = 0;
+  for (const auto& [name, bytes] : unmarked ? unmarked->sections : coded.metrics.sections) whole += bytes;
+  const double all = static_cast<double>(std::max<std::uint64_t>(1, coded.metrics.bytes));
+  for (const auto& [name, bytes] : coded.metrics.sections) {
+    std::vector<std::string> row{name, std::to_string(bytes),
+                                 decimals(100 * static_cast<double>(bytes) / all, 1) + " %"};
+    if (unmarked) {
+      const auto same = std::find_if(unmarked->sections.begin(), unmarked->sections.end(),
+                                     [&](const auto& section) { return section.first == name; });
+      row.push_back(same == unmarked->sections.end() ? "" : std::to_string(same->second));
+    }
+    grid.rows.push_back(std::move(row));
+  }
+  grid.rows.push_back({"the whole file", std::to_string(coded.metrics.bytes), ""});
+  if (unmarked) grid.rows.back().push_back(std::to_string(whole));
+  return grid;
+}
+
+}  // namespace
+
+ShownViews::ShownViews(const DatasetViews& measured) : views_(measured) {
+  const std::size_t shown = std::min<std::size_t>(3, measured.size());
+  views_.index.clear();
+  for (std::size_t s = 0; s < shown; ++s) {
+    number_.push_back(s * measured.size() / shown);
+    views_.index.push_back(measured.index[number_.back()]);
+  }
+}
+
+KeepView ShownViews::keep() {
+  return [this](const SeenView& view) {
+    if (std::find(number_.begin(), number_.end(), view.index) == number_.end()) return;
+    pictures.push_back({view.result.name, make_report_image(view.truth), make_report_image(view.measured),
+                        view.result.psnr, view.result.ssim, view.result.lpips_alex});
+  };
+}
+
+Result<Done> ShownViews::add_unmarked(const std::filesystem::path& twin, ThreadExecutor& executor) {
+  Result<std::unique_ptr<AnyModel>> model = load_model(twin, executor.concurrency());
+  if (!model) return model.error();
+  const Result<Evaluation> seen = evaluate_views(**model, views_, {}, executor, [&](const SeenView& view) {
+    pictures[view.index].unmarked = {twin.filename().string(), make_report_image(view.measured), view.result.psnr,
+                                     view.result.ssim};
+  });
+  if (!seen) return seen.error();
+  return Done{};
+}
+
+ReportInput run_page(const RunFindings& f, std::vector<ReportView> pictures) {
+  const TrainSettings& settings = f.run.settings;
+  const Results& results = f.results;
+  const Evaluation& evaluation = f.coded ? f.coded->evaluation : f.evaluation;
+  const std::optional<MarkMeasurement>& proof = f.coded ? f.coded->mark : f.found;
+  const std::string file = f.coded ? "model.cmk" : "model.safetensors", split = f.has_test ? "test" : "training";
+  const auto mean = [](const Evaluation& of, double ViewResult::*figure) {
+    return of.mean([&](const ViewResult& view) { return view.*figure; });
+  };
+  std::optional<HostRun> host = host_run(f.options);
+
+  ReportInput page;
+  page.title = results.dataset;
+  page.subtitle = "recipe " + f.options.recipe + ", profile " + settings.profile + ", " +
+                  std::to_string(settings.iterations) + " iterations" +
+                  (f.coded ? "; measured and shown from model.cmk, read back as another program would" : "");
+  page.headline = {
+      {decimals(mean(evaluation, &ViewResult::psnr), 2) + " dB",
+       "PSNR of " + file + ", mean over " + std::to_string(evaluation.views.size()) + " " + split + " views"},
+      {decimals(mean(evaluation, &ViewResult::ssim), 4), "SSIM"}};
+  std::optional<CodedFile> unmarked;
+  if (f.coded) {
+    page.headline.emplace_back(kibibytes(f.coded->metrics.bytes), "model.cmk");
+    if (f.mark != nullptr && !f.mark->coded_twin.empty()) {
+      if (Result<CodedFile> twin = coded_file(f.mark->coded_twin); twin) {
+        std::error_code none;
+        unmarked = std::move(*twin);
+        page.headline.emplace_back(kibibytes(std::filesystem::file_size(f.mark->coded_twin, none)), "unmarked.cmk");
+      }
+    }
+  }
+  if (proof) {
+    const Verification& verification = proof->report.verification;
+    page.headline.emplace_back(format_text("%zu of %zu", verification.evidence.matches, verification.bits),
+                               "bits read from all views together");
+    page.headline.emplace_back(detail::short_number(verification.evidence.p_value), "p-value");
+    page.words.push_back({"Read from the renders of " + file, report_text(verification)});
+  }
+  page.headline.emplace_back(std::to_string(f.coded ? f.coded->metrics.anchors : results.anchors), "anchors");
+  if (host) page.headline.emplace_back(format_duration(host->results.train_seconds), "training time");
+  page.headline.emplace_back(format_duration(f.end.train_seconds), !host      ? "training time"
+                                                                   : marks(f) ? "hiding the message"
+                                                                              : "fitting the codec");
+  page.headline.emplace_back(decimals(mean(evaluation, &ViewResult::milliseconds), 1) + " ms", "render of a view");
+
+  page.curves = run_curves(f, host);
+  page.renders = f.coded ? "model.cmk, decoded" : "render";
+  page.views = std::move(pictures);
+  if (f.coded && f.coded->bits) page.plots.push_back(*f.coded->bits);
+  if (f.found)
+    page.plots.push_back(logit_plot(f.mark->message, f.found->report.verification,
+                                    f.coded ? "Bits of all views, before the codec" : "Bits of all views"));
+
+  if (f.coded) page.grids.push_back(section_grid(*f.coded, unmarked));
+  ReportGrid views{"Every " + split + " view of " + file, {"view", "PSNR dB", "SSIM", "ms", "Gaussians"}, {}};
+  for (const ViewResult& view : evaluation.views) {
+    views.rows.push_back({view.name, decimals(view.psnr, 2), decimals(view.ssim, 4), decimals(view.milliseconds, 1),
+                          std::to_string(view.gaussians)});
+  }
+  page.grids.push_back(std::move(views));
+
+  if (f.coded) {
+    page.tables.push_back(f.coded->table);
+    if (f.coded->metrics.watermark)
+      page.tables.push_back(mark_table("Watermark in model.cmk", *f.coded->metrics.watermark, *f.mark));
+    page.tables.push_back({"Before the codec: model.safetensors",
+                           {{"PSNR", decimals(mean(f.evaluation, &ViewResult::psnr), 2) + " dB"},
+                            {"SSIM", decimals(mean(f.evaluation, &ViewResult::ssim), 4)},
+                            {"anchors", std::to_string(results.anchors)}}});
+  }
+  if (results.watermark)
+    page.tables.push_back(
+        mark_table(f.coded ? "Watermark before the codec" : "Watermark", *results.watermark, *f.mark));
+  page.tables.push_back({"Settings",
+                         {{"seed", std::to_string(settings.seed)},
+                          {"lambda (1 - SSIM)", decimals(settings.lambda_dssim, 3)},
+                          {"voxel size", decimals(f.end.voxel_size, 6)},
+                          {"growing threshold", decimals(settings.gradient_threshold, 6)},
+                          {"scene extent", decimals(f.run.extent.radius, 4)},
+                          {"background", background_name(settings.background)},
+                          {"model sha256", results.model_sha256}}});
+  page.tables.push_back(machine_table(results.threads));
+  return page;
+}
+
+}  // namespace tool
