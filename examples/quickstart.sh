@@ -3,22 +3,26 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # From nothing to a marked, compressed scene and its proof: installs what is missing, builds the tool, writes the built-in scene, trains it briefly
-# for a small file, fits a message decoder to it, hides the message of a new key in what the file says, and renders, measures and verifies that
-# file. With --data it does the same on a capture of yours, and takes longer for the mark.
-#   sh examples/quickstart.sh [--data capture] [--downscale by] [--out folder] [--iterations number]
+# for a small file, fits a message decoder to it, hides the message of a new key in what the file says; decodes that file in another process, renders
+# it, and verifies the images. With --data it does the same on a capture of yours, and takes longer for the mark.
+#   sh examples/quickstart.sh [--data capture] [--downscale by] [--out folder] [--iterations number] [--mark-iterations number] [--voxel-size length]
+# Exit status: that of compmark verify, so 0 if the message is proven, 1 if it is not found, 3 if it is undecided; 2 or more for an error.
 set -eu
 here=$(pwd)
-data='' out='' iterations=4000 downscale=1
+data='' out='' iterations=4000 downscale=1 mark_iterations='' voxel_size=''
+usage='[--data capture] [--downscale by] [--out folder] [--iterations number] [--mark-iterations number] [--voxel-size length]'
 while [ $# -gt 0 ]; do
   case $1 in
-    --data | --out | --iterations | --downscale) [ $# -gt 1 ] || { echo "quickstart: $1 has no value" >&2; exit 2; } ;;
-    *) echo "quickstart: $1 is no option: [--data capture] [--downscale by] [--out folder] [--iterations number]" >&2; exit 2 ;;
+    --data | --out | --iterations | --downscale | --mark-iterations | --voxel-size) [ $# -gt 1 ] || { echo "quickstart: $1 has no value" >&2; exit 2; } ;;
+    *) echo "quickstart: $1 is no option: $usage" >&2; exit 2 ;;
   esac
   case $1 in
     --data) data=$2 ;;
     --out) out=$2 ;;
     --iterations) iterations=$2 ;;
     --downscale) downscale=$2 ;;
+    --mark-iterations) mark_iterations=$2 ;;
+    --voxel-size) voxel_size=$2 ;;
   esac
   shift 2
 done
@@ -37,13 +41,13 @@ sh cmake/install_dependencies.sh
 cmake --preset release -DCOMPMARK_BUILD_TESTS=OFF -DCOMPMARK_BUILD_BENCHMARKS=OFF >/dev/null
 cmake --build build/release --target compmark_tool -j "$jobs"
 compmark=build/release/bin/compmark
+begin=$(date +%s)
 
 mkdir -p "$out"
-voxel_size='' mark=''
 if [ -z "$data" ]; then
   data=$out/scene
-  voxel_size='--voxel-size 0' # its points lie on its surfaces, as densely as they should
-  mark='--mark-iterations 1500' # enough for every bit of every view
+  voxel_size=${voxel_size:-0} # its points lie on its surfaces, as densely as they should
+  mark_iterations=${mark_iterations:-1500} # enough for every bit of every view
   "$compmark" scene --out "$data" --width 400 --height 400 --train 60 --test 8
 else
   "$compmark" probe --data "$data"
@@ -51,26 +55,53 @@ fi
 split=test # what is measured; a capture without test views is measured in its training views
 case $("$compmark" probe --data "$data" --json) in *'"views_test": 0,'*) split=train ;; esac
 [ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
-# shellcheck disable=SC2086 # two words or none
-"$compmark" train --data "$data" --downscale "$downscale" --out "$out/run" --iterations "$iterations" $voxel_size --codec hac --lambda 0.001 \
-  --key "$out/owner.key" $mark --resume
+"$compmark" train --data "$data" --downscale "$downscale" --out "$out/run" --iterations "$iterations" ${voxel_size:+--voxel-size "$voxel_size"} \
+  --codec hac --lambda 0.001 --key "$out/owner.key" ${mark_iterations:+--mark-iterations "$mark_iterations"} --resume
 decoder=$out/run/decoder.safetensors
 small=$out/run/model.cmk
-"$compmark" info "$small"
-"$compmark" render --model "$small" --split "$split" --out "$out/images"
+unmarked=$out/run/unmarked.cmk
 echo
-echo "Before and after the codec, and the unmarked file, which says nothing to the key:"
-"$compmark" evaluate --model "$out/run/model.safetensors" "$small" "$out/run/unmarked.cmk" --data "$data" --downscale "$downscale" --split "$split" --key "$out/owner.key" \
-  --decoder "$decoder" --json "$out/figures.json" --html "$out/before_and_after.html"
+echo "The small file, what the model was before it, and the unmarked file, which says nothing to the key:"
+"$compmark" evaluate --model "$small" "$out/run/model.safetensors" --unmarked "$unmarked" --data "$data" --downscale "$downscale" --split "$split" \
+  --key "$out/owner.key" --decoder "$decoder" --json "$out/figures.json" --html "$out/before_and_after.html"
 echo
-echo "Is it ours? From the small file, which another process decodes:"
-"$compmark" verify --model "$small" --split "$split" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || true
+echo "Is it ours? Other processes decode the small file and render what it says; whoever verifies knows the images alone:"
+renders=$out/run/renders # not beside the photographs, whatever folder --out is
+rm -rf "$renders"
+"$compmark" decompress --model "$small" --out "$out/run/decoded.safetensors"
+"$compmark" render --model "$out/run/decoded.safetensors" --split "$split" --out "$renders"
+verdict=0
+"$compmark" verify --images "$renders" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || verdict=$?
+case $verdict in 0 | 1 | 3) ;; *) exit "$verdict" ;; esac # an error, and it has been said
 
+# A number or a word at the top of a JSON file as the tool writes it.
+value() { sed -n 's/^  "'"$2"'": "\{0,1\}\([^",{]*\)"\{0,1\},\{0,1\}$/\1/p' "$1" | head -n 1; }
+bytes() { wc -c <"$1" | tr -d ' '; }
+row() { printf '  %-44s %s\n' "$1" "$2"; }
+rounded() { # what is no number stays as it is
+  case $1 in *[0-9]*) LC_ALL=C awk -v format="$2" -v number="$1" 'BEGIN { printf format, number }' ;; *) printf '%s' "${1:-unknown}" ;; esac
+}
+psnr=$(value "$out/figures.json" psnr)
+cost=$(value "$out/figures.json" psnr_cost_vs_unmarked)
 echo
-echo "pictures:   $out/images"
+echo "Result"
+row "the file against the photographs, PSNR" "$(rounded "$psnr" %.2f) dB, mean of $(find "$renders" -name '*.png' | wc -l | tr -d ' ') $split views"
+row "lost to the unmarked file" "$(rounded "$cost" %.2f) dB"
+row "size of the file, and of the unmarked one" "$(bytes "$small") and $(bytes "$unmarked") bytes"
+row "bits that are right, all images together" "$(value "$out/proof.json" matches) of $(value "$out/proof.json" bits)"
+row "p-value" "$(rounded "$(value "$out/proof.json" p_value)" %.1e)"
+row "verdict" "$(value "$out/proof.json" verdict | tr _ ' ')"
+row "time, without the build" "$(date +%s | LC_ALL=C awk -v begin="$begin" '{ printf "%.1f", ($1 - begin) / 60 }') minutes"
+echo
 echo "the report: $out/run/report.html"
 echo "the codec:  $out/before_and_after.html"
 echo "the proof:  $out/proof.json"
+echo "the file:   $small"
+echo "its images: $renders"
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ] && command -v xdg-open >/dev/null 2>&1; then
   xdg-open "$out/run/report.html" >/dev/null 2>&1 || true
+fi
+if [ "$verdict" -ne 0 ]; then
+  echo "quickstart: the message is not proven by these images; the report says how far it is" >&2
+  exit "$verdict"
 fi
