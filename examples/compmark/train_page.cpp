@@ -108,12 +108,12 @@ ReportGrid section_grid(const CodedRun& coded, const std::optional<CodedFile>& u
   std::uint64_t whole = 0;
   for (const auto& [name, bytes] : unmarked ? unmarked->sections : coded.metrics.sections) whole += bytes;
   const double all = static_cast<double>(std::max<std::uint64_t>(1, coded.metrics.bytes));
-  for (const auto& [name, bytes] : coded.metrics.sections) {
-    std::vector<std::string> row{name, std::to_string(bytes),
-                                 decimals(100 * static_cast<double>(bytes) / all, 1) + " %"};
+  for (const auto& section : coded.metrics.sections) {
+    std::vector<std::string> row{section.first, std::to_string(section.second),
+                                 decimals(100 * static_cast<double>(section.second) / all, 1) + " %"};
     if (unmarked) {
       const auto same = std::find_if(unmarked->sections.begin(), unmarked->sections.end(),
-                                     [&](const auto& section) { return section.first == name; });
+                                     [&](const auto& other) { return other.first == section.first; });
       row.push_back(same == unmarked->sections.end() ? "" : std::to_string(same->second));
     }
     grid.rows.push_back(std::move(row));
