@@ -8,6 +8,7 @@
 #include <compmark/mark/report.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
+#include <compmark/metric/ssim.hpp>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "coded_run.hpp"
 #include "common.hpp"
 #include "effects.hpp"
+#include "lpips_nets.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -25,6 +27,7 @@ using namespace compmark;
 
 /// A model with the photographs as its own lens, unit and background want them.
 struct Opened {
+  std::filesystem::path path;
   std::unique_ptr<AnyModel> model;
   Dataset dataset;
   std::unique_ptr<ImageStore> store;
@@ -34,6 +37,7 @@ struct Opened {
 Result<std::unique_ptr<Opened>> open_model(const std::filesystem::path& path, const ComparisonInput& input,
                                            std::set<std::string>& warned) {
   auto opened = std::make_unique<Opened>();
+  opened->path = path;
   Result<std::unique_ptr<AnyModel>> model = load_model(path, input.threads);
   if (!model) return model.error();
   opened->model = std::move(*model);
@@ -82,8 +86,21 @@ Result<std::unique_ptr<Reader>> open_reader(const ComparisonInput& input) {
   return reader;
 }
 
-Result<ComparedModel> measure(Opened& opened, const std::filesystem::path& path, Opened* twin, Reader* reader,
+/// This view of a model against the twin's render of it.
+Result<AgainstTwin> measure_against(Opened& twin, const SeenView& view, LpipsNets& nets, ThreadExecutor& executor) {
+  const Result<RenderedView> plain =
+      twin.model->render(twin.views.camera(view.index), twin.views.lens(view.index), executor);
+  if (!plain) return plain.error();
+  round_to_8bit<float>(plain->image, plain->image);
+  const ImageView<const float> reference(plain->image);
+  Result<LpipsNets::Distances> distances = nets.between(view.render, reference, executor);
+  if (!distances) return distances.error();
+  return AgainstTwin{psnr(view.render, reference), ssim(view.render, reference), distances->alex, distances->squeeze};
+}
+
+Result<ComparedModel> measure(Opened& opened, Opened* twin, Reader* reader, LpipsNets& nets,
                               const ComparisonInput& input, ThreadExecutor& executor) {
+  const std::filesystem::path& path = opened.path;
   ComparedModel found;
   found.path = path;
   std::error_code ignored;
@@ -103,9 +120,8 @@ Result<ComparedModel> measure(Opened& opened, const std::filesystem::path& path,
         if (failure) return;
         for (std::size_t s = 0; s < shown; ++s) {
           if (view.index == s * count / shown)
-            found.views.push_back({view.result.name + ", " + path.filename().string(), make_report_image(view.truth),
-                                   make_report_image(view.measured), view.result.psnr, view.result.ssim,
-                                   view.result.lpips_alex});
+            found.views.push_back({view.result.name, make_report_image(view.truth), make_report_image(view.measured),
+                                   view.result.psnr, view.result.ssim, view.result.lpips_alex});
         }
         if (reader != nullptr) {
           Result<ViewLogits> logits =
@@ -117,14 +133,11 @@ Result<ComparedModel> measure(Opened& opened, const std::filesystem::path& path,
           read.push_back(std::move(*logits));
         }
         if (twin == nullptr) return;
-        const Result<RenderedView> plain =
-            twin->model->render(twin->views.camera(view.index), twin->views.lens(view.index), executor);
-        if (!plain) {
-          failure = plain.error();
-          return;
-        }
-        round_to_8bit<float>(plain->image, plain->image);
-        found.psnr_vs_unmarked.push_back(psnr(view.render, ImageView<const float>(plain->image)));
+        Result<AgainstTwin> against = measure_against(*twin, view, nets, executor);
+        if (against)
+          found.against_twin.push_back(*against);
+        else
+          failure = against.error();
       });
   if (!evaluation) return evaluation.error();
   if (failure) return *failure;
@@ -142,67 +155,114 @@ Error other_views(const std::filesystem::path& path, const std::filesystem::path
           "are other ones, or of another size, than those of " + first.string(), "compare models of one capture"};
 }
 /// Whether two models are rendered at the same views, pixel by pixel.
-Result<Done> check_views(const Opened& opened, const std::filesystem::path& path, const Opened& twin,
-                         const std::filesystem::path& twin_path) {
+Result<Done> check_views(const Opened& opened, const Opened& twin) {
   bool same = opened.views.size() == twin.views.size();
   for (std::size_t i = 0; same && i < opened.views.size(); ++i) {
     const Camera<double> a = opened.views.camera(i), b = twin.views.camera(i);
     same = a.width == b.width && a.height == b.height;
   }
-  if (!same) return other_views(path, twin_path);
+  if (!same) return other_views(opened.path, twin.path);
   return Done{};
+}
+
+bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
+  std::error_code none;
+  return std::filesystem::equivalent(a, b, none);
+}
+
+/// Twins, each file once, and which of them a model has.
+struct Twins {
+  std::vector<std::unique_ptr<Opened>> opened;
+  std::vector<std::size_t> of_model;  ///< empty without twins
+};
+Result<Twins> open_twins(const ComparisonInput& input, std::set<std::string>& warned) {
+  Twins twins;
+  if (input.unmarked.empty()) return twins;
+  if (input.unmarked.size() != 1 && input.unmarked.size() != input.models.size()) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--unmarked",
+                 "names " + std::to_string(input.unmarked.size()) + " files for " +
+                     std::to_string(input.models.size()) + (input.models.size() == 1 ? " model" : " models"),
+                 "give one for all models, or one for each in the order of --model"};
+  }
+  for (std::size_t m = 0; m < input.models.size(); ++m) {
+    const std::filesystem::path& path = input.unmarked.size() == 1 ? input.unmarked[0] : input.unmarked[m];
+    const auto known = std::find_if(twins.opened.begin(), twins.opened.end(), [&](const std::unique_ptr<Opened>& twin) {
+      return twin->path == path || same_file(twin->path, path);
+    });
+    twins.of_model.push_back(static_cast<std::size_t>(known - twins.opened.begin()));
+    if (known != twins.opened.end()) continue;
+    Result<std::unique_ptr<Opened>> opened = open_model(path, input, warned);
+    if (!opened) return opened.error();
+    twins.opened.push_back(std::move(*opened));
+  }
+  return twins;
+}
+
+/// Names by which people tell the models apart: model.safetensors lies in every run.
+void name_models(std::vector<ComparedModel>& models) {
+  const auto last = [](const std::filesystem::path& path, std::size_t parts) {
+    std::filesystem::path name, rest = std::filesystem::absolute(path).lexically_normal();
+    for (; parts > 0 && rest.has_filename(); --parts, rest = rest.parent_path())
+      name = name.empty() ? rest.filename() : rest.filename() / name;
+    return name.string();
+  };
+  for (ComparedModel& model : models) {
+    for (std::size_t parts = 1; parts < 32; ++parts) {
+      model.name = last(model.path, parts);
+      if (std::none_of(models.begin(), models.end(), [&](const ComparedModel& other) {
+            return &other != &model && last(other.path, parts) == model.name;
+          }))
+        break;
+    }
+  }
 }
 
 }  // namespace
 
-double ComparedModel::psnr() const {
-  return evaluation.mean([](const ViewResult& v) { return v.psnr; });
-}
-
-std::optional<double> ComparedModel::mean_vs_unmarked() const {
-  if (psnr_vs_unmarked.empty()) return std::nullopt;
-  double sum = 0;
-  for (const double value : psnr_vs_unmarked) sum += value;
-  return sum / static_cast<double>(psnr_vs_unmarked.size());
-}
-
-std::optional<double> Comparison::cost(const ComparedModel& model) const {
-  if (model.is_unmarked || !models.back().is_unmarked) return std::nullopt;
-  return models.back().psnr() - model.psnr();
-}
-
 Result<Comparison> compare_models(const ComparisonInput& input, ThreadExecutor& executor) {
   Comparison comparison;
   comparison.split = input.split;
-  comparison.lpips_alex = !input.lpips.alex.empty();
-  comparison.lpips_squeeze = !input.lpips.squeeze.empty();
   const Result<std::unique_ptr<Reader>> reader = open_reader(input);
   if (!reader) return reader.error();
   if (*reader) comparison.message = (*reader)->message;
+  Result<LpipsNets> nets = LpipsNets::open(input.lpips);
+  if (!nets) return nets.error();
   std::set<std::string> warned;
-  std::unique_ptr<Opened> twin;
-  if (!input.unmarked.empty()) {
-    Result<std::unique_ptr<Opened>> opened = open_model(input.unmarked, input, warned);
+  Result<Twins> twins = open_twins(input, warned);
+  if (!twins) return twins.error();
+  std::vector<ComparedModel>& models = comparison.models;
+  for (std::size_t m = 0; m < input.models.size(); ++m) {
+    const Result<std::unique_ptr<Opened>> opened = open_model(input.models[m], input, warned);
     if (!opened) return opened.error();
-    twin = std::move(*opened);
-  }
-  for (const std::filesystem::path& path : input.models) {
-    const Result<std::unique_ptr<Opened>> opened = open_model(path, input, warned);
-    if (!opened) return opened.error();
-    if (Result<Done> same = check_views(**opened, path, twin ? *twin : **opened, input.unmarked); !same)
-      return same.error();
-    if (!comparison.models.empty() && comparison.models[0].evaluation.views.size() != (*opened)->views.size())
-      return other_views(path, input.models[0]);
-    Result<ComparedModel> found = measure(**opened, path, twin.get(), reader->get(), input, executor);
+    Opened* const twin = twins->opened.empty() ? nullptr : twins->opened[twins->of_model[m]].get();
+    if (twin != nullptr) {
+      if (Result<Done> same = check_views(**opened, *twin); !same) return same.error();
+    }
+    if (!models.empty() && models[0].evaluation.views.size() != (*opened)->views.size())
+      return other_views(input.models[m], input.models[0]);
+    Result<ComparedModel> found = measure(**opened, twin, reader->get(), *nets, input, executor);
     if (!found) return found.error();
-    comparison.models.push_back(std::move(*found));
+    models.push_back(std::move(*found));
   }
-  if (twin) {
-    Result<ComparedModel> found = measure(*twin, input.unmarked, nullptr, reader->get(), input, executor);
-    if (!found) return found.error();
-    found->is_unmarked = true;
-    comparison.models.push_back(std::move(*found));
+  for (std::size_t t = 0; t < twins->opened.size(); ++t) {
+    std::unique_ptr<Opened>& twin = twins->opened[t];
+    const auto is_twin = [&](const ComparedModel& model) { return same_file(model.path, twin->path); };
+    auto place = std::find_if(models.begin(), models.end(), is_twin);
+    const std::size_t index = static_cast<std::size_t>(place - models.begin());
+    if (place == models.end()) {
+      Result<ComparedModel> found = measure(*twin, nullptr, reader->get(), *nets, input, executor);
+      if (!found) return found.error();
+      models.push_back(std::move(*found));
+    }
+    models[index].is_unmarked = true;
+    twin.reset();  // with its photographs
+    for (std::size_t m = 0; m < input.models.size(); ++m) {
+      if (twins->of_model[m] == t) models[m].twin = index;
+    }
   }
+  name_models(models);
   return comparison;
 }
 

@@ -26,8 +26,10 @@ namespace tool {
 
 struct ComparisonInput {
   std::vector<std::filesystem::path> models;  ///< the first is what the others are compared with
-  std::filesystem::path unmarked;             ///< the twin without a mark; may be empty
-  std::filesystem::path key, decoder;         ///< whose message is read, and by what; both or none
+  /// Twins without a mark: none, one for all models, or one for each in their order, so that a compressed model is compared with what the same codec
+  /// makes of the unmarked one. A twin may be one of the models.
+  std::vector<std::filesystem::path> unmarked;
+  std::filesystem::path key, decoder;  ///< whose message is read, and by what; both or none
   std::filesystem::path data;
   std::string split = "test";
   double downscale = 1;
@@ -36,43 +38,48 @@ struct ComparisonInput {
   std::size_t shown = 0;  ///< views whose pictures are kept
 };
 
+/// What a mark, and whatever was done since, changed in a view: this model's render against its twin's, over all pixels.
+struct AgainstTwin {
+  double psnr = 0;  ///< dB
+  double ssim = 0;
+  std::optional<double> lpips_alex, lpips_squeeze;
+};
+
 struct ComparedModel {
   std::filesystem::path path;
-  bool is_unmarked = false;
-  std::uint64_t bytes = 0;                                      ///< of the file
-  std::string codec;                                            ///< empty: not compressed
+  std::string name;          ///< of the file, with as many folders as tell it from the others
+  bool is_unmarked = false;  ///< the twin of a model
+  std::uint64_t bytes = 0;   ///< of the file
+  std::string codec;         ///< empty: not compressed
   std::vector<std::pair<std::string, std::uint64_t>> sections;  ///< of a compressed file, largest first
   std::size_t anchors = 0;
   Evaluation evaluation;
   std::optional<compmark::Verification> verification;
-  std::vector<double> psnr_vs_unmarked;  ///< of every view, dB, between the two renders; empty without a twin
-  std::vector<ReportView> views;         ///< pictures
-
-  [[nodiscard]] double psnr() const;
-  /// dB, mean over the views.
-  [[nodiscard]] std::optional<double> mean_vs_unmarked() const;
+  std::optional<std::size_t> twin;        ///< in Comparison::models
+  std::vector<AgainstTwin> against_twin;  ///< of every view; empty without a twin
+  std::vector<ReportView> views;          ///< pictures
 };
 
 struct Comparison {
-  std::vector<ComparedModel> models;  ///< in the order they were given, then the twin
+  std::vector<ComparedModel> models;  ///< in the order they were given, then the twins that are none of them
   std::string split;
   compmark::Message message;  ///< of the key; empty without one
-  bool lpips_alex = false, lpips_squeeze = false;
-
-  /// What the mark, and whatever was done since, cost: the twin's PSNR less this model's, dB.
-  [[nodiscard]] std::optional<double> cost(const ComparedModel& model) const;
 };
 
-/// Loads, renders and measures every model. Cost: a render a view and model, one more of the twin.
+/// Loads, renders and measures every model. Cost: a render a view and model, and as many of the twins, whose photographs stay in memory together.
 compmark::Result<Comparison> compare_models(const ComparisonInput& input, compmark::ThreadExecutor& executor);
 
 /// A line a model, with the columns that apply.
 ReportGrid comparison_grid(const Comparison& comparison);
+/// A line a view of one model.
+ReportGrid view_grid(const Comparison& comparison, const ComparedModel& model);
+/// A line a kind of section, a column a compressed model, and the sum, which is the file; empty without one.
+ReportGrid section_grid(const Comparison& comparison);
 /// The grid as text.
 std::string grid_text(const ReportGrid& grid);
-/// Schema compmark.evaluation.1: figures of the first model, of its views, and of all models.
+/// Schema compmark.evaluation.1: figures of the first model and of its views, and of all models and theirs.
 nlohmann::ordered_json comparison_json(const Comparison& comparison);
-/// A line a view and model (RFC 4180).
+/// A line a view and model, after them one of the model as a whole (RFC 4180).
 std::string comparison_csv(const Comparison& comparison);
 ReportInput comparison_report(const Comparison& comparison, const std::string& title);
 

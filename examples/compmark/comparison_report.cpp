@@ -1,17 +1,19 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is written of a comparison: the table, JSON, CSV and the page.
+// What is shown of a comparison: the tables and the page.
 #include <algorithm>
 #include <compmark/mark/report.hpp>
 #include <compmark/mark/verify.hpp>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "comparison.hpp"
+#include "comparison_measures.hpp"
 #include "mark_input.hpp"
 #include "svg_plot.hpp"
 
@@ -20,44 +22,18 @@ namespace {
 
 using namespace compmark;
 
-double milliseconds(const ComparedModel& model) {
-  return model.evaluation.mean([](const ViewResult& v) { return v.milliseconds; });
+std::string cell(const Measure& measure, std::optional<double> value) {
+  return value ? format_text(measure.format, *value) : std::string();
 }
+std::string title_of(const ComparedModel& model) { return model.name + (model.is_unmarked ? " (unmarked)" : ""); }
 
-nlohmann::ordered_json figures(const Comparison& comparison, const ComparedModel& model) {
-  const Evaluation& evaluation = model.evaluation;
-  nlohmann::ordered_json json{{"psnr", model.psnr()},
-                              {"ssim", evaluation.mean([](const ViewResult& v) { return v.ssim; })}};
-  if (comparison.lpips_alex) json["lpips_alex"] = evaluation.mean([](const ViewResult& v) { return *v.lpips_alex; });
-  if (comparison.lpips_squeeze)
-    json["lpips_squeeze"] = evaluation.mean([](const ViewResult& v) { return *v.lpips_squeeze; });
-  if (const std::optional<double> fitted = evaluation.colour_fitted()) json["psnr_colour_fitted"] = *fitted;
-  json["milliseconds"] = milliseconds(model);
-  json["bytes"] = model.bytes;
-  json["anchors"] = model.anchors;
-  if (!model.codec.empty()) {
-    json["codec"] = model.codec;
-    for (const auto& [name, bytes] : model.sections) json["sections"][name] = bytes;
+/// The columns that say something of these models.
+std::vector<const Measure*> measures_of(const Comparison& comparison) {
+  std::vector<const Measure*> found;
+  for (const Measure& measure : measures) {
+    if (applies(measure, comparison)) found.push_back(&measure);
   }
-  if (model.verification) {
-    const BitAccuracy accuracy = bit_accuracy(*model.verification);
-    json["bit_accuracy"] = {{"mean", accuracy.mean}, {"min", accuracy.min}, {"views", accuracy.views}};
-    json["bits_right"] = model.verification->evidence.matches;
-    json["p_value"] = model.verification->evidence.p_value;
-    json["largest_view_p_value"] = accuracy.largest_p;
-  }
-  if (const std::optional<double> cost = comparison.cost(model)) {
-    json["psnr_cost_vs_unmarked"] = *cost;
-    json["psnr_vs_unmarked"] = *model.mean_vs_unmarked();
-  }
-  return json;
-}
-
-std::string csv_text(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
+  return found;
 }
 
 }  // namespace
@@ -65,41 +41,92 @@ std::string csv_text(const std::string& text) {
 ReportGrid comparison_grid(const Comparison& comparison) {
   ReportGrid grid;
   grid.heading = "Models";
-  const bool twin = comparison.models.back().is_unmarked, reads = comparison.models.front().verification.has_value();
-  grid.columns = {"model", "codec", "bytes", "anchors", "PSNR, dB", "SSIM"};
-  if (comparison.lpips_alex) grid.columns.emplace_back("LPIPS-alex");
-  if (comparison.lpips_squeeze) grid.columns.emplace_back("LPIPS-squeeze");
-  if (twin) grid.columns.insert(grid.columns.end(), {"dB lost", "against unmarked, dB"});
-  if (reads) grid.columns.insert(grid.columns.end(), {"bits a view", "worst view", "all views", "p"});
-  grid.columns.emplace_back("ms a view");
+  const bool reads = comparison.models.front().verification.has_value(),
+             twins = comparison.models.front().twin.has_value();
+  const std::vector<const Measure*> shown = measures_of(comparison);
+  grid.columns = {"model", "codec", "bytes", "anchors"};
+  for (const Measure* measure : shown) grid.columns.emplace_back(measure->heading);
+  if (twins) grid.columns.emplace_back("unmarked twin");
+  if (reads) grid.columns.insert(grid.columns.end(), {"bits a view", "worst view", "its p", "all views", "p"});
   for (const ComparedModel& model : comparison.models) {
-    const Evaluation& evaluation = model.evaluation;
-    std::vector<std::string> row{model.path.filename().string() + (model.is_unmarked ? " (unmarked)" : ""),
-                                 model.codec.empty() ? "none" : model.codec,
-                                 std::to_string(model.bytes),
-                                 std::to_string(model.anchors),
-                                 format_text("%.3f", model.psnr()),
-                                 format_text("%.4f", evaluation.mean([](const ViewResult& v) { return v.ssim; }))};
-    if (comparison.lpips_alex)
-      row.push_back(format_text("%.4f", evaluation.mean([](const ViewResult& v) { return *v.lpips_alex; })));
-    if (comparison.lpips_squeeze)
-      row.push_back(format_text("%.4f", evaluation.mean([](const ViewResult& v) { return *v.lpips_squeeze; })));
-    if (twin) {
-      const std::optional<double> cost = comparison.cost(model);
-      row.push_back(cost ? format_text("%.3f", *cost) : "");
-      row.push_back(cost ? format_text("%.2f", *model.mean_vs_unmarked()) : "");
-    }
+    std::vector<std::string> row{title_of(model), model.codec.empty() ? "none" : model.codec,
+                                 std::to_string(model.bytes), std::to_string(model.anchors)};
+    for (const Measure* measure : shown) row.push_back(cell(*measure, mean_of(*measure, comparison, model)));
+    if (twins) row.push_back(model.twin ? comparison.models[*model.twin].name : std::string());
     if (reads) {
       const Verification& verification = *model.verification;
       const BitAccuracy accuracy = bit_accuracy(verification);
       row.push_back(format_text("%.4f", accuracy.mean));
       row.push_back(format_text("%.4f", accuracy.min));
+      row.push_back(format_text("%.1e", accuracy.largest_p));
       row.push_back(format_text("%zu of %zu", verification.evidence.matches, verification.bits));
       row.push_back(format_text("%.1e", verification.evidence.p_value));
     }
-    row.push_back(format_text("%.1f", milliseconds(model)));
     grid.rows.push_back(std::move(row));
   }
+  return grid;
+}
+
+ReportGrid view_grid(const Comparison& comparison, const ComparedModel& model) {
+  ReportGrid grid;
+  grid.heading = "Views of " + title_of(model);
+  const std::vector<const Measure*> shown = measures_of(comparison);
+  grid.columns = {"view"};
+  for (const Measure* measure : shown) grid.columns.emplace_back(measure->heading);
+  if (model.verification) grid.columns.insert(grid.columns.end(), {"bits", "share", "p"});
+  for (std::size_t i = 0; i < model.evaluation.views.size(); ++i) {
+    std::vector<std::string> row{model.evaluation.views[i].name};
+    for (const Measure* measure : shown) row.push_back(cell(*measure, measure->of_view(comparison, model, i)));
+    if (model.verification) {
+      const Evidence& evidence = model.verification->views[i];
+      row.push_back(format_text("%zu of %zu", evidence.matches, model.verification->bits));
+      row.push_back(
+          format_text("%.4f", static_cast<double>(evidence.matches) / static_cast<double>(model.verification->bits)));
+      row.push_back(format_text("%.1e", evidence.p_value));
+    }
+    grid.rows.push_back(std::move(row));
+  }
+  return grid;
+}
+
+ReportGrid section_grid(const Comparison& comparison) {
+  ReportGrid grid;
+  grid.heading = "Bytes by section";
+  grid.columns = {"section"};
+  std::vector<const ComparedModel*> compressed;
+  std::vector<std::string> names;  // as the first model orders them
+  for (const ComparedModel& model : comparison.models) {
+    if (model.sections.empty()) continue;
+    compressed.push_back(&model);
+    grid.columns.insert(grid.columns.end(), {title_of(model), "%"});
+    for (const auto& [name, bytes] : model.sections) {
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
+  }
+  if (compressed.empty()) return grid;
+  const auto add = [](std::vector<std::string>& row, std::uint64_t bytes, std::uint64_t of) {
+    row.push_back(std::to_string(bytes));
+    row.push_back(format_text("%.1f", 100 * static_cast<double>(bytes) / static_cast<double>(of)));
+  };
+  for (const std::string& name : names) {
+    std::vector<std::string> row{name};
+    for (const ComparedModel* model : compressed) {
+      const auto section = std::find_if(model->sections.begin(), model->sections.end(),
+                                        [&](const auto& one) { return one.first == name; });
+      if (section != model->sections.end())
+        add(row, section->second, model->bytes);
+      else
+        row.insert(row.end(), {"", ""});
+    }
+    grid.rows.push_back(std::move(row));
+  }
+  std::vector<std::string> sum{"all sections"};
+  for (const ComparedModel* model : compressed) {
+    std::uint64_t bytes = 0;
+    for (const auto& [name, size] : model->sections) bytes += size;
+    add(sum, bytes, model->bytes);
+  }
+  grid.rows.push_back(std::move(sum));
   return grid;
 }
 
@@ -122,57 +149,6 @@ std::string grid_text(const ReportGrid& grid) {
   return text;
 }
 
-nlohmann::ordered_json comparison_json(const Comparison& comparison) {
-  nlohmann::ordered_json json{{"schema", "compmark.evaluation.1"}, {"split", comparison.split}};
-  json.update(figures(comparison, comparison.models.front()));
-  for (const ComparedModel& model : comparison.models) {
-    nlohmann::ordered_json entry{{"file", model.path.filename().string()}, {"unmarked", model.is_unmarked}};
-    entry.update(figures(comparison, model));
-    json["models"].push_back(std::move(entry));
-  }
-  for (const ViewResult& view : comparison.models.front().evaluation.views) {
-    nlohmann::ordered_json entry{
-        {"name", view.name}, {"psnr", view.psnr}, {"ssim", view.ssim}, {"milliseconds", view.milliseconds}};
-    if (view.psnr_colour_fitted) entry["psnr_colour_fitted"] = *view.psnr_colour_fitted;
-    if (view.lpips_alex) entry["lpips_alex"] = *view.lpips_alex;
-    if (view.lpips_squeeze) entry["lpips_squeeze"] = *view.lpips_squeeze;
-    json["views"].push_back(std::move(entry));
-  }
-  return json;
-}
-
-std::string comparison_csv(const Comparison& comparison) {
-  std::string text =
-      "model,codec,bytes,view,psnr,ssim,lpips_alex,lpips_squeeze,psnr_vs_unmarked,bits_right,bits,p_value,milliseconds,"
-      "gaussians\r\n";
-  const auto number = [](std::optional<double> value) { return value ? format_text("%.9g", *value) : std::string(); };
-  for (const ComparedModel& model : comparison.models) {
-    for (std::size_t i = 0; i < model.evaluation.views.size(); ++i) {
-      const ViewResult& view = model.evaluation.views[i];
-      const Evidence* const evidence = model.verification ? &model.verification->views[i] : nullptr;
-      std::optional<double> between;
-      if (!model.psnr_vs_unmarked.empty()) between = model.psnr_vs_unmarked[i];
-      const std::vector<std::string> cells{csv_text(model.path.filename().string()),
-                                           model.codec,
-                                           std::to_string(model.bytes),
-                                           csv_text(view.name),
-                                           number(view.psnr),
-                                           number(view.ssim),
-                                           number(view.lpips_alex),
-                                           number(view.lpips_squeeze),
-                                           number(between),
-                                           evidence != nullptr ? std::to_string(evidence->matches) : "",
-                                           evidence != nullptr ? std::to_string(model.verification->bits) : "",
-                                           evidence != nullptr ? number(evidence->p_value) : "",
-                                           number(view.milliseconds),
-                                           std::to_string(view.gaussians)};
-      for (std::size_t c = 0; c < cells.size(); ++c) text += (c == 0 ? "" : ",") + cells[c];
-      text += "\r\n";
-    }
-  }
-  return text;
-}
-
 ReportInput comparison_report(const Comparison& comparison, const std::string& title) {
   ReportInput report;
   const ComparedModel& first = comparison.models.front();
@@ -181,31 +157,29 @@ ReportInput comparison_report(const Comparison& comparison, const std::string& t
                     std::to_string(comparison.models.size()) + (comparison.models.size() == 1 ? " model" : " models");
   for (const ComparedModel& model : comparison.models) {
     if (model.is_unmarked) continue;
-    const std::string name = model.path.filename().string();
-    report.headline.emplace_back(format_text("%.2f dB", model.psnr()), "PSNR, " + name);
-    report.headline.emplace_back(format_text("%.1f KiB", static_cast<double>(model.bytes) / 1024), "size, " + name);
+    const double psnr = model.evaluation.mean([](const ViewResult& v) { return v.psnr; });
+    report.headline.emplace_back(format_text("%.2f dB", psnr), "PSNR, " + model.name);
+    report.headline.emplace_back(format_text("%.1f KiB", static_cast<double>(model.bytes) / 1024),
+                                 "size, " + model.name);
     if (model.verification) {
       report.headline.emplace_back(
           format_text("%zu of %zu", model.verification->evidence.matches, model.verification->bits),
-          "bits read from all views, " + name);
+          "bits read from all views, " + model.name);
     }
   }
   report.grids.push_back(comparison_grid(comparison));
-  for (const ComparedModel& model : comparison.models) {
-    if (model.sections.empty()) continue;
-    ReportTable table;
-    table.heading = model.path.filename().string() + ", bytes by section";
-    for (const auto& [name, bytes] : model.sections)
-      table.rows.emplace_back(name, format_text("%.1f KiB", static_cast<double>(bytes) / 1024));
-    report.tables.push_back(std::move(table));
-  }
+  if (ReportGrid sections = section_grid(comparison); !sections.rows.empty())
+    report.grids.push_back(std::move(sections));
+  for (const ComparedModel& model : comparison.models) report.grids.push_back(view_grid(comparison, model));
   for (std::size_t v = 0; v < first.views.size(); ++v) {
-    for (const ComparedModel& model : comparison.models) report.views.push_back(model.views[v]);
+    for (const ComparedModel& model : comparison.models) {
+      report.views.push_back(model.views[v]);
+      report.views.back().name += ", " + title_of(model);
+    }
   }
   for (const ComparedModel& model : comparison.models) {
     if (!model.verification) continue;
-    report.plots.push_back(
-        logit_plot(comparison.message, *model.verification, "Bits, " + model.path.filename().string()));
+    report.plots.push_back(logit_plot(comparison.message, *model.verification, "Bits, " + title_of(model)));
   }
   return report;
 }

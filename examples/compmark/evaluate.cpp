@@ -28,8 +28,8 @@ struct EvaluateOptions {
 int run(const EvaluateOptions& options) {
   const ComparisonInput& input = options.input;
   std::vector<std::filesystem::path> read = input.models;
-  for (const std::filesystem::path& path :
-       {input.unmarked, input.key, input.decoder, input.lpips.alex, input.lpips.squeeze})
+  read.insert(read.end(), input.unmarked.begin(), input.unmarked.end());
+  for (const std::filesystem::path& path : {input.key, input.decoder, input.lpips.alex, input.lpips.squeeze})
     read.push_back(path);
   for (const auto& [output, option, other, another] :
        {std::tuple(&options.json, "--json", &options.csv, &options.html),
@@ -52,11 +52,9 @@ int run(const EvaluateOptions& options) {
   }
   std::printf("mean over %zu views\n%s", comparison->models[0].evaluation.views.size(),
               grid_text(comparison_grid(*comparison)).c_str());
-  if (const std::optional<double> fitted = comparison->models[0].evaluation.colour_fitted())
-    std::printf("PSNR %.3f dB with the photographs' exposure fitted\n", *fitted);
   for (const ComparedModel& model : comparison->models) {
     if (model.sections.empty()) continue;
-    std::printf("%s\n", model.path.filename().string().c_str());
+    std::printf("%s\n", model.name.c_str());
     for (const auto& [name, bytes] : model.sections) {
       std::printf("  %-30s %10llu  %5.1f %%\n", name.c_str(), static_cast<unsigned long long>(bytes),
                   100 * static_cast<double>(bytes) / static_cast<double>(model.bytes));
@@ -92,15 +90,17 @@ Command add_evaluate(CLI::App& app) {
                  "model.safetensors of a run or a compressed .cmk; several are compared, as before and after a codec")
       ->required();
   app.add_option("--data", input.data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")->required();
-  app.add_option("--unmarked", input.unmarked, "the same model without a mark, to say what the mark costs");
+  app.add_option(
+      "--unmarked", input.unmarked,
+      "models without a mark, to say what the mark costs: one for all, or one for each --model in their order");
   app.add_option("--key", input.key, "owner's key: is its message read from the renders? (with --decoder)");
   app.add_option("--decoder", input.decoder, "decoder file that reads it");
   app.add_option("--split", input.split, "test or train")
       ->capture_default_str()
       ->check(CLI::IsMember({"test", "train"}));
   app.add_option("--json", options->json, "write the figures to this file");
-  app.add_option("--csv", options->csv, "write a line a view and model to this file");
-  app.add_option("--html", options->html, "write a page with the table, bytes by section, bits and pictures");
+  app.add_option("--csv", options->csv, "write a line a view and model, and one a model, to this file");
+  app.add_option("--html", options->html, "write a page with all figures, bytes by section, bits and pictures");
   app.add_option("--downscale", input.downscale, "divide the images' size by this")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 64.0));

@@ -6,14 +6,13 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <compmark/io/safetensors.hpp>
 #include <compmark/metric/colour_fit.hpp>
-#include <compmark/metric/lpips.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
 #include <compmark/metric/ssim.hpp>
-#include <tuple>
 #include <utility>
+
+#include "lpips_nets.hpp"
 
 namespace tool {
 namespace {
@@ -53,31 +52,8 @@ double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<
 compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
                                             compmark::ThreadExecutor& executor, const KeepView& keep) {
   using namespace compmark;
-  std::optional<Lpips> alex;
-  std::optional<Lpips> squeeze;
-  for (const auto& [path, network, target] : {std::tuple(&lpips.alex, LpipsNetwork::alex, &alex),
-                                              std::tuple(&lpips.squeeze, LpipsNetwork::squeeze, &squeeze)}) {
-    if (path->empty()) continue;
-    const Result<SafetensorsFile> file = read_safetensors(*path);
-    if (!file) return file.error();
-    Result<Lpips> loaded = Lpips::load(*file);
-    if (!loaded) return loaded.error();
-    if (loaded->network() != network) {
-      return Error{ErrorKind::invalid, path->string(), "features", "holds the weights of the other network",
-                   "swap --lpips-alex and --lpips-squeeze"};
-    }
-    *target = std::move(*loaded);
-  }
-  const LpipsRange range = lpips.family_range ? LpipsRange::family_unit : LpipsRange::signed_unit;
-  Lpips::Context lpips_context;
-  const auto measure = [&](const std::optional<Lpips>& net, ImageView<const float> image, ImageView<const float> truth,
-                           std::optional<double>& value) -> Result<Done> {
-    if (!net) return Done{};
-    const Result<LpipsReport> report = net->distance(image, truth, lpips_context, executor, range);
-    if (!report) return report.error();
-    value = report->value;
-    return Done{};
-  };
+  Result<LpipsNets> nets = LpipsNets::open(lpips);
+  if (!nets) return nets.error();
 
   // The gauge of an exposure is free: what the photograph's own exposure costs is told apart.
   const std::vector<std::string>& effects = model.info.effects;
@@ -116,8 +92,10 @@ compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
     result.psnr = psnr(measured, truth) + 10 * std::log10(counted);
     result.ssim = ssim(measured, truth);
     if (exposure) result.psnr_colour_fitted = psnr_colour_fitted(measured, truth, weight_storage.span());
-    if (Result<Done> r = measure(alex, measured, truth, result.lpips_alex); !r) return r.error();
-    if (Result<Done> r = measure(squeeze, measured, truth, result.lpips_squeeze); !r) return r.error();
+    const Result<LpipsNets::Distances> distances = nets->between(measured, truth, executor);
+    if (!distances) return distances.error();
+    result.lpips_alex = distances->alex;
+    result.lpips_squeeze = distances->squeeze;
     result.milliseconds = std::chrono::duration<double, std::milli>(end - begin).count();
     result.gaussians = rendered.gaussians;
     keep({i, result, ImageView<const float>(rendered.image), ImageView<const float>(measured),

@@ -1,0 +1,186 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is written of a comparison for programs: JSON and CSV (docs/results.md).
+#include <algorithm>
+#include <array>
+#include <compmark/mark/report.hpp>
+#include <compmark/mark/verify.hpp>
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "comparison.hpp"
+#include "comparison_measures.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+double share(std::size_t right, std::size_t bits) { return static_cast<double>(right) / static_cast<double>(bits); }
+
+nlohmann::ordered_json figures(const Comparison& comparison, const ComparedModel& model) {
+  nlohmann::ordered_json json;
+  for (const Measure& measure : measures) {
+    if (const std::optional<double> value = mean_of(measure, comparison, model)) json[measure.name] = *value;
+  }
+  json["bytes"] = model.bytes;
+  json["anchors"] = model.anchors;
+  if (!model.codec.empty()) {
+    json["codec"] = model.codec;
+    for (const auto& [name, bytes] : model.sections) json["sections"][name] = bytes;
+  }
+  if (model.verification) {
+    const BitAccuracy accuracy = bit_accuracy(*model.verification);
+    json["bits"] = model.verification->bits;
+    json["bit_accuracy"] = {{"mean", accuracy.mean}, {"min", accuracy.min}, {"views", accuracy.views}};
+    json["bits_right"] = model.verification->evidence.matches;
+    json["p_value"] = model.verification->evidence.p_value;
+    json["largest_view_p_value"] = accuracy.largest_p;
+  }
+  if (model.twin) json["twin"] = *model.twin;
+  return json;
+}
+
+nlohmann::ordered_json view_figures(const Comparison& comparison, const ComparedModel& model) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < model.evaluation.views.size(); ++i) {
+    nlohmann::ordered_json entry{{"name", model.evaluation.views[i].name}};
+    for (const Measure& measure : measures) {
+      if (const std::optional<double> value = measure.of_view(comparison, model, i)) entry[measure.name] = *value;
+    }
+    entry["gaussians"] = model.evaluation.views[i].gaussians;
+    if (model.verification) {
+      const Evidence& evidence = model.verification->views[i];
+      entry["bit_accuracy"] = share(evidence.matches, model.verification->bits);
+      entry["bits_right"] = evidence.matches;
+      entry["p_value"] = evidence.p_value;
+    }
+    json.push_back(std::move(entry));
+  }
+  return json;
+}
+
+std::string csv_text(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+std::string number(std::optional<double> value) { return value ? format_text("%.9g", *value) : std::string(); }
+
+/// The columns that there have always been, in their order, then those that came later: who reads by position reads on.
+constexpr std::array csv_first = {"model",
+                                  "codec",
+                                  "bytes",
+                                  "view",
+                                  "psnr",
+                                  "ssim",
+                                  "lpips_alex",
+                                  "lpips_squeeze",
+                                  "psnr_vs_unmarked",
+                                  "bits_right",
+                                  "bits",
+                                  "p_value",
+                                  "milliseconds",
+                                  "gaussians",
+                                  "scope",
+                                  "unmarked",
+                                  "anchors",
+                                  "bit_accuracy",
+                                  "bit_accuracy_min",
+                                  "largest_view_p_value"};
+
+/// A line's cells by the name of their column; what is not there is empty.
+using Cells = std::map<std::string, std::string>;
+
+/// What all lines of a model say.
+Cells cells_of(const Comparison& comparison, const ComparedModel& model) {
+  Cells cells{{"model", csv_text(model.name)},
+              {"codec", model.codec},
+              {"bytes", std::to_string(model.bytes)},
+              {"anchors", std::to_string(model.anchors)}};
+  if (model.twin) cells["unmarked"] = csv_text(comparison.models[*model.twin].name);
+  if (model.verification) cells["bits"] = std::to_string(model.verification->bits);
+  return cells;
+}
+Cells view_cells(const Comparison& comparison, const ComparedModel& model, std::size_t view) {
+  Cells cells = cells_of(comparison, model);
+  const ViewResult& result = model.evaluation.views[view];
+  cells["scope"] = "view";
+  cells["view"] = csv_text(result.name);
+  cells["gaussians"] = std::to_string(result.gaussians);
+  for (const Measure& measure : measures) cells[measure.name] = number(measure.of_view(comparison, model, view));
+  if (model.verification) {
+    const Evidence& evidence = model.verification->views[view];
+    cells["bits_right"] = std::to_string(evidence.matches);
+    cells["bit_accuracy"] = number(share(evidence.matches, model.verification->bits));
+    cells["p_value"] = number(evidence.p_value);
+  }
+  return cells;
+}
+Cells model_cells(const Comparison& comparison, const ComparedModel& model) {
+  Cells cells = cells_of(comparison, model);
+  cells["scope"] = "model";
+  cells["gaussians"] =
+      number(model.evaluation.mean([](const ViewResult& v) { return static_cast<double>(v.gaussians); }));
+  for (const Measure& measure : measures) cells[measure.name] = number(mean_of(measure, comparison, model));
+  for (const auto& [name, bytes] : model.sections) cells["section: " + name] = std::to_string(bytes);
+  if (model.verification) {
+    const BitAccuracy accuracy = bit_accuracy(*model.verification);
+    cells["bits_right"] = std::to_string(model.verification->evidence.matches);
+    cells["bit_accuracy"] = number(accuracy.mean);
+    cells["bit_accuracy_min"] = number(accuracy.min);
+    cells["p_value"] = number(model.verification->evidence.p_value);
+    cells["largest_view_p_value"] = number(accuracy.largest_p);
+  }
+  return cells;
+}
+
+}  // namespace
+
+nlohmann::ordered_json comparison_json(const Comparison& comparison) {
+  nlohmann::ordered_json json{{"schema", "compmark.evaluation.1"}, {"split", comparison.split}};
+  json.update(figures(comparison, comparison.models.front()));
+  for (const ComparedModel& model : comparison.models) {
+    nlohmann::ordered_json entry{
+        {"file", model.path.filename().string()}, {"name", model.name}, {"unmarked", model.is_unmarked}};
+    entry.update(figures(comparison, model));
+    entry["views"] = view_figures(comparison, model);
+    json["models"].push_back(std::move(entry));
+  }
+  json["views"] = view_figures(comparison, comparison.models.front());
+  return json;
+}
+
+std::string comparison_csv(const Comparison& comparison) {
+  std::vector<std::string> columns(csv_first.begin(), csv_first.end());
+  const auto add = [&](const std::string& name) {
+    if (std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
+  };
+  for (const Measure& measure : measures) add(measure.name);
+  for (const ComparedModel& model : comparison.models) {
+    for (const auto& [name, bytes] : model.sections) add("section: " + name);
+  }
+  std::string text;
+  for (std::size_t c = 0; c < columns.size(); ++c) text += (c == 0 ? "" : ",") + csv_text(columns[c]);
+  text += "\r\n";
+  const auto line = [&](const Cells& cells) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const auto cell = cells.find(columns[c]);
+      text += (c == 0 ? "" : ",") + (cell == cells.end() ? std::string() : cell->second);
+    }
+    text += "\r\n";
+  };
+  for (const ComparedModel& model : comparison.models) {
+    for (std::size_t i = 0; i < model.evaluation.views.size(); ++i) line(view_cells(comparison, model, i));
+    line(model_cells(comparison, model));
+  }
+  return text;
+}
+
+}  // namespace tool

@@ -1,0 +1,77 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The figures of a view that compmark evaluate writes: one list for the table, JSON, CSV and the page, so that none of them lacks one.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+
+#include "comparison.hpp"
+
+namespace tool {
+
+struct Measure {
+  const char* name;     ///< in JSON and CSV (docs/results.md)
+  const char* heading;  ///< of tables
+  const char* format;
+  /// Empty where it does not apply: no weights, no twin, no exposure.
+  std::optional<double> (*of_view)(const Comparison&, const ComparedModel&, std::size_t view);
+};
+
+namespace detail {
+template <auto Member>
+std::optional<double> in_view(const Comparison&, const ComparedModel& model, std::size_t view) {
+  return model.evaluation.views[view].*Member;
+}
+template <auto Member>
+std::optional<double> against_twin(const Comparison&, const ComparedModel& model, std::size_t view) {
+  if (model.against_twin.empty()) return std::nullopt;
+  return model.against_twin[view].*Member;
+}
+/// The twin's PSNR less this model's.
+inline std::optional<double> lost(const Comparison& comparison, const ComparedModel& model, std::size_t view) {
+  if (!model.twin) return std::nullopt;
+  return comparison.models[*model.twin].evaluation.views[view].psnr - model.evaluation.views[view].psnr;
+}
+}  // namespace detail
+
+/// Against the photograph, against the twin, and how long it took. Means over the views are a model's figures.
+inline constexpr std::array measures = {
+    Measure{"psnr", "PSNR, dB", "%.3f", &detail::in_view<&ViewResult::psnr>},
+    Measure{"ssim", "SSIM", "%.4f", &detail::in_view<&ViewResult::ssim>},
+    Measure{"lpips_alex", "LPIPS-alex", "%.4f", &detail::in_view<&ViewResult::lpips_alex>},
+    Measure{"lpips_squeeze", "LPIPS-squeeze", "%.4f", &detail::in_view<&ViewResult::lpips_squeeze>},
+    Measure{"psnr_colour_fitted", "PSNR, exposure fitted", "%.3f", &detail::in_view<&ViewResult::psnr_colour_fitted>},
+    Measure{"psnr_cost_vs_unmarked", "dB lost", "%.3f", &detail::lost},
+    Measure{"psnr_vs_unmarked", "against unmarked, dB", "%.2f", &detail::against_twin<&AgainstTwin::psnr>},
+    Measure{"ssim_vs_unmarked", "SSIM against it", "%.4f", &detail::against_twin<&AgainstTwin::ssim>},
+    Measure{"lpips_alex_vs_unmarked", "LPIPS-alex against it", "%.4f", &detail::against_twin<&AgainstTwin::lpips_alex>},
+    Measure{"lpips_squeeze_vs_unmarked", "LPIPS-squeeze against it", "%.4f",
+            &detail::against_twin<&AgainstTwin::lpips_squeeze>},
+    Measure{"milliseconds", "ms a view", "%.1f", &detail::in_view<&ViewResult::milliseconds>},
+};
+
+/// Mean over the views; empty where one of them has no such figure.
+inline std::optional<double> mean_of(const Measure& measure, const Comparison& comparison, const ComparedModel& model) {
+  const std::size_t views = model.evaluation.views.size();
+  double sum = 0;
+  for (std::size_t i = 0; i < views; ++i) {
+    const std::optional<double> value = measure.of_view(comparison, model, i);
+    if (!value) return std::nullopt;
+    sum += *value;
+  }
+  if (views == 0) return std::nullopt;
+  return sum / static_cast<double>(views);
+}
+
+/// Whether any model has it: a table's column.
+inline bool applies(const Measure& measure, const Comparison& comparison) {
+  for (const ComparedModel& model : comparison.models) {
+    if (mean_of(measure, comparison, model)) return true;
+  }
+  return false;
+}
+
+}  // namespace tool
