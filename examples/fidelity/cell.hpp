@@ -40,6 +40,7 @@ struct Settings {
   int bits = 48;
   std::size_t threads = 0;
   fs::path lpips;                  ///< LPIPS-Alex weights; may be empty
+  std::string key_id;              ///< of the owner's key, once it was read (open_run)
   std::vector<std::string> extra;  ///< words for `compmark train`
 
   [[nodiscard]] fs::path key() const { return out / "owner.key"; }
@@ -53,6 +54,8 @@ inline constexpr std::array<const char*, 4> model_files = {"unmarked/model.safet
 struct Figures {
   double psnr = 0, ssim = 0, bytes = 0;
   std::optional<double> lpips;
+  std::optional<double> psnr_vs_unmarked,
+      ssim_vs_unmarked;                   ///< of a marked model, against its twin before or after compression
   double accuracy = 0, worst = 0;         ///< shares of the bits: mean over the views, and of the worst
   double p_value = 1, worst_p_value = 1;  ///< of all views together; of the worst by itself
   std::size_t views = 0;
@@ -94,6 +97,7 @@ struct Cell {
                                  {"bits", settings.bits},
                                  {"train", words_that_count(settings.extra)}};
   if (settings.fit_codec > 0) json["fit_codec"] = settings.fit_codec;
+  if (!settings.key_id.empty()) json["key"] = settings.key_id;
   // Defaults that were others before: cells of these are no rows of one table with them.
   if (cell.codec == "context_gs") json["steps"] = "held";
   json["regions"] = "limited";
@@ -107,10 +111,25 @@ struct Cell {
   }
   return false;
 }
+/// Whether what a cell.json says is what is wanted. Cells of before the key's id stood in it are of any key.
+[[nodiscard]] inline bool same_settings(const nlohmann::ordered_json& found, nlohmann::ordered_json wanted) {
+  if (wanted.contains("key") && found.is_object() && !found.contains("key")) wanted.erase("key");
+  return found == wanted;
+}
 /// Whether a folder's cell.json is there and of these settings.
 [[nodiscard]] inline bool is_of(const fs::path& folder, const nlohmann::ordered_json& wanted) {
   const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(folder / "cell.json");
-  return found && *found == wanted;
+  return found && same_settings(*found, wanted);
+}
+/// A cell.json that names another key than this one: its bits are none of this key's message.
+[[nodiscard]] inline std::optional<Error> other_key(const fs::path& file, const nlohmann::ordered_json& found,
+                                                    const std::string& key_id) {
+  if (key_id.empty() || !found.is_object()) return std::nullopt;
+  const auto key = found.find("key");
+  if (key == found.end() || *key == key_id) return std::nullopt;
+  return Error{ErrorKind::invalid, file.string(), "key",
+               "is " + key->dump() + ", and owner.key beside the cells is \"" + key_id + "\"",
+               "put that key back as owner.key, or choose another --out"};
 }
 /// A cell's folder, made or found again with the same settings. One in which nothing was trained, as after words that `compmark train` refused, is
 /// anybody's.
@@ -119,7 +138,10 @@ struct Cell {
   if (fs::exists(file) && is_begun(folder)) {
     const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(file);
     if (!found) return found.error();
-    if (*found == wanted) return Done{};
+    if (same_settings(*found, wanted)) return Done{};
+    if (wanted.contains("key")) {
+      if (std::optional<Error> other = other_key(file, *found, wanted["key"].get<std::string>())) return *other;
+    }
     return Error{ErrorKind::invalid,
                  file.string(),
                  {},
@@ -174,6 +196,10 @@ struct Cell {
   const fs::path folder = cell.folder(settings);
   std::vector<std::string> words = {settings.tool.string(), "evaluate", "--model"};
   for (const char* file : model_files) words.push_back((folder / file).string());
+  // Each against the unmarked one on its side of the codec; the unmarked ones are their own twins, as every model is given one.
+  words.emplace_back("--unmarked");
+  for (const Model twin : {unmarked, unmarked_coded, unmarked, unmarked_coded})
+    words.push_back((folder / model_files[twin]).string());
   for (const std::string& word :
        {std::string("--data"), cell.scene.folder.string(), std::string("--downscale"),
         number_text(cell.scene.downscale), std::string("--threads"), std::to_string(settings.threads),
@@ -231,7 +257,14 @@ struct Cell {
       figures.psnr = model.at("psnr").get<double>();
       figures.ssim = model.at("ssim").get<double>();
       figures.bytes = model.at("bytes").get<double>();
-      if (model.contains("lpips_alex")) figures.lpips = model.at("lpips_alex").get<double>();
+      const auto figure = [&](const char* name, std::optional<double>& value) {
+        if (model.contains(name)) value = model.at(name).get<double>();
+      };
+      figure("lpips_alex", figures.lpips);
+      if (m == marked || m == marked_coded) {
+        figure("psnr_vs_unmarked", figures.psnr_vs_unmarked);
+        figure("ssim_vs_unmarked", figures.ssim_vs_unmarked);
+      }
       const nlohmann::json& accuracy = model.at("bit_accuracy");
       figures.accuracy = accuracy.at("mean").get<double>();
       figures.worst = accuracy.at("min").get<double>();
@@ -282,7 +315,7 @@ struct Cell {
     for (const char* own : {"scene", "downscale"}) {
       if (found->is_object() && found->contains(own)) wanted[own] = (*found)[own];
     }
-    if (*found != wanted || !is_trained(folder) || !is_measured(folder, settings)) continue;
+    if (!same_settings(*found, wanted) || !is_trained(folder) || !is_measured(folder, settings)) continue;
     if (Result<Row> row = read_row(cell, settings); row) rows.push_back(std::move(*row));
   }
   return rows;

@@ -15,6 +15,8 @@
 
 #include "cell.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/io/json_file.hpp"
+#include "compmark/io/owner_key.hpp"
 #include "fitted.hpp"
 #include "process.hpp"
 
@@ -82,15 +84,32 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
   }
   return Done{};
 }
-/// … with the owner's key of all cells, made once. False: the tool said why not.
-[[nodiscard]] inline Result<bool> open_run(const Settings& settings) {
+/// … with the owner's key of all cells, made once, whose id is noted in the settings. False: the tool said why there is none.
+[[nodiscard]] inline Result<bool> open_run(Settings& settings) {
   if (Result<Done> made = make_run_folder(settings); !made) return made.error();
-  if (fs::exists(settings.key())) return true;
-  const Result<int> code = run_program(
-      {settings.tool.string(), "keygen", "--bits", std::to_string(settings.bits), "--out", settings.key().string()},
-      settings.out / "keygen.txt");
-  if (!code) return code.error();
-  return *code == 0;
+  if (!fs::exists(settings.key())) {
+    const Result<int> code = run_program(
+        {settings.tool.string(), "keygen", "--bits", std::to_string(settings.bits), "--out", settings.key().string()},
+        settings.out / "keygen.txt");
+    if (!code) return code.error();
+    if (*code != 0) return false;
+  }
+  const Result<compmark::OwnerKey> key = compmark::read_key(settings.key());
+  if (!key) return key.error();
+  settings.key_id = key->id();
+  return true;
+}
+/// Whether all cells of the folder that say so are of its key. One of another is neither left out of the table unsaid nor in it.
+[[nodiscard]] inline Result<Done> check_keys(const Settings& settings) {
+  std::error_code status;
+  for (fs::directory_iterator entry(settings.out, status), end; !status && entry != end; entry.increment(status)) {
+    const fs::path file = entry->path() / "cell.json";
+    if (!fs::exists(file) || !is_begun(entry->path())) continue;
+    const Result<nlohmann::ordered_json> found = compmark::read_json<nlohmann::ordered_json>(file);
+    if (!found) continue;  // what it is of is asked where it is needed
+    if (std::optional<Error> other = other_key(file, *found, settings.key_id)) return *other;
+  }
+  return Done{};
 }
 
 }  // namespace fidelity

@@ -32,6 +32,12 @@ namespace detail {
 [[nodiscard]] inline std::string lpips_text(const Figures& before, const Figures& after) {
   return before.lpips && after.lpips ? format_text("%.3f / %.3f", *before.lpips, *after.lpips) : std::string("–");
 }
+/// Before / after; cells that were measured before there was such a figure have none.
+[[nodiscard]] inline std::string between_text(const Row& row) {
+  const std::optional<double>&before = row.models[marked].psnr_vs_unmarked,
+        &after = row.models[marked_coded].psnr_vs_unmarked;
+  return before && after ? format_text("%.2f / %.2f", *before, *after) : std::string("–");
+}
 [[nodiscard]] inline std::vector<std::string> pair_of(const std::string& name, const std::string& method,
                                                       const Figures& before, const Figures& after, bool marked) {
   return {name,
@@ -113,6 +119,7 @@ inline void add_rows(Grid& grid, const Row& row) {
                   "unmarked file read, %",
                   "points lost to the codec",
                   "dB lost before / after",
+                  "marked against unmarked, dB",
                   "bytes more, %",
                   "minutes: train, fit, mark"};
   for (const Row& row : rows) {
@@ -122,7 +129,7 @@ inline void add_rows(Grid& grid, const Row& row) {
          format_text("%.2f", 100 * after.worst), format_text("%.1e", after.worst_p_value),
          format_text("%.1e", after.p_value), format_text("%.2f", 100 * row.models[unmarked_coded].accuracy),
          format_text("%+.2f", row.lost_points()), format_text("%+.2f / %+.2f", row.lost(false), row.lost(true)),
-         format_text("%+.2f", 100 * row.more_bytes()),
+         detail::between_text(row), format_text("%+.2f", 100 * row.more_bytes()),
          format_text("%.1f, %.1f, %.1f", row.train_seconds / 60, row.fit_seconds / 60, row.mark_seconds / 60)});
   }
   return grid;
@@ -163,6 +170,8 @@ inline void add_rows(Grid& grid, const Row& row) {
           {"bytes", f.bytes},     {"bit_accuracy", {{"mean", f.accuracy}, {"min", f.worst}, {"views", f.views}}},
           {"p_value", f.p_value}, {"largest_view_p_value", f.worst_p_value}};
       if (f.lpips) entry[names[m]]["lpips_alex"] = *f.lpips;
+      if (f.psnr_vs_unmarked) entry[names[m]]["psnr_vs_unmarked"] = *f.psnr_vs_unmarked;
+      if (f.ssim_vs_unmarked) entry[names[m]]["ssim_vs_unmarked"] = *f.ssim_vs_unmarked;
     }
     entry["psnr_cost_before"] = row.lost(false);
     entry["psnr_cost_after"] = row.lost(true);

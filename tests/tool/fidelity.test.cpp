@@ -8,6 +8,7 @@
 #include <chrono>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
+#include <compmark/io/owner_key.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -18,6 +19,7 @@
 #include "fidelity/cell.hpp"
 #include "fidelity/fitted.hpp"
 #include "fidelity/process.hpp"
+#include "fidelity/run_cell.hpp"
 #include "fidelity/table.hpp"
 #include "tool/running.hpp"
 
@@ -52,8 +54,17 @@ void write_cell(const Cell& cell, const Settings& settings, const std::array<dou
                       {"bit_accuracy", {{"mean", accuracy[m]}, {"min", accuracy[m] - 0.1}, {"views", 7}}},
                       {"p_value", 1e-9},
                       {"largest_view_p_value", 1e-7}});
+    if (m >= 2) models.back().update({{"psnr_vs_unmarked", 40.0 + static_cast<double>(m)}, {"ssim_vs_unmarked", 0.99}});
   }
   REQUIRE(write_json(folder / "evaluate.json", nlohmann::json{{"models", std::move(models)}}).ok());
+}
+
+/// Runs reproduce_fidelity and stops it as soon as `log` has a line. The parent alone is told, as by a batch system.
+Outcome stopped_at(const std::string& log, const std::string& arguments) {
+  return run_tool("sh", "-c '\"$0\" " + arguments + " & pid=$!; while [ ! -s " + log +
+                            " ]; do kill -0 $pid || exit 9; sleep 0.02; done; kill -TERM $pid; wait $pid; echo ended "
+                            "with $?' \"" +
+                            COMPMARK_REPRODUCE_FIDELITY + "\"");
 }
 
 }  // namespace
@@ -92,6 +103,11 @@ TEST_CASE("fidelity: a row is what the tool wrote, and the table shows what the 
   REQUIRE(json["rows"].size() == 2);
   CHECK(json["rows"][1]["scene"] == "chair");
   CHECK(json["rows"][1]["psnr_cost_after"].get<double>() == doctest::Approx(0.3));
+  CHECK(json["rows"][1]["marked_before"]["psnr_vs_unmarked"] == 42);
+  CHECK(json["rows"][1]["marked_after"]["psnr_vs_unmarked"] == 43);
+  CHECK(json["rows"][1]["marked_after"]["ssim_vs_unmarked"] == 0.99);
+  CHECK_FALSE(json["rows"][1]["unmarked_after"].contains("psnr_vs_unmarked"));
+  CHECK(times_in(text_of(scratch.path / "fidelity.md"), "42.00 / 43.00") == 2);
   CHECK(times_in(text_of(scratch.path / "fidelity.md"), "HAC + CompMarkGS") == 1);
   CHECK(times_in(text_of(scratch.path / "fidelity.html"), "lego_hac/evaluate.html") == 1);
 
@@ -103,6 +119,57 @@ TEST_CASE("fidelity: a row is what the tool wrote, and the table shows what the 
   Settings other_settings = settings;
   other_settings.rate_lambda = 0.001;
   CHECK(finished_rows(other_settings).empty());
+
+  // Measured by an earlier version, which said nothing of the twin: a row all the same.
+  nlohmann::json earlier = json_of(scratch.path / "lego_hac/evaluate.json");
+  for (nlohmann::json& model : earlier["models"]) model.erase("psnr_vs_unmarked"), model.erase("ssim_vs_unmarked");
+  REQUIRE(write_json(scratch.path / "lego_hac/evaluate.json", earlier).ok());
+  CHECK(is_measured(scratch.path / "lego_hac", settings));
+  const std::vector<Row> both = finished_rows(settings);
+  REQUIRE(both.size() == 2);
+  CHECK_FALSE(both[1].models[marked].psnr_vs_unmarked.has_value());
+  CHECK_FALSE(table_json(settings, both)["rows"][1]["marked_before"].contains("psnr_vs_unmarked"));
+}
+
+TEST_CASE("fidelity: a cell of another key is in no table of this one's, and says so") {
+  const ScratchFolder scratch("compmark-fidelity-key-test");
+  Settings settings, other, unsaid;
+  settings.out = other.out = unsaid.out = scratch.path;
+  settings.key_id = testing::fixed_key(1, 48).id();
+  other.key_id = testing::fixed_key(2, 48).id();
+  const Cell lego{{"data/lego", "lego", 2}, "hac"}, chair{{"data/chair", "chair", 1}, "hac"};
+  write_cell(lego, settings, {35, 34, 34.75, 33.9}, {8e6, 500e3, 8e6, 510e3}, {0.5, 0.45, 0.99, 0.98});
+  CHECK(json_of(lego.folder(settings) / "cell.json")["key"] == settings.key_id);
+  CHECK(open_cell(lego, settings).ok());
+  CHECK(check_keys(settings).ok());
+  CHECK(is_finished(lego, settings));
+  CHECK(finished_rows(settings).size() == 1);
+
+  CHECK_FALSE(is_of(lego, other));
+  CHECK(finished_rows(other).empty());
+  for (const Result<Done>& refused : {open_cell(lego, other), check_keys(other)}) {
+    REQUIRE_FALSE(refused.ok());
+    const std::string line = refused.error().line();
+    INFO(line);
+    for (const std::string& part :
+         {std::string("cell.json"), settings.key_id, other.key_id, std::string("put that key back as owner.key")})
+      CHECK(line.find(part) != std::string::npos);
+  }
+  // Other settings are named before a key that would not help.
+  Settings longer = settings;
+  longer.iterations = 30000;
+  const Result<Done> refused = open_cell(lego, longer);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().line().find("other settings") != std::string::npos);
+
+  // A cell of before the id was recorded is taken as it is, and its file is not written again.
+  write_cell(chair, unsaid, {33, 32, 32.75, 31.7}, {4e6, 300e3, 4e6, 303e3}, {0.5, 0.55, 1.0, 1.0});
+  const std::string before = text_of(chair.folder(unsaid) / "cell.json");
+  CHECK(before.find("\"key\"") == std::string::npos);
+  CHECK(open_cell(chair, settings).ok());
+  CHECK(is_finished(chair, settings));
+  CHECK(finished_rows(settings).size() == 2);
+  CHECK(text_of(chair.folder(unsaid) / "cell.json") == before);
 }
 
 TEST_CASE("fidelity: a folder of other settings, a step that is not over and a file that is none are told apart") {
@@ -179,6 +246,11 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   CHECK(row["marked_after"]["bit_accuracy"]["mean"].get<double>() >
         row["unmarked_after"]["bit_accuracy"]["mean"].get<double>());
   CHECK(fs::exists(at("run/one_hac/evaluate.html")));
+  // The marked one against the unmarked one on its side of the codec.
+  CHECK(row["marked_before"]["psnr_vs_unmarked"].get<double>() ==
+        doctest::Approx(json_of(at("run/one_hac/results.json"))["psnr_marked_vs_unmarked"].get<double>()));
+  CHECK(row["marked_after"]["psnr_vs_unmarked"].get<double>() ==
+        doctest::Approx(results["psnr_marked_vs_unmarked"].get<double>()));
 
   const fs::file_time_type trained = fs::last_write_time(at("run/one_hac/model.cmk"));
   fs::remove(at("run/one_hac/evaluate.json"));
@@ -191,6 +263,43 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   CHECK(run(command + "twice").code == 2);
   CHECK(run(command + "200 --resume").code == 0);  // it always does
   CHECK(fs::last_write_time(at("run/one_hac/model.cmk")) == trained);
+  // With another key nothing is run, and nothing written.
+  const std::string table = text_of(at("run/fidelity.json"));
+  fs::rename(at("run/owner.key"), at("kept.key"));
+  REQUIRE(write_key(at("run/owner.key"), testing::fixed_key(1, 16)).ok());
+  const Outcome replaced = run(command + "200");
+  INFO(replaced.text);
+  CHECK(replaced.code == 2);
+  CHECK(replaced.text.find("put that key back") != std::string::npos);
+  CHECK(text_of(at("run/fidelity.json")) == table);
+  fs::rename(at("kept.key"), at("run/owner.key"));
+  CHECK(run(command + "200").code == 0);
+
+  // A run that is stopped, in the training and in the marking, and gone on with by the same command is this one to the bit.
+  fs::create_directories(at("stopped"));
+  fs::copy_file(at("run/owner.key"), at("stopped/owner.key"));
+  const std::string again = command.substr(0, command.find(" --out ")) + " --out " + at("stopped") +
+                            command.substr(command.find(" --codecs ")) + "200";
+  for (const char* part : {"unmarked/", ""}) {
+    const std::string cell = at("stopped/one_hac/") + part;
+    INFO(cell);
+    const Outcome stop = stopped_at(cell + "log.jsonl", again);
+    INFO(stop.text);
+    REQUIRE(stop.text.find("ended with 130") != std::string::npos);
+    CHECK(fs::exists(cell + "checkpoint.safetensors"));
+    CHECK_FALSE(fs::exists(at("stopped/fidelity.json")));
+  }
+  REQUIRE(run(again).code == 0);
+  for (const char* results_of : {"one_hac/unmarked/results.json", "one_hac/results.json"}) {
+    CHECK(json_of(at("stopped/") + results_of)["model_sha256"] == json_of(at("run/") + results_of)["model_sha256"]);
+    CHECK(json_of(at("stopped/") + results_of)["iterations"] == json_of(at("run/") + results_of)["iterations"]);
+  }
+  for (const char* file : {"one_hac/model.cmk", "one_hac/unmarked.cmk", "one_hac/decoder.safetensors"})
+    CHECK(testing::file_bytes(at("stopped/") + file) == testing::file_bytes(at("run/") + file));
+  nlohmann::json whole = nlohmann::json::parse(table), stopped = json_of(at("stopped/fidelity.json"));
+  for (nlohmann::json* each : {&whole, &stopped}) (*each)["rows"][0].erase("seconds");
+  CHECK(stopped == whole);
+
   CHECK(run("--data " + at("scenes/empty") + " --out " + at("nothing")).code == 2);
   CHECK(run("--data " + at("scenes/one@half") + " --out " + at("nothing")).code == 2);
   CHECK_FALSE(fs::exists(at("nothing")));
@@ -252,13 +361,9 @@ TEST_CASE("fidelity: who stops it stops the training too, which writes its check
   const ScratchFolder scratch("compmark-fidelity-stop-test");
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
   done("scene --out " + at("one") + " --width 64 --height 64 --train 12 --test 3");
-  const std::string arguments =
-      " --codecs hac --voxel-size 0 --iterations 100000 --data " + at("one") + " --out " + at("run");
-  // The parent alone is told, as by a batch system, once the training has begun.
-  const Outcome outcome = run_tool(
-      "sh", "-c '\"$0\" " + arguments + " & pid=$!; while [ ! -s " + at("run/one_hac/unmarked/log.jsonl") +
-                " ]; do kill -0 $pid || exit 9; sleep 0.02; done; kill -TERM $pid; wait $pid; echo ended with $?' \"" +
-                COMPMARK_REPRODUCE_FIDELITY + "\"");
+  const Outcome outcome =
+      stopped_at(at("run/one_hac/unmarked/log.jsonl"),
+                 "--codecs hac --voxel-size 0 --iterations 100000 --data " + at("one") + " --out " + at("run"));
   INFO(outcome.text);
   CHECK(outcome.text.find("ended with 130") != std::string::npos);
   CHECK(outcome.text.find("the same command goes on") != std::string::npos);

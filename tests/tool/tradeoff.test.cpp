@@ -9,6 +9,7 @@
 #include <cmath>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
+#include <compmark/io/owner_key.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -54,7 +55,7 @@ while [ $# -gt 0 ]; do
 done
 log=$(dirname "$0")/log.txt
 case $command in
-  keygen) echo key > "$out" ;;
+  keygen) cp "$(dirname "$0")/made.key" "$out" ;;
   train)
     if [ -d "$out/unmarked" ]; then echo "marked $words" >> "$log"; else
       echo "trained $words" >> "$log"
@@ -154,6 +155,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
   done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
   REQUIRE(write_file(at("tool"), std::string(stand_in)).ok());
+  REQUIRE(write_key(at("made.key"), testing::fixed_key(1, 48)).ok());
   std::filesystem::permissions(at("tool"), std::filesystem::perms::owner_all);
   const auto run = [&](const std::string& arguments) {
     return run_tool(COMPMARK_TRADEOFF,
