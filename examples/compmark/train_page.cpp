@@ -199,7 +199,7 @@ ReportInput run_page(const RunFindings& f, std::vector<ReportView> pictures) {
   page.headline.emplace_back(decimals(mean(evaluation, &ViewResult::milliseconds), 1) + " ms", "render of a view");
 
   page.curves = run_curves(f, host);
-  page.renders = f.coded ? "model.cmk, decoded" : "render";
+  page.renders = f.coded ? "decoded model.cmk" : "render";
   page.views = std::move(pictures);
   if (f.coded && f.coded->bits) page.plots.push_back(*f.coded->bits);
   if (f.found)
