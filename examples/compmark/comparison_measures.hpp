@@ -20,7 +20,7 @@ struct Measure {
   std::optional<double> (*of_view)(const Comparison&, const ComparedModel&, std::size_t view);
 };
 
-namespace figures {
+namespace measure_of {
 template <auto Member>
 std::optional<double> in_view(const Comparison&, const ComparedModel& model, std::size_t view) {
   return model.evaluation.views[view].*Member;
@@ -35,23 +35,24 @@ inline std::optional<double> lost(const Comparison& comparison, const ComparedMo
   if (!model.twin) return std::nullopt;
   return comparison.models[*model.twin].evaluation.views[view].psnr - model.evaluation.views[view].psnr;
 }
-}  // namespace figures
+}  // namespace measure_of
 
 /// Against the photograph, against the twin, and how long it took. Means over the views are a model's figures.
 inline constexpr std::array measures = {
-    Measure{"psnr", "PSNR, dB", "%.3f", &figures::in_view<&ViewResult::psnr>},
-    Measure{"ssim", "SSIM", "%.4f", &figures::in_view<&ViewResult::ssim>},
-    Measure{"lpips_alex", "LPIPS-alex", "%.4f", &figures::in_view<&ViewResult::lpips_alex>},
-    Measure{"lpips_squeeze", "LPIPS-squeeze", "%.4f", &figures::in_view<&ViewResult::lpips_squeeze>},
-    Measure{"psnr_colour_fitted", "PSNR, exposure fitted", "%.3f", &figures::in_view<&ViewResult::psnr_colour_fitted>},
-    Measure{"psnr_cost_vs_unmarked", "dB lost", "%.3f", &figures::lost},
-    Measure{"psnr_vs_unmarked", "against unmarked, dB", "%.2f", &figures::against_twin<&AgainstTwin::psnr>},
-    Measure{"ssim_vs_unmarked", "SSIM against it", "%.4f", &figures::against_twin<&AgainstTwin::ssim>},
+    Measure{"psnr", "PSNR, dB", "%.3f", &measure_of::in_view<&ViewResult::psnr>},
+    Measure{"ssim", "SSIM", "%.4f", &measure_of::in_view<&ViewResult::ssim>},
+    Measure{"lpips_alex", "LPIPS-alex", "%.4f", &measure_of::in_view<&ViewResult::lpips_alex>},
+    Measure{"lpips_squeeze", "LPIPS-squeeze", "%.4f", &measure_of::in_view<&ViewResult::lpips_squeeze>},
+    Measure{"psnr_colour_fitted", "PSNR, exposure fitted", "%.3f",
+            &measure_of::in_view<&ViewResult::psnr_colour_fitted>},
+    Measure{"psnr_cost_vs_unmarked", "dB lost", "%.3f", &measure_of::lost},
+    Measure{"psnr_vs_unmarked", "against unmarked, dB", "%.2f", &measure_of::against_twin<&AgainstTwin::psnr>},
+    Measure{"ssim_vs_unmarked", "SSIM against it", "%.4f", &measure_of::against_twin<&AgainstTwin::ssim>},
     Measure{"lpips_alex_vs_unmarked", "LPIPS-alex against it", "%.4f",
-            &figures::against_twin<&AgainstTwin::lpips_alex>},
+            &measure_of::against_twin<&AgainstTwin::lpips_alex>},
     Measure{"lpips_squeeze_vs_unmarked", "LPIPS-squeeze against it", "%.4f",
-            &figures::against_twin<&AgainstTwin::lpips_squeeze>},
-    Measure{"milliseconds", "ms a view", "%.1f", &figures::in_view<&ViewResult::milliseconds>},
+            &measure_of::against_twin<&AgainstTwin::lpips_squeeze>},
+    Measure{"milliseconds", "ms a view", "%.1f", &measure_of::in_view<&ViewResult::milliseconds>},
 };
 
 /// Mean over the views; empty where one of them has no such figure.
