@@ -36,6 +36,7 @@ table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums} cap
 td,th{padding:4px 10px 4px 0;border-bottom:1px solid var(--line);text-align:left;vertical-align:top} td.n,th.n{text-align:right}
 td:first-child{color:var(--soft)}
 h3{margin:0 0 4px;font-size:15px} p.verdict{margin:4px 0 8px;font-weight:600}
+.plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(380px,100%),1fr));gap:14px}
 .views{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:14px;margin-bottom:18px} .views figure{margin:0} .views img{width:100%;height:auto;display:block;border-radius:4px} figcaption{color:var(--soft);font-size:13px;padding-top:4px}
 .scroll{overflow-x:auto}
 )";
@@ -173,7 +174,7 @@ std::string make_report(const ReportInput& input) {
     page += "</div>\n";
   }
   if (!input.plots.empty()) {
-    page += "<h2>Message</h2><div class=\"row\">";
+    page += "<h2>Message</h2><div class=\"plots\">";
     for (const Plot& plot : input.plots) page += svg(plot);
     page += "</div>\n";
   }

@@ -71,7 +71,7 @@ std::string curves_html(const ReportCurve& curve) {
   if (!curve.page.empty())
     text += "<p class=\"sub\">It has a page of its own: <a href=\"" + escape_html(curve.page) + "\">" +
             escape_html(curve.page) + "</a></p>";
-  text += "<div class=\"row\">" + svg(loss);
+  text += "<div class=\"plots\">" + svg(loss);
   std::vector<ProgressLine> read;
   std::copy_if(lines.begin(), lines.end(), std::back_inserter(read),
                [](const ProgressLine& line) { return line.bit_accuracy.has_value(); });
