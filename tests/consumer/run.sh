@@ -67,7 +67,7 @@ if [ "$way" = embedding ] || [ "$way" = all ]; then
     grep -qx "compmark/$header.hpp" "$scratch/foreign" || { echo "the control's compmark/$header.hpp was not seen"; exit 1; }
   done
   names_of mark_in_memory | grep -E "$trains" >"$scratch/foreign" || true
-  for name in Trainer Raster Pipeline Adam ackward; do
+  for name in Trainer Raster Pipeline ackward; do
     grep -q "$name" "$scratch/foreign" || { echo "the control's code of $name was not seen"; exit 1; }
   done
   "$scratch/embedding/read_compressed" "$here/../golden/codec/hac_small.cmk"

@@ -93,10 +93,12 @@ struct Fixture {
     REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(bits), "a test", fs::path(decoder)).ok());
     write_random_lpips(lpips);
     for (const std::string codec : {"hac", "context_gs"}) {
-      done("train --codec " + codec + " --voxel-size 0.2 --effects none --iterations 150 --data " + at("scene") +
-           " --out " + at(codec));
-      done("embed --iterations 40 --fidelity 100 --message-rate 0.01 --model " + at(codec + "/model.safetensors") +
-           " --data " + at("scene") + " --out " + at(codec + "_marked") + " --key " + key + " --decoder " + decoder);
+      // One thread: with little to do a second one waits more than it helps.
+      done("train --threads 1 --codec " + codec + " --voxel-size 0.2 --effects none --iterations 100 --data " +
+           at("scene") + " --out " + at(codec));
+      done("embed --threads 1 --iterations 30 --fidelity 100 --message-rate 0.01 --model " +
+           at(codec + "/model.safetensors") + " --data " + at("scene") + " --out " + at(codec + "_marked") + " --key " +
+           key + " --decoder " + decoder);
     }
   }
   [[nodiscard]] std::string mark() const { return " --key " + key + " --decoder " + decoder; }
@@ -225,8 +227,9 @@ TEST_CASE("evaluate: marked models of both codecs against their own twins, the s
                                            "context_gs_marked/model.cmk", "hac/model.safetensors"},
                                  twins = {"hac/model.safetensors", "hac_marked/unmarked.cmk",
                                           "context_gs_marked/unmarked.cmk", "hac/model.safetensors"};
-  std::string command = "evaluate --data " + at("scene") + all.mark() + " --lpips-squeeze " + all.lpips + " --json " +
-                        at("all.json") + " --csv " + at("all.csv") + " --html " + at("all.html") + " --model";
+  std::string command = "evaluate --threads 1 --data " + at("scene") + all.mark() + " --lpips-squeeze " + all.lpips +
+                        " --json " + at("all.json") + " --csv " + at("all.csv") + " --html " + at("all.html") +
+                        " --model";
   for (const std::string& model : models) command += " " + at(model);
   command += " --unmarked";
   for (const std::string& twin : twins) command += " " + at(twin);
@@ -362,7 +365,7 @@ TEST_CASE("evaluate: marked models of both codecs against their own twins, the s
 
 TEST_CASE("evaluate: what it says of two renders is what the library finds in their pictures") {
   const Fixture& all = fixture();
-  done("evaluate --data " + at("scene") + " --model " + at("hac_marked/model.cmk") + " --unmarked " +
+  done("evaluate --threads 1 --data " + at("scene") + " --model " + at("hac_marked/model.cmk") + " --unmarked " +
        at("hac_marked/unmarked.cmk") + " --json " + at("pair.json"));
   const nlohmann::json pair = json_of(at("pair.json"));
   CHECK_FALSE(pair.contains("lpips_squeeze_vs_unmarked"));  // no weights
@@ -386,8 +389,9 @@ TEST_CASE("evaluate: what it says of two renders is what the library finds in th
 
 TEST_CASE("evaluate: one twin for all models, or one for each; other counts are refused") {
   static_cast<void>(fixture());
-  const std::string models = "evaluate --data " + at("scene") + " --model " + at("hac_marked/model.safetensors") + " " +
-                             at("hac_marked/model.cmk") + " " + at("hac/model.safetensors");
+  const std::string models = "evaluate --threads 1 --data " + at("scene") + " --model " +
+                             at("hac_marked/model.safetensors") + " " + at("hac_marked/model.cmk") + " " +
+                             at("hac/model.safetensors");
   done(models + " --unmarked " + at("hac/model.safetensors") + " --json " + at("one.json"));
   const nlohmann::json one = json_of(at("one.json"))["models"];
   REQUIRE(one.size() == 3);  // the twin is the last of them
