@@ -61,7 +61,8 @@ TEST_CASE("tool: a published profile marks the scene while it trains, in either 
     const nlohmann::json results = json_of(at(codec) + "/results.json");
     CHECK(results["recipe"] == codec);
     CHECK(results["profile"] == profile);
-    MESSAGE(std::string(codec), ": ", results["bit_accuracy"].dump(), " of the bits, ", results["test"]["psnr"].dump(), " dB");
+    MESSAGE(std::string(codec), ": ", results["bit_accuracy"].dump(), " of the bits, ", results["test"]["psnr"].dump(),
+            " dB");
     CHECK(verdict(at(codec) + "/model.cmk", setting().key) == 0);
     CHECK(verdict(at(codec) + "/model.cmk", setting().other) != 0);
   }
