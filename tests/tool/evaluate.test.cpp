@@ -352,7 +352,8 @@ TEST_CASE("evaluate: marked models of both codecs against their own twins, the s
     CHECK(json["models"][m]["lpips_squeeze_vs_unmarked"].get<double>() > 0);
   }
   // After the codec, a model is compared with what the codec made of the twin, as embed does.
-  for (const auto& [m, run] : {std::pair(1, "hac_marked"), std::pair(2, "context_gs_marked")}) {
+  for (const auto& [m, run] :
+       {std::pair(std::size_t{1}, "hac_marked"), std::pair(std::size_t{2}, "context_gs_marked")}) {
     const nlohmann::json said = json_of(at(std::string(run) + "/results.json"))["compressed"];
     CHECK(json["models"][m]["psnr_cost_vs_unmarked"].get<double>() ==
           doctest::Approx(said["psnr_cost_vs_unmarked"].get<double>()).epsilon(1e-9));
