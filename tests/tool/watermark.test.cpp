@@ -538,8 +538,8 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
                      " --model " + (static_cast<void>(unmarked()), at("unmarked/model.safetensors"))),
                 {"--distortion", "train --codec"});
   check_refused(tool("train --iterations 20 --data " + setting().scene + " --out " + at("none") + setting().mark() +
-                     " --recipe compmark-host"),
-                {"--recipe", "compmark-host", "+alpha"});
+                     " --recipe scaffold+antialiasing"),
+                {"--recipe", "scaffold+antialiasing", "+alpha"});
   check_refused(tool(common + setting().mark() + " --twin " + at("nowhere.safetensors")), {"nowhere.safetensors"});
   CHECK_FALSE(fs::exists(at("none/model.safetensors")));
   check_refused(tool(common + " --for-compression"), {"--key", "missing"});
