@@ -6,7 +6,8 @@
 # for a small file, fits a message decoder to it, hides the message of a new key in what the file says; decodes that file in another process, renders
 # it, and verifies the images. With --data it does the same on a capture of yours, and takes longer for the mark.
 #   sh examples/quickstart.sh [--data capture] [--downscale by] [--out folder] [--iterations number] [--mark-iterations number] [--voxel-size length]
-# Exit status: that of compmark verify, so 0 if the message is proven, 1 if it is not found, 3 if it is undecided; 2 or more for an error.
+# Exit status: 0 if the message is proven; if all went well and it is not found 1, or 3 if that is undecided, as compmark verify says; an error's
+# is whatever the command that failed gave, 2 for a word that is no option.
 set -eu
 here=$(pwd)
 data='' out='' iterations=4000 downscale=1 mark_iterations='' voxel_size=''

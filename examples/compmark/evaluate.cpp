@@ -73,7 +73,8 @@ int run(const EvaluateOptions& options) {
     for (const ComparedModel& compared : comparison->models) {
       if (compared.verification)
         report.words.push_back(
-            {"Read from the renders of " + compared.path.filename().string(), report_text(*compared.verification)});
+            {"Read from the renders of " + compared.name + (compared.is_unmarked ? " (unmarked)" : ""),
+             report_text(*compared.verification)});
     }
     report.tables.push_back(machine_table(static_cast<int>(executor.concurrency())));
     if (Result<Done> written = write_report(options.html, report); !written) return fail(written.error());

@@ -434,6 +434,13 @@ Command add_train(CLI::App& app) {
                          "\" hides the message while the scene trains, read by a decoder that is there before",
                      "give it with --decoder (one of weights/, or of compmark pretrain), or leave out --profile"});
       }
+      if (is_published_profile(options->profile) && options->mark.fidelity && *options->mark.fidelity > 0) {
+        return fail({ErrorKind::unsupported,
+                     {},
+                     "--fidelity",
+                     "is of a mark beside the scene, and profile \"" + options->profile + "\" trains it with the scene",
+                     "leave out one of the two"});
+      }
       if (marks_afterwards(*options)) return train_then_mark(*options, *settings);
       for (const auto& [given, name] : {std::pair(options->mark.by_cost.has_value(), "--draw-by-cost"),
                                         std::pair(options->mark.hold_steps.has_value(), "--hold-steps")}) {

@@ -3,7 +3,7 @@
 //
 // The light in which an image is seen: every channel times a gain, plus an offset. A capture has one for each photograph (exposure, white balance), an
 // editor adds another, and a surface that shines has its own from every side. A decoder that was fitted to renders of one host alone has never seen
-// another light, and hears 2 % of it louder than a message (docs/watermark.md). Cost: a multiplication, an addition and two comparisons a value.
+// another light, and hears 2 % of it louder than a message (docs/watermark_experiments.md). Cost: a multiplication, an addition and two comparisons a value.
 #pragma once
 
 #include <algorithm>

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The numbers that a message decoder is fitted to a scene by (decoder_fit.hpp), and what a caller may add: an observer, an image codec. The defaults are
-// those of docs/watermark.md. Cost: none.
+// those of docs/watermark_experiments.md. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -43,7 +43,7 @@ struct DecoderFitSettings {
   double reach = 2;         ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
   int gradient_views = 12;  ///< at least 2
   /// Deviation of the light that every statistics view is seen in, as gains and half as much offset of its channels (mark/tone.hpp); 0: the host's own,
-  /// and a decoder that takes 1 % of another for a message. What .01 costs and brings: docs/watermark.md, "Another light".
+  /// and a decoder that takes 1 % of another for a message. What .01 costs and brings: docs/watermark_experiments.md, "Another light".
   double tone = 0;
   /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much weight in the noise as `edit_weight`
   /// says: what is quiet in clean renders alone is drowned by a JPEG.

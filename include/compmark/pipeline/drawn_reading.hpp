@@ -34,7 +34,7 @@ class DrawnReading {
   /// Whether a mark of this recipe can be trained beside the host.
   static constexpr bool can_stand_beside = present<typename R::MessageDecoder> && present<typename R::Embedder>;
 
-  /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all (docs/watermark.md).
+  /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all (docs/watermark_experiments.md).
   static constexpr double reach = 1.7;
 
   /// The training view that iteration t reads near if no photograph says which: those with room around them more often, and by a `share` of the
@@ -102,7 +102,7 @@ class DrawnReading {
   }
   void set_rate_phase(const Context& photographed) requires(present<typename R::EntropyModel>) {
     context_.road.rate.phase = photographed.road.rate.phase;
-    // The same noise. The rate was counted in the photographed view; without one it is no loss (docs/watermark.md).
+    // The same noise. The rate was counted in the photographed view; without one it is no loss (docs/watermark_experiments.md).
     context_.road.rate.phase.counts = false;
   }
 

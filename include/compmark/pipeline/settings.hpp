@@ -150,7 +150,7 @@ struct TrainSettings {
   RateNumbers rate;
 };
 
-/// A mark in the loss of the photographs, which trains everything, as published, with what was measured here (docs/watermark.md): from the end of
+/// A mark in the loss of the photographs, which trains everything, as published, with what was measured here (docs/watermark_experiments.md): from the end of
 /// growing on, held by a margin, read between the training views too.
 [[nodiscard]] inline MarkNumbers mark_in_the_photographs() {
   MarkNumbers mark;
@@ -161,7 +161,7 @@ struct TrainSettings {
   mark.residual_rate = 0.002;
   return mark;
 }
-/// A mark that is learned beside the host and held to its renders (docs/watermark.md). For a finished host: one that still trains moves under it.
+/// A mark that is learned beside the host and held to its renders (docs/watermark_experiments.md). For a finished host: one that still trains moves under it.
 [[nodiscard]] inline MarkNumbers mark_beside_the_host() {
   MarkNumbers mark = mark_in_the_photographs();
   mark.lambda_message = 0.25;
