@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "tool/running.hpp"
 
@@ -55,23 +56,23 @@ TEST_CASE("tool: a published profile marks the scene while it trains, in either 
   // 2,000 iterations in place of 30,000, of which the message has the last third: a louder one. Measured: 23 of 24 bits from all views.
   const std::string common = " --voxel-size 0.1 --message-weight 2 --data " + setting().scene + " --key " +
                              setting().key + " --decoder " + setting().decoder + " --out ";
-  for (const auto& [codec, profile] : {std::pair("hac", "official"), std::pair("context_gs", "paper")}) {
+  for (const auto& run : {std::pair("hac", "official"), std::pair("context_gs", "paper")}) {
+    const std::string codec = run.first, profile = run.second;
     CAPTURE(codec);
-    done("train --iterations 2000 --codec " + std::string(codec) + " --profile " + profile + common + at(codec));
+    done("train --iterations 2000 --codec " + codec + " --profile " + profile + common + at(codec));
     const nlohmann::json results = json_of(at(codec) + "/results.json");
     CHECK(results["recipe"] == codec);
     CHECK(results["profile"] == profile);
-    MESSAGE(std::string(codec), ": ", results["bit_accuracy"].dump(), " of the bits, ", results["test"]["psnr"].dump(),
-            " dB");
+    MESSAGE(codec, ": ", results["bit_accuracy"].dump(), " of the bits, ", results["test"]["psnr"].dump(), " dB");
     CHECK(verdict(at(codec) + "/model.cmk", setting().key) == 0);
     const int other = verdict(at(codec) + "/model.cmk", setting().other);
     CHECK((other == 1 || other == 3));
   }
   // Without a codec it is the published host with the published noise.
-  for (const auto& [recipe, profile] :
-       {std::pair("compmark-host", "official"), std::pair("compmark-paper-host", "paper")}) {
+  for (const auto& run : {std::pair("compmark-host", "official"), std::pair("compmark-paper-host", "paper")}) {
+    const std::string recipe = run.first, profile = run.second;
     CAPTURE(profile);
-    done("train --iterations 60 --profile " + std::string(profile) + common + at(profile));
+    done("train --iterations 60 --profile " + profile + common + at(profile));
     const nlohmann::json results = json_of(at(profile) + "/results.json");
     CHECK(results["recipe"] == recipe);
     CHECK(results["bit_accuracy"]["views"] == 4);
