@@ -56,8 +56,7 @@ struct MarkNumbers {
   /// (pipeline/held_steps.hpp); 0: never. Does not scale.
   std::int64_t hold_steps_every = 0;
   double lambda_hsv = 0.6;
-  bool hsv_as_written =
-      false;  ///< saturated colours by the thresholds of the paper's text, not by those that were released
+  bool hsv_as_written = false;  ///< saturated colours by the paper's thresholds, not by those that were released
   std::int64_t hsv_after = 20000;
   double lambda_frequency = 0.1;
   std::int64_t frequency_after = 9999;
