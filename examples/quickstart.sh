@@ -62,8 +62,9 @@ decoder=$out/run/decoder.safetensors
 small=$out/run/model.cmk
 unmarked=$out/run/unmarked.cmk
 echo
-echo "The small file, what the model was before it, and the unmarked file, which says nothing to the key:"
-"$compmark" evaluate --model "$small" "$out/run/model.safetensors" --unmarked "$unmarked" --data "$data" --downscale "$downscale" --split "$split" \
+echo "The small file and what the model was before it, each beside the same without a mark, which says nothing to the key:"
+"$compmark" evaluate --model "$small" "$out/run/model.safetensors" --unmarked "$unmarked" "$out/run/unmarked/model.safetensors" \
+  --data "$data" --downscale "$downscale" --split "$split" \
   --key "$out/owner.key" --decoder "$decoder" --json "$out/figures.json" --html "$out/before_and_after.html"
 echo
 echo "Is it ours? Other processes decode the small file and render what it says; whoever verifies knows the images alone:"
