@@ -47,6 +47,8 @@ struct TrainObserver {
   std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
   std::optional<Error> failure;
   double last_psnr = 0;
+  std::int64_t patience = 0;       ///< iterations in a row that may render nothing: two rounds of the training views
+  std::int64_t empty_renders = 0;  ///< as many were there in a row
 
   [[nodiscard]] double seconds() const {
     return seconds_before + std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -77,6 +79,18 @@ struct TrainObserver {
     if (report.skipped_blocks != 0) {
       progress->note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
                      " parameter blocks had a gradient that is not finite; their step was skipped");
+    }
+    // Opacities of zero and less get no gradient, so that what nobody sees stays so: the hours that are left would train nothing.
+    empty_renders = report.forward.gaussians == 0 ? empty_renders + 1 : 0;
+    if (empty_renders > patience) {
+      failure = Error{ErrorKind::invalid,
+                      {},
+                      "iteration " + std::to_string(report.iteration),
+                      "the training has died: in " + std::to_string(empty_renders) +
+                          " iterations no Gaussian had an opacity above 0, and such ones learn nothing any more",
+                      "give another --seed; if most of the pixels are background, a recipe that trains on their alpha "
+                      "(leave out --recipe and --profile); if the photographs are black, other photographs"};
+      return false;
     }
     const bool stop = interrupted();
     if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
@@ -221,6 +235,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   observer.checkpoint_every = options.checkpoint_every;
   observer.checkpoint = data.checkpoint;
   observer.seconds_before = seconds_before;
+  observer.patience = std::max<std::int64_t>(100, 2 * static_cast<std::int64_t>(train.size()));
   const Result<Done> done = [&] {
     const InterruptWatch watch;
     return trainer.run(train, observer);

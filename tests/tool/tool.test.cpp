@@ -31,6 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace compmark;
 using testing::check_refused;
+using testing::done;
 using testing::json_of;
 using testing::Outcome;
 using testing::tool;
@@ -107,6 +108,22 @@ TEST_CASE(
   const Outcome unknown = tool("train --data " + scene() + " --out " + at("x") + " --effects fog");
   CHECK(unknown.code == 2);
   CHECK(unknown.text.find("fog") != std::string::npos);
+}
+
+TEST_CASE("tool: a training that nobody sees anything of is stopped and said to be dead") {
+  // Black photographs: every opacity falls below 0, and there no gradient reaches it any more.
+  done("scene --out " + at("black") + " --width 32 --height 32 --train 6 --test 2");
+  const std::vector<float> nothing(3 * 32 * 32, 0);
+  for (const char* split : {"train", "test"}) {
+    for (const fs::directory_entry& photograph : fs::directory_iterator(at("black/") + split))
+      REQUIRE(write_png(photograph.path(), ImageView<const float>{nothing.data(), 3, 32, 32}).ok());
+  }
+  const Outcome dead = tool("train --voxel-size 0.3 --iterations 30000 --data " + at("black") + " --out " + at("dead"));
+  INFO(dead.text);
+  CHECK(dead.code == 2);
+  CHECK(dead.text.find("the training has died") != std::string::npos);
+  CHECK(dead.text.find("--seed") != std::string::npos);
+  CHECK_FALSE(fs::exists(at("dead/model.safetensors")));
 }
 
 TEST_CASE("tool: scene, train, info, render, evaluate and export work on the built-in scene") {
