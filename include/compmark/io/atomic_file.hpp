@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Files are replaced whole or not at all: bytes go to `<path>.partial` next to the target, are flushed to the disk, and the name is
-// then exchanged by one rename. A crash, a full disk or a Ctrl-C leaves the old file untouched. Reading checks sizes before it believes them.
+// Files are replaced whole or not at all: bytes go to `<path>.partial-1` next to the target, are flushed to the disk, and the name is
+// then exchanged by one rename. A crash, a full disk or a Ctrl-C leaves the old file untouched. The partial file is created exclusively
+// and locked: another program that writes the same target at the same time takes `<path>.partial-2`, and the last one to finish wins,
+// whole. What a killed program left is not locked any more and is removed by the next write of that target.
+// Devices, pipes and descriptors are written through, symbolic links are followed: see output_target.hpp.
 #pragma once
 
 #include <cerrno>
 #include <cstddef>
-#include <cstdint>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -19,41 +19,47 @@
 #include <utility>
 #include <vector>
 
-#if defined(__unix__) || defined(__APPLE__)
-#include <unistd.h>
-#endif
-
 #include "compmark/core/result.hpp"
+#include "compmark/io/detail/output_stream.hpp"
+#include "compmark/io/output_target.hpp"
+#include "compmark/io/read_file.hpp"
 
 namespace compmark::inline v0 {
 
-/// One file being written. Nothing is visible under `path` before commit(); destroyed without commit, it leaves no trace.
+/// One file being written. Nothing is visible under `path` before commit(); destroyed without commit, it leaves no trace. A stream
+/// (a device, a pipe, a descriptor) sees the bytes as they are written.
 class AtomicFile {
  public:
-  /// Opens `<path>.partial`; the folder must exist.
-  [[nodiscard]] static Result<AtomicFile> create(const std::filesystem::path& path) {
-    AtomicFile file(path);
-    std::error_code status;
-    if (std::filesystem::is_directory(path, status))
-      return file.error("is a folder, not a file", "give the name of a file");
-    file.stream_.reset(std::fopen(file.partial_.c_str(), "wb"));
-    if (!file.stream_) {
-      const std::string reason = std::strerror(errno);
-      file.partial_.clear();  // it is not ours: the destructor must not remove it
-      return file.error("cannot be written: " + reason, "create its folder and make it writable");
-    }
-    return file;
+  /// Opens `<path>.partial-N`; the folder must exist. A new file gets `mode` less the process's umask, a replaced one keeps its mode.
+  [[nodiscard]] static Result<AtomicFile> create(const std::filesystem::path& path, unsigned mode = 0666) {
+    Result<OutputTarget> target = output_target(path);
+    if (!target) return target.error();
+    AtomicFile file(path, std::move(*target));
+    const int failure = file.open(mode);
+    if (failure == 0) return file;
+    if (failure == ENXIO)
+      return file.error("is a pipe that nobody reads", "start its reader first, or give the name of a file");
+    if (failure == EEXIST)
+      return file.error(
+          "has " + std::to_string(slots) + " partial files (" + path.filename().string() + ".partial-1 …)",
+          "remove them if no program is writing");
+    return file.error(std::string("cannot be written: ") + std::strerror(failure),
+                      "create its folder and make it writable");
   }
 
   AtomicFile(AtomicFile&& other) noexcept
       : path_(std::move(other.path_)),
+        target_(std::move(other.target_)),
         partial_(std::exchange(other.partial_, {})),
         stream_(std::move(other.stream_)),
+        buffer_(std::move(other.buffer_)),
         failure_(other.failure_) {}
   AtomicFile& operator=(AtomicFile&& other) noexcept {
     std::swap(path_, other.path_);
+    std::swap(target_, other.target_);
     std::swap(partial_, other.partial_);
     std::swap(stream_, other.stream_);
+    std::swap(buffer_, other.buffer_);
     std::swap(failure_, other.failure_);
     return *this;
   }
@@ -64,96 +70,117 @@ class AtomicFile {
   /// Appends bytes. A failure is remembered and reported by commit(), so that a caller may write many pieces and look once.
   void write(std::span<const std::byte> bytes) {
     if (failure_ != 0 || bytes.empty()) return;
-    if (std::fwrite(bytes.data(), 1, bytes.size(), stream_.get()) != bytes.size()) failure_ = errno != 0 ? errno : EIO;
+    if (buffer_.size() + bytes.size() > buffer_limit) flush();
+    if (bytes.size() >= buffer_limit) {
+      if (failure_ == 0) failure_ = stream_.write(bytes);
+    } else {
+      buffer_.insert(buffer_.end(), bytes.begin(), bytes.end());
+    }
   }
   void write(std::string_view text) { write(std::as_bytes(std::span<const char>(text.data(), text.size()))); }
 
-  /// Flushes to the disk and renames. On an error the old file is as it was and the partial file is gone.
-  [[nodiscard]] Result<Done> commit() {
-    if (failure_ == 0 && std::fflush(stream_.get()) != 0) failure_ = errno;
-#if defined(__unix__) || defined(__APPLE__)
-    // EINVAL: the target (a pipe, some network file systems) cannot be synchronised; the rename is still whole.
-    if (failure_ == 0 && ::fsync(::fileno(stream_.get())) != 0 && errno != EINVAL) failure_ = errno;
-#endif
-    if (std::FILE* raw = stream_.release(); std::fclose(raw) != 0 && failure_ == 0) failure_ = errno;
-    if (failure_ == 0) {
-      std::error_code status;
-      std::filesystem::rename(partial_, path_, status);
-      if (!status) {
-        partial_.clear();
-        return Done{};
-      }
-      failure_ = status.value();
-    }
-    const std::string reason = std::strerror(failure_);
-    discard();
-    return error("cannot be written: " + reason, "free some space on its disk or choose another folder");
+  /// Sends what was written so far: a stream's reader sees it now. False after a failure.
+  bool flush() {
+    if (failure_ == 0 && !buffer_.empty()) failure_ = stream_.write(buffer_);
+    buffer_.clear();
+    return failure_ == 0;
   }
 
+  /// Flushes to the disk and renames. On an error the old file is as it was and the partial file is gone.
+  [[nodiscard]] Result<Done> commit() {
+    flush();
+    const bool replaces = target_.kind == OutputTarget::Kind::file;
+    if (failure_ == 0 && replaces) failure_ = stream_.synchronise();
+    if constexpr (!detail::OutputStream::may_rename_open) {
+      if (const int closed = stream_.close(); failure_ == 0) failure_ = closed;
+    }
+    // The lock is held until the name is exchanged: nobody takes the finished file for a stale one.
+    if (failure_ == 0 && replaces) {
+      std::error_code status;
+      std::filesystem::rename(partial_, target_.path, status);
+      if (status) {
+        failure_ = status.value();
+      } else {
+        partial_.clear();
+      }
+    }
+    if (const int closed = stream_.close(); failure_ == 0) failure_ = closed;
+    if (failure_ == 0) return Done{};
+    const int failure = failure_;
+    discard();
+    if (failure == EPIPE)
+      return error("its reader has gone (closed pipe)", "keep the reader open until the program ends");
+    return error(std::string("cannot be written: ") + std::strerror(failure),
+                 replaces ? "free some space on its disk or choose another folder" : "give the name of a file");
+  }
+
+  /// True if the bytes go to a device, a pipe or a descriptor: nothing is replaced and nothing can be read back.
+  [[nodiscard]] bool is_stream() const { return target_.kind != OutputTarget::Kind::file; }
+
  private:
-  struct Close {
-    void operator()(std::FILE* stream) const { std::fclose(stream); }
-  };
-  explicit AtomicFile(const std::filesystem::path& path) : path_(path), partial_(path) { partial_ += ".partial"; }
+  static constexpr int slots = 100;
+  static constexpr std::size_t buffer_limit = std::size_t{1} << 16;
+
+  AtomicFile(std::filesystem::path path, OutputTarget target) : path_(std::move(path)), target_(std::move(target)) {}
+
+  [[nodiscard]] int open(unsigned mode) {
+    if (target_.kind == OutputTarget::Kind::descriptor) return stream_.duplicate(target_.descriptor);
+    if (target_.kind == OutputTarget::Kind::stream) return stream_.open_stream(target_.path);
+    // A name near the limit of 255 bytes is shortened, or its partial file could not be named.
+    constexpr std::size_t name_limit = 240;
+    const std::string name = target_.path.filename().string().substr(0, name_limit) + ".partial-";
+    int failure = EEXIST;
+    for (int slot = 1; slot <= slots && failure == EEXIST; ++slot) {
+      const std::filesystem::path partial = target_.path.parent_path() / (name + std::to_string(slot));
+      failure = stream_.create(partial, mode);
+      if (failure == 0) partial_ = partial;  // ours from here: the destructor removes it
+    }
+    if (failure == 0 && target_.exists) stream_.take_after(target_.path);
+    return failure;
+  }
   void discard() {
-    stream_.reset();
-    if (partial_.empty()) return;
-    std::error_code ignored;
-    std::filesystem::remove(partial_, ignored);
-    partial_.clear();
+    if constexpr (!detail::OutputStream::may_rename_open) static_cast<void>(stream_.close());
+    // Removed before it is closed: once the lock is gone, the name may be another program's.
+    if (!partial_.empty()) {
+      std::error_code ignored;
+      std::filesystem::remove(partial_, ignored);
+      partial_.clear();
+    }
+    static_cast<void>(stream_.close());
   }
   [[nodiscard]] Error error(std::string problem, std::string remedy) const {
     return {ErrorKind::unwritable, path_.string(), "", std::move(problem), std::move(remedy)};
   }
 
   std::filesystem::path path_;
+  OutputTarget target_;
   std::filesystem::path partial_;
-  std::unique_ptr<std::FILE, Close> stream_;
+  detail::OutputStream stream_;
+  std::vector<std::byte> buffer_;
   int failure_ = 0;
 };
 
-/// Writes one whole file.
-[[nodiscard]] inline Result<Done> write_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {
-  Result<AtomicFile> file = AtomicFile::create(path);
+/// Writes one whole file; `mode` as that of AtomicFile::create.
+[[nodiscard]] inline Result<Done> write_file(const std::filesystem::path& path, std::span<const std::byte> bytes,
+                                             unsigned mode = 0666) {
+  Result<AtomicFile> file = AtomicFile::create(path, mode);
   if (!file) return file.error();
   file->write(bytes);
   return file->commit();
 }
-[[nodiscard]] inline Result<Done> write_file(const std::filesystem::path& path, std::string_view text) {
-  return write_file(path, std::as_bytes(std::span<const char>(text.data(), text.size())));
+[[nodiscard]] inline Result<Done> write_file(const std::filesystem::path& path, std::string_view text,
+                                             unsigned mode = 0666) {
+  return write_file(path, std::as_bytes(std::span<const char>(text.data(), text.size())), mode);
 }
 
-/// Reads one whole file of at most `limit` bytes.
-[[nodiscard]] inline Result<std::vector<std::byte>> read_file(const std::filesystem::path& path,
-                                                              std::uintmax_t limit = std::uintmax_t{1} << 40) {
-  const auto fail = [&](ErrorKind kind, std::string problem, std::string remedy) {
-    return Error{kind, path.string(), "", std::move(problem), std::move(remedy)};
-  };
-  std::error_code status;
-  if (!std::filesystem::exists(path, status)) return fail(ErrorKind::not_found, "no such file", "check the path");
-  if (!std::filesystem::is_regular_file(path, status)) {
-    return fail(ErrorKind::unreadable, "is not a regular file", "give the name of a file");
-  }
-  const std::uintmax_t size = std::filesystem::file_size(path, status);
-  if (status)
-    return fail(ErrorKind::unreadable, "its size cannot be read: " + status.message(), "check its permissions");
-  if (size > limit) {
-    return fail(ErrorKind::exhausted,
-                "has " + std::to_string(size) + " bytes, more than the limit of " + std::to_string(limit),
-                "check that this is the right file");
-  }
-  struct Close {
-    void operator()(std::FILE* stream) const { std::fclose(stream); }
-  };
-  const std::unique_ptr<std::FILE, Close> stream(std::fopen(path.c_str(), "rb"));
-  if (!stream)
-    return fail(ErrorKind::unreadable, std::string("cannot be opened: ") + std::strerror(errno),
-                "check its permissions");
-  std::vector<std::byte> bytes(static_cast<std::size_t>(size));
-  if (!bytes.empty() && std::fread(bytes.data(), 1, bytes.size(), stream.get()) != bytes.size()) {
-    return fail(ErrorKind::truncated, "ended before its " + std::to_string(size) + " bytes", "copy it again");
-  }
-  return bytes;
+/// Whether a file can be written there, asked before work begins: a file's place is tried and left as it was, a stream is not opened.
+[[nodiscard]] inline Result<Done> check_writable(const std::filesystem::path& path) {
+  const Result<OutputTarget> target = output_target(path);
+  if (!target) return target.error();
+  if (target->kind != OutputTarget::Kind::file) return Done{};
+  const Result<AtomicFile> file = AtomicFile::create(path);
+  if (!file) return file.error();
+  return Done{};
 }
 
 }  // namespace compmark::inline v0

@@ -52,10 +52,10 @@ template <class Json = nlohmann::json>
 }
 
 /// Writes JSON, indented by two spaces, keys in the object's own order (sorted for nlohmann::json), atomically. Numbers that are not
-/// finite become null, as JSON has no other name for them.
+/// finite become null, as JSON has no other name for them. `mode` as that of AtomicFile::create.
 template <class Json>
-[[nodiscard]] Result<Done> write_json(const std::filesystem::path& path, const Json& json) {
-  return write_file(path, json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+[[nodiscard]] Result<Done> write_json(const std::filesystem::path& path, const Json& json, unsigned mode = 0666) {
+  return write_file(path, json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n", mode);
 }
 
 /// Field `key` of an object as T (a finite number, a string, a bool); `file` and `where` (path of the object) are for the message.

@@ -8,20 +8,13 @@
 #pragma once
 
 #include <array>
-#include <cerrno>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
-
-#if defined(__unix__) || defined(__APPLE__)
-#include <fcntl.h>
-#include <unistd.h>
-#endif
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/hmac_sha256.hpp"
@@ -107,16 +100,6 @@ template <class Json = nlohmann::ordered_json>
   std::error_code status;
   if (std::filesystem::exists(path, status))
     return fail("exists already, a key is never overwritten", "choose another name");
-#if defined(__unix__) || defined(__APPLE__)
-  // The partial file is made with its final mode before AtomicFile opens it, so that no other user can open it in between.
-  std::filesystem::path partial = path;
-  partial += ".partial";
-  std::filesystem::remove(partial, status);
-  const int file = ::open(partial.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0600);
-  if (file < 0)
-    return fail(std::string("cannot be written: ") + std::strerror(errno), "create its folder and make it writable");
-  ::close(file);
-#endif
   Json json{{"format", OwnerKey::format},
             {"version", OwnerKey::version},
             {"id", key.id()},
@@ -127,7 +110,8 @@ template <class Json = nlohmann::ordered_json>
             {"secret", to_hex(key.secret)}};
   if (!key.note.empty()) json["note"] = key.note;
   if (key.corrects != 0) json["payload"] = {{"hex", key.payload}, {"corrects", key.corrects}};
-  return write_json(path, json);
+  constexpr unsigned owner_only = 0600;  // from the moment the file exists: no other user can open it in between
+  return write_json(path, json, owner_only);
 }
 
 /// Reads a key file; `bits` other than 0 is the message length that is asked for. Messages never contain the secret.
