@@ -75,7 +75,8 @@ TEST_CASE("scene/mask_lookup: a mask that two images could mean is nobody's, wit
   CHECK(both.warnings.empty());
 }
 
-TEST_CASE("scene/mask_lookup: one image in two frames has one mask, and a mask that frames name is theirs") {
+TEST_CASE(
+    "scene/mask_lookup: one image in two frames is one view with its mask, and a mask that frames name is theirs") {
   const TemporaryFolder folder;
   put_blender(folder.path());
   put_image(folder.path() / "masks/a.png", 16, 12, 1);
@@ -83,7 +84,7 @@ TEST_CASE("scene/mask_lookup: one image in two frames has one mask, and a mask t
   const Result<Dataset> twice = open_dataset(folder.path(), {});
   REQUIRE(twice.ok());
   CHECK(twice->views[0].mask_path == folder.path() / "masks/a.png");
-  CHECK(twice->views[2].mask_path == folder.path() / "masks/a.png");
+  CHECK(twice->views.size() == 2);
   const std::string named = R"({"mask_path": "masks\\a.PNG", )";
   put(folder.path() / "transforms_train.json",
       transforms_text(named + frame_text("train/a").substr(1) + "," + named + frame_text("train/b").substr(1)));

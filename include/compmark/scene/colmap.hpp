@@ -25,10 +25,12 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/finish.hpp"
 #include "compmark/scene/image_folder.hpp"
-#include "compmark/scene/image_lookup.hpp"
+#include "compmark/scene/image_pairing.hpp"
 #include "compmark/scene/mask_lookup.hpp"
+#include "compmark/scene/mask_reading.hpp"
 #include "compmark/scene/point_file.hpp"
 #include "compmark/scene/pose.hpp"
+#include "compmark/scene/repeated.hpp"
 #include "compmark/scene/view_reader.hpp"
 
 namespace compmark::inline v0 {
@@ -37,39 +39,32 @@ namespace detail {
 
 /// The published sort key: the base name up to its first dot; the whole name decides between equals.
 [[nodiscard]] inline std::pair<std::string, std::string> colmap_sort_key(const std::string& name) {
-  const std::string base = name.substr(name.find_last_of('/') + 1);
+  const std::string base = name.substr(name.find_last_of("/\\") + 1);
   return {base.substr(0, base.find('.')), name};
 }
 
-/// Pairs the images of the model with files; an empty path is a missing image. By name; if not one name is found but the folder holds as
-/// many images as the model, by sorted order (datasets whose files were renamed, as LLFF does).
+/// Pairs the images of the model with files; an empty path is a missing image. As they are written, or else by scene/pairing.hpp.
 [[nodiscard]] inline Result<std::vector<std::filesystem::path>> match_images(
     const std::vector<const ColmapImage*>& images, const std::filesystem::path& folder, Dataset& dataset) {
-  std::vector<std::filesystem::path> paths;
-  std::size_t missing = 0;
-  const ColmapImage* first_missing = nullptr;
-  std::set<std::filesystem::path> named;
-  for (const ColmapImage* image : images) named.insert(folder / image->name);
-  for (const ColmapImage* image : images) {
-    const std::filesystem::path path = folder / image->name;
-    paths.push_back(file_exists(path) ? path : find_image_file(path));
-    if (paths.back() != path && named.count(paths.back()) > 0) paths.back().clear();  // it is another image's own
-    if (paths.back().empty()) first_missing = missing++ == 0 ? image : first_missing;
-  }
-  if (missing < images.size()) return paths;
-  const std::vector<std::string> files = image_names(folder);
+  std::vector<std::string> names;
+  for (const ColmapImage* image : images) names.push_back(image->name);
+  FoundImages found = images_as_written(folder, names);
+  if (found.missing == 0) return std::move(found.paths);
+  const std::vector<std::string> files = image_paths(folder, true);
   if (files.empty())
     return Error{ErrorKind::not_found, folder.string(), "images", "the folder holds no PNG or JPEG image",
                  "put the photographs there"};
-  if (files.size() == images.size()) {
-    for (std::size_t i = 0; i < files.size(); ++i) paths[i] = folder / files[i];
-    dataset.warnings.push_back(folder.string() +
-                               ": file names differ from the model's, so the i-th name in sorted order is taken (" +
-                               images[0]->name + " is " + files[0] + ")");
-    return paths;
+  pair_the_missing(names, files, files, folder, {true}, found);
+  if (found.missing < images.size()) {
+    for (const std::string& note : found.notes) dataset.warnings.push_back(folder.string() + ": " + note);
+    return std::move(found.paths);
+  }
+  if (!found.notes.empty()) {
+    return Error{ErrorKind::invalid, folder.string(), images[0]->name, found.notes[0],
+                 "name the images as the model does, in its folders"};
   }
   return Error{
-      ErrorKind::not_found, folder.string(), first_missing->name,
+      ErrorKind::not_found, folder.string(), images[0]->name,
       "there is no such image, nor is any other of the " + std::to_string(images.size()) + " images of the model",
       "add the images the model was made from"};
 }
@@ -180,9 +175,13 @@ namespace detail {
     detail::place_camera(view, posed, intrinsics->lens, settings, notes);
     dataset.views.push_back(std::move(view));
   }
+  if (const Result<Done> once = detail::leave_out_repeated(dataset, images_file); !once) return once.error();
   detail::split_views(dataset, settings.test_every);
   detail::say_notes(notes, cameras_file, settings.lens, dataset);
-  if (settings.masks) detail::find_masks(dataset, root);
+  if (settings.masks) {
+    detail::find_masks(dataset, root);
+    if (const Result<Done> read = detail::read_masks(dataset); !read) return read.error();
+  }
   Result<PrecisePoints> points = detail::colmap_points(*model, model_folder, suffix, dataset);
   if (!points) return points.error();
   detail::finish_dataset(dataset, std::move(*points), settings);

@@ -43,7 +43,7 @@ namespace detail {
     std::uint64_t count = 0;
     while (lines && lines->next_record()) {
       ++count;
-      static_cast<void>(lines->next());
+      if (!feature_line(*lines)) return count;  // the reader will say what is wrong
     }
     return count;
   }

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // COLMAP's text files cameras.txt, images.txt, points3D.txt. "#" starts a comment line; images take two lines each, of which the second
-// may be empty; a name is the rest of its line and may contain spaces. Numbers are read independently of the locale.
+// may be empty, or left out altogether as some writers do; a name is the rest of its line and may contain spaces. Numbers are read independently
+// of the locale; lines end as on any system.
 #pragma once
 
 #include <array>
@@ -20,6 +21,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/scene/colmap_model.hpp"
+#include "compmark/scene/text_bytes.hpp"
 
 namespace compmark::inline v0 {
 
@@ -75,19 +77,27 @@ class LineReader {
   [[nodiscard]] static Result<LineReader> open(const std::filesystem::path& path) {
     Result<std::vector<std::byte>> bytes = read_file(path);
     if (!bytes) return bytes.error();
+    bytes = plain_text(std::move(*bytes), path.string());
+    if (!bytes) return bytes.error();
     LineReader reader;
     reader.name_ = path.string();
     reader.bytes_ = std::move(*bytes);
+    if (reader.text().find('\n') == std::string_view::npos) reader.end_ = '\r';
     return reader;
   }
   std::optional<std::string_view> next() {
     if (position_ >= bytes_.size()) return std::nullopt;
-    const std::string_view text(reinterpret_cast<const char*>(bytes_.data()), bytes_.size());
-    const std::size_t end = text.find('\n', position_);
-    const std::string_view line = text.substr(position_, end == std::string_view::npos ? end : end - position_);
+    previous_ = position_;
+    const std::size_t end = text().find(end_, position_);
+    const std::string_view line = text().substr(position_, end == std::string_view::npos ? end : end - position_);
     position_ = end == std::string_view::npos ? bytes_.size() : end + 1;
     ++number_;
     return line;
+  }
+  /// The line that next returned last is returned once more.
+  void back() {
+    position_ = previous_;
+    --number_;
   }
   /// The next line that is neither empty nor a comment.
   std::optional<std::string_view> next_record() {
@@ -107,11 +117,55 @@ class LineReader {
   }
 
  private:
+  [[nodiscard]] std::string_view text() const { return {reinterpret_cast<const char*>(bytes_.data()), bytes_.size()}; }
   std::string name_;
   std::vector<std::byte> bytes_;
   std::size_t position_ = 0;
+  std::size_t previous_ = 0;
   std::size_t number_ = 0;
+  char end_ = '\n';
 };
+
+/// IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, or nothing if the line is none.
+[[nodiscard]] inline std::optional<std::pair<std::uint32_t, ColmapImage>> parse_image_line(std::string_view line) {
+  LineCursor cursor(line);
+  ColmapImage image;
+  const auto id = cursor.number<std::uint32_t>();
+  for (double& v : image.rotation_wxyz) v = cursor.number<double>();
+  for (double& v : image.translation) v = cursor.number<double>();
+  image.camera_id = cursor.number<std::uint32_t>();
+  image.name = cursor.rest();
+  if (!cursor.good()) return std::nullopt;
+  return std::pair{id, std::move(image)};
+}
+
+/// Whether a line can be the second one of an image, by its first four triples X Y POINT3D_ID: the tenth word of a line that describes an image
+/// is its name, which is no number, or a tenth number that begins no whole triple.
+[[nodiscard]] inline bool may_be_features(std::string_view line) {
+  LineCursor cursor(line);
+  for (int i = 0; i < 12; ++i) {
+    if (cursor.at_end()) return i % 3 == 0;
+    if (i % 3 < 2) {
+      static_cast<void>(cursor.number<double>());
+    } else if (cursor.word().find_first_not_of("-0123456789") != std::string_view::npos) {
+      return false;
+    }
+    if (!cursor.good()) return false;
+  }
+  return true;
+}
+
+/// The second line of an image; empty where its writer left it out, so that the next line describes the next image.
+[[nodiscard]] inline Result<std::string_view> feature_line(LineReader& lines) {
+  const std::optional<std::string_view> line = lines.next();
+  if (!line || may_be_features(*line)) return line.value_or(std::string_view());
+  if (line->find_first_not_of(" \t") != line->find('#') && !parse_image_line(*line)) {
+    return lines.error(ErrorKind::malformed,
+                       "the second line of an image needs triples X Y POINT3D_ID (it may be empty, or left out)");
+  }
+  lines.back();
+  return std::string_view();
+}
 
 }  // namespace detail
 
@@ -145,18 +199,14 @@ class LineReader {
   lines = detail::LineReader::open(folder / "images.txt");
   if (!lines) return lines.error();
   while (const std::optional<std::string_view> line = lines->next_record()) {
-    detail::LineCursor cursor(*line);
-    const auto id = cursor.number<std::uint32_t>();
-    ColmapImage image;
-    for (double& v : image.rotation_wxyz) v = cursor.number<double>();
-    for (double& v : image.translation) v = cursor.number<double>();
-    image.camera_id = cursor.number<std::uint32_t>();
-    image.name = cursor.rest();
-    if (!cursor.good())
+    std::optional<std::pair<std::uint32_t, ColmapImage>> parsed = detail::parse_image_line(*line);
+    if (!parsed)
       return lines->error(ErrorKind::malformed, "an image needs IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME");
+    auto& [id, image] = *parsed;
     if (model.images.count(id) > 0) return lines->repeated_id("image", id);
-    const std::optional<std::string_view> features = lines->next();  // may be empty, or missing after the last image
-    detail::LineCursor feature(features.value_or(std::string_view()));
+    const Result<std::string_view> features = detail::feature_line(*lines);
+    if (!features) return features.error();
+    detail::LineCursor feature(*features);
     while (settings.observations && !feature.at_end()) {
       ColmapObservation observation;
       observation.x = feature.number<double>();
@@ -167,7 +217,7 @@ class LineReader {
         return lines->error(ErrorKind::malformed, "the second line of an image needs triples X Y POINT3D_ID");
       image.observations.push_back(observation);
     }
-    model.images[id] = std::move(image);
+    model.images.emplace(id, std::move(image));
   }
 
   if (std::error_code ignored; !std::filesystem::exists(folder / "points3D.txt", ignored)) return model;

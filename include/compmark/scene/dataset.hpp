@@ -26,6 +26,14 @@ enum class LensTreatment : std::uint8_t {
   keep     ///< images stay as they are; whoever renders projects through the lens
 };
 
+/// Where a mask says how much a pixel counts (scene/mask_reading.hpp).
+enum class MaskReading : std::uint8_t {
+  level,     ///< the brightness is the weight
+  any,       ///< what is not black counts whole
+  alpha,     ///< the alpha channel is the weight
+  any_alpha  ///< what is not transparent counts whole
+};
+
 /// One photograph: where its pixels are and the camera that took it.
 struct View {
   std::string name;                  ///< as the dataset calls it
@@ -38,8 +46,9 @@ struct View {
   Lens lens;  ///< of the photograph, on the camera's normalised coordinates
   LensTreatment lens_treatment =
       LensTreatment::ignore;        ///< never undistort for a lens that moves no pixel by a quarter
-  std::filesystem::path mask_path;  ///< 8-bit grey, size of the file, black = ignore; empty: none
-  int orientation = 1;              ///< how the file is turned when decoded (io/exif.hpp)
+  std::filesystem::path mask_path;  ///< an image of the file's size, black = ignore; empty: none
+  MaskReading mask_reading = MaskReading::level;
+  int orientation = 1;  ///< how the file is turned when decoded (io/exif.hpp)
 };
 
 /// Points of structure from motion, or random ones. Rows of both columns correspond.

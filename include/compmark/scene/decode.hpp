@@ -20,6 +20,7 @@
 #include "compmark/io/image_file.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/image.hpp"
+#include "compmark/scene/mask_file.hpp"
 #include "compmark/scene/resize.hpp"
 #include "compmark/scene/turn.hpp"
 #include "compmark/scene/undistort.hpp"
@@ -50,21 +51,19 @@ inline Result<Done> check_size(const View& view, const ImageBytes& file) {
                "put back the image that belongs to this dataset"};
 }
 
-/// The mask file of a view, one plane of the image's size.
+/// How much each pixel of a view counts by its mask file, one plane of the image's size.
 [[nodiscard]] inline Result<std::vector<std::uint8_t>> read_mask(const View& view, const ImageBytes& image) {
-  Result<ImageBytes> file = read_image(view.mask_path);
+  const Result<MaskFile> file = read_mask_file(view.mask_path);
   if (!file) return file.error();
-  if (file->width != image.width || file->height != image.height) *file = turned(std::move(*file), view.orientation);
-  if (file->width != image.width || file->height != image.height) {
+  ImageBytes mask{file->width, file->height, 1, mask_weights(*file, view.mask_reading)};
+  if (mask.width != image.width || mask.height != image.height) mask = turned(std::move(mask), view.orientation);
+  if (mask.width != image.width || mask.height != image.height) {
     return Error{ErrorKind::invalid, view.mask_path.string(), "image size",
-                 "is " + std::to_string(file->width) + " x " + std::to_string(file->height) + ", but its image has " +
+                 "is " + std::to_string(mask.width) + " x " + std::to_string(mask.height) + ", but its image has " +
                      std::to_string(image.width) + " x " + std::to_string(image.height) + " pixels",
                  "make the mask as large as its image"};
   }
-  const std::size_t channels = static_cast<std::size_t>(file->channels);
-  std::vector<std::uint8_t> mask(file->pixels.size() / channels);
-  for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = file->pixels[i * channels];
-  return mask;
+  return std::move(mask.pixels);
 }
 
 }  // namespace detail

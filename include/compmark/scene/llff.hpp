@@ -23,7 +23,9 @@
 #include "compmark/scene/finish.hpp"
 #include "compmark/scene/image_folder.hpp"
 #include "compmark/scene/mask_lookup.hpp"
+#include "compmark/scene/mask_reading.hpp"
 #include "compmark/scene/pose.hpp"
+#include "compmark/scene/repeated.hpp"
 #include "compmark/scene/view_reader.hpp"
 
 namespace compmark::inline v0 {
@@ -127,11 +129,14 @@ namespace detail {
   }
   detail::split_views(dataset, settings.test_every);
   detail::say_notes(notes, file.string(), settings.lens, dataset);
-  if (settings.masks) detail::find_masks(dataset, folder);
   PrecisePoints points;
   if (bounds.size() == dataset.views.size()) {
     points = detail::points_between(dataset, bounds, settings.random_points, settings.seed);
     dataset.points_are_random = true;
+  }
+  if (settings.masks) {
+    detail::find_masks(dataset, folder);
+    if (const Result<Done> read = detail::read_masks(dataset); !read) return read.error();
   }
   detail::finish_dataset(dataset, std::move(points), settings);
   return dataset;

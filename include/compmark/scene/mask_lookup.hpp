@@ -2,18 +2,25 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Masks that are found by the names of the images, for views whose file of cameras names none. A mask that more than one image could mean
-// (masks/r_0.png beside train/r_0.png and test/r_0.png) is nobody's: a guess would hide parts of the wrong photograph.
+// (masks/r_0.png beside train/r_0.png and test/r_0.png) is nobody's: a guess would hide parts of the wrong photograph. Masks that have other names
+// (a_mask.png for a.jpg) are found by scene/pairing.hpp, and those that belong to no image are said.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <filesystem>
 #include <iterator>
 #include <map>
+#include <set>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "compmark/scene/dataset.hpp"
+#include "compmark/scene/image_folder.hpp"
 #include "compmark/scene/image_lookup.hpp"
+#include "compmark/scene/pairing.hpp"
 #include "compmark/scene/view_reader.hpp"
 
 namespace compmark::inline v0 {
@@ -56,6 +63,92 @@ namespace detail {
   return {};
 }
 
+/// The name of a mask without what tells that it is one: "a" for "a_mask.png", "mask-a.png" and "a.jpg.png".
+[[nodiscard]] inline std::string without_mask_affix(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  const std::string folder = path.substr(0, slash == std::string::npos ? 0 : slash + 1);
+  std::string name = path.substr(folder.size());
+  for (int k = 0; k < 2; ++k) name.erase(extension_place(name));
+  const std::string small = folded(name);
+  for (const std::string_view word : {"mask", "segmentation", "matte", "alpha"}) {
+    for (const char mark : {'_', '-', '.', ' '}) {
+      const std::string end = mark + std::string(word), begin = std::string(word) + mark;
+      if (small.size() != name.size() || small.size() <= end.size()) continue;
+      if (small.compare(small.size() - end.size(), end.size(), end) == 0)
+        return folder + name.substr(0, name.size() - end.size());
+      if (small.compare(0, begin.size(), begin) == 0) return folder + name.substr(begin.size());
+    }
+  }
+  return folder + name;
+}
+
+/// The folders of masks below `root`: masks, Masks, mask, masks_4 …; those of other sizes only where no image has one of another folder.
+[[nodiscard]] inline std::vector<std::filesystem::path> mask_folders(const std::filesystem::path& root) {
+  std::vector<std::filesystem::path> folders;
+  std::error_code status;
+  for (std::filesystem::directory_iterator i(root, status), end; !status && i != end; i.increment(status)) {
+    if (folded(i->path().filename().string()).compare(0, 4, "mask") == 0 && folder_exists(i->path()))
+      folders.push_back(i->path());
+  }
+  std::sort(folders.begin(), folders.end());
+  return folders;
+}
+
+/// Looks for masks of views that have none among those that nobody has, by the ends of their names, and says which of them belong to no image.
+/// `nobodys`: masks of which that was said before.
+inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
+                       const std::set<std::filesystem::path>& nobodys) {
+  const auto say = [&](const std::string& sentence) {
+    dataset.warnings.push_back(dataset.root.string() + ": " + sentence);
+  };
+  const std::vector<std::filesystem::path> folders = mask_folders(root);
+  if (folders.empty()) return;
+  std::set<std::filesystem::path> used;
+  for (const View& view : dataset.views) {
+    if (!view.mask_path.empty()) used.insert(view.mask_path.lexically_normal());
+  }
+  for (const std::filesystem::path& folder : folders) {
+    std::vector<std::size_t> views;
+    std::vector<std::string> names, files, keys;
+    for (std::size_t i = 0; i < dataset.views.size(); ++i) {
+      if (!dataset.views[i].mask_path.empty()) continue;
+      views.push_back(i);
+      names.push_back(dataset.views[i].image_path.lexically_relative(root).generic_string());
+    }
+    if (views.empty()) return;
+    bool of_images = false;  // whether some image has its mask from here
+    for (const std::string& path : image_paths(folder, true)) {
+      const std::filesystem::path file = (folder / path).lexically_normal();
+      of_images = of_images || used.count(file) > 0;
+      if (used.count(file) > 0 || nobodys.count(file) > 0) continue;
+      files.push_back(path);
+      keys.push_back(without_mask_affix(path));
+    }
+    if (files.empty() || (!of_images && !used.empty())) continue;
+    const Pairing pairing = pair_names(names, keys);
+    std::set<std::size_t> taken;
+    std::string example;
+    for (std::size_t k = 0; k < views.size(); ++k) {
+      const std::size_t file = pairing.file[k];
+      if (file == no_file) continue;
+      View& view = dataset.views[views[k]];
+      view.mask_path = folder / files[file];
+      used.insert(view.mask_path.lexically_normal());
+      if (taken.empty()) example = files[file] + " is of \"" + view.name + "\"";
+      taken.insert(file);
+    }
+    if (!taken.empty())
+      say(std::to_string(taken.size()) + " masks are found by the ends of their names (" + example + ")");
+    for (std::size_t file = 0; file < files.size(); ++file) {
+      if (taken.count(file) == 0) {
+        say(std::to_string(files.size() - taken.size()) + " masks in " + folder.filename().string() +
+            " belong to no image, or to more than one, and are not used, the first is " + files[file]);
+        break;
+      }
+    }
+  }
+}
+
 /// Gives every view that has no mask yet the one that is found by its name, and says what is missing or could not be decided.
 inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
   std::map<std::filesystem::path, std::vector<std::size_t>> users;  // of the masks that are found by name
@@ -67,6 +160,7 @@ inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
   }
   std::size_t undecided = 0;
   std::string example;
+  std::set<std::filesystem::path> nobodys;
   for (const auto& [mask, list] : users) {
     const std::filesystem::path& image = dataset.views[list[0]].image_path;
     std::size_t other = 0;
@@ -77,9 +171,8 @@ inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
                 dataset.views[other].name + "\"";
     }
     for (const std::size_t i : list) dataset.views[i].mask_path.clear();
+    nobodys.insert(mask.lexically_normal());
   }
-  std::size_t without = 0;
-  for (const View& view : dataset.views) without += view.mask_path.empty() ? 1 : 0;
   const auto say = [&](const std::string& sentence) {
     dataset.warnings.push_back(dataset.root.string() + ": " + sentence);
   };
@@ -87,6 +180,9 @@ inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
     say(std::to_string(undecided) + " masks have a name that more than one image could mean and are not used, " +
         example + "; put masks into the folders that the images are in (masks/train for train)");
   }
+  pair_masks(dataset, root, nobodys);
+  std::size_t without = 0;
+  for (const View& view : dataset.views) without += view.mask_path.empty() ? 1 : 0;
   if (without > 0 && without < dataset.views.size()) {
     say(std::to_string(without) + " of " + std::to_string(dataset.views.size()) +
         " images have no mask and are used whole");

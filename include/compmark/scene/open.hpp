@@ -18,6 +18,7 @@
 #include "compmark/scene/colmap.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/llff.hpp"
+#include "compmark/scene/repeated.hpp"
 #include "compmark/scene/transforms.hpp"
 
 namespace compmark::inline v0 {
@@ -76,7 +77,9 @@ template <class Json>
 /// Opens the dataset in a folder. Every image file is looked at (header only), no pixel is decoded. Cost: reading the files once.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Dataset> open_dataset(const std::filesystem::path& folder, const DatasetSettings& settings) {
-  return detail::with_names_checked(detail::open_by_kind<Json>(folder, settings));
+  Result<Dataset> dataset = detail::with_names_checked(detail::open_by_kind<Json>(folder, settings));
+  if (dataset) detail::say_copies(*dataset);
+  return dataset;
 }
 
 }  // namespace compmark::inline v0

@@ -16,7 +16,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
+#include <span>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -27,10 +27,14 @@
 #include "compmark/scene/finish.hpp"
 #include "compmark/scene/image_lookup.hpp"
 #include "compmark/scene/mask_lookup.hpp"
+#include "compmark/scene/mask_reading.hpp"
 #include "compmark/scene/point_file.hpp"
 #include "compmark/scene/pose.hpp"
 #include "compmark/scene/random_points.hpp"
+#include "compmark/scene/repeated.hpp"
 #include "compmark/scene/transforms_camera.hpp"
+#include "compmark/scene/transforms_fields.hpp"
+#include "compmark/scene/transforms_images.hpp"
 #include "compmark/scene/transforms_json.hpp"
 #include "compmark/scene/transforms_lens.hpp"
 #include "compmark/scene/view_reader.hpp"
@@ -39,43 +43,11 @@ namespace compmark::inline v0 {
 
 namespace detail {
 
-/// "a2" before "a10": runs of digits compare as numbers.
-[[nodiscard]] inline bool natural_less(const std::string& a, const std::string& b) {
-  const auto digit = [](char c) { return c >= '0' && c <= '9'; };
-  for (std::size_t i = 0, j = 0; i < a.size() && j < b.size();) {
-    if (!digit(a[i]) || !digit(b[j])) {
-      if (a[i] != b[j]) return a[i] < b[j];
-      ++i, ++j;
-      continue;
-    }
-    while (i < a.size() && a[i] == '0') ++i;
-    while (j < b.size() && b[j] == '0') ++j;
-    std::size_t end_a = i, end_b = j;
-    while (end_a < a.size() && digit(a[end_a])) ++end_a;
-    while (end_b < b.size() && digit(b[end_b])) ++end_b;
-    if (end_a - i != end_b - j) return end_a - i < end_b - j;
-    const int order = a.compare(i, end_a - i, b, j, end_b - j);
-    if (order != 0) return order < 0;
-    i = end_a, j = end_b;
-  }
-  return a.size() != b.size() ? a.size() < b.size() : a < b;
-}
-
-/// Adds the files that the frames name and that are there, so that no other frame is given one of them.
-template <class Json>
-void add_own_images(const std::filesystem::path& folder, const Json& json, std::set<std::filesystem::path>& own) {
-  if (!json.is_object() || !json.contains("frames") || !json["frames"].is_array()) return;
-  for (const Json& frame : json["frames"]) {
-    if (frame.is_object() && frame.contains("file_path") && frame["file_path"].is_string())
-      own.insert(own_image(folder, frame["file_path"].template get<std::string>()));
-  }
-}
-
-/// Appends the frames of one file. `own`: of add_own_images. `empty_is_fine`: a list of test frames may be empty.
+/// Appends the frames of one file. `images`: of find_frame_images, one a frame. A list of test frames may be empty, and may have poses alone.
 template <class Json>
 [[nodiscard]] Result<Done> append_frames(const std::filesystem::path& file, const Json& json, Split split,
-                                         bool empty_is_fine, const std::set<std::filesystem::path>& own,
-                                         const DatasetSettings& settings, Dataset& dataset) {
+                                         std::span<const FoundImage> images, const DatasetSettings& settings,
+                                         Dataset& dataset) {
   const std::string name = file.string();
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return Error{kind, name, std::move(field), std::move(problem), std::move(remedy)};
@@ -86,9 +58,10 @@ template <class Json>
   }
   const Json& frames = json["frames"];
   if (frames.empty()) {
-    if (empty_is_fine) return Done{};
+    if (split == Split::test) return Done{};
     return fail(ErrorKind::invalid, "frames", "is empty, so there are no images", "give at least one frame");
   }
+  if (const Result<Done> looked = look_at_fields(name, json, dataset); !looked) return looked.error();
   ReaderNotes notes;
   double worst_defect = 0;
   double worst_scale = 1;
@@ -115,9 +88,8 @@ template <class Json>
 
     View view;
     view.name = frame["file_path"].template get<std::string>();
-    FoundImage found = find_image(file.parent_path(), view.name);
-    if (own.count(found.path) > 0 && found.path != own_image(file.parent_path(), view.name)) found.path.clear();
-    view.image_path = std::move(found.path);
+    const FoundImage& found = images[i];
+    view.image_path = found.path;
     view.split = split;
     if (view.image_path.empty()) {
       // Checked with a made-up size: a bad focal length is an Error whether or not the image is there.
@@ -160,6 +132,12 @@ template <class Json>
     }
     dataset.views.push_back(std::move(view));
   }
+  if (notes.images == 0 && split == Split::test) {
+    dataset.warnings.push_back(name + ": none of its " + std::to_string(notes.missing) +
+                               " images is there (the first is \"" + notes.first_missing +
+                               "\"), so there are no test views");
+    return Done{};
+  }
   if (notes.images == 0) {
     return fail(ErrorKind::not_found, first_missing_field,
                 "names \"" + notes.first_missing + "\", but there is no such image (nor with .png or .jpg)" +
@@ -168,10 +146,10 @@ template <class Json>
   }
   // 1e-3: float32 matrices are off by 1e-7, hand-rounded ones (4 digits) by 1e-4; more is a mistake worth a word.
   if (worst_defect > 1e-3)
-    dataset.warnings.push_back(name + ": rotations are off by up to " + std::to_string(worst_defect) +
-                               "; the nearest rotations are used");
+    dataset.warnings.push_back(name + ": rotations (transform_matrix) are off by up to " +
+                               std::to_string(worst_defect) + "; the nearest rotations are used");
   if (std::abs(worst_scale - 1) > 1e-3) {
-    dataset.warnings.push_back(name + ": poses contain a scale of " + std::to_string(worst_scale) +
+    dataset.warnings.push_back(name + ": poses (transform_matrix) contain a scale of " + std::to_string(worst_scale) +
                                ", which is ignored");
   }
   say_notes(notes, name, settings.lens, dataset);
@@ -241,32 +219,41 @@ template <class Json = nlohmann::json>
   dataset.root = folder;
   const Result<Json> json = detail::read_transforms<Json>(file);
   if (!json) return json.error();
-  std::set<std::filesystem::path> own;
-  detail::add_own_images(folder, *json, own);
   const std::filesystem::path test = folder / "transforms_test.json";
   std::optional<Result<Json>> test_json;
+  std::vector<std::string> names = detail::frame_names(*json), notes;
+  const std::size_t own = names.size();
   if (blender && detail::file_exists(test)) {
     test_json = detail::read_transforms<Json>(test);
-    if (*test_json) detail::add_own_images(folder, **test_json, own);
+    if (!*test_json) return test_json->error();
+    const std::vector<std::string> more = detail::frame_names(**test_json);
+    names.insert(names.end(), more.begin(), more.end());
   }
-  Result<Done> done = detail::append_frames(file, *json, Split::train, false, own, settings, dataset);
+  const std::vector<detail::FoundImage> images = detail::find_frame_images(folder, names, notes);
+  for (const std::string& note : notes) dataset.warnings.push_back(folder.string() + ": " + note);
+  const std::span<const detail::FoundImage> all(images);
+  Result<Done> done = detail::append_frames(file, *json, Split::train, all.first(own), settings, dataset);
   if (!done) return done.error();
   if (blender) {
     if (test_json) {
-      if (!*test_json) return test_json->error();
-      done = detail::append_frames(test, **test_json, Split::test, true, own, settings, dataset);
+      done = detail::append_frames(test, **test_json, Split::test, all.subspan(own), settings, dataset);
       if (!done) return done.error();
     } else {
       dataset.warnings.push_back(test.string() + ": not there, so there are no test views");
     }
-  } else {
+  }
+  if (done = detail::leave_out_repeated(dataset, file.string()); !done) return done.error();
+  if (!blender) {
     std::stable_sort(dataset.views.begin(), dataset.views.end(),
                      [](const View& a, const View& b) { return detail::natural_less(a.name, b.name); });
     const Result<bool> lists = detail::split_by_lists(file, *json, dataset);
     if (!lists) return lists.error();
     if (!*lists) detail::split_views(dataset, settings.test_every);
   }
-  if (settings.masks) detail::find_masks(dataset, folder);
+  if (settings.masks) {
+    detail::find_masks(dataset, folder);
+    if (const Result<Done> read = detail::read_masks(dataset); !read) return read.error();
+  }
 
   PrecisePoints points;
   std::filesystem::path point_file;

@@ -14,36 +14,46 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/scene/text_bytes.hpp"
 
 namespace compmark::inline v0 {
 namespace detail {
 
 /// Python writes NaN and Infinity, which JSON does not have: outside strings they become null, so that the field that holds one can be
-/// named instead of a line and column.
-[[nodiscard]] inline std::string without_nan(const std::string& text) {
+/// named instead of a line and column. Empty if brackets are nested deeper than `deepest`, which no capture needs: a parser would take memory
+/// for each level.
+[[nodiscard]] inline std::optional<std::string> without_nan(std::span<const std::byte> bytes, int deepest = 64) {
+  static constexpr std::array<std::string_view, 7> words{"NaN", "nan", "-nan", "Infinity", "-Infinity", "inf", "-inf"};
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   std::string result;
   result.reserve(text.size());
   bool in_string = false;
+  int depth = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
-    if (in_string && text[i] == '\\' && i + 1 < text.size()) {
+    const char c = text[i];
+    if (in_string && c == '\\' && i + 1 < text.size()) {
       result.append(text, i++, 2);
       continue;
     }
-    if (text[i] == '"') in_string = !in_string;
-    bool replaced = false;
-    for (const std::string word : {"NaN", "nan", "-nan", "Infinity", "-Infinity", "inf", "-inf"}) {
-      if (!in_string && !replaced && text.compare(i, word.size(), word) == 0) {
-        result += "null";
-        i += word.size() - 1;
-        replaced = true;
-      }
+    if (c == '"') in_string = !in_string;
+    if (!in_string && (c == '[' || c == '{') && ++depth > deepest) return std::nullopt;
+    if (!in_string && (c == ']' || c == '}')) --depth;
+    std::string_view found;
+    if (!in_string && (c == 'N' || c == 'n' || c == '-' || c == 'I' || c == 'i')) {
+      for (const std::string_view word : words) found = text.substr(i, word.size()) == word ? word : found;
     }
-    if (!replaced) result += text[i];
+    if (found.empty()) {
+      result += c;
+    } else {
+      result += "null";
+      i += found.size() - 1;
+    }
   }
   return result;
 }
@@ -52,9 +62,13 @@ namespace detail {
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Json> parse_transforms(std::span<const std::byte> bytes, const std::string& name) {
   if (bytes.empty()) return Error{ErrorKind::truncated, name, "", "the file is empty", "create the dataset again"};
-  const std::string text = without_nan(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  const std::optional<std::string> text = without_nan(bytes);
+  if (!text) {
+    return Error{ErrorKind::malformed, name, "", "is nested deeper than 64 levels",
+                 "correct it or create the dataset again"};
+  }
   try {
-    return Json::parse(text.data(), text.data() + text.size());
+    return Json::parse(text->data(), text->data() + text->size());
   } catch (const typename Json::exception& mistake) {
     std::string reason = mistake.what();
     if (const std::size_t end = reason.find("] "); end != std::string::npos) reason.erase(0, end + 2);
@@ -65,7 +79,9 @@ template <class Json = nlohmann::json>
 
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Json> read_transforms(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
+  Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
+  if (!bytes) return bytes.error();
+  bytes = plain_text(std::move(*bytes), path.string());
   if (!bytes) return bytes.error();
   return parse_transforms<Json>(*bytes, path.string());
 }
@@ -83,6 +99,16 @@ template <class Json>
 [[nodiscard]] bool switched_off(const Json& value) {
   if (value.is_boolean()) return !value.template get<bool>();
   return value.is_null() || (value.is_number() && value.template get<double>() == 0);
+}
+
+/// What is wrong with the last row of a pose, which is 0 0 0 1; empty if nothing is. Written by columns, the translation lies in it.
+[[nodiscard]] inline std::string last_row_problem(const std::array<double, 16>& m) {
+  // 1e-6: rows that went through float32 and a product or two are off by less.
+  const auto is = [](double value, double expected) { return std::abs(value - expected) <= 1e-6; };
+  if (is(m[12], 0) && is(m[13], 0) && is(m[14], 0) && is(m[15], 1)) return {};
+  if (is(m[3], 0) && is(m[7], 0) && is(m[11], 0) && is(m[15], 1))
+    return "is stored by columns: its last column is 0 0 0 1, and the camera's place is in its last row";
+  return "has a last row that is not 0 0 0 1";
 }
 
 /// Row-major 4 x 4 (a 3 x 4 is completed); the Error names the entry.
@@ -110,6 +136,12 @@ template <class Json>
       }
       matrix[4 * i + j] = *value;
     }
+  }
+  if (const std::string problem = last_row_problem(matrix); !problem.empty()) {
+    Error error = fail(ErrorKind::invalid, "", problem);
+    error.remedy =
+        "write camera-to-world matrices by rows, with 0 0 0 1 as the last one (transpose those that are not)";
+    return error;
   }
   return matrix;
 }

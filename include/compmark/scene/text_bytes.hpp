@@ -1,0 +1,32 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Text as editors and other systems leave it: with a byte order mark, in UTF-16, with zero bytes at its end. Every text file of a capture goes
+// through here, so that a mark nobody sees is neither a part of the first word nor a reason to drop a line. Cost: one pass over the first bytes.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+
+namespace compmark::inline v0 {
+namespace detail {
+
+/// The bytes of a text without the byte order mark of UTF-8 and without zero bytes at the end; UTF-16 and UTF-32 are an Error that names them.
+[[nodiscard]] inline Result<std::vector<std::byte>> plain_text(std::vector<std::byte> bytes, const std::string& name) {
+  const auto at = [&](std::size_t i) { return i < bytes.size() ? std::to_integer<unsigned>(bytes[i]) : 256u; };
+  const bool marked = (at(0) == 0xFF && at(1) == 0xFE) || (at(0) == 0xFE && at(1) == 0xFF);
+  // Without a mark: every other byte of the first two letters is zero.
+  const bool wide = bytes.size() >= 4 && ((at(0) == 0 && at(2) == 0 && at(1) != 0 && at(3) != 0) ||
+                                          (at(1) == 0 && at(3) == 0 && at(0) != 0 && at(2) != 0));
+  if (marked || wide) return Error{ErrorKind::unsupported, name, "", "is text in UTF-16 or UTF-32", "save it as UTF-8"};
+  while (!bytes.empty() && bytes.back() == std::byte{0}) bytes.pop_back();
+  if (at(0) == 0xEF && at(1) == 0xBB && at(2) == 0xBF) bytes.erase(bytes.begin(), bytes.begin() + 3);
+  return bytes;
+}
+
+}  // namespace detail
+}  // namespace compmark::inline v0
