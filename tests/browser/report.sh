@@ -83,7 +83,7 @@ good() {
 }
 
 some='[1-9][0-9]+ points, 0 dots'
-sentence='row p-value \| [0-9].*: so likely a key drawn at random, without knowing the images, would match at least as well'
+sentence='row p-value \| [0-9].*: so likely a key drawn at random, without knowing the images and the decoder, would match at least as well'
 verdict='verdict (DETECTED|NOT DETECTED|INCONCLUSIVE): .+'
 bytes=$(wc -c <"$run/model.cmk" | tr -d ' ')
 unmarked_bytes=$(wc -c <"$run/unmarked.cmk" | tr -d ' ')
