@@ -133,7 +133,7 @@ int main(int argc, char** argv) {
   app.add_option("--data", data, "scenes, or folders of scenes; SCENE@2 at half its size")->required();
   app.add_option("--lambdas", lambdas, "losses of one bit more a scalar, a point each")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(tool::in_range(tool::share_range));
   add_iterations(app, settings);
   add_codecs(app, codecs);
   add_settings(app, settings, argv[0]);

@@ -45,13 +45,13 @@ int main(int argc, char** argv) {
   add_iterations(app, settings);
   app.add_option("--lambda", settings.rate_lambda, "loss of one bit more a scalar")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(tool::in_range(tool::share_range));
   add_codecs(app, codecs);
   app.add_option("--fit-codec", settings.fit_codec,
                  "train one host a scene without a codec, and fit each codec to it in so many iterations; 0: train "
                  "with the codec")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(tool::in_range(tool::any_count));
   app.add_option("--lpips-alex", settings.lpips, "LPIPS weights (safetensors)")->check(CLI::ExistingFile);
   add_bits(app, settings);
   add_settings(app, settings, argv[0]);

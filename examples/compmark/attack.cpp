@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark attack: what a thief does to a model before passing it on, written as another model for evaluate, extract and verify to look at.
-#include <CLI/CLI.hpp>
 #include <compmark/attack/quantize_model.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/quant/int8_quantizer.hpp>
@@ -78,26 +77,20 @@ int attack(const AttackOptions& options) {
 
 }  // namespace
 
-Command add_attack(CLI::App& app) {
+Command add_attack(Options& app) {
   auto options = std::make_shared<AttackOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
-  app.add_option("--out", options->out, "model.safetensors to write")->required();
-  app.add_option(
-         "--int8", options->int8,
-         "round every number to 8 bits, with one scale a tensor, or a channel (column of anchors, row of weights)")
+  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
+      ->required();
+  app.writes("--out", options->out, "model.safetensors to write")->required();
+  app.word("--int8", options->int8,
+           "round every number to 8 bits, with one scale a tensor, or a channel (column of anchors, row of weights)")
       ->required()
       ->check(CLI::IsMember({"tensor", "channel"}));
-  app.add_flag("--symmetric", options->symmetric, "scales around zero instead of from least to greatest");
-  app.add_flag("--keep-positions", options->keep_positions, "leave positions of anchors as they are");
-  app.add_flag("--keep-networks", options->keep_networks, "leave weights of networks as they are");
-  app.add_option("--json", options->json, "write the errors to this file");
-  return [options]() -> int {
-    if (const Result<Done> kept = keep_inputs(options->out, {options->model}, "--out"); !kept)
-      return fail(kept.error());
-    if (const Result<Done> kept = keep_inputs(options->json, {options->model, options->out}); !kept)
-      return fail(kept.error());
-    return attack(*options);
-  };
+  app.flag("--symmetric", options->symmetric, "scales around zero instead of from least to greatest");
+  app.flag("--keep-positions", options->keep_positions, "leave positions of anchors as they are");
+  app.flag("--keep-networks", options->keep_networks, "leave weights of networks as they are");
+  app.writes("--json", options->json, "write the errors to this file");
+  return [options]() -> int { return attack(*options); };
 }
 
 }  // namespace tool

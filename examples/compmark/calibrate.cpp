@@ -31,10 +31,6 @@ struct CalibrateOptions {
 };
 
 int run(const CalibrateOptions& options) {
-  if (const Result<Done> kept =
-          keep_inputs(options.json, {options.key, options.reading.decoder, options.reading.model});
-      !kept)
-    return fail(kept.error());
   std::optional<OwnerKey> key;
   if (!options.key.empty()) {
     Result<OwnerKey> read = load_key(options.key);
@@ -66,13 +62,13 @@ int run(const CalibrateOptions& options) {
 
 }  // namespace
 
-Command add_calibrate(CLI::App& app) {
+Command add_calibrate(Options& app) {
   auto options = std::make_shared<CalibrateOptions>();
   add_reading_options(app, options->reading);
-  app.add_option("--key", options->key, "an owner's key file: needed by carrier decoders only");
-  app.add_option("--keys", options->keys, "random keys to try")->capture_default_str()->check(CLI::Range(1, 10000000));
-  app.add_option("--seed", options->seed, "of the random keys")->capture_default_str();
-  app.add_option("--json", options->json, "write figures and logits to this file");
+  app.reads("--key", options->key, InputKind::key, "an owner's key file: needed by carrier decoders only");
+  app.number("--keys", options->keys, WholeRange{1, 10'000'000}, "random keys to try")->capture_default_str();
+  app.number("--seed", options->seed, any_seed, "of the random keys")->capture_default_str();
+  app.writes("--json", options->json, "write figures and logits to this file");
   app.footer(
       "Exit codes: 0 every measured rate agrees with the p-value; 2 error; 3 one lies outside its 99 % interval,\n"
       "which about one seed in thirty does by chance: repeat with another --seed and more --keys.");

@@ -4,30 +4,31 @@
 // One function a subcommand: add_… declares its options and returns what runs it.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
+
+#include "options.hpp"
 
 namespace tool {
 
 using Command = std::function<int()>;
 
-Command add_scene(CLI::App& app);
-Command add_probe(CLI::App& app);
-Command add_train(CLI::App& app);
-Command add_embed(CLI::App& app);
-Command add_fit(CLI::App& app);
-Command add_pretrain(CLI::App& app);
-Command add_compress(CLI::App& app);
-Command add_fit_codec(CLI::App& app);
-Command add_decompress(CLI::App& app);
-Command add_render(CLI::App& app);
-Command add_evaluate(CLI::App& app);
-Command add_export(CLI::App& app);
-Command add_info(CLI::App& app);
-Command add_keygen(CLI::App& app);
-Command add_extract(CLI::App& app);
-Command add_verify(CLI::App& app);
-Command add_calibrate(CLI::App& app);
-Command add_attack(CLI::App& app);
+Command add_scene(Options& app);
+Command add_probe(Options& app);
+Command add_train(Options& app);
+Command add_embed(Options& app);
+Command add_fit(Options& app);
+Command add_pretrain(Options& app);
+Command add_compress(Options& app);
+Command add_fit_codec(Options& app);
+Command add_decompress(Options& app);
+Command add_render(Options& app);
+Command add_evaluate(Options& app);
+Command add_export(Options& app);
+Command add_info(Options& app);
+Command add_keygen(Options& app);
+Command add_extract(Options& app);
+Command add_verify(Options& app);
+Command add_calibrate(Options& app);
+Command add_attack(Options& app);
 
 }  // namespace tool

@@ -14,6 +14,14 @@ int fail(const compmark::Error& error) {
   return failure;
 }
 
+void tell_threads(const compmark::ThreadExecutor& executor, std::size_t wanted) {
+  static bool told = false;
+  if (told || executor.concurrency() >= wanted) return;
+  told = true;
+  std::fprintf(stderr, "compmark: warning: the system gives %zu of the %zu threads that --threads asks for\n",
+               executor.concurrency(), wanted);
+}
+
 std::string default_recipe(std::string_view profile) {
   if (profile == "official") return "compmark-host";
   if (profile == "paper") return "compmark-paper-host";
@@ -48,12 +56,10 @@ compmark::Result<compmark::Done> make_folder(const std::filesystem::path& path) 
     return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out",
                            "the folder cannot be created: " + status.message(), "choose a place you may write to"};
   }
-  const std::filesystem::path probe = path / ".compmark-probe";
-  if (compmark::Result<compmark::Done> written = compmark::write_file(probe, std::string_view("probe")); !written) {
+  if (!compmark::AtomicFile::create(path / ".compmark-probe")) {  // never committed: nothing of it stays
     return compmark::Error{compmark::ErrorKind::unwritable, path.string(), "--out",
                            "no file can be written in this folder", "change its permissions or choose another"};
   }
-  std::filesystem::remove(probe, status);
   return compmark::Done{};
 }
 

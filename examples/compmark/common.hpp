@@ -6,6 +6,7 @@
 
 #include <array>
 #include <compmark/core/result.hpp>
+#include <compmark/core/thread_executor.hpp>
 #include <compmark/core/views.hpp>
 #include <compmark/pipeline/training_views.hpp>
 #include <compmark/scene/dataset.hpp>
@@ -23,6 +24,9 @@ enum : int { success = 0, not_detected = 1, failure = 2, inconclusive = 3, salva
 
 /// Prints "compmark: error: <line>" and returns the exit code.
 int fail(const compmark::Error& error);
+
+/// Says, once, that there are fewer threads than were asked for (`wanted`; 0 asks for none in particular).
+void tell_threads(const compmark::ThreadExecutor& executor, std::size_t wanted);
 
 /// Recipe that a profile runs with unless --recipe says otherwise.
 std::string default_recipe(std::string_view profile);

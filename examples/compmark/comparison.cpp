@@ -18,6 +18,7 @@
 #include "common.hpp"
 #include "effects.hpp"
 #include "lpips_nets.hpp"
+#include "mark_record.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -78,6 +79,9 @@ Result<std::unique_ptr<Reader>> open_reader(const ComparisonInput& input) {
   }
   const Result<OwnerKey> key = load_key(input.key);
   if (!key) return key.error();
+  if (const Result<Done> recorded = check_recorded(input.key, *key, input.decoder); !recorded)
+    std::fprintf(stderr, "compmark: warning: %s: %s\n", input.decoder.string().c_str(),
+                 recorded.error().problem.c_str());
   Result<Decoder> decoder = load_decoder(input.decoder, &*key);
   if (!decoder) return decoder.error();
   auto reader = std::make_unique<Reader>();

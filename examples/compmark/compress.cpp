@@ -44,6 +44,7 @@ int compress(const CompressOptions& options) {
     return fail(error);
   }
   ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
   const Result<CodecEncoded> encoded = write_codec_file(options.out, *model, executor);
   if (!encoded) return fail(encoded.error());
   std::printf("%s: %s", options.out.string().c_str(), coded_text(encoded->report).c_str());
@@ -87,23 +88,22 @@ int decompress(const DecompressOptions& options, CodecDecoded decoded) {
 
 }  // namespace
 
-Command add_compress(CLI::App& app) {
+Command add_compress(Options& app) {
   auto options = std::make_shared<CompressOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run with --codec, or of fit-codec")->required();
-  app.add_option("--out", options->out, "compressed file (.cmk)")->required();
-  app.add_option("--cameras", options->cameras, "which of the model's cameras the file keeps, 144 bytes each")
+  app.reads("--model", options->model, InputKind::trained_model,
+            "model.safetensors of a run with --codec, or of fit-codec")
+      ->required();
+  app.writes("--out", options->out, "compressed file (.cmk)")->required();
+  app.word("--cameras", options->cameras, "which of the model's cameras the file keeps, 144 bytes each")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "test", "all"}));
-  app.add_option("--networks", options->networks, "half or single: numbers of the rendering networks")
+  app.word("--networks", options->networks, "half or single: numbers of the rendering networks")
       ->capture_default_str()
       ->check(CLI::IsMember({"half", "single"}));
-  app.add_option("--threads", options->threads, "0: all; the file is the same for any number")->capture_default_str();
-  app.add_option("--json", options->json, "write the sizes to this file");
+  app.number("--threads", options->threads, thread_range, "0: all; the file is the same for any number")
+      ->capture_default_str();
+  app.writes("--json", options->json, "write the sizes to this file");
   return [options]() -> int {
-    if (const Result<Done> kept = keep_inputs(options->out, {options->model}, "--out"); !kept)
-      return fail(kept.error());
-    if (const Result<Done> kept = keep_inputs(options->json, {options->model, options->out}); !kept)
-      return fail(kept.error());
     if (is_coded_file(options->model)) {
       return fail({ErrorKind::invalid, options->model.string(), {}, "is compressed already", "copy the file"});
     }
@@ -111,20 +111,19 @@ Command add_compress(CLI::App& app) {
   };
 }
 
-Command add_decompress(CLI::App& app) {
+Command add_decompress(Options& app) {
   auto options = std::make_shared<DecompressOptions>();
-  app.add_option("--model", options->model, "compressed file (.cmk)")->required();
-  app.add_option("--out", options->out, "model.safetensors to write")->required();
-  app.add_flag("--salvage", options->salvage,
-               "decode what is not damaged and leave out the rest (exit code 4 if anything was)");
-  app.add_flag("--partial", options->partial,
-               "the file may end too early: of a ContextGS file decode the levels that are whole, a preview (compmark "
-               "info of the whole file says after how many bytes they are)");
-  app.add_option("--threads", options->threads, "0: all")->capture_default_str();
+  app.reads("--model", options->model, InputKind::compressed, "compressed file (.cmk)")->required();
+  app.writes("--out", options->out, "model.safetensors to write")->required();
+  app.flag("--salvage", options->salvage,
+           "decode what is not damaged and leave out the rest (exit code 4 if anything was)");
+  app.flag("--partial", options->partial,
+           "the file may end too early: of a ContextGS file decode the levels that are whole, a preview (compmark "
+           "info of the whole file says after how many bytes they are)");
+  app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
   return [options]() -> int {
-    if (const Result<Done> kept = keep_inputs(options->out, {options->model}, "--out"); !kept)
-      return fail(kept.error());
     ThreadExecutor executor(options->threads);
+    tell_threads(executor, options->threads);
     CodecDecodeSettings settings;
     settings.salvage = options->salvage;
     settings.partial = options->partial;

@@ -12,14 +12,15 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <utility>
 
 #include "any_model.hpp"
 #include "codec_file.hpp"
 #include "commands.hpp"
 #include "fit_run.hpp"
+#include "mark_record.hpp"
 #include "recipe_list.hpp"
+#include "run_folder.hpp"
 #include "train_coded.hpp"
 #include "train_marked.hpp"
 #include "train_recipe.hpp"
@@ -74,6 +75,15 @@ Result<Done> fitted_alike(const MarkOptions& mark, const std::string& note, cons
                "give the same as then, or leave it out; or choose another --out"};
 }
 
+/// Holds the run's folder, as soon as something is written into it.
+Result<Done> hold(TrainOptions& options) {
+  if (options.folder) return Done{};
+  Result<std::shared_ptr<const void>> held = hold_folder(options.out);
+  if (!held) return held.error();
+  options.folder = std::move(*held);
+  return Done{};
+}
+
 /// Fits a decoder for the scene, of the key's length, into the run's folder; a run that is resumed has one.
 Result<Done> make_decoder(TrainOptions& options) {
   if (options.mark.key.empty()) return Done{};  // load_mark says so
@@ -84,6 +94,9 @@ Result<Done> make_decoder(TrainOptions& options) {
   fit.data = options.data;
   fit.out = options.out / "decoder.safetensors";
   options.mark.decoder = fit.out;
+  if (options.force && !options.resume) {
+    if (Result<Done> moved = move_decoder_aside(fit.out); !moved) return moved;
+  }
   if (std::filesystem::exists(fit.out)) {
     const Result<SafetensorsFile> file = read_safetensors(fit.out);
     if (!file) return file.error();
@@ -95,7 +108,9 @@ Result<Done> make_decoder(TrainOptions& options) {
     return Error{ErrorKind::invalid, fit.out.string(), "--decoder",
                  of_this ? "is missing, and a decoder of an earlier run is in this folder"
                          : "is missing, and a decoder of another model is in this folder",
-                 "keep it: choose another --out, or name it with --decoder; --resume goes on with one of this model"};
+                 "keep it: choose another --out, or name it with --decoder; --resume goes on with one of this model, "
+                 "--force moves "
+                 "it aside"};
   }
   if (std::filesystem::exists(options.out / "checkpoint.safetensors")) {
     return Error{ErrorKind::invalid,
@@ -110,7 +125,7 @@ Result<Done> make_decoder(TrainOptions& options) {
   if (options.mark.tone) fit.fit.tone = *options.mark.tone;
   fit.downscale = options.downscale;
   fit.threads = options.threads;
-  if (Result<Done> folder = make_folder(options.out); !folder) return folder;
+  if (Result<Done> held = hold(options); !held) return held;
   const Result<FittedFile> made = fit_to_file(fit);
   if (!made) return made.error();
   std::fprintf(stderr, "compmark: decoder %s, fitted in %.0f s\n", fit.out.string().c_str(), made->seconds);
@@ -152,6 +167,8 @@ Result<Done> can_mark_finished(const TrainOptions& options) {
 namespace {
 
 int embed_under(TrainOptions options, const std::string& distortion) {
+  if (Result<Done> free = check_unfinished(options.out, options.resume || options.force); !free)
+    return fail(free.error());
   const Result<std::string> recipe = [&]() -> Result<std::string> {
     const Result<SafetensorsFile> file = read_safetensors(options.model);
     if (!file) return file.error();
@@ -173,11 +190,6 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   if (!coded && distortion != "round") {
     return fail({ErrorKind::unsupported, options.model.string(), "--distortion", "is of models that a codec writes",
                  "leave it out, or mark a model of compmark train --codec or fit-codec"});
-  }
-  std::error_code ignored;
-  if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
-    return fail({ErrorKind::invalid, options.model.string(), "--out", "is the folder of the model that is marked",
-                 "choose another, the unmarked model is worth keeping"});
   }
   std::optional<CodecModel> unmarked;
   if (coded) {
@@ -209,9 +221,10 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   if (coded && own_twin) {
     const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
     if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
-    if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
+    if (Result<Done> held = hold(options); !held) return fail(held.error());
     mark->coded_twin = options.out / "unmarked.cmk";
     ThreadExecutor executor(options.threads);
+    tell_threads(executor, options.threads);
     const Result<CodecEncoded> written = write_codec_file(mark->coded_twin, *unmarked, executor);
     if (!written) return fail(written.error());
   }
@@ -223,28 +236,34 @@ int embed_under(TrainOptions options, const std::string& distortion) {
 
 int embed_model(TrainOptions options) { return embed_under(std::move(options), "round"); }
 
-Command add_embed(CLI::App& app) {
+Command add_embed(Options& app) {
   auto options = std::make_shared<TrainOptions>();
   auto distortion = std::make_shared<std::string>("round");
   options->iterations = 0;
-  app.add_option("--model", options->model, "the model to mark (model.safetensors of a training or of fit-codec)")
+  app.reads("--model", options->model, InputKind::trained_model,
+            "the model to mark (model.safetensors of a training or of fit-codec)")
       ->required();
-  app.add_option("--data", options->data, "the dataset it was trained on")->required();
-  app.add_option("--out", options->out,
-                 "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "
-                 "with unmarked.cmk beside it")
+  app.reads("--data", options->data, InputKind::dataset, "the dataset it was trained on")->required();
+  app.writes_into("--out", options->out,
+                  "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "
+                  "with unmarked.cmk beside it")
       ->required();
-  app.add_option("--iterations", options->iterations,
-                 "length of the run (default: 2000; of a model for a codec 4000, or 8000 with a decoder that was not "
-                 "fitted to the scene)")
-      ->check(CLI::PositiveNumber);
+  app.number("--iterations", options->iterations, run_length,
+             "length of the run (default: 2000; of a model for a codec 4000, or 8000 with a decoder that was not "
+             "fitted to the scene)");
   add_finished_model_options(app, *options);
   add_mark_options(app, options->mark, true);
-  app.add_option("--distortion", *distortion,
-                 "of a model for a codec, where the message is read while it is trained: round (as the file does), "
-                 "noise (as wide as a step) or none, which show what rounding is good for")
+  app.word("--distortion", *distortion,
+           "of a model for a codec, where the message is read while it is trained: round (as the file does), "
+           "noise (as wide as a step) or none, which show what rounding is good for")
       ->capture_default_str()
       ->check(CLI::IsMember({"round", "noise", "none"}));
+  app.also([options](FileUse& use) {
+    add_run_files(use, *options, options->out);
+    add_record_written(use, options->mark.key);
+    if (options->mark.decoder.empty()) use.write_in(options->out, {"decoder.safetensors", "decoder.json"}, "--out");
+    if (options->mark.twin.empty()) use.write(options->out / "unmarked.cmk", "--out");
+  });
   return [options, distortion]() -> int { return embed_under(*options, *distortion); };
 }
 

@@ -8,11 +8,11 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <tuple>
 
 #include "commands.hpp"
 #include "common.hpp"
 #include "comparison.hpp"
+#include "mark_record.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -27,19 +27,8 @@ struct EvaluateOptions {
 
 int run(const EvaluateOptions& options) {
   const ComparisonInput& input = options.input;
-  std::vector<std::filesystem::path> read = input.models;
-  read.insert(read.end(), input.unmarked.begin(), input.unmarked.end());
-  for (const std::filesystem::path& path : {input.key, input.decoder, input.lpips.alex, input.lpips.squeeze})
-    read.push_back(path);
-  for (const auto& [output, option, other, another] :
-       {std::tuple(&options.json, "--json", &options.csv, &options.html),
-        std::tuple(&options.csv, "--csv", &options.json, &options.html),
-        std::tuple(&options.html, "--html", &options.json, &options.csv)}) {
-    for (const std::filesystem::path& path : read) {
-      if (Result<Done> kept = keep_inputs(*output, {path, *other, *another}, option); !kept) return fail(kept.error());
-    }
-  }
   ThreadExecutor executor(input.threads);
+  tell_threads(executor, input.threads);
   const Result<Comparison> comparison = compare_models(input, executor);
   if (!comparison) return fail(comparison.error());
   if (comparison->models.size() == 1) {
@@ -84,31 +73,29 @@ int run(const EvaluateOptions& options) {
 
 }  // namespace
 
-Command add_evaluate(CLI::App& app) {
+Command add_evaluate(Options& app) {
   auto options = std::make_shared<EvaluateOptions>();
   ComparisonInput& input = options->input;
-  app.add_option("--model", input.models,
-                 "model.safetensors of a run or a compressed .cmk; several are compared, as before and after a codec")
+  app.reads("--model", input.models, InputKind::model,
+            "model.safetensors of a run or a compressed .cmk; several are compared, as before and after a codec")
       ->required();
-  app.add_option("--data", input.data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")->required();
-  app.add_option(
-      "--unmarked", input.unmarked,
-      "models without a mark, to say what the mark costs: one for all, or one for each --model in their order");
-  app.add_option("--key", input.key, "owner's key: is its message read from the renders? (with --decoder)");
-  app.add_option("--decoder", input.decoder, "decoder file that reads it");
-  app.add_option("--split", input.split, "test or train")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"test", "train"}));
-  app.add_option("--json", options->json, "write the figures to this file");
-  app.add_option("--csv", options->csv, "write a line a view and model, and one a model, to this file");
-  app.add_option("--html", options->html, "write a page with all figures, bytes by section, bits and pictures");
-  app.add_option("--downscale", input.downscale, "divide the images' size by this")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 64.0));
-  app.add_option("--threads", input.threads, "0: all")->capture_default_str();
-  app.add_option("--lpips-alex", input.lpips.alex, "LPIPS AlexNet weights (safetensors)");
-  app.add_option("--lpips-squeeze", input.lpips.squeeze, "LPIPS SqueezeNet weights (safetensors)");
-  app.add_flag("--lpips-family-range", input.lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
+  app.reads("--data", input.data, InputKind::dataset,
+            "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+      ->required();
+  app.reads("--unmarked", input.unmarked, InputKind::model,
+            "models without a mark, to say what the mark costs: one for all, or one for each --model in their order");
+  app.reads("--key", input.key, InputKind::key, "owner's key: is its message read from the renders? (with --decoder)");
+  app.reads("--decoder", input.decoder, InputKind::decoder, "decoder file that reads it");
+  app.word("--split", input.split, "test or train")->capture_default_str()->check(CLI::IsMember({"test", "train"}));
+  app.writes("--json", options->json, "write the figures to this file");
+  app.writes("--csv", options->csv, "write a line a view and model, and one a model, to this file");
+  app.writes("--html", options->html, "write a page with all figures, bytes by section, bits and pictures");
+  app.number("--downscale", input.downscale, downscale_range, "divide the images' size by this")->capture_default_str();
+  app.number("--threads", input.threads, thread_range, "0: all")->capture_default_str();
+  app.reads("--lpips-alex", input.lpips.alex, InputKind::weights, "LPIPS AlexNet weights (safetensors)");
+  app.reads("--lpips-squeeze", input.lpips.squeeze, InputKind::weights, "LPIPS SqueezeNet weights (safetensors)");
+  app.flag("--lpips-family-range", input.lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
+  app.also([options](FileUse& use) { add_record_read(use, options->input.key); });
   return [options]() -> int {
     options->input.shown = options->html.empty() ? 0 : 3;
     return run(*options);

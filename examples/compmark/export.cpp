@@ -164,6 +164,7 @@ int run(const ExportOptions& options, const ModelSource& source) {
                  "train it again with this version"});
 
   ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
   SplatTable table;
   if (!options.view.empty()) {
     if (chosen == nullptr) {
@@ -241,27 +242,24 @@ int run(const ExportOptions& options, const ModelSource& source) {
 
 }  // namespace
 
-Command add_export(CLI::App& app) {
+Command add_export(Options& app) {
   auto options = std::make_shared<ExportOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
-  app.add_option("--out", options->out, "PLY file to write")->required();
-  app.add_option("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")
+  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
+      ->required();
+  app.writes("--out", options->out, "PLY file to write")->required();
+  app.word("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")
       ->capture_default_str()
       ->check(CLI::IsMember({"splat", "anchors"}));
-  app.add_option("--view", options->view,
-                 "bake exactly for this stored view instead of fitting over all training views");
-  app.add_option("--sh-degree", options->degree, "degree of the fitted colour")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 3));
-  app.add_option("--refine", options->refine,
-                 "iterations that move the fitted splats towards the model's own renders; 0: none")
-      ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--data", options->data, "dataset, to report the loss against photographs too");
-  app.add_option("--compare", options->compare, "number of views to measure the loss on; 0: none")
+  app.word("--view", options->view, "bake exactly for this stored view instead of fitting over all training views");
+  app.number("--sh-degree", options->degree, WholeRange{0, 3}, "degree of the fitted colour")->capture_default_str();
+  app.number("--refine", options->refine, WholeRange{0, 1000000},
+             "iterations that move the fitted splats towards the model's own renders; 0: none")
       ->capture_default_str();
-  app.add_option("--threads", options->threads, "0: all")->capture_default_str();
-  app.add_option("--json", options->json, "write counts, figures and warnings to this file");
+  app.reads("--data", options->data, InputKind::dataset, "dataset, to report the loss against photographs too");
+  app.number("--compare", options->compare, any_count, "number of views to measure the loss on; 0: none")
+      ->capture_default_str();
+  app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
+  app.writes("--json", options->json, "write counts, figures and warnings to this file");
   return [options]() -> int {
     const Result<ModelSource> source = ModelSource::open(options->model, options->threads);
     if (!source) return fail(source.error());

@@ -13,6 +13,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "mark_record.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -24,6 +25,7 @@ struct ExtractOptions {
   ReadingOptions reading;
   std::filesystem::path key;
   std::filesystem::path json;
+  bool any_decoder = false;
 };
 
 struct Confidence {
@@ -40,15 +42,15 @@ Confidence confidence_of(const std::vector<double>& logits) {
 }
 
 int run(const ExtractOptions& options) {
-  if (const Result<Done> kept = keep_inputs(
-          options.json, {options.key, options.reading.decoder, options.reading.model, options.reading.unmarked});
-      !kept)
-    return fail(kept.error());
   std::optional<OwnerKey> key;
   if (!options.key.empty()) {
     Result<OwnerKey> read = load_key(options.key);
     if (!read) return fail(read.error());
     key = *read;
+    if (!options.any_decoder) {
+      const Result<Done> recorded = check_recorded(options.key, *key, options.reading.decoder, options.reading.model);
+      if (!recorded) return fail(recorded.error());
+    }
   }
   const Result<Reading> reading = read_all(options.reading, key);
   if (!reading) return fail(reading.error());
@@ -89,11 +91,14 @@ int run(const ExtractOptions& options) {
 
 }  // namespace
 
-Command add_extract(CLI::App& app) {
+Command add_extract(Options& app) {
   auto options = std::make_shared<ExtractOptions>();
   add_reading_options(app, options->reading);
-  app.add_option("--key", options->key, "the owner's key file: for carrier decoders, and to read a payload");
-  app.add_option("--json", options->json, "write bits and logits to this file");
+  app.reads("--key", options->key, InputKind::key, "the owner's key file: for carrier decoders, and to read a payload");
+  app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
+  app.flag("--any-decoder", options->any_decoder,
+           "read with this decoder although another one is on record for marks of this key (KEY.record)");
+  app.writes("--json", options->json, "write bits and logits to this file");
   return [options]() -> int { return run(*options); };
 }
 

@@ -25,58 +25,53 @@ int run(const FitOptions& options) {
 
 }  // namespace
 
-Command add_fit(CLI::App& app) {
+Command add_fit(Options& app) {
   auto options = std::make_shared<FitOptions>();
-  app.add_option("--model", options->model, "the unmarked model (model.safetensors of a training or of fit-codec)")
+  app.reads("--model", options->model, InputKind::model,
+            "the unmarked model (model.safetensors of a training or of fit-codec)")
       ->required();
-  app.add_option("--data", options->data, "the dataset it was trained on; its cameras alone are used")->required();
-  app.add_option("--out", options->out, "decoder file to write (safetensors); keep it with the key")->required();
-  app.add_option("--bits", options->fit.bits, "length of the message")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 128));
-  app.add_option("--waves", options->fit.waves, "to choose from (default: 20 for 3 bits)")->check(CLI::Range(1, 1024));
-  app.add_option(
-         "--period", options->fit.period,
-         "of the waves, where colours go from 0 to 1, half to twice this: longer ones are heard more evenly and "
-         "cost more")
-      ->capture_default_str()
-      ->check(CLI::Range(0.01, 2.0));
-  app.add_option(
-         "--views", options->fit.statistics_views,
-         "drawn views that say what the scene says (default: eight a wave); 32 bytes times their square are taken")
-      ->check(CLI::Range(1, 20000));
-  app.add_option("--coordinates", options->fit.coordinates,
-                 "loud directions of the waves that tell the view, and so what the scene says in the others; 0: none "
-                 "(default: two of five waves)")
-      ->check(CLI::Range(0, 1024));
-  app.add_option("--stride", options->fit.stride,
-                 "pixels between the positions that are read (default: as many positions as 500 x 500 pixels have)")
-      ->check(CLI::Range(1, 64));
-  app.add_option("--gradient-views", options->fit.gradient_views, "drawn views that say what a mark can move")
-      ->capture_default_str()
-      ->check(CLI::Range(2, 1000));
-  app.add_option("--edit-weight", options->fit.edit_weight,
-                 "of edited readings (JPEG, noise, resize, crop, brightness, blur) beside those of clean renders: more "
-                 "outlives more of them, 0 is the least visible")
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--tone", options->fit.tone,
-                 "deviation of exposure and white balance, as gains of the channels, in the views that say what the "
-                 "scene says: what shifts by so much is not taken for a message; 0: the model's own light alone")
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 0.5));
-  app.add_option(
-         "--region-limit", options->fit.region_limit,
+  app.reads("--data", options->data, InputKind::dataset, "the dataset it was trained on; its cameras alone are used")
+      ->required();
+  app.writes("--out", options->out, "decoder file to write (safetensors); keep it with the key")->required();
+  app.number("--bits", options->fit.bits, WholeRange{1, 128}, "length of the message")->capture_default_str();
+  app.number("--waves", options->fit.waves, WholeRange{1, 1024}, "to choose from (default: 20 for 3 bits)");
+  app.number("--period", options->fit.period, RealRange{0.01, 2},
+             "of the waves, where colours go from 0 to 1, half to twice this: longer ones are heard more evenly and "
+             "cost more")
+      ->capture_default_str();
+  app.number("--views", options->fit.statistics_views, WholeRange{1, 20000},
+             "drawn views that say what the scene says (default: eight a wave); 32 bytes times their square are taken");
+  app.number("--coordinates", options->fit.coordinates, WholeRange{0, 1024},
+             "loud directions of the waves that tell the view, and so what the scene says in the others; 0: none "
+             "(default: two of five waves)");
+  app.number("--stride", options->fit.stride, WholeRange{1, 64},
+             "pixels between the positions that are read (default: as many positions as 500 x 500 pixels have)");
+  app.number("--gradient-views", options->fit.gradient_views, WholeRange{2, 1000},
+             "drawn views that say what a mark can move")
+      ->capture_default_str();
+  app.number("--edit-weight", options->fit.edit_weight, share_range,
+             "of edited readings (JPEG, noise, resize, crop, brightness, blur) beside those of clean renders: more "
+             "outlives more of them, 0 is the least visible")
+      ->capture_default_str();
+  app.number("--tone", options->fit.tone, RealRange{0, 0.5},
+             "deviation of exposure and white balance, as gains of the channels, in the views that say what the "
+             "scene says: what shifts by so much is not taken for a message; 0: the model's own light alone")
+      ->capture_default_str();
+  app.number(
+         "--region-limit", options->fit.region_limit, RealRange{0, 100},
          "parts of an image, about 24, that say more than this many medians of what the loudest part of a drawn view "
          "says count less; 0: no limit")
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 100.0));
-  app.add_option("--downscale", options->downscale, "divide the images' size by this; as in the training")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 64.0));
-  app.add_option("--seed", options->fit.seed, "seed of waves, views and rotation")->capture_default_str();
-  app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--json", options->json, "what was found (default: --out with the ending .json)");
+      ->capture_default_str();
+  app.number("--downscale", options->downscale, downscale_range, "divide the images' size by this; as in the training")
+      ->capture_default_str();
+  app.number("--seed", options->fit.seed, any_seed, "seed of waves, views and rotation")->capture_default_str();
+  app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
+      ->capture_default_str();
+  app.flag("--force", options->force, "if --out is there already, move that to OUT.<beginning of its SHA-256>.old");
+  app.writes("--json", options->json, "what was found (default: --out with the ending .json)");
+  app.also([options](FileUse& use) {
+    if (options->json.empty()) use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json");
+  });
   return [options]() -> int { return run(*options); };
 }
 

@@ -10,7 +10,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <system_error>
 #include <utility>
 
 #include "commands.hpp"
@@ -18,6 +17,7 @@
 #include "mark_input.hpp"
 #include "model_source.hpp"
 #include "recipe_list.hpp"
+#include "run_folder.hpp"
 #include "train_coded.hpp"
 #include "train_run.hpp"
 
@@ -58,6 +58,8 @@ Result<std::string> fitted_recipe(const std::string& recipe, const std::string& 
 }
 
 int fit_codec(TrainOptions options, bool touch_up) {
+  if (Result<Done> free = check_unfinished(options.out, options.resume || options.force); !free)
+    return fail(free.error());
   if (is_coded_file(options.model))
     return fail({ErrorKind::invalid, options.model.string(), {}, "is compressed already", "copy the file"});
   const Result<std::string> recipe = [&]() -> Result<std::string> {
@@ -69,11 +71,6 @@ int fit_codec(TrainOptions options, bool touch_up) {
   if (!recipe) return fail(recipe.error());
   options.recipe = *recipe;
   options.profile = "hac";
-  std::error_code ignored;
-  if (std::filesystem::equivalent(options.model, options.out / "model.safetensors", ignored)) {
-    return fail({ErrorKind::invalid, options.model.string(), "--out", "is the folder of the model that is compressed",
-                 "choose another, the model is worth keeping"});
-  }
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   TrainSettings settings = *profile_settings(options.profile);
@@ -98,36 +95,33 @@ int fit_codec(TrainOptions options, bool touch_up) {
 
 }  // namespace
 
-Command add_fit_codec(CLI::App& app) {
+Command add_fit_codec(Options& app) {
   auto options = std::make_shared<TrainOptions>();
   auto touch_up = std::make_shared<bool>(false);
   options->iterations = 3000;
   options->codec = "hac";
-  app.add_option("--model", options->model, "a finished model (model.safetensors of a training without --codec)")
+  app.reads("--model", options->model, InputKind::trained_model,
+            "a finished model (model.safetensors of a training without --codec)")
       ->required();
-  app.add_option("--data", options->data, "the dataset it was trained on")->required();
-  app.add_option("--out", options->out, "folder for model.cmk, model.safetensors, results.json and report.html")
+  app.reads("--data", options->data, InputKind::dataset, "the dataset it was trained on")->required();
+  app.writes_into("--out", options->out, "folder for model.cmk, model.safetensors, results.json and report.html")
       ->required();
-  app.add_option("--codec", options->codec, "hac or context_gs")
+  app.word("--codec", options->codec, "hac or context_gs")
       ->capture_default_str()
       ->check(CLI::IsMember({"hac", "context_gs"}));
-  app.add_option("--lambda", options->rate_lambda, "loss of one bit more a scalar")
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 1.0));
-  app.add_flag("--touch-up", *touch_up,
-               "train the model's attributes and networks on, at small rates: a smaller file of a model that is "
-               "another one");
-  app.add_option("--iterations", options->iterations, "length of the run")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  app.add_option(
-      "--key", options->mark.key,
-      "owner's key of a model that is marked: what of its message is read from the model that this run leaves, "
-      "and from its file (with --decoder)");
-  app.add_option("--decoder", options->mark.decoder, "decoder file that reads it");
-  app.add_option("--twin", options->mark.twin,
-                 "an unmarked model of the same scene, or its file, to say what the mark and the file cost");
+  app.number("--lambda", options->rate_lambda, share_range, "loss of one bit more a scalar")->capture_default_str();
+  app.flag("--touch-up", *touch_up,
+           "train the model's attributes and networks on, at small rates: a smaller file of a model that is "
+           "another one");
+  app.number("--iterations", options->iterations, run_length, "length of the run")->capture_default_str();
+  app.reads("--key", options->mark.key, InputKind::key,
+            "owner's key of a model that is marked: what of its message is read from the model that this run leaves, "
+            "and from its file (with --decoder)");
+  app.reads("--decoder", options->mark.decoder, InputKind::decoder, "decoder file that reads it");
+  app.reads("--twin", options->mark.twin, InputKind::model,
+            "an unmarked model of the same scene, or its file, to say what the mark and the file cost");
   add_finished_model_options(app, *options);
+  app.also([options](FileUse& use) { add_run_files(use, *options, options->out); });
   return [options, touch_up]() -> int { return fit_codec(*options, *touch_up); };
 }
 

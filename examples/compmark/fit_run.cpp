@@ -15,6 +15,7 @@
 #include "fit_model.hpp"
 #include "reading.hpp"
 #include "recipe_list.hpp"
+#include "run_folder.hpp"
 
 namespace tool {
 namespace {
@@ -24,12 +25,6 @@ Result<Done> check(FitOptions& options) {
     return Error{ErrorKind::invalid, {}, option, problem, remedy};
   };
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
-  if (options.json == options.out) return refuse("--out", "is the name of the JSON file too", "name it .safetensors");
-  for (const auto& [number, name] :
-       {std::pair(options.fit.period, "--period"), std::pair(options.fit.tone, "--tone"),
-        std::pair(options.fit.edit_weight, "--edit-weight"), std::pair(options.fit.region_limit, "--region-limit")}) {
-    if (!std::isfinite(number)) return refuse(name, "is not a number", "give one, or leave it out");
-  }
   if (options.fit.waves == 0) options.fit.waves = std::max(64, 20 * options.fit.bits / 3);  // 320 for 48 bits
   if (options.fit.waves < options.fit.bits)
     return refuse("--waves", "is less than --bits", "give more waves than bits, or leave it out");
@@ -41,14 +36,16 @@ Result<Done> check(FitOptions& options) {
   if (options.fit.statistics_views == 0) options.fit.statistics_views = 8 * options.fit.waves;
   if (options.fit.statistics_views < options.fit.waves)
     return refuse("--views", "is less than --waves", "give some eight times as many, or leave it out");
-  if (Result<Done> kept = keep_inputs(options.out, {options.model, options.json}, "--out"); !kept) return kept;
-  return keep_inputs(options.json, {options.model}, "--json");
+  return Done{};
 }
 
 }  // namespace
 
 Result<FittedFile> fit_to_file(FitOptions options) {
   if (Result<Done> good = check(options); !good) return good.error();
+  if (Result<Done> free = check_no_decoder(options.out, options.force); !free) return free.error();
+  const Result<std::shared_ptr<const void>> held = hold_file(options.out);
+  if (!held) return held.error();
   const Result<ModelSource> source = ModelSource::open(options.model, options.threads);
   if (!source) return source.error();
   if (!is_markable_recipe(source->recipe)) {
@@ -58,6 +55,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   }
   const std::string plain = marking_recipe(reading_recipe(source->recipe));
   ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
   const auto begin = std::chrono::steady_clock::now();
   const Result<DecoderFit<float>> fit = plain == "scaffold" ? fit_model<recipes::Scaffold>(*source, options, executor)
                                                             : fit_coded(plain, *source, options, executor);
@@ -74,6 +72,9 @@ Result<FittedFile> fit_to_file(FitOptions options) {
       std::to_string(f.coordinates) + ", stride " + std::to_string(f.stride) + ", edit weight " +
       nlohmann::json(f.edit_weight).dump() + (f.tone > 0 ? ", tone " + nlohmann::json(f.tone).dump() : "") +
       (f.region_limit > 0 ? ", region limit " + nlohmann::json(f.region_limit).dump() : "");
+  if (options.force) {
+    if (Result<Done> moved = move_decoder_aside(options.out); !moved) return moved.error();
+  }
   if (Result<Done> written = write_lattice<SafetensorsWriter>(fit->decoder, note, options.out); !written)
     return written.error();
   const Result<std::string> decoder = file_sha256(options.out);

@@ -17,6 +17,7 @@ struct FitOptions {
   std::filesystem::path out, json;    ///< json may be empty: as out, with another ending
   /// Numbers of 0 are chosen by the bits and the images' size; coordinates below 0 by the waves.
   compmark::DecoderFitSettings fit{.waves = 0, .stride = 0, .statistics_views = 0, .coordinates = -1};
+  bool force = false;  ///< over a decoder that is there
   double downscale = 1;
   std::size_t threads = 0;
 };

@@ -79,14 +79,14 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
 
 }  // namespace
 
-Command add_info(CLI::App& app) {
-  struct Options {
+Command add_info(Options& app) {
+  struct Told {
     std::filesystem::path model;
     bool views = false;
   };
-  auto options = std::make_shared<Options>();
-  app.add_option("model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
-  app.add_flag("--views", options->views, "list the stored cameras");
+  auto options = std::make_shared<Told>();
+  app.reads("model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")->required();
+  app.flag("--views", options->views, "list the stored cameras");
   return [options]() -> int {
     if (is_coded_file(options->model)) return info_of_coded(options->model, options->views);
     Result<SafetensorsFile> file = read_safetensors(options->model);

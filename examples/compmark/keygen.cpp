@@ -115,20 +115,20 @@ int run(const KeygenOptions& options) {
 
 }  // namespace
 
-Command add_keygen(CLI::App& app) {
+Command add_keygen(Options& app) {
   auto options = std::make_shared<KeygenOptions>();
-  app.add_option("--out", options->out, "key file to write, readable by you only")->required();
-  app.add_option("--bits", options->bits, "length of the message, that of the decoder you will use (1 to 128)")
+  app.writes("--out", options->out, "key file to write, readable by you only")->required();
+  app.number("--bits", options->bits, WholeRange{1, OwnerKey::bits_limit},
+             "length of the message, that of the decoder you will use (1 to 128)")
       ->capture_default_str();
-  app.add_option("--note", options->note, "a line to know the key by; it is not part of the commitment");
-  app.add_option("--payload", options->payload,
-                 "hexadecimal digits that the message says, an identifier; it takes bits, but none from the evidence");
-  app.add_option("--corrects", options->corrects, "wrong bits that the payload survives")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 128));
-  app.add_option("--from", options->from,
-                 "take the secret of this key: one key then reads the payloads of all, but see docs/verification.md");
-  app.add_flag("--force", options->force, "if the file is a key already, move that to FILE.<id>.old");
+  app.word("--note", options->note, "a line to know the key by; it is not part of the commitment");
+  app.word("--payload", options->payload,
+           "hexadecimal digits that the message says, an identifier; it takes bits, but none from the evidence");
+  app.number("--corrects", options->corrects, WholeRange{1, 128}, "wrong bits that the payload survives")
+      ->capture_default_str();
+  app.reads("--from", options->from, InputKind::key,
+            "take the secret of this key: one key then reads the payloads of all, but see docs/verification.md");
+  app.flag("--force", options->force, "if the file is a key already, move that to FILE.<id>.old");
   return [options]() -> int { return run(*options); };
 }
 

@@ -5,26 +5,36 @@
 // 2 error (one line says what, where and what to do), 3 verify: inconclusive,
 // 4 decompress --salvage: something was lost, 130 interrupted (a checkpoint was written).
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <exception>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "file_use.hpp"
+#include "options.hpp"
+#include "process.hpp"
 
 int main(int argc, char** argv) {
+  tool::prepare_process();
   CLI::App app{"compmark: train, protect and ship 3D Gaussian splats on the CPU"};
   app.require_subcommand(1);
   app.set_help_all_flag("--help-all", "help of all subcommands");
 
   struct Entry {
-    CLI::App* app;
+    std::string name;
+    std::unique_ptr<tool::Options> options;
     tool::Command run;
   };
   std::vector<Entry> entries;
-  const auto add = [&](const char* name, const char* text, tool::Command (*declare)(CLI::App&)) {
-    CLI::App* sub = app.add_subcommand(name, text);
-    entries.push_back({sub, declare(*sub)});
+  const auto add = [&](const char* name, const char* text, tool::Command (*declare)(tool::Options&)) {
+    auto options = std::make_unique<tool::Options>(*app.add_subcommand(name, text));
+    tool::Command run = declare(*options);
+    entries.push_back({name, std::move(options), std::move(run)});
   };
   add("scene", "write the built-in procedural scene as a dataset", tool::add_scene);
   add("probe", "say which effects a capture calls for", tool::add_probe);
@@ -45,15 +55,26 @@ int main(int argc, char** argv) {
   add("calibrate", "measure false positives of random keys on images", tool::add_calibrate);
   add("attack", "write what a thief would make of a model: rounded to 8 bits", tool::add_attack);
 
+  app.add_flag_callback(
+      "--options-json",
+      [&] {
+        nlohmann::ordered_json json;
+        for (const Entry& entry : entries) json[entry.name] = entry.options->json();
+        std::printf("%s\n", json.dump(2).c_str());
+        throw CLI::Success();
+      },
+      "say what every option of every command is, as JSON: what is read, what is written, ranges of numbers");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const int code = app.exit(error);
-    return code == 0 ? tool::success : tool::failure;
+    return tool::finish_output(tool::answer_parser(app, error));
   }
   try {
     for (const Entry& entry : entries) {
-      if (entry.app->parsed()) return entry.run();
+      if (!entry.options->parsed()) continue;
+      if (const auto safe = tool::check_file_use(entry.options->use()); !safe) return tool::fail(safe.error());
+      return tool::finish_output(entry.run());
     }
   } catch (const std::bad_alloc&) {
     return tool::fail(

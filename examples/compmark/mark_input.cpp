@@ -2,83 +2,70 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mark_input.hpp"
 
-#include <cmath>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/key.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
 #include <compmark/version.hpp>
 #include <string>
-#include <tuple>
 #include <utility>
 
 #include "evaluation.hpp"
+#include "mark_record.hpp"
 
 namespace tool {
 
 using namespace compmark;
 
-void add_mark_options(CLI::App& app, MarkOptions& options, bool required) {
-  CLI::Option* key =
-      app.add_option("--key", options.key, "the owner's key file (compmark keygen): whose message is hidden");
-  app.add_option(
-      "--decoder", options.decoder,
-      "the decoder file that shall read the message (default: one is fitted to the scene, as by compmark fit, "
-      "and written to --out)");
-  app.add_option("--period", options.period,
-                 "of the waves of a decoder that is fitted so, as compmark fit has it: longer ones are heard more "
-                 "evenly and outlive more, and shift the colour of larger parts")
-      ->check(CLI::Range(0.01, 2.0));
-  app.add_option(
-         "--tone", options.tone,
-         "deviation of exposure and white balance that such a decoder shall not take for a message, as compmark "
-         "fit has it")
-      ->check(CLI::Range(0.0, 0.5));
+void add_mark_options(Options& app, MarkOptions& options, bool required) {
+  CLI::Option* key = app.reads("--key", options.key, InputKind::key,
+                               "the owner's key file (compmark keygen): whose message is hidden");
+  app.reads("--decoder", options.decoder, InputKind::decoder,
+            "the decoder file that shall read the message (default: one is fitted to the scene, as by compmark fit, "
+            "and written to --out)");
+  app.number("--period", options.period, RealRange{0.01, 2},
+             "of the waves of a decoder that is fitted so, as compmark fit has it: longer ones are heard more "
+             "evenly and outlive more, and shift the colour of larger parts");
+  app.number("--tone", options.tone, RealRange{0, 0.5},
+             "deviation of exposure and white balance that such a decoder shall not take for a message, as compmark "
+             "fit has it");
   if (required) {
     key->required();
   }
-  app.add_option("--bits", options.bits, "length of the message (default: the key's)");
-  app.add_option("--twin", options.twin,
-                 "an unmarked model of the same scene, to say what the mark costs (default of embed: the model that is "
-                 "marked; of its compressed file: the unmarked one)");
-  app.add_option("--message-weight", options.weight, "of the message in the loss (default: the profile's)")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--message-margin", options.margin, "logits by which a bit shall be right (default: the profile's)")
-      ->check(CLI::PositiveNumber);
-  app.add_option(
-         "--message-power", options.power,
-         "1: a bit that is not right by the margin is pulled, however wrong it is; 2: the more the wronger it is "
-         "(default: 1, or 2 where --fidelity is above 0 with a decoder that was fitted to the scene)")
-      ->check(CLI::Range(1.0, 4.0));
-  app.add_option("--message-rate", options.rate,
-                 "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: "
-                 "embed 0.001, or 0.006 with a decoder that was fitted to the scene; "
-                 "train with --decoder, and embed --fidelity 0, 0.002, train with --fidelity too 0.006)")
-      ->check(CLI::PositiveNumber);
-  app.add_option(
-         "--fidelity", options.fidelity,
-         "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
-         "by so much; "
-         "0: the message joins the loss of the photographs, as published (default: embed 3000, and of a model for a "
-         "codec 600, or 2000 with a decoder that was fitted to the scene; train with --decoder 0)")
-      ->check(CLI::Range(0.0, 1e6));
-  app.add_option("--fidelity-fall", options.fall,
-                 "power by which the fidelity falls with the distance of a view from the nearest photograph: there the "
-                 "scene is wrong by more than a mark; 0: the same everywhere (default: 2)")
-      ->check(CLI::Range(0.0, 4.0));
-  app.add_option("--draw-by-cost", options.by_cost,
-                 "0 to 1: how much of where the mark of a finished model is learned is chosen by what the message cost "
-                 "there lately, so that hard places are seen more often (default: 0)")
-      ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--hold-steps", options.hold_steps,
-                 "of a model for context_gs: every n-th iteration the codec's steps are held at what they are in the "
-                 "mean without a mark, or the file grows by more; 0: never (default: 50)")
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--message-every", options.message_every, "read the message in every n-th iteration only")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  app.add_flag("--for-compression", options.for_compression,
-               "train with the noise of quantization, so that the message survives a codec");
+  app.number("--bits", options.bits, WholeRange{0, OwnerKey::bits_limit}, "length of the message (default: the key's)");
+  app.reads("--twin", options.twin, InputKind::model,
+            "an unmarked model of the same scene, to say what the mark costs (default of embed: the model that is "
+            "marked; of its compressed file: the unmarked one)");
+  app.number("--message-weight", options.weight, RealRange{0, 1e9, true},
+             "of the message in the loss (default: the profile's)");
+  app.number("--message-margin", options.margin, RealRange{0, 1e9, true},
+             "logits by which a bit shall be right (default: the profile's)");
+  app.number("--message-power", options.power, RealRange{1, 4},
+             "1: a bit that is not right by the margin is pulled, however wrong it is; 2: the more the wronger it is "
+             "(default: 1, or 2 where --fidelity is above 0 with a decoder that was fitted to the scene)");
+  app.number("--message-rate", options.rate, RealRange{0, 1e3, true},
+             "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: "
+             "embed 0.001, or 0.006 with a decoder that was fitted to the scene; "
+             "train with --decoder, and embed --fidelity 0, 0.002, train with --fidelity too 0.006)");
+  app.number(
+      "--fidelity", options.fidelity, RealRange{0, 1e6},
+      "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
+      "by so much; "
+      "0: the message joins the loss of the photographs, as published (default: embed 3000, and of a model for a "
+      "codec 600, or 2000 with a decoder that was fitted to the scene; train with --decoder 0)");
+  app.number("--fidelity-fall", options.fall, RealRange{0, 4},
+             "power by which the fidelity falls with the distance of a view from the nearest photograph: there the "
+             "scene is wrong by more than a mark; 0: the same everywhere (default: 2)");
+  app.number("--draw-by-cost", options.by_cost, share_range,
+             "0 to 1: how much of where the mark of a finished model is learned is chosen by what the message cost "
+             "there lately, so that hard places are seen more often (default: 0)");
+  app.number("--hold-steps", options.hold_steps, any_count,
+             "of a model for context_gs: every n-th iteration the codec's steps are held at what they are in the "
+             "mean without a mark, or the file grows by more; 0: never (default: 50)");
+  app.number("--message-every", options.message_every, run_length, "read the message in every n-th iteration only")
+      ->capture_default_str();
+  app.flag("--for-compression", options.for_compression,
+           "train with the noise of quantization, so that the message survives a codec");
 }
 
 bool fitted_decoder(const std::filesystem::path& path) {
@@ -99,8 +86,6 @@ Result<OwnerKey> key_of(const MarkOptions& options) {
 Result<Done> check_to_fit(const MarkOptions& options) {
   for (const auto& [number, name] : {std::pair(options.period, "--period"), std::pair(options.tone, "--tone")}) {
     if (!number) continue;
-    if (!std::isfinite(*number))
-      return Error{ErrorKind::invalid, {}, name, "is not a number", "give one, or leave it out"};
     if (options.decoder.empty()) continue;
     return Error{ErrorKind::unsupported,
                  {},
@@ -115,8 +100,6 @@ Result<Done> check_held(const MarkOptions& options, double fidelity) {
   for (const auto& [number, name] :
        {std::pair(options.fall, "--fidelity-fall"), std::pair(options.by_cost, "--draw-by-cost")}) {
     if (!number) continue;
-    if (!std::isfinite(*number))
-      return Error{ErrorKind::invalid, {}, name, "is not a number", "give one, or leave it out"};
     if (fidelity > 0) continue;
     return Error{ErrorKind::unsupported,
                  {},
@@ -151,7 +134,11 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   for (std::size_t i = 0; i < input.message.size(); ++i) input.bits.push_back(input.message[i] ? 1 : 0);
   const Result<std::string> digest = file_sha256(options.decoder);
   if (!digest) return digest.error();
+  const Result<SafetensorsFile> tensors = read_safetensors(options.decoder);
+  if (!tensors) return tensors.error();
+  input.decoder_tensors = tensors_sha256(*tensors);
   input.key = *key;
+  input.key_file = options.key;
   input.sources.program = std::string("compmark ") + version;
   input.sources.key_id = key->id();
   input.sources.key_commitment = key->commitment();
@@ -162,14 +149,6 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   input.for_compression = options.for_compression;
 
   MarkNumbers& mark = settings.mark;
-  for (const auto& [number, name, remedy] :
-       {std::tuple(options.fidelity, "--fidelity", "give 0, or a weight up to 1000000"),
-        std::tuple(options.weight, "--message-weight", "give a weight above 0"),
-        std::tuple(options.margin, "--message-margin", "give logits above 0"),
-        std::tuple(options.power, "--message-power", "give a power of 1 to 4"),
-        std::tuple(options.rate, "--message-rate", "give a rate above 0")}) {
-    if (number && !std::isfinite(*number)) return Error{ErrorKind::invalid, {}, name, "is not a number", remedy};
-  }
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
     mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
   }

@@ -4,7 +4,6 @@
 // What train and embed share to hide a message: the key's message, the decoder that shall read it, and the measurement of the result.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <array>
 #include <compmark/mark/message.hpp>
 #include <compmark/mark/report.hpp>
@@ -19,6 +18,7 @@
 
 #include "any_model.hpp"
 #include "common.hpp"
+#include "options.hpp"
 #include "reading.hpp"
 #include "results.hpp"
 #include "svg_plot.hpp"
@@ -49,7 +49,7 @@ struct MarkOptions {
 };
 /// --bits, --key, --decoder, --period, --tone, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,
 /// --draw-by-cost, --hold-steps, --message-every, --for-compression
-void add_mark_options(CLI::App& app, MarkOptions& options, bool required);
+void add_mark_options(Options& app, MarkOptions& options, bool required);
 
 /// That what is said of a decoder to fit is said where none is given.
 compmark::Result<compmark::Done> check_to_fit(const MarkOptions& options);
@@ -67,6 +67,8 @@ struct MarkInput {
   std::filesystem::path coded_twin;  ///< of the compressed model; empty: `twin`
   double twin_unit = 1;              ///< as in the twin's ModelInfo, likewise the origin
   std::array<double, 3> twin_origin{0, 0, 0};
+  std::filesystem::path key_file;
+  std::string decoder_tensors;  ///< tensors_sha256 (mark_record.hpp)
   bool for_compression = false;
   bool read_only =
       false;  ///< the model that a run starts from holds the message already: it is read, and nothing trains for it

@@ -9,9 +9,11 @@
 #include <cstddef>
 #include <fstream>
 #include <memory>
+#include <system_error>
 #include <utility>
 
 #include "codec_file.hpp"
+#include "common.hpp"
 #include "recipe_list.hpp"
 
 namespace tool {
@@ -19,6 +21,8 @@ namespace tool {
 using namespace compmark;
 
 bool is_coded_file(const std::filesystem::path& path) {
+  std::error_code status;
+  if (!std::filesystem::is_regular_file(path, status)) return false;  // a pipe would wait for its writer
   std::array<char, 8> begin{};
   std::ifstream file(path, std::ios::binary);
   file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
@@ -34,6 +38,7 @@ Result<ModelSource> ModelSource::open(const std::filesystem::path& path, std::si
   source.path = path;
   if (is_coded_file(path)) {
     ThreadExecutor executor(threads);
+    tell_threads(executor, threads);
     Result<CodecDecoded> decoded = read_codec_file(path, {}, executor);
     if (!decoded) return decoded.error();
     Result<std::string> recipe = model_recipe(decoded->model);

@@ -35,6 +35,7 @@
 #include "jpeg_codec.hpp"
 #include "pretrain_images.hpp"
 #include "progress.hpp"
+#include "run_folder.hpp"
 
 namespace tool {
 namespace {
@@ -58,6 +59,7 @@ struct PretrainOptions {
   int measured = 32;
   int measure_steps = 200;
   bool resume = false;
+  bool force = false;
 };
 
 AugmentationSettings distortions() {
@@ -173,19 +175,9 @@ Result<Done> check(const PretrainOptions& o) {
   const auto wrong = [](const char* option, std::string problem, std::string remedy) {
     return Error{ErrorKind::invalid, {}, option, std::move(problem), std::move(remedy)};
   };
-  if (o.bits < 1 || o.bits > static_cast<int>(message_bits_limit))
-    return wrong("--bits", "is " + std::to_string(o.bits),
-                 "give a message length from 1 to " + std::to_string(message_bits_limit));
   if (o.features < o.bits || o.features > 4096)
     return wrong("--features", "is " + std::to_string(o.features),
                  "give from " + std::to_string(o.bits) + " (one a bit) to 4096");
-  if (o.steps < 0)
-    return wrong("--steps", "is " + std::to_string(o.steps), "give 0 (the waves as they are drawn) or more");
-  if (o.crop < 32 || o.crop > 1024)
-    return wrong("--crop", "is " + std::to_string(o.crop), "give from 32 to 1024 pixels");
-  if (o.measured < 1 || o.measure_steps < 1)
-    return wrong("--measure", "is below 1", "measure at least one image, with at least one step");
-  if (o.checkpoint_every < 1) return wrong("--checkpoint-every", "is below 1", "give at least 1");
   for (const std::filesystem::path& path : {o.out, o.json}) {  // known now, not after the training
     const Result<AtomicFile> writable = AtomicFile::create(path);
     if (!writable) return writable.error();
@@ -198,10 +190,6 @@ Result<std::pair<PretrainImages, PretrainImages>> open_images(const PretrainOpti
   char* end = nullptr;
   const double share = std::strtod(o.held_out.c_str(), &end);
   const bool is_number = end != o.held_out.c_str() && *end == '\0';
-  if (is_number && !(share > 0 && share < 1)) {
-    return Error{
-        ErrorKind::invalid, {}, "--held-out", "is " + o.held_out, "give a share above 0 and below 1, or a folder"};
-  }
   PretrainImages train(o.seed), held(o.seed + 1000003);
   if (!o.images.empty()) {
     Result<PretrainImages> opened = PretrainImages::folder(o.images, "--images", square, 2 * square);
@@ -253,17 +241,18 @@ double spread_of(const LatticeSettings& shape) { return shape.measure == Lattice
 int run(PretrainOptions& options) {
   if (options.features == 0) options.features = options.waves == "colour" ? options.bits : 256;
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
-  if (options.json == options.out) {
-    return fail({ErrorKind::invalid, options.out.string(), "--out", "is the name of the JSON file too",
-                 "name the decoder .safetensors"});
-  }
   if (Result<Done> good = check(options); !good) return fail(good.error());
+  const Result<std::shared_ptr<const void>> alone = hold_file(options.out);
+  if (!alone) return fail(alone.error());
   const int square = options.crop * 8 / 7;  // of the images that are measured: 256 for crops of 224
   auto opened = open_images(options, square);
   if (!opened) return fail(opened.error());
+  if (Result<Done> free = check_no_decoder(options.out, options.force || options.resume); !free)
+    return fail(free.error());
   const PretrainImages& train = opened->first;
   const PretrainImages& held = opened->second;
   ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
   const PretrainSettings settings = training_settings(options);
 
   const LatticeSettings shape = shape_of(options);
@@ -361,6 +350,7 @@ int run(PretrainOptions& options) {
 
   const std::string note = "trained on " + described(train) + ", " + std::to_string(options.steps) + " steps, seed " +
                            std::to_string(options.seed);
+  if (Result<Done> moved = options.force ? move_decoder_aside(options.out) : Done{}; !moved) return fail(moved.error());
   if (Result<Done> written = write_lattice<SafetensorsWriter>(trained, note, options.out); !written)
     return fail(written.error());
   const Result<std::string> sha = file_sha256(options.out);
@@ -406,31 +396,41 @@ int run(PretrainOptions& options) {
 
 }  // namespace
 
-Command add_pretrain(CLI::App& app) {
+Command add_pretrain(Options& app) {
   auto options = std::make_shared<PretrainOptions>();
-  app.add_option("--images", options->images, "folder of photographs (default: procedural images)");
-  app.add_option("--bits", options->bits, "length of the message, 1 to 256")->capture_default_str();
-  app.add_option("--out", options->out, "decoder file to write (safetensors)")->required();
-  app.add_option("--steps", options->steps, "length of the run")->capture_default_str();
-  app.add_option("--seed", options->seed, "seed of every random number")->capture_default_str();
-  app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--waves", options->waves,
-                 "contrast: survives changes of brightness, noise, JPEG, scaling; colour: carries more in a scene, and "
-                 "survives little")
+  app.reads("--images", options->images, InputKind::images, "folder of photographs (default: procedural images)");
+  app.number("--bits", options->bits, WholeRange{1, message_bits_limit}, "length of the message")
+      ->capture_default_str();
+  app.writes("--out", options->out, "decoder file to write (safetensors)")->required();
+  app.number("--steps", options->steps, any_count, "length of the run")->capture_default_str();
+  app.number("--seed", options->seed, any_seed, "seed of every random number")->capture_default_str();
+  app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
+      ->capture_default_str();
+  app.word("--waves", options->waves,
+           "contrast: survives changes of brightness, noise, JPEG, scaling; colour: carries more in a scene, and "
+           "survives little")
       ->capture_default_str()
       ->check(CLI::IsMember({"contrast", "colour"}));
-  app.add_option("--features", options->features,
-                 "waves that are averaged; more read more and cost more (default: 256, of colour one a bit)")
-      ->check(CLI::Range(0, 4096));
-  app.add_option("--crop", options->crop, "side of the training crops, pixels")->capture_default_str();
-  app.add_flag("--resume", options->resume, "continue the run of --out from its checkpoint");
-  app.add_option("--checkpoint-every", options->checkpoint_every, "steps between checkpoints")->capture_default_str();
-  app.add_option("--held-out", options->held_out,
-                 "what is measured: a share of the photographs, taken out of the training, or a folder")
+  app.number("--features", options->features, WholeRange{0, 4096},
+             "waves that are averaged; more read more and cost more (default: 256, of colour one a bit)");
+  app.number("--crop", options->crop, WholeRange{32, 1024}, "side of the training crops, pixels")
       ->capture_default_str();
-  app.add_option("--measure", options->measured, "images to embed in and read at the end")->capture_default_str();
-  app.add_option("--measure-steps", options->measure_steps, "steps of each embedding")->capture_default_str();
-  app.add_option("--json", options->json, "what was measured (default: --out with the ending .json)");
+  app.flag("--resume", options->resume, "continue the run of --out from its checkpoint");
+  app.number("--checkpoint-every", options->checkpoint_every, run_length, "steps between checkpoints")
+      ->capture_default_str();
+  app.share_or_folder("--held-out", options->held_out,
+                      "what is measured: a share of the photographs, taken out of the training, or a folder")
+      ->capture_default_str();
+  app.number("--measure", options->measured, WholeRange{1, 100000}, "images to embed in and read at the end")
+      ->capture_default_str();
+  app.number("--measure-steps", options->measure_steps, WholeRange{1, 1000000}, "steps of each embedding")
+      ->capture_default_str();
+  app.flag("--force", options->force, "if --out is there already, move that to OUT.<beginning of its SHA-256>.old");
+  app.writes("--json", options->json, "what was measured (default: --out with the ending .json)");
+  app.also([options](FileUse& use) {
+    if (options->json.empty()) use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json");
+    use.write(std::filesystem::path(options->out) += ".checkpoint", "--out (its checkpoint)");
+  });
   return [options]() -> int { return run(*options); };
 }
 

@@ -16,15 +16,16 @@
 
 namespace tool {
 
-Command add_probe(CLI::App& app) {
-  struct Options {
+Command add_probe(Options& app) {
+  struct Told {
     std::filesystem::path data;
     bool json = false;
   };
-  auto options = std::make_shared<Options>();
-  app.add_option("--data", options->data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+  auto options = std::make_shared<Told>();
+  app.reads("--data", options->data, InputKind::dataset,
+            "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
       ->required();
-  app.add_flag("--json", options->json, "one JSON object instead of text");
+  app.flag("--json", options->json, "one JSON object instead of text");
   return [options]() -> int {
     using namespace compmark;
     Result<Dataset> dataset = open_dataset(options->data, {});

@@ -9,10 +9,12 @@
 #include <atomic>
 #include <cerrno>
 #include <cmath>
+#include <compmark/io/output_target.hpp>
 #include <csignal>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <system_error>
 #include <utility>
 
 #include "svg_plot.hpp"
@@ -93,7 +95,14 @@ Result<Progress> Progress::open(ProgressSettings settings) {
   Progress progress(std::move(settings));
   const ProgressSettings& s = progress.settings_;
   progress.terminal_ = s.terminal ? *s.terminal : isatty(fileno(s.stream)) == 1;
-  if (!s.json_log.empty()) {
+  if (!s.json_log.empty() && compmark::is_stream_target(s.json_log)) {
+    Result<compmark::AtomicFile> stream = compmark::AtomicFile::create(s.json_log);
+    if (!stream) return stream.error();
+    progress.stream_log_ = std::move(*stream);
+  } else if (!s.json_log.empty()) {
+    if (Result<std::vector<ProgressLine>> old = s.append ? read_progress_log(s.json_log) : std::vector<ProgressLine>();
+        old)
+      progress.before_ = std::move(*old);
     progress.log_.reset(std::fopen(s.json_log.c_str(), s.append ? "ab" : "wb"));
     if (!progress.log_) {
       return Error{ErrorKind::unwritable, s.json_log.string(), "",
@@ -135,11 +144,7 @@ void Progress::show(const ProgressLine& given) {
   if (line.iteration % settings_.log_every == 0 || line.iteration == 1 || last || line.test_psnr) {
     history_.push_back(logged_.of(line));
     logged_ = {};
-    if (log_) {
-      const std::string text = to_json(history_.back()).dump() + "\n";
-      std::fwrite(text.data(), 1, text.size(), log_.get());
-      std::fflush(log_.get());  // a killed run keeps its curve
-    }
+    log(to_json(history_.back()).dump() + "\n");
   }
 
   const double since_rate = seconds_between(rate_time_, now);
@@ -161,6 +166,33 @@ void Progress::show(const ProgressLine& given) {
   shown_ = {};
   pending_.reset();
   terminal_ ? draw(mean) : print(mean);
+}
+
+/// Flushed line by line: a killed run keeps its curve.
+void Progress::log(const std::string& text) {
+  if (log_failure_) return;
+  bool written = true;
+  errno = 0;
+  if (stream_log_) {
+    stream_log_->write(text);
+    written = stream_log_->flush();
+  } else if (log_) {
+    written = std::fwrite(text.data(), 1, text.size(), log_.get()) == text.size() && std::fflush(log_.get()) == 0;
+  }
+  if (written) return;
+  const int why = errno;
+  log_failure_ =
+      Error{ErrorKind::unwritable, settings_.json_log.string(), "--json-log",
+            std::string("a line could not be written") + (why != 0 ? std::string(": ") + std::strerror(why) : ""),
+            "all else of the run was; the log ends there"};
+  note("compmark: warning: the log " + settings_.json_log.string() + " cannot be written any more; the run goes on");
+}
+
+std::vector<ProgressLine> Progress::curve() const {
+  std::vector<ProgressLine> lines = before_;
+  while (!lines.empty() && !history_.empty() && lines.back().iteration >= history_.front().iteration) lines.pop_back();
+  lines.insert(lines.end(), history_.begin(), history_.end());
+  return lines;
 }
 
 void Progress::draw(const ProgressLine& line) {
@@ -212,12 +244,19 @@ void Progress::finish() {
   shown_ = {};
   if (bar_visible_) std::fputc('\n', settings_.stream);
   bar_visible_ = false;
-  log_.reset();
+  if (log_ && std::fclose(log_.release()) != 0 && !log_failure_)
+    log_failure_ =
+        Error{ErrorKind::unwritable, settings_.json_log.string(), "--json-log",
+              std::string("its end could not be written: ") + std::strerror(errno), "all else of the run was"};
+  stream_log_.reset();
 }
 
 Result<std::vector<ProgressLine>> read_progress_log(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  if (!file) return Error{ErrorKind::not_found, path.string(), "", "cannot be read", "check the path"};
+  std::error_code status;
+  const bool regular = std::filesystem::is_regular_file(path, status);  // of a pipe that is written nothing comes back
+  std::ifstream file;
+  if (regular) file.open(path);
+  if (!regular || !file) return Error{ErrorKind::not_found, path.string(), "", "cannot be read", "check the path"};
   std::vector<ProgressLine> lines;
   std::string text;
   for (int number = 1; std::getline(file, text); ++number) {

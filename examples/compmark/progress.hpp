@@ -8,6 +8,8 @@
 #include <signal.h>
 
 #include <chrono>
+#include <compmark/core/result.hpp>
+#include <compmark/io/atomic_file.hpp>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -15,8 +17,6 @@
 #include <optional>
 #include <string>
 #include <vector>
-
-#include "compmark/core/result.hpp"
 
 namespace tool {
 
@@ -60,8 +60,10 @@ class Progress {
   /// Ends the bar's line and flushes the log. Call once, also after an interrupted run.
   void finish();
 
-  /// The points of the log, for the report.
-  [[nodiscard]] const std::vector<ProgressLine>& history() const { return history_; }
+  /// The points of the log, for the report; with `append` those of the sessions before too, as far as they count.
+  [[nodiscard]] std::vector<ProgressLine> curve() const;
+  /// What kept a line from the log. The run goes on without it.
+  [[nodiscard]] const std::optional<compmark::Error>& log_failure() const { return log_failure_; }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -77,12 +79,15 @@ class Progress {
   explicit Progress(ProgressSettings settings) : settings_(std::move(settings)) {}
   void draw(const ProgressLine& line);
   void print(const ProgressLine& line);
+  void log(const std::string& text);
 
   ProgressSettings settings_;
   bool terminal_ = false;
   bool bar_visible_ = false;
   std::unique_ptr<std::FILE, Close> log_;
-  std::vector<ProgressLine> history_;
+  std::optional<compmark::AtomicFile> stream_log_;  ///< a device or a pipe, which is written through and never read
+  std::optional<compmark::Error> log_failure_;
+  std::vector<ProgressLine> before_, history_;
   Mean logged_, shown_;
   std::optional<ProgressLine> pending_;  ///< last line, not yet shown
   std::int64_t first_ = 0;               ///< iteration before the first one shown

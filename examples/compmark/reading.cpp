@@ -39,28 +39,60 @@ void keep_evenly(std::vector<T>& items, std::size_t count) {
   items = std::move(kept);
 }
 
-/// An image file as planes in [0, 1].
-Result<std::vector<std::uint8_t>> read_planes(std::span<const std::byte> bytes, const fs::path& path,
-                                              const std::string& background, int& width, int& height) {
-  const Result<ImageInfo> info = decode_image_info(bytes, path.string());
-  if (!info) return info.error();
-  Result<ImageBytes> image = decode_image(bytes, path.string());
-  if (!image) return image.error();
-  *image = turned(std::move(*image), info->orientation);
-  const std::size_t channels = static_cast<std::size_t>(image->channels);
-  if (background.empty() && (channels == 2 || channels == 4)) {
-    for (std::size_t i = channels - 1; i < image->pixels.size(); i += channels) {
-      if (image->pixels[i] == 255) continue;
-      return Error{ErrorKind::invalid, path.string(), "alpha", "has transparent pixels",
-                   "say what is behind them: --background white or black"};
+/// Of an image while it is read, at most: its floats, their blurs and what is read at each position.
+constexpr std::uint64_t bytes_a_pixel = 56;
+
+/// Whether the memory that an image will take is there, asked before it is decoded: a small file may hold a very large one.
+Result<Done> check_memory(const ImageInfo& info, const fs::path& path, std::size_t budget_mb) {
+  const std::uint64_t pixels = static_cast<std::uint64_t>(info.width) * static_cast<std::uint64_t>(info.height);
+  const std::uint64_t wanted = (pixels * bytes_a_pixel >> 20) + 1;
+  if (wanted <= budget_mb) return Done{};
+  return Error{ErrorKind::exhausted, path.string(), "--memory-budget",
+               "the image has " + std::to_string(info.width) + " x " + std::to_string(info.height) +
+                   " pixels and takes about " + std::to_string(wanted) + " MiB to read, more than " +
+                   std::to_string(budget_mb),
+               "scale it down, or give --memory-budget " + std::to_string(wanted)};
+}
+
+/// An image as floats in [0, 1], and what its file is called by. Of a large one no two forms are held longer than they must: the file, its pixels,
+/// their planes and the floats are 20 bytes a pixel together, and the floats alone are 12.
+struct ReadImage {
+  std::vector<float> planes;  ///< [3, height, width]
+  int width = 0, height = 0;
+  std::string sha256;  ///< of the file
+};
+Result<Done> read_planes(const fs::path& path, const ReadingOptions& options, ReadImage& read) {
+  const std::string& background = options.background;
+  read.planes = {};  // of the image before
+  std::vector<std::uint8_t> planes;
+  {
+    Result<std::vector<std::byte>> bytes = read_file(path, image_file_limit);
+    if (!bytes) return bytes.error();
+    const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
+    if (!info) return info.error();
+    if (Result<Done> fits = check_memory(*info, path, options.memory_budget_mb); !fits) return fits;
+    read.sha256 = Sha256{}.update(*bytes).hex();
+    Result<ImageBytes> image = decode_image(*bytes, path.string());
+    if (!image) return image.error();
+    *bytes = {};
+    *image = turned(std::move(*image), info->orientation);
+    const std::size_t channels = static_cast<std::size_t>(image->channels);
+    if (background.empty() && (channels == 2 || channels == 4)) {
+      for (std::size_t i = channels - 1; i < image->pixels.size(); i += channels) {
+        if (image->pixels[i] == 255) continue;
+        return Error{ErrorKind::invalid, path.string(), "alpha", "has transparent pixels",
+                     "say what is behind them: --background white or black"};
+      }
     }
+    read.width = image->width;
+    read.height = image->height;
+    planes.resize(3 * static_cast<std::size_t>(read.width) * static_cast<std::size_t>(read.height));
+    const float behind = background == "white" ? 1.0f : 0.0f;
+    composite(image->pixels, image->channels, {behind, behind, behind}, AlphaRounding::nearest, planes);
   }
-  width = image->width;
-  height = image->height;
-  std::vector<std::uint8_t> planes(3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  const float behind = background == "white" ? 1.0f : 0.0f;
-  composite(image->pixels, image->channels, {behind, behind, behind}, AlphaRounding::nearest, planes);
-  return planes;
+  read.planes.resize(planes.size());
+  for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
+  return Done{};
 }
 
 Result<Done> read_images(const ReadingOptions& options, const Decoder& decoder, ThreadExecutor& executor,
@@ -69,20 +101,15 @@ Result<Done> read_images(const ReadingOptions& options, const Decoder& decoder, 
   if (!files) return files.error();
   keep_evenly(*files, options.views);
   Decoder::Context context;
-  std::vector<float> pixels;
+  ReadImage image;
   for (const fs::path& path : *files) {
-    const Result<std::vector<std::byte>> bytes = read_file(path, image_file_limit);
-    if (!bytes) return bytes.error();
-    int width = 0, height = 0;
-    const Result<std::vector<std::uint8_t>> planes = read_planes(*bytes, path, options.background, width, height);
-    if (!planes) return planes.error();
-    pixels.resize(planes->size());
-    for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<float>((*planes)[i]) / 255.0f;
+    if (Result<Done> done = read_planes(path, options, image); !done) return done;
     Result<ViewLogits> view =
-        read_logits(decoder, ImageView<const float>{pixels.data(), 3, height, width}, path.string(), context, executor);
+        read_logits(decoder, ImageView<const float>{image.planes.data(), 3, image.height, image.width}, path.string(),
+                    context, executor);
     if (!view) return view.error();
     view->name = path.filename().string();
-    view->sha256 = Sha256{}.update(*bytes).hex();
+    view->sha256 = image.sha256;
     reading.views.push_back(std::move(*view));
   }
   return Done{};
@@ -188,20 +215,6 @@ std::string pixels_sha256(ImageView<const float> image) {
   return Sha256{}.update(std::as_bytes(std::span<const std::uint8_t>(bytes.pixels))).hex();
 }
 
-Result<Done> keep_inputs(const fs::path& output, std::initializer_list<fs::path> others, const char* option) {
-  for (const fs::path& other : others) {
-    if (output.empty() || other.empty()) continue;
-    std::error_code none;
-    const bool same_file = fs::equivalent(output, other, none);
-    const fs::path a = fs::weakly_canonical(output, none), b = fs::weakly_canonical(other, none);
-    if (same_file || (!a.empty() && a == b)) {
-      return Error{ErrorKind::invalid, output.string(), option, "is one of the files that are read or written",
-                   "choose another"};
-    }
-  }
-  return Done{};
-}
-
 Result<OwnerKey> load_key(const fs::path& path) {
   Result<OwnerKey> key = read_key(path);
   if (!key) return key;
@@ -245,23 +258,28 @@ Result<Decoder> load_decoder(const fs::path& path, const OwnerKey* key) {
   return decoder;
 }
 
-void add_reading_options(CLI::App& app, ReadingOptions& options) {
-  app.add_option("--decoder", options.decoder, "decoder file (safetensors)")->required();
-  CLI::Option* model =
-      app.add_option("--model", options.model, "model.safetensors of a run or a .cmk: its renders are read");
-  CLI::Option* images = app.add_option("--images", options.images, "image files, or folders of them (PNG, JPEG)");
-  app.add_option("--unmarked", options.unmarked,
-                 "the model before it was marked: what the decoder reads of it at the same cameras is subtracted")
+void add_reading_options(Options& app, ReadingOptions& options) {
+  app.reads("--decoder", options.decoder, InputKind::decoder, "decoder file (safetensors)")->required();
+  CLI::Option* model = app.reads("--model", options.model, InputKind::model,
+                                 "model.safetensors of a run or a .cmk: its renders are read");
+  CLI::Option* images =
+      app.reads("--images", options.images, InputKind::images, "image files, or folders of them (PNG, JPEG)");
+  app.reads("--unmarked", options.unmarked, InputKind::model,
+            "the model before it was marked: what the decoder reads of it at the same cameras is subtracted")
       ->needs(model);
   images->excludes(model);
   model->excludes(images);
-  app.add_option("--split", options.split, "which of the model's cameras: test, train or all")
+  app.word("--split", options.split, "which of the model's cameras: test, train or all")
       ->capture_default_str()
       ->check(CLI::IsMember({"test", "train", "all"}));
-  app.add_option("--views", options.views, "read at most so many, evenly spaced (0: all)")->capture_default_str();
-  app.add_option("--background", options.background, "what is behind transparent pixels of images: white or black")
+  app.number("--views", options.views, any_count, "read at most so many, evenly spaced (0: all)")
+      ->capture_default_str();
+  app.word("--background", options.background, "what is behind transparent pixels of images: white or black")
       ->check(CLI::IsMember({"white", "black"}));
-  app.add_option("--threads", options.threads, "0: all")->capture_default_str();
+  app.number("--memory-budget", options.memory_budget_mb, WholeRange{1, 1 << 24},
+             "MiB that one image may take to read; larger ones are refused before they are decoded")
+      ->capture_default_str();
+  app.number("--threads", options.threads, thread_range, "0: all")->capture_default_str();
 }
 
 Result<std::vector<fs::path>> image_files(const std::vector<fs::path>& paths) {
@@ -314,6 +332,7 @@ Result<Reading> read_all(const ReadingOptions& options, const std::optional<Owne
     reading.sources.key_created = key->created;
   }
   ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
   const Result<Done> read = options.model.empty() ? read_images(options, *decoder, executor, reading)
                                                   : read_renders(options, *decoder, executor, reading);
   if (!read) return read.error();

@@ -4,7 +4,6 @@
 // Reading messages: a decoder file with what the key adds to it, and the logits of images or of a model's renders.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/owner_key.hpp>
@@ -13,11 +12,12 @@
 #include <compmark/mark/stored_decoder.hpp>
 #include <cstddef>
 #include <filesystem>
-#include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "options.hpp"
 
 namespace tool {
 
@@ -26,12 +26,6 @@ using Decoder = compmark::StoredDecoder<float, compmark::WinogradOrDirect>;
 
 /// SHA-256 of a render's pixels in 8 bits, row by row.
 std::string pixels_sha256(compmark::ImageView<const float> image);
-/// An error if `output`, what is given by `option`, is another file of the same command, there or not yet: a key that is replaced by a
-/// report cannot be made again, nor a model by what was made of it. Empty paths are none.
-compmark::Result<compmark::Done> keep_inputs(const std::filesystem::path& output,
-                                             std::initializer_list<std::filesystem::path> others,
-                                             const char* option = "--json");
-
 /// Reads a key file and checks its payload; warns on stderr if others may read it.
 compmark::Result<compmark::OwnerKey> load_key(const std::filesystem::path& path);
 
@@ -52,12 +46,13 @@ struct ReadingOptions {
   std::filesystem::path unmarked;             ///< of a model: what it says by itself is subtracted; may be empty
   std::vector<std::filesystem::path> images;  ///< files and folders
   std::string split = "test";
-  std::size_t views = 0;   ///< at most so many, evenly spaced; 0: all
-  std::string background;  ///< behind transparent pixels of images: "white", "black" or empty
+  std::size_t views = 0;                ///< at most so many, evenly spaced; 0: all
+  std::string background;               ///< behind transparent pixels of images: "white", "black" or empty
+  std::size_t memory_budget_mb = 1400;  ///< of one image
   std::size_t threads = 0;
 };
-/// --decoder, --model, --unmarked, --images, --split, --views, --background, --threads
-void add_reading_options(CLI::App& app, ReadingOptions& options);
+/// --decoder, --model, --unmarked, --images, --split, --views, --background, --memory-budget, --threads
+void add_reading_options(Options& app, ReadingOptions& options);
 
 /// Files in the order they are read: a folder is its PNG and JPEG files by name.
 compmark::Result<std::vector<std::filesystem::path>> image_files(const std::vector<std::filesystem::path>& paths);

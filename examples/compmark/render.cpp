@@ -5,18 +5,24 @@
 #include <algorithm>
 #include <chrono>
 #include <compmark/core/thread_executor.hpp>
+#include <compmark/io/file_identity.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/metric/rounding.hpp>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 #include "effects.hpp"
+#include "run_folder.hpp"
+#include "view_files.hpp"
 
 namespace tool {
 namespace {
@@ -33,20 +39,33 @@ struct RenderOptions {
   std::size_t threads = 0;
 };
 
-std::string file_name(std::string name) {
-  for (char& c : name) {
-    if (c == '/' || c == '\\' || c == ':') c = '_';
+/// That no render takes the place of what is read, and that none lies among the photographs.
+Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::filesystem::path>& files,
+                           const std::optional<Dataset>& dataset) {
+  FileUse use;
+  use.read(options.model, "--model", InputKind::model);
+  use.read(options.data, "--data", InputKind::dataset);
+  for (const std::filesystem::path& file : files) use.write(file, "--out");
+  if (Result<Done> safe = check_file_use(use); !safe || !dataset) return safe;
+  std::set<std::filesystem::path> folders;
+  for (const View& view : dataset->views) {
+    for (const std::filesystem::path& path : {view.image_path, view.mask_path}) {
+      if (!path.empty()) folders.insert(path.parent_path());
+    }
   }
-  const std::size_t dot = name.find_last_of('.');
-  if (dot != std::string::npos && dot + 5 >= name.size()) name.resize(dot);
-  while (!name.empty() && (name.front() == '.' || name.front() == '_')) name.erase(name.begin());
-  return name.empty() ? "view" : name;
+  for (const std::filesystem::path& folder : folders) {
+    if (!same_file(folder, options.out)) continue;
+    return Error{ErrorKind::invalid, options.out.string(), "--out", "is the folder of photographs that --data reads",
+                 "choose another, renders among them would be taken for photographs"};
+  }
+  return Done{};
 }
 
 int run(const RenderOptions& options) {
   Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
   if (!model) return fail(model.error());
   std::vector<StoredView> views = (*model)->info.views;
+  std::optional<Dataset> opened;
   if (!options.data.empty()) {
     DatasetSettings settings = settings_of((*model)->info);
     settings.downscale = options.downscale;
@@ -54,6 +73,7 @@ int run(const RenderOptions& options) {
     if (!dataset) return fail(dataset.error());
     views.clear();
     for (const View& view : dataset->views) views.push_back(stored_view(view));
+    opened = std::move(*dataset);
   } else if (options.downscale != 1) {
     for (StoredView& view : views) {
       view.camera = view.camera.resized(std::max(1, static_cast<int>(view.camera.width / options.downscale)),
@@ -67,50 +87,68 @@ int run(const RenderOptions& options) {
                    options.data.empty() ? "compmark info --views lists them" : "give a name of this dataset"});
     }
   }
-  std::erase_if(views, [&](const StoredView& view) {
+  // Of all views, so that a view has one name whichever are rendered.
+  std::vector<std::string> called;
+  for (const StoredView& view : views) called.push_back(view.name);
+  const std::vector<std::string> names = view_files(called);
+  std::vector<std::pair<StoredView, std::filesystem::path>> wanted;
+  for (std::size_t i = 0; i < views.size(); ++i) wanted.emplace_back(views[i], options.out / names[i]);
+  std::erase_if(wanted, [&](const auto& entry) {
+    const StoredView& view = entry.first;
     if (!options.names.empty())
       return std::find(options.names.begin(), options.names.end(), view.name) == options.names.end();
     return options.split == "test" ? !view.test : options.split == "train" ? view.test : false;
   });
-  if (views.empty()) {
+  if (wanted.empty()) {
     return fail({ErrorKind::invalid, options.model.string(), "--split", "\"" + options.split + "\" selects no view",
                  "compmark info --views lists what there is, and --data takes the cameras of a dataset"});
   }
-  if (Result<Done> folder = make_folder(options.out); !folder) return fail(folder.error());
+  std::vector<std::filesystem::path> files;
+  for (const auto& [view, file] : wanted) files.push_back(file);
+  if (Result<Done> safe = check_outputs(options, files, opened); !safe) return fail(safe.error());
+  const Result<std::shared_ptr<const void>> held = hold_folder(options.out);
+  if (!held) return fail(held.error());
+  for (const auto& [view, file] : wanted) {
+    if (file.stem().string() == view_stem(view.name)) continue;
+    std::fprintf(stderr, "compmark: note: view \"%s\" is written as %s: another view has the name without its ending\n",
+                 view.name.c_str(), file.filename().string().c_str());
+  }
 
   ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
   std::vector<double> milliseconds;
-  for (const StoredView& view : views) {
+  for (const auto& [view, path] : wanted) {
     const auto begin = std::chrono::steady_clock::now();
     const Result<RenderedView> render = (*model)->render(view.camera, view.lens, executor);
     if (!render) return fail(render.error());
     const RenderedView& rendered = *render;
     milliseconds.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
     round_to_8bit<float>(rendered.image, rendered.image);
-    const std::filesystem::path path = options.out / (file_name(view.name) + ".png");
     if (Result<Done> written = write_png(path, rendered.image); !written) return fail(written.error());
   }
   std::sort(milliseconds.begin(), milliseconds.end());
-  std::printf("%zu views in %s, median %.1f ms a view\n", views.size(), options.out.string().c_str(),
+  std::printf("%zu views in %s, median %.1f ms a view\n", wanted.size(), options.out.string().c_str(),
               milliseconds[milliseconds.size() / 2]);
   return success;
 }
 
 }  // namespace
 
-Command add_render(CLI::App& app) {
+Command add_render(Options& app) {
   auto options = std::make_shared<RenderOptions>();
-  app.add_option("--model", options->model, "model.safetensors of a run, or a compressed .cmk")->required();
-  app.add_option("--out", options->out, "folder for the PNG images")->required();
-  app.add_option("--data", options->data, "take the cameras from this dataset instead of from the model");
-  app.add_option("--split", options->split, "test, train or all")
+  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
+      ->required();
+  app.writes_into("--out", options->out, "folder for the PNG images")->required();
+  app.reads("--data", options->data, InputKind::dataset,
+            "take the cameras from this dataset instead of from the model");
+  app.word("--split", options->split, "test, train or all")
       ->capture_default_str()
       ->check(CLI::IsMember({"test", "train", "all"}));
-  app.add_option("--view", options->names, "names of the views to render (default: the whole split)");
-  app.add_option("--downscale", options->downscale, "divide the images' size by this")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 64.0));
-  app.add_option("--threads", options->threads, "0: all")->capture_default_str();
+  app.words("--view", options->names, "names of the views to render (default: the whole split)");
+  app.number("--downscale", options->downscale, downscale_range, "divide the images' size by this")
+      ->capture_default_str();
+  app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
+  app.also([](FileUse&) {});  // the names come with the views: check_outputs
   return [options]() -> int { return run(*options); };
 }
 

@@ -50,7 +50,7 @@ struct ReportView {
 /// The log of one run: of a training, or of what was done to its model afterwards.
 struct ReportCurve {
   std::string heading;
-  std::vector<ProgressLine> lines;  ///< Progress::history() or read_progress_log()
+  std::vector<ProgressLine> lines;  ///< Progress::curve() or read_progress_log()
   bool beside_host = false;  ///< a mark learned beside a finished model: its PSNR is that against the unmarked renders
   std::string page{};        ///< address of the run's own page, relative to this one; empty: it is this one
 };

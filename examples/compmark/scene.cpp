@@ -11,21 +11,22 @@
 
 namespace tool {
 
-Command add_scene(CLI::App& app) {
-  struct Options {
+Command add_scene(Options& app) {
+  struct Told {
     std::filesystem::path out;
     compmark::ProceduralSettings scene;
   };
-  auto options = std::make_shared<Options>();
-  app.add_option("--out", options->out, "folder to write (Blender format: transforms_*.json and PNG images)")
+  auto options = std::make_shared<Told>();
+  app.writes_into("--out", options->out, "folder to write (Blender format: transforms_*.json and PNG images)")
       ->required();
-  app.add_option("--width", options->scene.width, "pixels")->capture_default_str()->check(CLI::Range(8, 4096));
-  app.add_option("--height", options->scene.height, "pixels")->capture_default_str()->check(CLI::Range(8, 4096));
-  app.add_option("--train", options->scene.views_train, "training views")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 10000));
-  app.add_option("--test", options->scene.views_test, "test views")->capture_default_str()->check(CLI::Range(0, 10000));
-  app.add_option("--seed", options->scene.seed, "seed of camera positions and textures")->capture_default_str();
+  app.number("--width", options->scene.width, WholeRange{8, 4096}, "pixels")->capture_default_str();
+  app.number("--height", options->scene.height, WholeRange{8, 4096}, "pixels")->capture_default_str();
+  app.number("--train", options->scene.views_train, WholeRange{1, 10000}, "training views")->capture_default_str();
+  app.number("--test", options->scene.views_test, WholeRange{0, 10000}, "test views")->capture_default_str();
+  app.number("--seed", options->scene.seed, any_seed, "seed of camera positions and textures")->capture_default_str();
+  app.also([options](FileUse& use) {
+    use.write_in(options->out, {"transforms_train.json", "transforms_test.json"}, "--out");
+  });
   return [options]() -> int {
     if (auto folder = make_folder(options->out); !folder) return fail(folder.error());
     if (auto written = compmark::write_procedural_scene(options->out, options->scene); !written)

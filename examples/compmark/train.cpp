@@ -21,9 +21,11 @@
 
 #include "commands.hpp"
 #include "effects.hpp"
+#include "mark_record.hpp"
 #include "presets.hpp"
 #include "recipe_list.hpp"
 #include "results.hpp"
+#include "run_folder.hpp"
 #include "train_coded.hpp"
 #include "train_marked.hpp"
 #include "train_recipe.hpp"
@@ -265,7 +267,7 @@ Result<bool> host_is_finished(const TrainOptions& host, const TrainSettings& set
 
 /// The whole training as if there were no mark, into a folder of its own, and then the mark beside it: with the decoder fitted in between, and
 /// the unmarked model kept.
-int train_then_mark(const TrainOptions& options, const TrainSettings& settings) {
+int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   // What is wrong is said before hours of work.
   const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return fail(key.error());
@@ -275,12 +277,23 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
   if (Result<Done> fits = check_to_fit(options.mark); !fits) return fail(fits.error());
   const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
-  if (!options.resume && std::filesystem::exists(options.out / "decoder.safetensors")) {
-    return fail({ErrorKind::invalid, (options.out / "decoder.safetensors").string(), "--out",
-                 "holds the decoder of an earlier run", "keep it: choose another --out, or go on with --resume"});
+  const std::filesystem::path decoder = options.out / "decoder.safetensors";
+  if (!options.resume && !options.force && std::filesystem::exists(decoder)) {
+    return fail({ErrorKind::invalid, decoder.string(), "--out", "holds the decoder of an earlier run",
+                 "keep it: choose another --out, go on with --resume, or move it aside with --force"});
+  }
+  if (Result<Done> free = check_unfinished(options.out / unmarked_folder, options.resume || options.force); !free)
+    return fail(free.error());
+  Result<std::shared_ptr<const void>> held = hold_folder(options.out);
+  if (!held) return fail(held.error());
+  options.folder = std::move(*held);
+  warn_of_record(options.mark.key, options.out);
+  if (options.force && !options.resume) {
+    if (Result<Done> moved = move_decoder_aside(decoder); !moved) return fail(moved.error());
   }
   TrainOptions host = options;
   host.mark = {};
+  host.folder.reset();  // its own
   host.out = options.out / unmarked_folder;
   host.json_log.clear();  // its own: host.out/log.jsonl
   const Result<bool> finished = options.resume ? host_is_finished(host, settings) : false;
@@ -302,7 +315,7 @@ int train_then_mark(const TrainOptions& options, const TrainSettings& settings) 
 }
 
 /// What --preset says of the options that were not given.
-void apply_preset(const CLI::App& app, TrainOptions& options) {
+void apply_preset(const Options& app, TrainOptions& options) {
   for (const Preset& preset : presets) {
     if (options.preset != preset.name) continue;
     if (app.count("--iterations") == 0) options.iterations = preset.iterations;
@@ -313,82 +326,91 @@ void apply_preset(const CLI::App& app, TrainOptions& options) {
 
 }  // namespace
 
-Command add_train(CLI::App& app) {
+Command add_train(Options& app) {
   auto options = std::make_shared<TrainOptions>();
-  app.add_option("--data", options->data, "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+  app.reads("--data", options->data, InputKind::dataset,
+            "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
       ->required();
-  app.add_option("--out", options->out, "folder for the model, results.json and report.html")->required();
-  app.add_option("--recipe", options->recipe,
-                 "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
-                 "+fisheye, +exposure, "
-                 "+exposure+mask, +farfield or +exposure+farfield), hac or context_gs (with +mask, +alpha or "
-                 "+exposure), compmark-host or "
-                 "compmark-paper-host (default: "
-                 "what the data call for, or the profile's)");
-  app.add_option("--codec", options->codec, "train for a small file: none, hac or context_gs; writes model.cmk too")
+  app.writes_into("--out", options->out, "folder for the model, results.json and report.html")->required();
+  app.word("--recipe", options->recipe,
+           "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
+           "+fisheye, +exposure, "
+           "+exposure+mask, +farfield or +exposure+farfield), hac or context_gs (with +mask, +alpha or "
+           "+exposure), compmark-host or "
+           "compmark-paper-host (default: "
+           "what the data call for, or the profile's)");
+  app.word("--codec", options->codec, "train for a small file: none, hac or context_gs; writes model.cmk too")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "hac", "context_gs"}));
-  app.add_flag("--for-fit-codec", options->for_fit_codec,
-               "leave out effects that a codec which is fitted afterwards (compmark fit-codec) does not know");
-  app.add_option("--lambda", options->rate_lambda,
-                 "with a codec: loss of one bit more a scalar; 0.0005 for quality to 0.004 for size")
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--profile", options->profile,
-                 "hyper-parameters: scaffold, hac, or the published method as its program (official) or its text "
-                 "(paper) has it, "
-                 "whose mark trains with the scene (--decoder)")
+  app.flag("--for-fit-codec", options->for_fit_codec,
+           "leave out effects that a codec which is fitted afterwards (compmark fit-codec) does not know");
+  app.number("--lambda", options->rate_lambda, share_range,
+             "with a codec: loss of one bit more a scalar; 0.0005 for quality to 0.004 for size")
       ->capture_default_str();
-  app.add_option("--iterations", options->iterations, "length of the run; every phase scales with it")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+  app.word("--profile", options->profile,
+           "hyper-parameters: scaffold, hac, or the published method as its program (official) or its text "
+           "(paper) has it, "
+           "whose mark trains with the scene (--decoder)")
+      ->capture_default_str();
+  app.number("--iterations", options->iterations, run_length, "length of the run; every phase scales with it")
+      ->capture_default_str();
   std::vector<std::string> preset_names;
   for (const Preset& preset : presets) preset_names.emplace_back(preset.name);
-  app.add_option(
-         "--preset", options->preset,
-         "draft, standard or best: --iterations, --lambda and --mark-iterations by what there is time for; what "
-         "is given beside it holds")
+  app.word("--preset", options->preset,
+           "draft, standard or best: --iterations, --lambda and --mark-iterations by what there is time for; what "
+           "is given beside it holds")
       ->check(CLI::IsMember(preset_names));
-  app.add_option("--downscale", options->downscale, "divide the images' size by this")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 64.0));
-  app.add_option("--seed", options->seed, "seed of every random number (default: the profile's)");
-  app.add_option("--threads", options->threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--max-anchors", options->max_anchors, "never more anchors than this; 0: no limit")
+  app.number("--downscale", options->downscale, downscale_range, "divide the images' size by this")
       ->capture_default_str();
-  app.add_option("--memory-budget", options->memory_budget_mb,
-                 "MiB for decoded images; 0: a default that suits most scenes")
+  app.number("--seed", options->seed, any_seed, "seed of every random number (default: the profile's)");
+  app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
-  app.add_option("--checkpoint-every", options->checkpoint_every, "iterations between checkpoints")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  app.add_option(
-         "--voxel-size", options->voxel_size,
+  app.number("--max-anchors", options->max_anchors, any_count, "never more anchors than this; 0: no limit")
+      ->capture_default_str();
+  app.number("--memory-budget", options->memory_budget_mb, WholeRange{0, 1 << 24},
+             "MiB for decoded images; 0: a default that suits most scenes")
+      ->capture_default_str();
+  app.number("--checkpoint-every", options->checkpoint_every, run_length, "iterations between checkpoints")
+      ->capture_default_str();
+  app.number(
+         "--voxel-size", options->voxel_size, RealRange{-1e9, 1e9},
          "in the lengths of the dataset's files; 0 or less: median nearest-neighbour distance (default: the profile's)")
       ->each([options](const std::string&) { options->voxel_size_given = true; });
-  app.add_option("--background", options->background, "black or white (default black), behind transparent images");
-  app.add_option("--effects", options->effects,
-                 "auto (what the data call for: see compmark probe), none, or names with commas; chooses the recipe")
+  app.word("--background", options->background, "black or white (default black), behind transparent images");
+  app.word("--effects", options->effects,
+           "auto (what the data call for: see compmark probe), none, or names with commas; chooses the recipe")
       ->capture_default_str();
-  app.add_option(
-         "--lens", options->lens,
-         "undistort (images are resampled once, on load), project (images stay, Gaussians are projected through "
-         "the lens) or ignore")
+  app.word("--lens", options->lens,
+           "undistort (images are resampled once, on load), project (images stay, Gaussians are projected through "
+           "the lens) or ignore")
       ->capture_default_str()
       ->check(CLI::IsMember({"undistort", "project", "ignore"}));
-  app.add_flag("--resume", options->resume, "continue the run in --out from its checkpoint");
-  app.add_option("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
-  app.add_option("--lpips-alex", options->lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
-  app.add_option("--lpips-squeeze", options->lpips.squeeze, "LPIPS weights (safetensors) to report lpips_squeeze");
-  app.add_flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
+  app.flag("--resume", options->resume, "continue the run in --out from its checkpoint");
+  app.flag("--force", options->force, "replace a finished run in --out");
+  app.writes("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.reads("--lpips-alex", options->lpips.alex, InputKind::weights,
+            "LPIPS weights (safetensors) to report lpips_alex");
+  app.reads("--lpips-squeeze", options->lpips.squeeze, InputKind::weights,
+            "LPIPS weights (safetensors) to report lpips_squeeze");
+  app.flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
   add_mark_options(app, options->mark, false);
-  app.add_option(
-         "--mark-iterations", options->mark_iterations,
-         "without --decoder: length of the run that hides the message after the training (default: 2000; with a "
-         "codec 4000)")
-      ->check(CLI::PositiveNumber);
+  app.number("--mark-iterations", options->mark_iterations, run_length,
+             "without --decoder: length of the run that hides the message after the training (default: 2000; with a "
+             "codec 4000)");
+  app.also([options](FileUse& use) {
+    add_run_files(use, *options, options->out);
+    add_record_written(use, options->mark.key);
+    if (marks_afterwards(*options)) {
+      add_run_files(use, *options, options->out / unmarked_folder);
+      use.write_in(options->out, {"decoder.safetensors", "decoder.json", "unmarked.cmk"}, "--out");
+    } else if (options->mark.wanted() && options->mark.twin.empty()) {
+      use.write(options->out / "unmarked.safetensors", "--out");
+    }
+  });
   return [options, &app]() -> int {
     apply_preset(app, *options);
+    if (Result<Done> free = check_unfinished(options->out, options->resume || options->force); !free)
+      return fail(free.error());
     const bool coded = options->codec != "none" || is_coded_recipe(options->recipe);
     if (coded && options->profile == "scaffold") options->profile = "hac";
     std::optional<TrainSettings> settings = profile_settings(options->profile);

@@ -77,12 +77,10 @@ std::vector<ReportCurve> run_curves(const RunFindings& f, std::optional<HostRun>
   if (host)
     curves.push_back({marks(f) ? "Training of the unmarked model" : "Training of the model that was compressed",
                       std::move(host->lines), false, host->page});
-  Result<std::vector<ProgressLine>> log = read_progress_log(f.run.json_log);
-  if (!log) return curves;
   const char* const heading = !from_model ? (marks(f) ? "Training, with the message" : "Training")
                               : marks(f)  ? "Hiding the message"
                                           : "Fitting the codec";
-  curves.push_back({heading, std::move(*log), from_model && marks(f) && f.run.settings.mark.fidelity > 0});
+  curves.push_back({heading, f.end.curve, from_model && marks(f) && f.run.settings.mark.fidelity > 0});
   return curves;
 }
 

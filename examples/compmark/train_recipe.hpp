@@ -147,6 +147,11 @@ struct SourceRecipe<R> {
   using Type = typename R::Host;
 };
 
+/// The exit code of a run that ended with `code`: a log that is not whole is said, after everything else was written.
+inline int with_log(const Progress& progress, int code) {
+  return code == success && progress.log_failure() ? fail(*progress.log_failure()) : code;
+}
+
 /// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which holds one already.
 template <class R>
 int run(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark = nullptr) {
@@ -154,6 +159,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   constexpr bool is_marked = present<typename R::MessageDecoder>;
   constexpr bool is_fitted = requires { R::is_fitted; };
   ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
 
   TrainSettings wanted = settings;
   std::optional<LoadedModel<Source>> loaded;  // of embed and fit-codec
@@ -173,7 +179,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   }
   constexpr RunNeeds needs{present<typename R::Space>,
                            present<typename R::Background> || present<typename R::AlphaLoss>};
-  Result<std::unique_ptr<RunData>> opened = open_run(options, std::move(wanted), needs, source, mark);
+  Result<std::unique_ptr<RunData>> opened = open_run(options, std::move(wanted), needs, source);
   if (!opened) return fail(opened.error());
   RunData& data = **opened;
   Result<LensViews<RecipeLens<R>>> with_cameras = lens_views<RecipeLens<R>>(data.train);
@@ -252,6 +258,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   end.train_seconds = observer.seconds();
   end.peak_memory_mb = peak_memory_mb();
   end.anchors = trainer.model().anchor_count();
+  end.curve = progress->curve();
   end.voxel_size = trainer.model().voxel_size;
   const auto keep = [&](const auto& model) -> Result<Done> {
     if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
@@ -278,10 +285,10 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
       if (Result<Done> written = write_model(with_twin.twin, host_alone(trainer.model()), data.info); !written) {
         return fail(written.error());
       }
-      return finish_run(options, data, end, &with_twin, executor);
+      return with_log(*progress, finish_run(options, data, end, &with_twin, executor));
     }
   }
-  return finish_run(options, data, end, mark, executor);
+  return with_log(*progress, finish_run(options, data, end, mark, executor));
 }
 
 /// A run of a recipe for compression, with a message or without.

@@ -16,26 +16,38 @@
 #include "coded_run.hpp"
 #include "common.hpp"
 #include "effects.hpp"
+#include "mark_record.hpp"
 #include "report.hpp"
 #include "results.hpp"
+#include "run_folder.hpp"
 #include "train_page.hpp"
 
 namespace tool {
 
 using namespace compmark;
 
-void add_finished_model_options(CLI::App& app, TrainOptions& options) {
-  app.add_option("--downscale", options.downscale, "divide the images' size by this; as in the training")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 64.0));
-  app.add_option("--seed", options.seed, "seed of every random number (default: 0)");
-  app.add_option("--threads", options.threads, "0: all; the result is the same for any number")->capture_default_str();
-  app.add_option("--checkpoint-every", options.checkpoint_every, "iterations between checkpoints")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  app.add_flag("--resume", options.resume, "continue the run in --out from its checkpoint");
-  app.add_option("--json-log", options.json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
-  app.add_option("--lpips-alex", options.lpips.alex, "LPIPS weights (safetensors) to report lpips_alex");
+void add_finished_model_options(Options& app, TrainOptions& options) {
+  app.number("--downscale", options.downscale, downscale_range, "divide the images' size by this; as in the training")
+      ->capture_default_str();
+  app.number("--seed", options.seed, any_seed, "seed of every random number (default: 0)");
+  app.number("--threads", options.threads, thread_range, "0: all; the result is the same for any number")
+      ->capture_default_str();
+  app.number("--checkpoint-every", options.checkpoint_every, run_length, "iterations between checkpoints")
+      ->capture_default_str();
+  app.flag("--resume", options.resume, "continue the run in --out from its checkpoint");
+  app.flag("--force", options.force, "replace a finished run in --out");
+  app.writes("--json-log", options.json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.reads("--lpips-alex", options.lpips.alex, InputKind::weights, "LPIPS weights (safetensors) to report lpips_alex");
+}
+
+void add_run_files(FileUse& use, const TrainOptions& options, const std::filesystem::path& out) {
+  use.write_in(out, {"model.safetensors", "model.cmk", "checkpoint.safetensors", "results.json", "report.html"},
+               "--out");
+  if (options.json_log.empty() || out != options.out) use.write(out / "log.jsonl", "--out");
+  if (options.mark.wanted() && out == options.out) use.write_in(out, {"verification.json", "mark.json"}, "--out");
+  if (options.model.empty()) return;
+  const std::filesystem::path host = options.model.parent_path();  // its page's curves are shown again
+  for (const char* name : {"results.json", "log.jsonl"}) use.read(host / name, "--model (the run that it is of)");
 }
 
 Error unfinished_run(const std::filesystem::path& checkpoint) {
@@ -52,17 +64,11 @@ LensTreatment lens_treatment(const TrainOptions& options) {
 }
 
 Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSettings settings, const RunNeeds& needs,
-                                          const SourceModel& source, const MarkInput* mark) {
+                                          const SourceModel& source) {
   auto run = std::make_unique<RunData>();
   run->model = options.out / "model.safetensors";
   run->checkpoint = options.out / "checkpoint.safetensors";
   run->json_log = options.json_log.empty() ? options.out / "log.jsonl" : options.json_log;
-  for (const char* written : {"model.safetensors", "model.cmk"}) {
-    std::error_code none;
-    if (mark == nullptr || !std::filesystem::equivalent(mark->twin, options.out / written, none)) continue;
-    return Error{ErrorKind::invalid, mark->twin.string(), "--twin", "would be replaced by this run",
-                 "choose another --out, the unmarked model is worth keeping"};
-  }
   DatasetSettings& data_settings = run->data_settings;
   data_settings.downscale = options.downscale;
   data_settings.background = settings.background;
@@ -82,7 +88,13 @@ Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSett
   for (const std::string& warning : dataset.warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
   if (dataset.kind == "blender")
     settings.init_factor = 4;  // as all published scripts do for these scenes (method sheet, section 3.5)
-  if (Result<Done> folder = make_folder(options.out); !folder) return folder.error();
+  run->folder = options.folder;
+  if (!run->folder) {
+    Result<std::shared_ptr<const void>> held = hold_folder(options.out);
+    if (!held) return held.error();
+    run->folder = std::move(*held);
+  }
+  if (Result<Done> free = check_unfinished(options.out, options.resume || options.force); !free) return free.error();
 
   ImageStoreSettings store_settings;
   store_settings.keep_alpha = needs.alpha;
@@ -107,6 +119,7 @@ Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSett
 }
 
 Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceModel& source, const MarkInput* mark) {
+  if (mark != nullptr && !mark->read_only) warn_of_record(mark->key_file, options.out);
   if (run.train.size() == 0) {
     return Error{ErrorKind::invalid, options.data.string(), "train split", "holds no view",
                  "give at least one training image"};
@@ -146,6 +159,27 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
   if (source.info->unit != run.dataset.unit) return foreign("unit", "of the scene is another one in the data");
   return Done{};
 }
+
+namespace {
+
+/// Notes which decoder reads the mark of what this run wrote.
+Result<Done> keep_mark(const TrainOptions& options, const MarkInput& mark, const std::filesystem::path& model,
+                       const std::string& digest, bool coded) {
+  MarkRecord record;
+  record.key_id = mark.sources.key_id;
+  record.key_commitment = mark.sources.key_commitment;
+  record.decoder = {mark.sources.decoder, mark.sources.decoder_sha256};
+  record.decoder_tensors = mark.decoder_tensors;
+  record.models.push_back({model.filename().string(), digest});
+  if (coded) {
+    const Result<std::string> small = file_sha256(options.out / "model.cmk");
+    if (!small) return small.error();
+    record.models.push_back({"model.cmk", *small});
+  }
+  return keep_record(record, mark.key_file, options.out);
+}
+
+}  // namespace
 
 int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, const MarkInput* mark,
                ThreadExecutor& executor) {
@@ -222,6 +256,10 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
       json["payload"] = payload_text(mark->key, measured_mark->report.verification.read).json;
     if (Result<Done> written = write_json(options.out / "verification.json", json); !written)
       return fail(written.error());
+  }
+  if (mark != nullptr && !mark->read_only) {
+    if (Result<Done> kept = keep_mark(options, *mark, run.model, *digest, coded.has_value()); !kept)
+      return fail(kept.error());
   }
   const ReportInput page =
       run_page({options, run, end, results, *evaluation, mark, measured_mark, coded, has_test}, shown.pictures);

@@ -5,7 +5,6 @@
 // train_recipe.hpp.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <compmark/codec/codec_model.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
@@ -25,6 +24,8 @@
 #include "common.hpp"
 #include "evaluation.hpp"
 #include "mark_input.hpp"
+#include "options.hpp"
+#include "progress.hpp"
 
 namespace tool {
 
@@ -50,6 +51,8 @@ struct TrainOptions {
   std::vector<std::string> simulated;  ///< effects of the chosen recipe
   std::vector<std::string> notes;      ///< why it was chosen, to be shown when the run starts
   bool resume = false;
+  bool force = false;                  ///< over a finished run
+  std::shared_ptr<const void> folder;  ///< holds `out` against other runs (run_folder.hpp)
   std::filesystem::path json_log;
   LpipsFiles lpips;
   MarkOptions mark;
@@ -61,7 +64,10 @@ struct TrainOptions {
 };
 
 /// Options of a run that starts from a finished model, whatever it does with it.
-void add_finished_model_options(CLI::App& app, TrainOptions& options);
+void add_finished_model_options(Options& app, TrainOptions& options);
+
+/// What a run leaves in its folder, whatever it trains, and what of the run of the model that it starts from it looks at.
+void add_run_files(FileUse& use, const TrainOptions& options, const std::filesystem::path& out);
 
 /// What is said where a run without --resume would write over a checkpoint.
 [[nodiscard]] compmark::Error unfinished_run(const std::filesystem::path& checkpoint);
@@ -91,12 +97,12 @@ struct RunData {
   compmark::SceneExtent extent;
   compmark::TrainSettings settings;
   std::filesystem::path model, checkpoint, json_log;  ///< files of the run
+  std::shared_ptr<const void> folder;                 ///< as TrainOptions::folder, where nobody held it before
 };
 
 /// Opens the data and makes the run's folder; `settings` become those of these data.
 compmark::Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, compmark::TrainSettings settings,
-                                                    const RunNeeds& needs, const SourceModel& source,
-                                                    const MarkInput* mark);
+                                                    const RunNeeds& needs, const SourceModel& source);
 /// Decodes every image once, so that a bad one is named before hours of work, and compares the data with the source model's.
 compmark::Result<compmark::Done> check_run(const TrainOptions& options, RunData& run, const SourceModel& source,
                                            const MarkInput* mark);
@@ -107,6 +113,7 @@ struct RunEnd {
   double voxel_size = 0;
   double train_seconds = 0;
   double peak_memory_mb = 0;
+  std::vector<ProgressLine> curve;            ///< of this run, its sessions before included
   std::optional<compmark::CodecModel> coded;  ///< of a run for compression
 };
 /// Measures the model that was written, compresses it where `end` says so, reads the mark, writes results and report. Returns the exit code.

@@ -13,6 +13,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "mark_record.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -24,21 +25,22 @@ struct VerifyOptions {
   ReadingOptions reading;
   std::filesystem::path key;
   std::filesystem::path json;
+  bool any_decoder = false;
   double alpha = 1e-6;
   std::uint64_t tests = 1;
 };
 
 int run(const VerifyOptions& options) {
-  if (const Result<Done> kept = keep_inputs(
-          options.json, {options.key, options.reading.decoder, options.reading.model, options.reading.unmarked});
-      !kept)
-    return fail(kept.error());
   VerifySettings settings;
   settings.false_positive_rate = options.alpha;
   settings.tries = options.tests;
   if (const Result<Done> checked = check_settings(settings); !checked) return fail(checked.error());
   const Result<OwnerKey> key = load_key(options.key);
   if (!key) return fail(key.error());
+  if (!options.any_decoder) {
+    const Result<Done> recorded = check_recorded(options.key, *key, options.reading.decoder, options.reading.model);
+    if (!recorded) return fail(recorded.error());
+  }
   Result<Reading> reading = read_all(options.reading, *key);
   if (!reading) return fail(reading.error());
   Result<Verification> verification = verify_message(message_of(*key), reading->views, settings);
@@ -76,20 +78,24 @@ int run(const VerifyOptions& options) {
 
 }  // namespace
 
-Command add_verify(CLI::App& app) {
+Command add_verify(Options& app) {
   auto options = std::make_shared<VerifyOptions>();
-  app.add_option("--key", options->key, "the owner's key file (compmark keygen)")->required();
+  app.reads("--key", options->key, InputKind::key, "the owner's key file (compmark keygen)")->required();
   add_reading_options(app, options->reading);
-  app.add_option("--alpha", options->alpha, "false-positive rate you accept; choose it before you look")
+  app.number("--alpha", options->alpha, RealRange{0, 1, true},
+             "false-positive rate you accept; choose it before you look")
       ->capture_default_str();
-  app.add_option("--tests", options->tests,
-                 "how many tests are made in all: keys times crops times models; the p-value is multiplied by it")
+  app.number("--tests", options->tests, WholeRange{1, 1'000'000'000'000'000},
+             "how many tests are made in all: keys times crops times models; the p-value is multiplied by it")
       ->capture_default_str();
-  app.add_option("--json", options->json, "write the report to this file");
+  app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
+  app.flag("--any-decoder", options->any_decoder,
+           "read with this decoder although another one is on record for marks of this key (KEY.record)");
+  app.writes("--json", options->json, "write the report to this file");
   app.footer(
       "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive: tests times p is above --alpha but not above\n"
       "0.01, or no number of matches could reach --alpha with so few bits. The p-value is the probability that a key\n"
-      "drawn at random, without knowing the images, matches at least as well.");
+      "drawn at random, without knowing the images and the decoder, matches at least as well.");
   return [options]() -> int { return run(*options); };
 }
 

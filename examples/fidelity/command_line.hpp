@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "../compmark/numbers.hpp"
 #include "cell.hpp"
 #include "compmark/core/result.hpp"
 
@@ -28,7 +29,9 @@ inline int fail(const char* program, const Error& error) {
 inline void add_settings(CLI::App& app, Settings& settings, const fs::path& program) {
   if (const fs::path beside = program.parent_path() / "compmark"; fs::exists(beside)) settings.tool = beside;
   app.add_option("--out", settings.out, "folder of the run")->required();
-  app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")->capture_default_str();
+  app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")
+      ->capture_default_str()
+      ->check(tool::in_range(tool::thread_range));
   app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)");
   app.allow_extras();
 }
@@ -37,7 +40,7 @@ inline void add_settings(CLI::App& app, Settings& settings, const fs::path& prog
 inline void add_iterations(CLI::App& app, Settings& settings) {
   app.add_option("--iterations", settings.iterations, "length of every training; every phase scales with it")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(tool::in_range(tool::run_length));
 }
 inline void add_codecs(CLI::App& app, std::vector<std::string>& codecs) {
   app.add_option("--codecs", codecs, "of hac and context_gs")
@@ -46,7 +49,9 @@ inline void add_codecs(CLI::App& app, std::vector<std::string>& codecs) {
 }
 /// --bits, of the programs that hide a message.
 inline void add_bits(CLI::App& app, Settings& settings) {
-  app.add_option("--bits", settings.bits, "length of the message")->capture_default_str()->check(CLI::Range(16, 128));
+  app.add_option("--bits", settings.bits, "length of the message")
+      ->capture_default_str()
+      ->check(tool::in_range(tool::WholeRange{16, 128}));
 }
 
 /// The exit code where there is nothing to be run: help was asked for, or an option is wrong.
@@ -54,7 +59,9 @@ inline void add_bits(CLI::App& app, Settings& settings) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(error);
+    std::fprintf(stderr, "error: %s; --help says more\n", tool::parse_error_line(error).c_str());
+    return 2;
   }
   return std::nullopt;
 }

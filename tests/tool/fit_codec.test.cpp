@@ -150,7 +150,8 @@ TEST_CASE("tool: fit-codec keeps the exposures of a model that has them, and a m
   const std::string decoder = at("colours.safetensors");
   REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
   for (const std::string codec : {"context_gs", "hac"}) {
-    done("fit-codec --codec " + codec + " --model " + host + data + " --iterations 20 --out " + at("exposed_fitted"));
+    done("fit-codec --codec " + codec + " --model " + host + data + " --iterations 20 --force --out " +
+         at("exposed_fitted"));
     CHECK(json_of(at("exposed_fitted/results.json"))["recipe"] == codec + "+fitted+exposure");
     CHECK(same_model(host, fitted));
     CHECK(block(host, "exposure") == block(fitted, "exposure"));
@@ -172,7 +173,8 @@ TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as i
     CAPTURE(codec);
     const std::string host = at(codec + "_host"), model = host + "/model.safetensors", out = at(codec + "_marked");
     done(command(codec + "_host", "--codec " + codec));
-    done("fit --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --model " + model + " --out " + decoder);
+    done("fit --force --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --model " + model + " --out " +
+         decoder);
     done("embed --iterations 600 --fidelity 60 --message-rate 0.01 --model " + model + data + " --key " +
          at("owner.key") + " --decoder " + decoder + " --out " + out);
     const nlohmann::json results = json_of(out + "/results.json"), &compressed = results["compressed"];

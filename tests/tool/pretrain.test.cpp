@@ -119,7 +119,7 @@ TEST_CASE("tool/pretrain: waves of colour as they are drawn, and the same file a
   CHECK(decoder->settings().measure == LatticeMeasure::colour);
   CHECK(decoder->settings().features == 8);  // one a bit
   CHECK(decoder->bits() == 8);
-  REQUIRE(pretrain(drawn).code == 0);
+  REQUIRE(pretrain(drawn + " --force").code == 0);
   CHECK(file_bytes(at("colour.safetensors")) == one);
 }
 

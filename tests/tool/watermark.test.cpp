@@ -516,7 +516,8 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
   const std::string by_cost = embed + at("unmarked/model.safetensors") + " --draw-by-cost 1";
   testing::killed(by_cost, at("stopped-by-cost"));
   CHECK(finished(by_cost + " --resume", "stopped-by-cost") == finished(by_cost, "straight-by-cost"));
-  CHECK(finished(by_cost, "straight-by-cost") != finished(embed + at("unmarked/model.safetensors"), "straight-even"));
+  CHECK(json_of(at("straight-by-cost/results.json"))["model_sha256"].get<std::string>() !=
+        finished(embed + at("unmarked/model.safetensors"), "straight-even"));
   // The defaults with a decoder that was not fitted to the scene, said aloud.
   const std::string defaults = " --message-power 1 --message-rate 0.001 --fidelity 3000 --fidelity-fall 2";
   CHECK(finished(embed + at("unmarked/model.safetensors") + defaults + " --resume", "stopped-embed") ==
@@ -526,7 +527,7 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
 TEST_CASE("tool: bad input to a marked training is one line, and nothing is written") {
   const std::string common = "train --effects none --iterations 20 --data " + setting().scene + " --out " + at("none");
   check_refused(tool(common + " --key " + setting().key + " --codec hac --for-compression"), {"--decoder", "missing"});
-  check_refused(tool(common + " --key " + setting().key + " --tone nan"), {"--tone", "not a number"});
+  check_refused(tool(common + " --key " + setting().key + " --tone nan"), {"--tone", "is not a number"});
   check_refused(tool(common + " --key " + setting().key + " --codec hac --fidelity 0"), {"--fidelity", "--decoder"});
   check_refused(tool(common + " --key " + at("nowhere.key")), {"nowhere.key"});
   check_refused(tool(common + " --decoder " + setting().decoder), {"--key", "missing"});

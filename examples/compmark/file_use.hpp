@@ -1,0 +1,56 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a command reads and what it writes, and that no output is one of the others: by identity of the file, through links of either kind, for every
+// pair, before any work is done. A key that is replaced by a log cannot be made again.
+#pragma once
+
+#include <compmark/core/result.hpp>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace tool {
+
+/// What an option that is read may be.
+enum class InputKind {
+  model,          ///< model.safetensors or .cmk
+  trained_model,  ///< model.safetensors alone
+  compressed,     ///< .cmk alone
+  decoder,        ///< of messages
+  key,            ///< an owner's
+  images,         ///< files, or folders of them
+  dataset,        ///< a capture: its folder, or its transforms file
+  weights,        ///< of LPIPS
+  other,          ///< what no option names
+};
+
+struct UsedFile {
+  std::filesystem::path path;
+  std::string said;  ///< the option that names it, or what it is: for the error
+  InputKind kind = InputKind::other;
+};
+
+struct FileUse {
+  std::vector<UsedFile> reads;   ///< files, and folders of images or captures
+  std::vector<UsedFile> writes;  ///< files; the option of a folder stands for what is written into it
+
+  void read(std::filesystem::path path, std::string said, InputKind kind = InputKind::other) {
+    if (!path.empty()) reads.push_back({std::move(path), std::move(said), kind});
+  }
+  void write(std::filesystem::path path, std::string said) {
+    if (!path.empty()) writes.push_back({std::move(path), std::move(said), {}});
+  }
+  /// Files of these names in a folder.
+  void write_in(const std::filesystem::path& folder, std::initializer_list<const char*> names,
+                const std::string& said) {
+    for (const char* name : names) write(folder / name, said);
+  }
+};
+
+/// An error if an output is an input, another output, or a file of a folder that is read. Cost: a look at every file that is named; where an output is
+/// there already, at every name in the folders that are read.
+compmark::Result<compmark::Done> check_file_use(const FileUse& use);
+
+}  // namespace tool

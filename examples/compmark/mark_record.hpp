@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which decoder reads the marks of a key. Every mark that is hidden is noted: in mark.json of its run, and as a line of <key>.record beside the key,
+// which is appended to and never rewritten; the key file itself is left alone. Who reads later is told if the decoder is another one: a message that
+// is there would not be found, and no one would know why.
+#pragma once
+
+#include <compmark/core/result.hpp>
+#include <compmark/io/owner_key.hpp>
+#include <compmark/io/safetensors_reader.hpp>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "file_use.hpp"
+
+namespace tool {
+
+struct RecordedFile {
+  std::string name, sha256;
+};
+struct MarkRecord {
+  std::string key_id, key_commitment;
+  RecordedFile decoder;
+  std::string decoder_tensors;       ///< tensors_sha256
+  std::vector<RecordedFile> models;  ///< that hold the mark
+};
+
+/// SHA-256 of what a decoder computes with: of name, type, shape and numbers of every tensor, by name. Notes and other words are no part of it.
+std::string tensors_sha256(const compmark::SafetensorsFile& file);
+
+/// <key>.record beside the key file itself, links followed; empty for a key that is no file.
+std::filesystem::path key_record(const std::filesystem::path& key);
+void add_record_read(FileUse& use, const std::filesystem::path& key, const std::filesystem::path& model = {});
+void add_record_written(FileUse& use, const std::filesystem::path& key);
+
+/// Warns on stderr if a record could not be kept beside the key. To be asked before hours of work.
+void warn_of_record(const std::filesystem::path& key, const std::filesystem::path& run);
+/// Notes a mark in both places. The key's folder may be read-only, which is a warning; the run's may not.
+compmark::Result<compmark::Done> keep_record(const MarkRecord& record, const std::filesystem::path& key,
+                                             const std::filesystem::path& run);
+
+/// An error if marks of this key are on record, and none of them (of this model, where the record knows it; it may be empty) is read by this decoder.
+compmark::Result<compmark::Done> check_recorded(const std::filesystem::path& key_file, const compmark::OwnerKey& key,
+                                                const std::filesystem::path& decoder,
+                                                const std::filesystem::path& model = {});
+
+}  // namespace tool
