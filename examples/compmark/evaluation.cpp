@@ -36,17 +36,20 @@ double hide_uncounted(std::span<const float> weight, compmark::ImageView<const f
 double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<const float> target,
                     std::span<const float> weight) {
   if (weight.empty()) return compmark::psnr(image, target);
-  double squares = 0;
+  double squares = 0, light = 0, share = 0;  // of the pixels that count; of the others, by their weights
   std::size_t counted = 0;
   for (std::size_t i = 0; i < weight.size(); ++i) {
-    if (weight[i] < 0.5f) continue;
-    ++counted;
+    const bool counts = weight[i] >= 0.5f;
+    const double by = counts ? 1 : static_cast<double>(weight[i]);
+    counted += counts;
+    share += counts ? 0 : by;
     for (std::size_t c = 0; c < 3; ++c) {
       const double d = static_cast<double>(image.data[c * weight.size() + i]) - target.data[c * weight.size() + i];
-      squares += d * d;
+      (counts ? squares : light) += by * (d * d);
     }
   }
-  return counted == 0 ? std::nan("") : -10 * std::log10(squares / (3 * static_cast<double>(counted)));
+  if (counted == 0) return share > 0 ? -10 * std::log10(light / (3 * share)) : std::nan("");
+  return -10 * std::log10(squares / (3 * static_cast<double>(counted)));
 }
 
 compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,

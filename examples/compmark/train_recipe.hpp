@@ -6,6 +6,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <array>
 #include <chrono>
 #include <compmark/core/thread_executor.hpp>
@@ -57,8 +58,10 @@ struct TrainObserver {
   template <class TrainerType>
   bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
     // The PSNR of a training view costs a pass over the image: measured for every tenth iteration, the rate of the log.
-    if (report.iteration % 10 == 1 || report.iteration == report.total)
-      last_psnr = counted_psnr(trainer.image(), trainer.target(), trainer.weight());
+    if (report.iteration % 10 == 1 || report.iteration == report.total) {
+      const double psnr = counted_psnr(trainer.image(), trainer.target(), trainer.weight());
+      if (!std::isnan(psnr)) last_psnr = psnr;  // of a view of which nothing counts there is none
+    }
     ProgressLine line;
     line.iteration = report.iteration;
     line.total = report.total;

@@ -6,6 +6,7 @@
 #include <compmark/core/buffer.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
+#include <compmark/scene/check_weights.hpp>
 #include <compmark/scene/far_field.hpp>
 #include <compmark/scene/open.hpp>
 #include <cstdio>
@@ -137,6 +138,7 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
     if (Result<Done> loaded = run.train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
       return loaded.error();
   }
+  if (Result<Done> counted = check_weights(run.dataset, *run.store); !counted) return counted.error();
   if (mark != nullptr && !mark->twin.empty() &&
       (mark->twin_unit != run.dataset.unit || mark->twin_origin != run.dataset.origin)) {
     return Error{ErrorKind::invalid, mark->twin.string(), "--twin",

@@ -32,7 +32,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   Dataset dataset;
   const std::filesystem::path file = folder / "transforms.json";
-  const Result<Done> done = detail::append_frames(file, *json, Split::train, true, {}, {}, dataset);
+  std::vector<std::string> notes;
+  const std::vector<detail::FoundImage> images = detail::find_frame_images(folder, detail::frame_names(*json), notes);
+  const Result<Done> done = detail::append_frames(file, *json, Split::train, std::span(images), {}, dataset);
   if (!done) {
     if (done.error().line().empty()) std::abort();
     return 0;
@@ -41,6 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!std::isfinite(view.camera.fx) || !(view.camera.fx > 0) || !std::isfinite(view.camera.center_world[0]))
       std::abort();
   }
+  static_cast<void>(detail::leave_out_repeated(dataset, "fuzz"));
   static_cast<void>(detail::split_by_lists(file, *json, dataset));
   DatasetSettings few;
   few.random_points = 10;

@@ -221,3 +221,28 @@ TEST_CASE("scene/resize: what aliases under point sampling averages out") {
   resize_plane(stripes, {120, 1}, out, {24, 1});
   for (std::size_t i = 1; i < 23; ++i) CHECK(std::abs(out[i] - 100) <= 5);  // point sampling gives 0 or 200
 }
+
+TEST_CASE("scene/image_store: a photograph that decodes to more than the budget is refused before it is decoded") {
+  const TemporaryFolder folder;
+  put_image(folder.path() / "a.png", 16, 12);
+  Dataset dataset;
+  dataset.views.push_back({});
+  View& view = dataset.views[0];
+  view.image_path = folder.path() / "a.png";
+  view.camera.width = 16;
+  view.camera.height = 12;
+  view.file_width = view.file_height =
+      16000;  // 768 MB as three bytes a pixel; the file need not be that large to be refused
+  ImageStoreSettings settings;
+  settings.memory_budget_bytes = std::size_t{700} << 20;
+  const Result<const StoredImage*> refused = ImageStore(dataset, {}, settings).get(std::size_t{0});
+  REQUIRE(!refused.ok());
+  CHECK(names(refused.error(), "a.png", "image size", "--memory-budget"));
+  settings.memory_budget_bytes = std::size_t{800} << 20;
+  CHECK(ImageStore(dataset, {}, settings).get(std::size_t{0}).error().remedy.find("put back") ==
+        0);  // decoded: another size
+  settings.memory_budget_bytes = 1;
+  view.file_width = 16;
+  view.file_height = 12;
+  CHECK(ImageStore(dataset, {}, settings).get(std::size_t{0}).ok());  // ordinary photographs always are
+}

@@ -5,6 +5,7 @@
 #include <doctest/doctest.h>
 #include <compmark/scene/open.hpp>
 
+#include <algorithm>
 #include <string>
 
 #include "support/scene_files.hpp"
@@ -93,4 +94,34 @@ TEST_CASE(
   REQUIRE(explicitly.ok());
   for (const View& view : explicitly->views) CHECK(view.mask_path == folder.path() / "masks/a.png");
   CHECK(explicitly->warnings.empty());
+}
+
+TEST_CASE("scene/mask_lookup: masks under other names are found by their ends, and those of no image are said") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  const auto open = [&] {
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    return *dataset;
+  };
+  const auto said = [](const Dataset& dataset, const std::string& words) {
+    return std::any_of(dataset.warnings.begin(), dataset.warnings.end(),
+                       [&](const std::string& w) { return w.find(words) != std::string::npos; });
+  };
+  put_image(folder.path() / "Masks/b_mask.png", 16, 12, 1);
+  const Dataset named = open();
+  CHECK(named.views[1].mask_path == folder.path() / "Masks/b_mask.png");
+  CHECK(said(named, "b_mask.png is of \"train/b.png\""));
+  put_image(folder.path() / "Masks/other.png", 16, 12, 1);
+  put_image(folder.path() / "Masks/a_mask.png", 16, 12, 1);  // of train/a or of test/a
+  const Dataset undecided = open();
+  CHECK(undecided.views[0].mask_path.empty());
+  CHECK(undecided.views[2].mask_path.empty());
+  CHECK(said(undecided,
+             "2 masks in Masks belong to no image, or to more than one, and are not used, the first is a_mask.png"));
+  put_image(folder.path() / "Masks/train/mask-a.jpg.png", 16, 12, 1);
+  CHECK(open().views[0].mask_path == folder.path() / "Masks/train/mask-a.jpg.png");
+  CHECK(detail::without_mask_affix("x/A.Mask.PNG") == "x/A");
+  CHECK(detail::without_mask_affix("mask.png") == "mask");
+  CHECK(detail::without_mask_affix("a.b.png") == "a.b");
 }

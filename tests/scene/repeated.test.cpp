@@ -50,8 +50,8 @@ TEST_CASE("scene/repeated: a photograph copied under another name is said where 
   const Result<Dataset> copied = open_dataset(folder.path(), {});  // train/a and test/a are one picture
   REQUIRE(copied.ok());
   CHECK(copied->views.size() == 3);
-  CHECK(
-      has_words(*copied, "1 test photographs are training photographs under another name (\"./test/a\" is \"./train/a\")"));
+  CHECK(has_words(*copied,
+                  "1 test photographs are training photographs under another name (\"./test/a\" is \"./train/a\")"));
   put_image(folder.path() / "test/a.png", 16, 12, 4, 98);
   const Result<Dataset> different = open_dataset(folder.path(), {});
   REQUIRE(different.ok());

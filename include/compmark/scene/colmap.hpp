@@ -122,7 +122,9 @@ namespace detail {
   if (!place.others.empty()) {
     std::string text = model_folder.string() + ": the largest sub-model, with " + std::to_string(place.images) +
                        " images, is used; left out:";
-    for (const auto& [name, count] : place.others) text += " " + name + " with " + std::to_string(count);
+    for (std::size_t i = 0; i < std::min<std::size_t>(place.others.size(), 8); ++i)
+      text += " " + place.others[i].first + " with " + std::to_string(place.others[i].second);
+    if (place.others.size() > 8) text += " and " + std::to_string(place.others.size() - 8) + " others";
     dataset.warnings.push_back(text);
   }
   std::vector<const ColmapImage*> images;

@@ -3,10 +3,11 @@
 //
 // The images of a dataset, decoded when first asked for and kept in 8 bits within a memory budget; the least recently used go first.
 // What an image is made of, and in which order, says scene/decode.hpp. What the store delivers always has the size of the view's camera; a
-// file that no longer has the size it had when the dataset was opened is an Error.
+// file that no longer has the size it had when the dataset was opened is an Error, and so is one that would take more than the budget to decode.
 // Cost of a hit: O(1); of a miss: decoding (~20 ns a pixel) and resizing. The result never depends on the budget or on the order of use.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -64,6 +65,7 @@ class ImageStore {
       ++statistics_.hits;
       return &entry.image;
     }
+    if (Result<Done> fits = check_budget(entry.view); !fits) return fits.error();
     Result<StoredImage> image = decode_view(entry.view, {background_, settings_.alpha_rounding, settings_.filter,
                                                          settings_.alpha_mask, settings_.keep_alpha});
     if (!image) return image.error();
@@ -127,6 +129,19 @@ class ImageStore {
     StoredImage image;
     std::uint64_t last_use = 0;
   };
+
+  /// Photographs of ordinary cameras are always decoded; larger ones must fit into the budget, whatever size they are delivered in.
+  [[nodiscard]] Result<Done> check_budget(const View& view) const {
+    constexpr std::size_t ordinary = std::size_t{256} << 20;
+    const std::size_t bytes =
+        3 * static_cast<std::size_t>(view.file_width) * static_cast<std::size_t>(view.file_height);
+    if (bytes <= std::max(ordinary, settings_.memory_budget_bytes)) return Done{};
+    return Error{ErrorKind::exhausted, view.image_path.string(), "image size",
+                 "is " + std::to_string(view.file_width) + " x " + std::to_string(view.file_height) +
+                     " pixels, which take more than the memory budget of " +
+                     std::to_string(settings_.memory_budget_bytes >> 20) + " MB",
+                 "raise --memory-budget, or scale the photographs down"};
+  }
 
   static std::string key(const View& view) {
     return view.image_path.string() + '\n' + view.name + '\n' + std::to_string(view.camera.width) + 'x' +

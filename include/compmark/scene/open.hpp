@@ -9,14 +9,18 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/utf8.hpp"
 #include "compmark/scene/colmap.hpp"
 #include "compmark/scene/dataset.hpp"
+#include "compmark/scene/foreign.hpp"
+#include "compmark/scene/image_folder.hpp"
 #include "compmark/scene/llff.hpp"
 #include "compmark/scene/repeated.hpp"
 #include "compmark/scene/transforms.hpp"
@@ -39,6 +43,20 @@ namespace detail {
   return dataset;
 }
 
+/// The first folder below that holds a capture which can be opened; empty if there is none.
+[[nodiscard]] inline std::filesystem::path folder_of_capture(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> folders;
+  std::error_code status;
+  for (std::filesystem::directory_iterator i(folder, status), end; !status && i != end; i.increment(status)) {
+    if (folder_exists(i->path())) folders.push_back(i->path());
+  }
+  std::sort(folders.begin(), folders.end());
+  const auto found = std::find_if(folders.begin(), folders.end(), [](const std::filesystem::path& inner) {
+    return is_colmap(inner) || is_llff(inner) || !find_transforms(inner).empty();
+  });
+  return found == folders.end() ? std::filesystem::path() : *found;
+}
+
 template <class Json>
 [[nodiscard]] Result<Dataset> open_by_kind(const std::filesystem::path& folder, const DatasetSettings& settings) {
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
@@ -53,8 +71,10 @@ template <class Json>
     return fail(ErrorKind::not_found, "", "there is no such folder", "check the path of the dataset");
   if (folder.extension() == ".json" && std::filesystem::is_regular_file(folder, status))
     return open_transforms<Json>(folder, settings);
-  if (!std::filesystem::is_directory(folder, status))
+  if (!std::filesystem::is_directory(folder, status)) {
+    if (const std::optional<Error> foreign = foreign_capture(folder)) return *foreign;
     return fail(ErrorKind::invalid, "", "is a file, not a folder", "give the folder of the dataset");
+  }
   if (std::filesystem::is_empty(folder, status) && !status)
     return fail(ErrorKind::not_found, "", "the folder is empty", "check the path of the dataset");
   if (status)
@@ -62,9 +82,29 @@ template <class Json>
   const std::filesystem::path transforms = find_transforms(folder);
   const bool blender = transforms.filename() == "transforms_train.json";
   const bool has_sparse = std::filesystem::is_directory(folder / "sparse", status);
-  if (is_colmap(folder) && (has_sparse || !blender)) return open_colmap(folder, settings);
+  if (is_colmap(folder) && (has_sparse || !blender)) {
+    Result<Dataset> dataset = open_colmap(folder, settings);
+    if (dataset && !transforms.empty()) {
+      dataset->warnings.push_back(transforms.string() +
+                                  ": is not used, as there is a COLMAP model beside it (name the file " +
+                                  "itself to use it)");
+    }
+    return dataset;
+  }
   if (!transforms.empty()) return open_transforms<Json>(transforms, settings);
   if (is_llff(folder)) return open_llff(folder, settings);
+  if (const std::filesystem::path inner = folder_of_capture(folder); !inner.empty()) {
+    return fail(ErrorKind::not_found, "",
+                "holds no capture itself, but its folder " + inner.filename().string() + " does",
+                "give " + inner.string());
+  }
+  if (const std::optional<Error> foreign = foreign_capture(folder)) return *foreign;
+  if (holds_images(folder)) {
+    return fail(
+        ErrorKind::not_found, "", "holds photographs, but no cameras",
+        "compute the cameras (colmap automatic_reconstructor, ns-process-data images), which writes sparse/0 or "
+        "transforms.json");
+  }
   return fail(
       ErrorKind::not_found, "",
       "holds neither a COLMAP model (sparse/0/images.bin or .txt) nor transforms_train.json, transforms.json or "

@@ -231,6 +231,8 @@ template <class Json = nlohmann::json>
   }
   const std::vector<detail::FoundImage> images = detail::find_frame_images(folder, names, notes);
   for (const std::string& note : notes) dataset.warnings.push_back(folder.string() + ": " + note);
+  if (const std::optional<std::string> note = detail::unused_sidecars(images); note && settings.masks)
+    dataset.warnings.push_back(folder.string() + ": " + *note);
   const std::span<const detail::FoundImage> all(images);
   Result<Done> done = detail::append_frames(file, *json, Split::train, all.first(own), settings, dataset);
   if (!done) return done.error();
@@ -265,6 +267,11 @@ template <class Json = nlohmann::json>
     Result<PrecisePoints> read = read_precise_points(point_file);
     if (!read) return read.error();
     points = std::move(*read);
+  } else if (point_file.empty() && !blender) {
+    for (const char* name : {"sparse_pc.ply", "points3d.ply", "points3D.ply", "pointcloud.ply", "point_cloud.ply"}) {
+      if (detail::file_exists(folder / name))
+        dataset.warnings.push_back((folder / name).string() + ": is not used, as no ply_file_path names it");
+    }
   } else if (!point_file.empty()) {
     dataset.warnings.push_back(file.string() + ": ply_file_path names \"" + point_file.string() +
                                "\", which is not there");

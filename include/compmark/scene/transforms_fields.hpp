@@ -31,10 +31,14 @@ enum class FieldUse {
 struct TransformsField {
   std::string_view name;
   FieldUse use;
-  std::string_view what;  ///< of a field that is not used: what it would mean
+  std::string_view what;         ///< of a field that is not used: what it would mean
+  std::string_view remedy = "";  ///< of one that is refused
 };
 
-inline constexpr std::array<TransformsField, 88> transforms_fields{{
+inline constexpr std::string_view transforms_axes =
+    "write camera-to-world matrices with x right, y up and the camera looking along -z";
+
+inline constexpr std::array<TransformsField, 93> transforms_fields{{
     {"frames", FieldUse::used, ""},
     {"file_path", FieldUse::used, ""},
     {"transform_matrix", FieldUse::used, ""},
@@ -79,8 +83,8 @@ inline constexpr std::array<TransformsField, 88> transforms_fields{{
     {"scale", FieldUse::harmless, ""},
     {"offset", FieldUse::harmless, ""},
     {"up", FieldUse::harmless, ""},
-    {"n_frames", FieldUse::harmless, ""},
     {"sharpness", FieldUse::harmless, ""},
+    {"importance_sampling", FieldUse::harmless, ""},
     {"applied_transform", FieldUse::harmless, ""},
     {"applied_scale", FieldUse::harmless, ""},
     {"orientation_override", FieldUse::harmless, ""},
@@ -121,8 +125,13 @@ inline constexpr std::array<TransformsField, 88> transforms_fields{{
     {"transform_matrix_end", FieldUse::warned, "the camera moves during the exposure"},
     {"time", FieldUse::warned, "the scene moves"},
     {"enable_ray_loading", FieldUse::warned, "rays of single pixels"},
-    {"from_na", FieldUse::refused, "says that the poses have other axes"},
-    {"from_mitsuba", FieldUse::refused, "says that the poses have other axes"},
+    {"n_frames", FieldUse::warned, "only so many frames are meant"},
+    {"envmap", FieldUse::warned, "surroundings at infinity"},
+    {"near", FieldUse::warned, "where the scene begins"},
+    {"far", FieldUse::warned, "where the scene ends"},
+    {"intrinsic_matrix", FieldUse::refused, "gives intrinsics as a matrix", "write them as fl_x, fl_y, cx and cy"},
+    {"from_na", FieldUse::refused, "says that the poses have other axes", transforms_axes},
+    {"normal_mts_args", FieldUse::refused, "says that the poses have the axes of Mitsuba", transforms_axes},
 }};
 
 namespace detail {
@@ -162,11 +171,12 @@ template <class Json>
         times.insert(item->dump());
       } else if (field == nullptr) {
         if (unknown.size() < 1000) unknown.insert(key);
-      } else if (says_nothing(*item)) {
+      } else if (says_nothing(*item) || (key == "n_frames" && item->is_number() &&
+                                         item->template get<double>() >= static_cast<double>(json["frames"].size()))) {
         continue;
       } else if (field->use == FieldUse::refused) {
         return Error{ErrorKind::unsupported, file, where + key, std::string(field->what) + ", which is not read",
-                     "write camera-to-world matrices with x right, y up and the camera looking along -z"};
+                     std::string(field->remedy)};
       } else {
         unused[field->what].insert(key);
       }

@@ -143,14 +143,22 @@ inline void say_notes(const ReaderNotes& notes, const std::string& source, LensT
     say(std::to_string(notes.missing) + " of " + std::to_string(notes.missing + notes.images) +
         " images are missing and left out, the first is \"" + notes.first_missing + "\"");
   }
+  const auto left = [](std::size_t named, std::size_t all) {
+    return all > named ? "; so are those of " + std::to_string(all - named) + " other sizes" : std::string();
+  };
+  std::size_t named = 0;
   for (const auto& [width, height, to_width, to_height] : notes.scaled) {
+    if (++named > 4) break;
     say("images of " + std::to_string(to_width) + " x " + std::to_string(to_height) + " pixels belong to cameras for " +
-        std::to_string(width) + " x " + std::to_string(height) + "; intrinsics are scaled");
+        std::to_string(width) + " x " + std::to_string(height) + "; intrinsics are scaled" +
+        (named == 4 ? left(named, notes.scaled.size()) : ""));
   }
+  named = 0;
   for (const auto& [width, height, to_width, to_height] : notes.assumed) {
+    if (++named > 4) break;
     say("w and h are missing, and the images found are smaller copies of " + std::to_string(to_width) + " x " +
         std::to_string(to_height) + " pixels; by what else the file says, the intrinsics are taken to be for " +
-        std::to_string(width) + " x " + std::to_string(height));
+        std::to_string(width) + " x " + std::to_string(height) + (named == 4 ? left(named, notes.assumed.size()) : ""));
   }
   if (notes.sixteen_bit > 0)
     say(std::to_string(notes.sixteen_bit) + of + "have 16 bits a channel, of which the upper 8 are used");
