@@ -69,7 +69,7 @@ void add_mark_options(Options& app, MarkOptions& options, bool required) {
 }
 
 bool fitted_decoder(const std::filesystem::path& path) {
-  const Result<SafetensorsFile> file = read_safetensors(path);
+  const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
   return file && file->metadata.contains("centres");
 }
 

@@ -291,7 +291,7 @@ int run(PretrainOptions& options) {
   PretrainState<float> state;
   trainer.prepare(train, options.bits, state);
   if (resuming) {
-    const Result<SafetensorsFile> file = read_safetensors(checkpoint);
+    const Result<SafetensorsFile> file = read_safetensors(checkpoint, FileKind::decoder_training);
     if (!file) return fail(file.error());
     if (Result<Done> read = read_pretrain_state(*file, identity, arena, moments, state); !read)
       return fail(read.error());

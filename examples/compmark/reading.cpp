@@ -231,7 +231,7 @@ Result<OwnerKey> load_key(const fs::path& path) {
 }
 
 Result<Decoder> load_decoder(const fs::path& path, const OwnerKey* key) {
-  const Result<SafetensorsFile> file = read_safetensors(path);
+  const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
   if (!file) return file.error();
   std::vector<double> carriers;
   const auto kind = file->metadata.find("kind");

@@ -73,6 +73,7 @@
 #include "compmark/io/bytes.hpp"
 #include "compmark/io/crc32c.hpp"
 #include "compmark/io/file_identity.hpp"
+#include "compmark/io/file_kind.hpp"
 #include "compmark/io/folder_lock.hpp"
 #include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/image_file.hpp"

@@ -312,7 +312,7 @@ TEST_CASE("scene/transforms: bad input is named by file, field and remedy") {
   CHECK(names(error(transforms_text(frame_text("train/missing"))), file, "frames[0].file_path", "add the image"));
   CHECK(error(transforms_text(frame_text("train/missing"))).kind == ErrorKind::not_found);
   put(folder.path() / "train/a.png", "not a picture");
-  CHECK(names(error(transforms_text(frame_text("train/a"))), "a.png", "", "convert it to PNG"));
+  CHECK(names(error(transforms_text(frame_text("train/a"))), "a.png", "", "PNG or JPEG"));
   put(folder.path() / "train/a.png", "");
   CHECK(names(error(transforms_text(frame_text("train/a"))), "a.png", "", "copy it again"));
 }

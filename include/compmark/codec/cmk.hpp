@@ -17,6 +17,7 @@
 #include "compmark/codec/hac_decoder.hpp"
 #include "compmark/codec/hac_encoder.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/file_kind.hpp"
 
 namespace compmark::inline v0 {
 
@@ -52,7 +53,12 @@ template <Executor E>
 template <Executor E>
 [[nodiscard]] Result<CodecDecoded> read_cmk(const std::filesystem::path& path, const CodecDecodeSettings& settings,
                                             E& executor) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, settings.memory_limit);
+  // What begins as a .cmk nearly does may be one that was copied as text: the parser's to judge.
+  const auto fits = [](FileKind kind, std::span<const std::byte> head) {
+    return kind == FileKind::cmk || (head.size() > 4 && head[1] == std::byte{'C'} && head[2] == std::byte{'M'});
+  };
+  const Result<std::vector<std::byte>> bytes =
+      read_file_of(path, settings.memory_limit, "a compressed model (.cmk)", fits);
   if (!bytes) return bytes.error();
   return decode_cmk(*bytes, path.string(), settings, executor);
 }

@@ -12,6 +12,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -20,6 +21,7 @@
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/detail/stb.hpp"
 #include "compmark/io/exif.hpp"
+#include "compmark/io/file_kind.hpp"
 
 namespace compmark::inline v0 {
 
@@ -95,6 +97,7 @@ namespace detail {
   return pixels > static_cast<double>(image_pixel_limit);
 }
 
+inline constexpr std::string_view image_kinds = "a PNG or JPEG image";
 inline Error image_error(ErrorKind kind, const std::string& name, std::string problem, std::string remedy) {
   return {kind, name, "", std::move(problem), std::move(remedy)};
 }
@@ -113,6 +116,9 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
       return detail::image_error(ErrorKind::exhausted, name, "has more pixels than are allowed",
                                  "scale it down below 256 megapixels");
     }
+    const FileKind kind = identify_bytes(bytes, bytes.size());
+    if (tells_kind(kind) && kind != FileKind::png && kind != FileKind::jpeg)
+      return wrong_kind(kind, name, detail::image_kinds);
     return detail::image_error(ErrorKind::unreadable, name, "is not an image that can be read",
                                "convert it to PNG or JPEG");
   }
@@ -158,15 +164,23 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
   return image;
 }
 
+namespace detail {
+[[nodiscard]] inline Result<std::vector<std::byte>> read_image_file(const std::filesystem::path& path) {
+  return read_file_of(path, image_file_limit, image_kinds, [](FileKind kind, std::span<const std::byte>) {
+    return kind == FileKind::png || kind == FileKind::jpeg;
+  });
+}
+}  // namespace detail
+
 /// Size and channels of a file. Reads the whole file: on a warm disk cache ~0.1 ms a megabyte.
 [[nodiscard]] inline Result<ImageInfo> read_image_info(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, image_file_limit);
+  const Result<std::vector<std::byte>> bytes = detail::read_image_file(path);
   if (!bytes) return bytes.error();
   return decode_image_info(*bytes, path.string());
 }
 
 [[nodiscard]] inline Result<ImageBytes> read_image(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, image_file_limit);
+  const Result<std::vector<std::byte>> bytes = detail::read_image_file(path);
   if (!bytes) return bytes.error();
   return decode_image(*bytes, path.string());
 }

@@ -20,6 +20,7 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/file_kind.hpp"
 
 namespace compmark::inline v0 {
 
@@ -29,10 +30,11 @@ template <class Json = nlohmann::json>
   return Json::parse(text.data(), text.data() + text.size(), nullptr, false);
 }
 
-/// Parses a whole JSON file (at most 1 GiB). The error names line and column.
+/// Parses a whole JSON file (at most 1 GiB). The error names line and column, or what the file is instead of `expected`.
 template <class Json = nlohmann::json>
-[[nodiscard]] Result<Json> read_json(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
+[[nodiscard]] Result<Json> read_json(const std::filesystem::path& path, std::string_view expected = "a JSON file") {
+  const Result<std::vector<std::byte>> bytes = read_file_of(
+      path, std::uintmax_t{1} << 30, expected, [](FileKind kind, std::span<const std::byte>) { return is_json(kind); });
   if (!bytes) return bytes.error();
   const char* begin = reinterpret_cast<const char*>(bytes->data());
   const char* end = begin + bytes->size();

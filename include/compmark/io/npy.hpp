@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "compmark/core/result.hpp"
-#include "compmark/io/atomic_file.hpp"
+#include "compmark/io/file_kind.hpp"
 
 namespace compmark::inline v0 {
 
@@ -128,7 +128,9 @@ void npy_values(std::span<const std::byte> bytes, std::vector<double>& values) {
 }
 
 [[nodiscard]] inline Result<NpyArray> read_npy(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 32);
+  const Result<std::vector<std::byte>> bytes =
+      read_file_of(path, std::uintmax_t{1} << 32, "a NumPy array (.npy)",
+                   [](FileKind kind, std::span<const std::byte>) { return kind == FileKind::npy; });
   if (!bytes) return bytes.error();
   return parse_npy(*bytes, path.string());
 }

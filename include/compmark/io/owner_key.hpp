@@ -121,10 +121,13 @@ template <class Json = nlohmann::json>
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return Error{kind, file, std::move(field), std::move(problem), std::move(remedy)};
   };
+  const FileKind kind = identify_file(path);
+  if (tells_kind(kind) && kind != FileKind::owner_key && kind != FileKind::text && kind != FileKind::json)
+    return wrong_kind(kind, file, "an owner's key");
   std::error_code status;
   if (std::filesystem::is_regular_file(path, status) && std::filesystem::file_size(path, status) > 65536)
     return fail(ErrorKind::malformed, "", "is too large to be a key file", "give the file that keygen wrote");
-  const Result<Json> json = read_json<Json>(path);
+  const Result<Json> json = read_json<Json>(path, "an owner's key");
   if (!json) return json.error();
   const Result<std::string> format = json_field<std::string>(*json, "format", file);
   if (!format || *format != OwnerKey::format)

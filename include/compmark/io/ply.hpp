@@ -24,6 +24,7 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/file_kind.hpp"
 
 namespace compmark::inline v0 {
 
@@ -327,7 +328,9 @@ std::vector<T> PlyElement::column(std::string_view property) const {
   return detail::PlyParser(bytes, name).parse();
 }
 [[nodiscard]] inline Result<PlyFile> read_ply(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path);
+  const Result<std::vector<std::byte>> bytes =
+      read_file_of(path, std::uintmax_t{1} << 40, "a PLY file",
+                   [](FileKind kind, std::span<const std::byte>) { return kind == FileKind::ply; });
   if (!bytes) return bytes.error();
   return parse_ply(*bytes, path.string());
 }

@@ -18,11 +18,12 @@
 #include <set>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "compmark/core/result.hpp"
-#include "compmark/io/atomic_file.hpp"
+#include "compmark/io/file_kind.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
 
 namespace compmark::inline v0 {
@@ -258,12 +259,20 @@ template <class Json>
   return file;
 }
 
-/// Reads a file. Cost: one read of the file; nothing is copied afterwards.
+/// Reads a file; one of another kind than `expected` is named for what it is. Files of other programs say nothing of their kind and pass.
+/// Cost: one read of the file; nothing is copied afterwards.
 template <class Json = nlohmann::json>
-[[nodiscard]] Result<SafetensorsFile> read_safetensors(const std::filesystem::path& path) {
-  Result<std::vector<std::byte>> bytes = read_file(path);
+[[nodiscard]] Result<SafetensorsFile> read_safetensors(const std::filesystem::path& path,
+                                                       FileKind expected = FileKind::safetensors) {
+  const bool any = expected == FileKind::safetensors;
+  Result<std::vector<std::byte>> bytes =
+      read_file_of(path, std::uintmax_t{1} << 40, any ? "a safetensors file" : file_kind_name(expected),
+                   [](FileKind kind, std::span<const std::byte>) { return is_safetensors(kind); });
   if (!bytes) return bytes.error();
-  return parse_safetensors<Json>(std::move(*bytes), path.string());
+  Result<SafetensorsFile> file = parse_safetensors<Json>(std::move(*bytes), path.string());
+  if (!file || any) return file;
+  if (const Result<Done> kind = expect_kind(*file, expected); !kind) return kind.error();
+  return file;
 }
 
 }  // namespace compmark::inline v0

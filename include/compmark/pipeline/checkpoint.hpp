@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/file_kind.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/pipeline/model_file.hpp"
@@ -135,6 +136,7 @@ namespace detail {
 /// That a file is a checkpoint of a run with these settings.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Done> check_same_settings(const SafetensorsFile& file, const TrainSettings& settings) {
+  if (const Result<Done> kind = expect_kind(file, FileKind::checkpoint); !kind) return kind.error();
   const Result<std::string> format = file.text_of("format");
   if (!format) return format.error();
   if (*format != "compmark.checkpoint")

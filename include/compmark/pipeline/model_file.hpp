@@ -114,7 +114,7 @@ template <Recipe R>
 /// Reads a model of recipe R, as above.
 template <Recipe R>
 [[nodiscard]] Result<LoadedModel<R>> read_model(const std::filesystem::path& path) {
-  const Result<SafetensorsFile> file = read_safetensors(path);
+  const Result<SafetensorsFile> file = read_safetensors(path, FileKind::model);
   if (!file) return file.error();
   return model_from<R>(*file);
 }

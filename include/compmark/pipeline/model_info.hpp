@@ -19,6 +19,7 @@
 
 #include "compmark/anchor/decoder_shape.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/io/file_kind.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/pipeline/model.hpp"
@@ -224,6 +225,7 @@ template <class Json = nlohmann::json>
 /// Name of the recipe that a model file was written with, to choose the type to read it with.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<std::string> model_recipe(const SafetensorsFile& file) {
+  if (const Result<Done> kind = expect_kind(file, FileKind::model); !kind) return kind.error();
   const Result<std::string> format = file.text_of("format");
   if (!format) return format.error();
   if (*format != detail::model_format)
