@@ -81,7 +81,7 @@ Command add_attack(Options& app) {
   auto options = std::make_shared<AttackOptions>();
   app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
       ->required();
-  app.writes("--out", options->out, "model.safetensors to write")->required();
+  app.writes("--out", options->out, OutputKind::model, "model.safetensors to write")->required();
   app.word("--int8", options->int8,
            "round every number to 8 bits, with one scale a tensor, or a channel (column of anchors, row of weights)")
       ->required()
@@ -89,7 +89,7 @@ Command add_attack(Options& app) {
   app.flag("--symmetric", options->symmetric, "scales around zero instead of from least to greatest");
   app.flag("--keep-positions", options->keep_positions, "leave positions of anchors as they are");
   app.flag("--keep-networks", options->keep_networks, "leave weights of networks as they are");
-  app.writes("--json", options->json, "write the errors to this file");
+  app.writes("--json", options->json, OutputKind::words, "write the errors to this file");
   return [options]() -> int { return attack(*options); };
 }
 

@@ -93,7 +93,7 @@ Command add_compress(Options& app) {
   app.reads("--model", options->model, InputKind::trained_model,
             "model.safetensors of a run with --codec, or of fit-codec")
       ->required();
-  app.writes("--out", options->out, "compressed file (.cmk)")->required();
+  app.writes("--out", options->out, OutputKind::compressed, "compressed file (.cmk)")->required();
   app.word("--cameras", options->cameras, "which of the model's cameras the file keeps, 144 bytes each")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "test", "all"}));
@@ -102,7 +102,7 @@ Command add_compress(Options& app) {
       ->check(CLI::IsMember({"half", "single"}));
   app.number("--threads", options->threads, thread_range, "0: all; the file is the same for any number")
       ->capture_default_str();
-  app.writes("--json", options->json, "write the sizes to this file");
+  app.writes("--json", options->json, OutputKind::words, "write the sizes to this file");
   return [options]() -> int {
     if (is_coded_file(options->model)) {
       return fail({ErrorKind::invalid, options->model.string(), {}, "is compressed already", "copy the file"});
@@ -114,7 +114,7 @@ Command add_compress(Options& app) {
 Command add_decompress(Options& app) {
   auto options = std::make_shared<DecompressOptions>();
   app.reads("--model", options->model, InputKind::compressed, "compressed file (.cmk)")->required();
-  app.writes("--out", options->out, "model.safetensors to write")->required();
+  app.writes("--out", options->out, OutputKind::model, "model.safetensors to write")->required();
   app.flag("--salvage", options->salvage,
            "decode what is not damaged and leave out the rest (exit code 4 if anything was)");
   app.flag("--partial", options->partial,

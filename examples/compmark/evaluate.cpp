@@ -87,9 +87,10 @@ Command add_evaluate(Options& app) {
   app.reads("--key", input.key, InputKind::key, "owner's key: is its message read from the renders? (with --decoder)");
   app.reads("--decoder", input.decoder, InputKind::decoder, "decoder file that reads it");
   app.word("--split", input.split, "test or train")->capture_default_str()->check(CLI::IsMember({"test", "train"}));
-  app.writes("--json", options->json, "write the figures to this file");
-  app.writes("--csv", options->csv, "write a line a view and model, and one a model, to this file");
-  app.writes("--html", options->html, "write a page with all figures, bytes by section, bits and pictures");
+  app.writes("--json", options->json, OutputKind::words, "write the figures to this file");
+  app.writes("--csv", options->csv, OutputKind::words, "write a line a view and model, and one a model, to this file");
+  app.writes("--html", options->html, OutputKind::words,
+             "write a page with all figures, bytes by section, bits and pictures");
   app.number("--downscale", input.downscale, downscale_range, "divide the images' size by this")->capture_default_str();
   app.number("--threads", input.threads, thread_range, "0: all")->capture_default_str();
   app.reads("--lpips-alex", input.lpips.alex, InputKind::weights, "LPIPS AlexNet weights (safetensors)");

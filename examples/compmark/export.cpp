@@ -246,7 +246,7 @@ Command add_export(Options& app) {
   auto options = std::make_shared<ExportOptions>();
   app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
       ->required();
-  app.writes("--out", options->out, "PLY file to write")->required();
+  app.writes("--out", options->out, OutputKind::splats, "PLY file to write")->required();
   app.word("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")
       ->capture_default_str()
       ->check(CLI::IsMember({"splat", "anchors"}));
@@ -259,7 +259,7 @@ Command add_export(Options& app) {
   app.number("--compare", options->compare, any_count, "number of views to measure the loss on; 0: none")
       ->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
-  app.writes("--json", options->json, "write counts, figures and warnings to this file");
+  app.writes("--json", options->json, OutputKind::words, "write counts, figures and warnings to this file");
   return [options]() -> int {
     const Result<ModelSource> source = ModelSource::open(options->model, options->threads);
     if (!source) return fail(source.error());

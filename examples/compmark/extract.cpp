@@ -98,7 +98,7 @@ Command add_extract(Options& app) {
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.flag("--any-decoder", options->any_decoder,
            "read with this decoder although another one is on record for marks of this key (KEY.record)");
-  app.writes("--json", options->json, "write bits and logits to this file");
+  app.writes("--json", options->json, OutputKind::words, "write bits and logits to this file");
   return [options]() -> int { return run(*options); };
 }
 

@@ -26,10 +26,22 @@ enum class InputKind {
   other,          ///< what no option names
 };
 
+/// What an option that is written makes, and may replace.
+enum class OutputKind {
+  words,       ///< JSON, CSV, HTML, a log: of what tells no other kind
+  splats,      ///< PLY
+  model,       ///< model.safetensors
+  compressed,  ///< .cmk
+  decoder,     ///< of messages
+  key,         ///< an owner's: never replaced
+  any,         ///< a file of a run's own folder
+};
+
 struct UsedFile {
   std::filesystem::path path;
   std::string said;  ///< the option that names it, or what it is: for the error
   InputKind kind = InputKind::other;
+  OutputKind written = OutputKind::any;
 };
 
 struct FileUse {
@@ -39,8 +51,8 @@ struct FileUse {
   void read(std::filesystem::path path, std::string said, InputKind kind = InputKind::other) {
     if (!path.empty()) reads.push_back({std::move(path), std::move(said), kind});
   }
-  void write(std::filesystem::path path, std::string said) {
-    if (!path.empty()) writes.push_back({std::move(path), std::move(said), {}});
+  void write(std::filesystem::path path, std::string said, OutputKind written = OutputKind::any) {
+    if (!path.empty()) writes.push_back({std::move(path), std::move(said), {}, written});
   }
   /// Files of these names in a folder.
   void write_in(const std::filesystem::path& folder, std::initializer_list<const char*> names,

@@ -32,7 +32,8 @@ Command add_fit(Options& app) {
       ->required();
   app.reads("--data", options->data, InputKind::dataset, "the dataset it was trained on; its cameras alone are used")
       ->required();
-  app.writes("--out", options->out, "decoder file to write (safetensors); keep it with the key")->required();
+  app.writes("--out", options->out, OutputKind::decoder, "decoder file to write (safetensors); keep it with the key")
+      ->required();
   app.number("--bits", options->fit.bits, WholeRange{1, 128}, "length of the message")->capture_default_str();
   app.number("--waves", options->fit.waves, WholeRange{1, 1024}, "to choose from (default: 20 for 3 bits)");
   app.number("--period", options->fit.period, RealRange{0.01, 2},
@@ -68,9 +69,10 @@ Command add_fit(Options& app) {
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
   app.flag("--force", options->force, "if --out is there already, move that to OUT.<beginning of its SHA-256>.old");
-  app.writes("--json", options->json, "what was found (default: --out with the ending .json)");
+  app.writes("--json", options->json, OutputKind::words, "what was found (default: --out with the ending .json)");
   app.also([options](FileUse& use) {
-    if (options->json.empty()) use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json");
+    if (options->json.empty())
+      use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json", OutputKind::words);
   });
   return [options]() -> int { return run(*options); };
 }

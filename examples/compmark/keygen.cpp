@@ -117,7 +117,7 @@ int run(const KeygenOptions& options) {
 
 Command add_keygen(Options& app) {
   auto options = std::make_shared<KeygenOptions>();
-  app.writes("--out", options->out, "key file to write, readable by you only")->required();
+  app.writes("--out", options->out, OutputKind::key, "key file to write, readable by you only")->required();
   app.number("--bits", options->bits, WholeRange{1, OwnerKey::bits_limit},
              "length of the message, that of the decoder you will use (1 to 128)")
       ->capture_default_str();

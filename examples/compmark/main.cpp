@@ -16,6 +16,7 @@
 #include "commands.hpp"
 #include "common.hpp"
 #include "file_use.hpp"
+#include "input_files.hpp"
 #include "options.hpp"
 #include "process.hpp"
 
@@ -73,7 +74,10 @@ int main(int argc, char** argv) {
   try {
     for (const Entry& entry : entries) {
       if (!entry.options->parsed()) continue;
-      if (const auto safe = tool::check_file_use(entry.options->use()); !safe) return tool::fail(safe.error());
+      const tool::FileUse use = entry.options->use();
+      for (const auto check : {tool::check_file_use, tool::check_output_kinds, tool::check_input_kinds}) {
+        if (const auto right = check(use); !right) return tool::fail(right.error());
+      }
       return tool::finish_output(entry.run());
     }
   } catch (const std::bad_alloc&) {

@@ -88,7 +88,7 @@ FileUse Options::use() const {
   for (const DeclaredOption& declared : declared_) {
     if (!declared.paths) continue;
     for (const Path& path : declared.paths()) {
-      if (declared.role == OptionRole::output_file) use.write(path, declared.name);
+      if (declared.role == OptionRole::output_file) use.write(path, declared.name, declared.written);
       if (declared.role == OptionRole::input || declared.role == OptionRole::share_or_folder)
         use.read(path, declared.name, declared.kind);
     }

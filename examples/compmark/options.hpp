@@ -32,6 +32,7 @@ struct DeclaredOption {
   std::function<std::vector<std::filesystem::path>()> paths = {};  ///< of inputs and outputs, as they were given
   std::string text;
   CLI::Option* option = nullptr;
+  OutputKind written = OutputKind::any;  ///< of an output file
 };
 
 class Options {
@@ -49,8 +50,8 @@ class Options {
   /// A share of photographs or a folder of them, as told: the word itself says which.
   CLI::Option* share_or_folder(const std::string& name, std::string& target, const std::string& text);
   /// A file that is written.
-  CLI::Option* writes(const std::string& name, Path& target, const std::string& text) {
-    return declare({name, OptionRole::output_file, {}, {}, false, one(target), text}, target);
+  CLI::Option* writes(const std::string& name, Path& target, OutputKind written, const std::string& text) {
+    return declare({name, OptionRole::output_file, {}, {}, false, one(target), text, nullptr, written}, target);
   }
   /// A folder that is written into; `also` has to say which files.
   CLI::Option* writes_into(const std::string& name, Path& target, const std::string& text) {

@@ -401,7 +401,7 @@ Command add_pretrain(Options& app) {
   app.reads("--images", options->images, InputKind::images, "folder of photographs (default: procedural images)");
   app.number("--bits", options->bits, WholeRange{1, message_bits_limit}, "length of the message")
       ->capture_default_str();
-  app.writes("--out", options->out, "decoder file to write (safetensors)")->required();
+  app.writes("--out", options->out, OutputKind::decoder, "decoder file to write (safetensors)")->required();
   app.number("--steps", options->steps, any_count, "length of the run")->capture_default_str();
   app.number("--seed", options->seed, any_seed, "seed of every random number")->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
@@ -426,9 +426,10 @@ Command add_pretrain(Options& app) {
   app.number("--measure-steps", options->measure_steps, WholeRange{1, 1000000}, "steps of each embedding")
       ->capture_default_str();
   app.flag("--force", options->force, "if --out is there already, move that to OUT.<beginning of its SHA-256>.old");
-  app.writes("--json", options->json, "what was measured (default: --out with the ending .json)");
+  app.writes("--json", options->json, OutputKind::words, "what was measured (default: --out with the ending .json)");
   app.also([options](FileUse& use) {
-    if (options->json.empty()) use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json");
+    if (options->json.empty())
+      use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json", OutputKind::words);
     use.write(std::filesystem::path(options->out) += ".checkpoint", "--out (its checkpoint)");
   });
   return [options]() -> int { return run(*options); };

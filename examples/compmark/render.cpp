@@ -14,6 +14,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -46,6 +47,16 @@ Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::
   use.read(options.model, "--model", InputKind::model);
   use.read(options.data, "--data", InputKind::dataset);
   for (const std::filesystem::path& file : files) use.write(file, "--out");
+  // Photographs are photographs although this command was not told of them.
+  std::error_code status;
+  std::filesystem::path folder = std::filesystem::absolute(options.out, status);
+  for (int up = 0; up < 3 && folder.has_relative_path(); ++up, folder = folder.parent_path()) {
+    for (const char* sign : {"transforms.json", "transforms_train.json", "poses_bounds.npy", "sparse", "images"}) {
+      if (!std::filesystem::exists(folder / sign, status)) continue;
+      use.read(folder, "a training", InputKind::dataset);
+      break;
+    }
+  }
   if (Result<Done> safe = check_file_use(use); !safe || !dataset) return safe;
   std::set<std::filesystem::path> folders;
   for (const View& view : dataset->views) {

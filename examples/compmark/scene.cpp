@@ -8,6 +8,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "run_folder.hpp"
 
 namespace tool {
 
@@ -28,7 +29,8 @@ Command add_scene(Options& app) {
     use.write_in(options->out, {"transforms_train.json", "transforms_test.json"}, "--out");
   });
   return [options]() -> int {
-    if (auto folder = make_folder(options->out); !folder) return fail(folder.error());
+    const auto held = hold_folder(options->out);
+    if (!held) return fail(held.error());
     if (auto written = compmark::write_procedural_scene(options->out, options->scene); !written)
       return fail(written.error());
     std::printf("%s: %d training and %d test views of %d x %d pixels\n", options->out.string().c_str(),

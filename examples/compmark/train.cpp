@@ -387,7 +387,8 @@ Command add_train(Options& app) {
       ->check(CLI::IsMember({"undistort", "project", "ignore"}));
   app.flag("--resume", options->resume, "continue the run in --out from its checkpoint");
   app.flag("--force", options->force, "replace a finished run in --out");
-  app.writes("--json-log", options->json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.writes("--json-log", options->json_log, OutputKind::words,
+             "progress, one JSON object a line (default: log.jsonl in --out)");
   app.reads("--lpips-alex", options->lpips.alex, InputKind::weights,
             "LPIPS weights (safetensors) to report lpips_alex");
   app.reads("--lpips-squeeze", options->lpips.squeeze, InputKind::weights,

@@ -37,7 +37,8 @@ void add_finished_model_options(Options& app, TrainOptions& options) {
       ->capture_default_str();
   app.flag("--resume", options.resume, "continue the run in --out from its checkpoint");
   app.flag("--force", options.force, "replace a finished run in --out");
-  app.writes("--json-log", options.json_log, "progress, one JSON object a line (default: log.jsonl in --out)");
+  app.writes("--json-log", options.json_log, OutputKind::words,
+             "progress, one JSON object a line (default: log.jsonl in --out)");
   app.reads("--lpips-alex", options.lpips.alex, InputKind::weights, "LPIPS weights (safetensors) to report lpips_alex");
 }
 

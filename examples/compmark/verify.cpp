@@ -91,7 +91,7 @@ Command add_verify(Options& app) {
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.flag("--any-decoder", options->any_decoder,
            "read with this decoder although another one is on record for marks of this key (KEY.record)");
-  app.writes("--json", options->json, "write the report to this file");
+  app.writes("--json", options->json, OutputKind::words, "write the report to this file");
   app.footer(
       "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive: tests times p is above --alpha but not above\n"
       "0.01, or no number of matches could reach --alpha with so few bits. The p-value is the probability that a key\n"

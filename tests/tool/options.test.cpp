@@ -8,7 +8,9 @@
 #include <algorithm>
 #include <array>
 #include <compmark/io/atomic_file.hpp>
+#include <compmark/io/file_kind.hpp>
 #include <compmark/io/image_file.hpp>
+#include <compmark/io/owner_key.hpp>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -259,6 +261,75 @@ TEST_CASE("options: a number that is none, or is out of its range, is refused by
   }
   CHECK(place.all() == before);
   CHECK(tried > 500);
+}
+
+TEST_CASE("options: a file of another kind is named for what it is") {
+  const Place place("kinds");
+  place.put("splats.ply", "ply\nformat ascii 1.0\nelement vertex 0\nend_header\n");
+  place.put("cameras.json", R"({"camera_angle_x": 1, "frames": []})");
+  place.put("small.cmk",
+            "\x89"
+            "CMK\r\n\x1a\n and more");
+  place.put("page.html", "<!doctype html><p>");
+  place.put("archive.zip", std::string("PK\3\4", 4) + std::string(60, '\0'));
+  place.put("array.npy", std::string("\x93NUMPY\1\0", 8) + std::string(60, '\0'));
+  const auto tensors = [&](const std::string& name, const std::string& format) {
+    const std::string header = R"({"__metadata__":{"format":")" + format + R"("}})";
+    std::string length(8, '\0');
+    length[0] = static_cast<char>(header.size());
+    place.put(name, length + header);
+  };
+  tensors("model.safetensors", "compmark.model");
+  tensors("decoder.safetensors", "compmark decoder");
+  tensors("checkpoint.safetensors", "compmark.checkpoint");
+  REQUIRE(write_key(place.folder / "owner.key", testing::fixed_key(1, 8)).ok());
+  const std::map<std::string, std::vector<std::string>> taken{{"model", {"model.safetensors", "small.cmk"}},
+                                                              {"trained model", {"model.safetensors", "small.cmk"}},
+                                                              {"compressed model", {"small.cmk"}},
+                                                              {"decoder", {"decoder.safetensors"}},
+                                                              {"key", {"owner.key"}},
+                                                              {"images", {"photographs/a.png", "photographs"}},
+                                                              {"dataset", {"cameras.json", "photographs"}},
+                                                              {"LPIPS weights", {}}};
+  const auto before = place.all();
+  std::size_t tried = 0;
+  for (const auto& [command, options] : table()) {
+    for (const Option& option : options) {
+      if (option.role != "input") continue;
+      for (const char* file :
+           {"splats.ply", "cameras.json", "small.cmk", "page.html", "archive.zip", "array.npy", "model.safetensors",
+            "decoder.safetensors", "checkpoint.safetensors", "owner.key", "photographs/a.png", "photographs"}) {
+        const std::vector<std::string>& own = taken.at(option.reads);
+        if (std::find(own.begin(), own.end(), file) != own.end()) continue;
+        const std::string line = with_required(command, place, {{option.name, place.at(file)}});
+        INFO(line);
+        check_refused(tool(line), {std::string(file_kind_name(identify_file(place.at(file))))});
+        ++tried;
+      }
+    }
+  }
+  CHECK(place.all() == before);
+  CHECK(tried > 300);
+}
+
+TEST_CASE("options: an output replaces its like, or nothing that tells what it is, and never a key") {
+  const Place place("replaced");
+  REQUIRE(write_key(place.folder / "owner.key", testing::fixed_key(1, 8)).ok());
+  REQUIRE(write_key(place.folder / "made.json", testing::fixed_key(2, 8)).ok());
+  const auto before = place.all();
+  for (const auto& [command, options] : table()) {
+    for (const Option& option : options) {
+      if (option.role != "output file" || command == "keygen") continue;
+      for (const char* file : {"owner.key", "photographs/a.png"}) {
+        const std::string line = with_required(command, place, {{option.name, place.at(file)}});
+        INFO(line);
+        check_refused(tool(line), {file, std::string(file_kind_name(identify_file(place.at(file))))});
+      }
+    }
+  }
+  // Nor by a file that a command names by itself.
+  check_refused(tool("pretrain --steps 0 --out " + place.at("made.safetensors")), {"made.json", "an owner's key"});
+  CHECK(place.all() == before);
 }
 
 }  // namespace options_test

@@ -213,6 +213,14 @@ TEST_CASE("tool: renders are as many files as are told, and none is or lies amon
   fs::create_directory(at("linked"));
   fs::create_hard_link(photographs + "/r_000.png", at("linked/train_r_000.png"));
   check_refused(tool(render + at("linked") + " --data " + setting().scene), {"--out", "train_r_000.png"});
+  // Nor without --data, where the folder is a capture's.
+  const std::string mine = at("mine");
+  fs::copy(setting().scene, mine, fs::copy_options::recursive);
+  fs::rename(mine + "/train/r_000.png", mine + "/train/train_r_000.png");
+  check_refused(tool(render + mine + "/train"), {"--out", "train_r_000.png"});
+  CHECK(file_bytes(mine + "/train/train_r_000.png") == before);
+  done(render + mine + "/renders");
+  done(render + mine + "/renders");  // those are ours
   CHECK(file_bytes(photographs + "/r_000.png") == before);
   CHECK(names_in(photographs).size() == 6);
 }
@@ -240,6 +248,14 @@ TEST_CASE("tool: the scene of others is not written over, and a decoder that is 
     ++kept;
   }
   CHECK(kept == 1);
+}
+
+TEST_CASE("tool: threads that the system does not give are fewer threads and a warning") {
+  const Outcome outcome =
+      tool(setting().verify().replace(0, 18, "verify --threads 64"), "ulimit -c 0; ulimit -v 300000; ");
+  INFO(outcome.text);
+  CHECK((outcome.code == 0 || outcome.code == 1 || outcome.code == 3));
+  CHECK(outcome.text.find("of the 64 threads that --threads asks for") != std::string::npos);
 }
 
 TEST_CASE("tool: the decoder of a key's mark is on record, and another one is not taken for it") {

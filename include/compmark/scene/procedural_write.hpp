@@ -160,7 +160,10 @@ template <class Json>
   if (!std::filesystem::exists(folder, status)) return Done{};
   if (!std::filesystem::is_directory(folder, status))
     return fail("is a file, not a folder", "give the name of a new folder");
-  if (std::filesystem::is_empty(folder, status)) return Done{};
+  bool empty = true;  // but for the lock of who writes there (io/folder_lock.hpp)
+  for (const auto& entry : std::filesystem::directory_iterator(folder, status))
+    empty = empty && entry.path().filename() == ".compmark-lock";
+  if (empty && !status) return Done{};
   if (std::filesystem::exists(folder / "transforms_train.json", status)) {
     const Result<Json> json = read_json<Json>(folder / "transforms_train.json");
     if (json && json->is_object() && json->contains("generator") && (*json)["generator"] == Json(procedural_generator))

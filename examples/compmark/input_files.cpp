@@ -1,0 +1,87 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "input_files.hpp"
+
+#include <algorithm>
+#include <compmark/io/file_kind.hpp>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct Taken {
+  const char* name;             ///< what the option takes
+  std::vector<FileKind> kinds;  ///< that are taken, or that their reader says more about
+};
+Taken taken_by(InputKind kind) {
+  using K = FileKind;
+  switch (kind) {
+    case InputKind::model:
+      return {"a model", {K::model, K::cmk, K::safetensors}};
+    case InputKind::trained_model:
+      return {"a model of a training", {K::model, K::cmk, K::safetensors}};
+    case InputKind::compressed:
+      return {"a compressed model (.cmk)", {K::cmk}};
+    case InputKind::decoder:
+      return {"a message decoder", {K::decoder, K::safetensors}};
+    case InputKind::key:
+      return {"an owner's key", {K::owner_key, K::json}};
+    case InputKind::images:
+      return {"an image (PNG, JPEG), or a folder of them", {K::png, K::jpeg, K::folder}};
+    case InputKind::dataset:
+      return {"the folder of a capture", {K::folder, K::capture, K::json}};
+    case InputKind::weights:
+      return {"LPIPS weights", {K::lpips, K::safetensors}};
+    case InputKind::other:
+      break;
+  }
+  return {"", {}};
+}
+
+}  // namespace
+
+Result<Done> check_input_kinds(const FileUse& use) {
+  for (const UsedFile& read : use.reads) {
+    if (read.kind == InputKind::other) continue;
+    const FileKind kind = identify_file(read.path);
+    const Taken taken = taken_by(read.kind);
+    if (!tells_kind(kind) || kind == FileKind::stream) continue;
+    if (std::find(taken.kinds.begin(), taken.kinds.end(), kind) != taken.kinds.end()) continue;
+    Error error = wrong_kind(kind, read.path.string(), taken.name);
+    error.field = read.said;
+    return error;
+  }
+  return Done{};
+}
+
+Result<Done> check_output_kinds(const FileUse& use) {
+  using K = FileKind;
+  for (const UsedFile& output : use.writes) {
+    const FileKind there = identify_file(output.path);
+    const auto replaces = [&](std::initializer_list<FileKind> own) {
+      static const std::vector<FileKind> of_nobody{K::unknown, K::unreadable, K::stream, K::empty,  K::text,
+                                                   K::html,    K::csv,        K::json,   K::report, K::log};
+      return std::find(of_nobody.begin(), of_nobody.end(), there) != of_nobody.end() ||
+             std::find(own.begin(), own.end(), there) != own.end();
+    };
+    bool right = there != K::owner_key;
+    if (output.written == OutputKind::key) right = true;  // keygen never replaces one, and says so
+    if (output.written == OutputKind::words) right = replaces({});
+    if (output.written == OutputKind::splats) right = replaces({K::ply});
+    if (output.written == OutputKind::model) right = replaces({K::model});
+    if (output.written == OutputKind::compressed) right = replaces({K::cmk});
+    if (output.written == OutputKind::decoder) right = replaces({K::decoder});
+    if (right) continue;
+    return Error{ErrorKind::unwritable, output.path.string(), output.said,
+                 "is " + std::string(file_kind_name(there)) + ", which would be replaced by something else",
+                 there == K::owner_key ? "choose another name: a key cannot be made again"
+                                       : "choose another name, or remove it first"};
+  }
+  return Done{};
+}
+
+}  // namespace tool
