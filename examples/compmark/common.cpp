@@ -43,6 +43,18 @@ compmark::Result<std::string> file_sha256(const std::filesystem::path& path) {
   return compmark::Sha256{}.update(*bytes).hex();
 }
 
+compmark::Result<compmark::Done> check_image_memory(const compmark::ImageInfo& info, const std::filesystem::path& path,
+                                                    std::uint64_t bytes_a_pixel, std::size_t budget_mb) {
+  const std::uint64_t pixels = static_cast<std::uint64_t>(info.width) * static_cast<std::uint64_t>(info.height);
+  const std::uint64_t wanted = (pixels * bytes_a_pixel >> 20) + 1;
+  if (wanted <= budget_mb) return compmark::Done{};
+  return compmark::Error{compmark::ErrorKind::exhausted, path.string(), "--memory-budget",
+                         "the image has " + std::to_string(info.width) + " x " + std::to_string(info.height) +
+                             " pixels and takes about " + std::to_string(wanted) + " MiB to read, more than " +
+                             std::to_string(budget_mb),
+                         "scale it down, or give --memory-budget " + std::to_string(wanted)};
+}
+
 std::string base_name(const std::filesystem::path& path) {
   std::filesystem::path clean = path.lexically_normal();
   if (!clean.has_filename()) clean = clean.parent_path();

@@ -8,10 +8,12 @@
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/core/views.hpp>
+#include <compmark/io/image_file.hpp>
 #include <compmark/pipeline/training_views.hpp>
 #include <compmark/scene/dataset.hpp>
 #include <compmark/scene/image_store.hpp>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -59,6 +61,9 @@ struct DatasetViews {
 }
 /// SHA-256 of a file, 64 hexadecimal digits.
 compmark::Result<std::string> file_sha256(const std::filesystem::path& path);
+/// Whether the memory that an image will take is there, asked before it is decoded: a small file may hold a very large one.
+compmark::Result<compmark::Done> check_image_memory(const compmark::ImageInfo& info, const std::filesystem::path& path,
+                                                    std::uint64_t bytes_a_pixel, std::size_t budget_mb);
 /// The last name of a path, also of "scene/": what a dataset is called.
 std::string base_name(const std::filesystem::path& path);
 /// Creates a folder and checks that files can be written in it.

@@ -6,6 +6,7 @@
 // networks keep their bits; with --touch-up they train on. A mark that is in the model is what rounding leaves of it, which --key and --decoder measure; one
 // that is hidden in the fitted model instead (compmark embed) is trained under the rounding of its file.
 #include <compmark/pipeline/model_file.hpp>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -15,6 +16,7 @@
 #include "commands.hpp"
 #include "common.hpp"
 #include "mark_input.hpp"
+#include "mark_record.hpp"
 #include "model_source.hpp"
 #include "recipe_list.hpp"
 #include "run_folder.hpp"
@@ -85,6 +87,10 @@ int fit_codec(TrainOptions options, bool touch_up) {
     TrainSettings of_a_mark = settings;  // nothing trains for it
     Result<MarkInput> read = load_mark(options.mark, of_a_mark);
     if (!read) return fail(read.error());
+    if (const Result<Done> recorded = check_recorded(options.mark.key, read->key, options.mark.decoder, options.model);
+        !recorded)
+      std::fprintf(stderr, "compmark: warning: %s: %s\n", options.mark.decoder.string().c_str(),
+                   recorded.error().problem.c_str());
     mark = std::move(*read);
     mark->read_only = true;
   }
@@ -121,7 +127,10 @@ Command add_fit_codec(Options& app) {
   app.reads("--twin", options->mark.twin, InputKind::model,
             "an unmarked model of the same scene, or its file, to say what the mark and the file cost");
   add_finished_model_options(app, *options);
-  app.also([options](FileUse& use) { add_run_files(use, *options, options->out); });
+  app.also([options](FileUse& use) {
+    add_run_files(use, *options, options->out);
+    add_record_read(use, options->mark.key, options->model);
+  });
   return [options, touch_up]() -> int { return fit_codec(*options, *touch_up); };
 }
 

@@ -15,6 +15,7 @@
 #include "commands.hpp"
 #include "common.hpp"
 #include "reading.hpp"
+#include "run_folder.hpp"
 
 namespace tool {
 namespace {
@@ -83,6 +84,9 @@ int run(const KeygenOptions& options) {
                  "would make the same key again",
                  "give the new key a payload of its own with --payload"});
   }
+  // Of two that make one name at once the second would replace the first's: a key that somebody was told of, and nobody has.
+  const Result<std::shared_ptr<const void>> alone = hold_file(options.out);
+  if (!alone) return fail(alone.error());
   fs::path aside;
   std::error_code status;
   if (options.force && fs::exists(options.out, status)) {

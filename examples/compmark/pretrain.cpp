@@ -54,6 +54,7 @@ struct PretrainOptions {
   std::int64_t steps = 12000;
   std::uint64_t seed = 1;
   std::size_t threads = 0;
+  std::size_t memory_budget_mb = 1400;  ///< of one photograph
   std::int64_t checkpoint_every = 1000;
   int crop = 224;
   int measured = 32;
@@ -192,7 +193,8 @@ Result<std::pair<PretrainImages, PretrainImages>> open_images(const PretrainOpti
   const bool is_number = end != o.held_out.c_str() && *end == '\0';
   PretrainImages train(o.seed), held(o.seed + 1000003);
   if (!o.images.empty()) {
-    Result<PretrainImages> opened = PretrainImages::folder(o.images, "--images", square, 2 * square);
+    Result<PretrainImages> opened =
+        PretrainImages::folder(o.images, "--images", square, 2 * square, o.memory_budget_mb);
     if (!opened) return opened.error();
     train = std::move(*opened);
     if (is_number) {
@@ -205,7 +207,8 @@ Result<std::pair<PretrainImages, PretrainImages>> open_images(const PretrainOpti
     }
   }
   if (!is_number) {
-    Result<PretrainImages> opened = PretrainImages::folder(o.held_out, "--held-out", square, 2 * square);
+    Result<PretrainImages> opened =
+        PretrainImages::folder(o.held_out, "--held-out", square, 2 * square, o.memory_budget_mb);
     if (!opened) return opened.error();
     held = std::move(*opened);
   }
@@ -414,6 +417,9 @@ Command add_pretrain(Options& app) {
   app.number("--features", options->features, WholeRange{0, 4096},
              "waves that are averaged; more read more and cost more (default: 256, of colour one a bit)");
   app.number("--crop", options->crop, WholeRange{32, 1024}, "side of the training crops, pixels")
+      ->capture_default_str();
+  app.number("--memory-budget", options->memory_budget_mb, WholeRange{1, 1 << 24},
+             "MiB that one photograph may take to read; larger ones are refused before they are decoded")
       ->capture_default_str();
   app.flag("--resume", options->resume, "continue the run of --out from its checkpoint");
   app.number("--checkpoint-every", options->checkpoint_every, run_length, "steps between checkpoints")

@@ -25,6 +25,8 @@
 #include <utility>
 #include <vector>
 
+#include "common.hpp"
+
 namespace tool {
 
 class PretrainImages {
@@ -86,15 +88,19 @@ class PretrainImages {
   }
 
   /// Every PNG and JPEG of a folder. One whose shorter side is above `most` is reduced to it, antialiased: a photograph of a modern camera
-  /// is smooth at the scale of a few pixels, and a hundred of them would not fit.
+  /// is smooth at the scale of a few pixels, and a hundred of them would not fit. One that takes more than the budget while it is read is refused.
   [[nodiscard]] static compmark::Result<PretrainImages> folder(const std::filesystem::path& path, const char* option,
-                                                               int least, int most) {
+                                                               int least, int most, std::size_t budget_mb) {
     using compmark::Error;
     using compmark::ErrorKind;
     if (!std::filesystem::is_directory(path))
       return Error{ErrorKind::not_found, path.string(), option, "is not a folder", "give a folder of photographs"};
     std::vector<Photograph> photographs;
     for (const std::string& name : compmark::detail::image_names(path)) {
+      const compmark::Result<compmark::ImageInfo> info = compmark::read_image_info(path / name);
+      if (!info) return info.error();
+      constexpr std::uint64_t bytes_a_pixel = 20;  // its pixels, and their floats while it is reduced
+      if (auto fits = check_image_memory(*info, path / name, bytes_a_pixel, budget_mb); !fits) return fits.error();
       compmark::Result<compmark::ImageBytes> image = compmark::read_image(path / name);
       if (!image) return image.error();
       if (std::min(image->width, image->height) < least) {

@@ -42,18 +42,6 @@ void keep_evenly(std::vector<T>& items, std::size_t count) {
 /// Of an image while it is read, at most: its floats, their blurs and what is read at each position.
 constexpr std::uint64_t bytes_a_pixel = 56;
 
-/// Whether the memory that an image will take is there, asked before it is decoded: a small file may hold a very large one.
-Result<Done> check_memory(const ImageInfo& info, const fs::path& path, std::size_t budget_mb) {
-  const std::uint64_t pixels = static_cast<std::uint64_t>(info.width) * static_cast<std::uint64_t>(info.height);
-  const std::uint64_t wanted = (pixels * bytes_a_pixel >> 20) + 1;
-  if (wanted <= budget_mb) return Done{};
-  return Error{ErrorKind::exhausted, path.string(), "--memory-budget",
-               "the image has " + std::to_string(info.width) + " x " + std::to_string(info.height) +
-                   " pixels and takes about " + std::to_string(wanted) + " MiB to read, more than " +
-                   std::to_string(budget_mb),
-               "scale it down, or give --memory-budget " + std::to_string(wanted)};
-}
-
 /// An image as floats in [0, 1], and what its file is called by. Of a large one no two forms are held longer than they must: the file, its pixels,
 /// their planes and the floats are 20 bytes a pixel together, and the floats alone are 12.
 struct ReadImage {
@@ -70,7 +58,8 @@ Result<Done> read_planes(const fs::path& path, const ReadingOptions& options, Re
     if (!bytes) return bytes.error();
     const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
     if (!info) return info.error();
-    if (Result<Done> fits = check_memory(*info, path, options.memory_budget_mb); !fits) return fits;
+    if (Result<Done> fits = check_image_memory(*info, path, bytes_a_pixel, options.memory_budget_mb); !fits)
+      return fits;
     read.sha256 = Sha256{}.update(*bytes).hex();
     Result<ImageBytes> image = decode_image(*bytes, path.string());
     if (!image) return image.error();

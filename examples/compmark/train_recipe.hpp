@@ -6,9 +6,9 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/pipeline/adopt_networks.hpp>
 #include <compmark/pipeline/checkpoint.hpp>

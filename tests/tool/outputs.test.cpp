@@ -250,12 +250,32 @@ TEST_CASE("tool: the scene of others is not written over, and a decoder that is 
   CHECK(kept == 1);
 }
 
-TEST_CASE("tool: threads that the system does not give are fewer threads and a warning") {
+TEST_CASE("tool: an image that takes more memory than is allowed is refused before it is decoded") {
+  const std::string image = at("large.png");
+  REQUIRE(write_png(image, ImageBytes{300, 200, 3, std::vector<std::uint8_t>(180000, 100)}).ok());
+  const std::string verify = "verify --threads 1 --key " + setting().key + " --decoder " + setting().decoder +
+                             " --images " + image + " --memory-budget ";
+  check_refused(tool(verify + "3"), {"large.png", "--memory-budget 4", "300 x 200"});
+  CHECK(tool(verify + "4").code != 2);
+  fs::create_directory(at("large"));
+  fs::copy_file(image, at("large/large.png"));
+  check_refused(
+      tool("pretrain --crop 64 --images " + at("large") + " --memory-budget 1 --out " + at("unmade.safetensors")),
+      {"large.png", "--memory-budget 2"});
+  CHECK_FALSE(fs::exists(at("unmade.safetensors")));
+}
+
+TEST_CASE("tool: of many keys that are made under one name at once, the one that was told is there") {
+  const std::string key = at("contested.key");
+  const std::string program = std::string("\"") + COMPMARK_TOOL + "\" ";
   const Outcome outcome =
-      tool(setting().verify().replace(0, 18, "verify --threads 64"), "ulimit -c 0; ulimit -v 300000; ");
+      testing::run_tool("sh", "-c 'for i in 1 2 3 4 5 6 7 8; do " + program + "keygen --out " + key + " & done; wait'");
   INFO(outcome.text);
-  CHECK((outcome.code == 0 || outcome.code == 1 || outcome.code == 3));
-  CHECK(outcome.text.find("of the 64 threads that --threads asks for") != std::string::npos);
+  const std::size_t told = outcome.text.find("key id      ");
+  REQUIRE(told != std::string::npos);
+  CHECK(testing::times_in(outcome.text, "key id      ") == 1);
+  CHECK(testing::times_in(outcome.text, "compmark: error: ") == 7);
+  CHECK(json_of(key)["id"] == outcome.text.substr(told + 12, 16));
 }
 
 TEST_CASE("tool: the decoder of a key's mark is on record, and another one is not taken for it") {

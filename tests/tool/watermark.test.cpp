@@ -425,9 +425,12 @@ TEST_CASE(
   CHECK(fs::last_write_time(at("whole/unmarked/model.safetensors")) == before);
   CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
   // A decoder is kept, and a host of other options is not taken for this one.
+  check_refused(tool(run), {at("whole"), "--out", "finished run"});
+  fs::rename(at("whole/results.json"), at("whole/aside.json"));
   check_refused(tool(run), {"decoder.safetensors", "--out"});
+  fs::rename(at("whole/aside.json"), at("whole/results.json"));
   check_refused(tool(run + " --resume --seed 9"), {"results.json", "seed"});
-  check_refused(tool(run + " --bits 48"), {"owner16.key", "16", "48"});
+  check_refused(tool(run + " --resume --bits 48"), {"owner16.key", "16", "48"});
   // Nor is the decoder taken for another one, and one that is named is not fitted.
   const std::string embed = "embed --iterations 400 --fidelity 300 --message-rate 0.004 --model " +
                             at("whole/unmarked/model.safetensors") + " --data " + setting().scene + " --key " + key +
