@@ -4,9 +4,16 @@
 
 #include <doctest/doctest.h>
 
+#if defined(__linux__)
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#endif
+
 #include <array>
 #include <atomic>
 #include <cstddef>
+#include <cstdio>
 #include <string>
 
 #include "compmark/testing/executor_laws.hpp"
@@ -42,3 +49,44 @@ TEST_CASE("core/thread_executor: ten thousand loops of two chunks end (no lost w
   }
   CHECK(chunks == 20000);
 }
+
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define COMPMARK_TEST_SANITIZED 1  // it reserves terabytes
+#endif
+#endif
+#if defined(__linux__) && !defined(__SANITIZE_ADDRESS__) && !defined(COMPMARK_TEST_SANITIZED)
+// In a process of its own, whose limits end with it: stacks of 8 MiB, and room for a few of them.
+TEST_CASE("core/thread_executor: threads that the system does not give are fewer threads, and the loops are whole") {
+  const pid_t child = ::fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    std::size_t pages = 0;
+    std::FILE* const status = std::fopen("/proc/self/statm", "r");
+    if (status == nullptr || std::fscanf(status, "%zu", &pages) != 1) ::_exit(3);
+    std::fclose(status);
+    const rlim_t bytes =
+        static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) + (rlim_t{200} << 20);
+    const rlimit limit{bytes, bytes};
+    if (::setrlimit(RLIMIT_AS, &limit) != 0) ::_exit(3);
+    int code = 0;
+    for (int again = 0; again < 3 && code == 0; ++again) {
+      ThreadExecutor executor(500);
+      std::atomic<std::size_t> sum{0};
+      for (int loop = 0; loop < 100; ++loop) {
+        executor.for_chunks(1000, 10, [&](std::size_t begin, std::size_t end, std::size_t worker) {
+          if (worker >= executor.concurrency()) code = 4;
+          for (std::size_t i = begin; i < end; ++i) sum.fetch_add(i, std::memory_order_relaxed);
+        });
+      }
+      if (executor.concurrency() >= 500) code = 5;
+      if (sum != 100 * 999 * 500) code = 6;
+    }
+    ::_exit(code);
+  }
+  int status = 0;
+  REQUIRE(::waitpid(child, &status, 0) == child);
+  REQUIRE(WIFEXITED(status));
+  CHECK(WEXITSTATUS(status) == 0);
+}
+#endif

@@ -24,20 +24,20 @@ namespace compmark::inline v0 {
 /// Workers spin for a few microseconds before they sleep, because the loops of one training iteration follow each other closely.
 class ThreadExecutor {
  public:
-  /// threads = 0 takes the hardware's number.
-  explicit ThreadExecutor(std::size_t threads = 0)
-      : concurrency_(threads != 0 ? threads : std::max<std::size_t>(1, std::thread::hardware_concurrency())) {
-    workers_.reserve(concurrency_ - 1);
-    for (std::size_t id = 1; id < concurrency_; ++id) workers_.emplace_back([this, id] { serve(id); });
+  /// threads = 0 takes the hardware's number. Where the system does not give as many (limits of processes or of memory) there are fewer, which
+  /// concurrency() says, and nothing is thrown.
+  explicit ThreadExecutor(std::size_t threads = 0) {
+    const std::size_t hardware = std::max<std::size_t>(1, std::thread::hardware_concurrency());
+    if (!start(threads != 0 ? threads : hardware) && workers_.size() >= hardware) {
+      // Their stacks may have taken all the memory there is, and more than there are processors are of no use.
+      end();
+      static_cast<void>(start(hardware));
+    }
+    concurrency_ = workers_.size() + 1;
   }
   ThreadExecutor(const ThreadExecutor&) = delete;
   ThreadExecutor& operator=(const ThreadExecutor&) = delete;
-  ~ThreadExecutor() {
-    stopping_.store(true);
-    generation_.fetch_add(1);
-    generation_.notify_all();
-    for (std::thread& worker : workers_) worker.join();
-  }
+  ~ThreadExecutor() { end(); }
 
   [[nodiscard]] std::size_t concurrency() const { return concurrency_; }
 
@@ -67,6 +67,25 @@ class ThreadExecutor {
   }
 
  private:
+  /// Workers up to `threads` with the caller. False if one could not be started; the others serve.
+  [[nodiscard]] bool start(std::size_t threads) {
+    try {
+      for (std::size_t id = workers_.size() + 1; id < threads; ++id) workers_.emplace_back([this, id] { serve(id); });
+    } catch (const std::exception&) {  // of std::thread, or of the vector
+      return false;
+    }
+    return true;
+  }
+  void end() {
+    stopping_.store(true);
+    generation_.fetch_add(1);
+    generation_.notify_all();
+    for (std::thread& worker : workers_) worker.join();
+    workers_.clear();
+    stopping_.store(false);
+    generation_.store(0);  // as those that are started next expect it
+  }
+
   struct Job {
     const void* body = nullptr;
     void (*call)(const void*, std::size_t, std::size_t, std::size_t) = nullptr;
@@ -110,7 +129,7 @@ class ThreadExecutor {
 
   static constexpr int spin_limit = 2000;
 
-  std::size_t concurrency_;
+  std::size_t concurrency_ = 1;
   std::vector<std::thread> workers_;
   Job job_;
   std::atomic<std::size_t> next_{0};
