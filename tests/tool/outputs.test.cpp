@@ -250,6 +250,14 @@ TEST_CASE("tool: the scene of others is not written over, and a decoder that is 
   CHECK(kept == 1);
 }
 
+TEST_CASE("tool: threads that the system does not give are fewer threads and a warning") {
+  const Outcome outcome =
+      tool(setting().verify().replace(0, 18, "verify --threads 64"), "ulimit -c 0; ulimit -v 300000; ");
+  INFO(outcome.text);
+  CHECK((outcome.code == 0 || outcome.code == 1 || outcome.code == 3));
+  CHECK(outcome.text.find("of the 64 threads that --threads asks for") != std::string::npos);
+}
+
 TEST_CASE("tool: an image that takes more memory than is allowed is refused before it is decoded") {
   const std::string image = at("large.png");
   REQUIRE(write_png(image, ImageBytes{300, 200, 3, std::vector<std::uint8_t>(180000, 100)}).ok());
