@@ -59,7 +59,7 @@ Renaming renamed_capture(std::uint64_t seed) {
   Choices any(seed);
   static const Names all_folders{"",          "cam0",     "cam1",  "cam10",     "left/raw",
                                  "right/raw", "DCIM/100", "Été 1", "day two/x", "images/sub"};
-  static const Names prefixes{"images/", "C:\\scan\\Images\\", "/home/anna/scans/7/", "https://host.example/p/1/",
+  static const Names prefixes{"images/", "C:\\scan\\Images\\", "/srv/scans/7/",       "https://host.example/p/1/",
                               "./",      "../input/",          "\\\\server\\share\\", "file:///D:/photos/"};
   Names folders;
   for (std::size_t k = 1 + any.below(4); k > 0; --k) folders.push_back(any.of(all_folders));
