@@ -64,8 +64,8 @@ Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::
       if (!path.empty()) folders.insert(path.parent_path());
     }
   }
-  for (const std::filesystem::path& folder : folders) {
-    if (!same_file(folder, options.out)) continue;
+  for (const std::filesystem::path& photographs : folders) {
+    if (!same_file(photographs, options.out)) continue;
     return Error{ErrorKind::invalid, options.out.string(), "--out", "is the folder of photographs that --data reads",
                  "choose another, renders among them would be taken for photographs"};
   }
