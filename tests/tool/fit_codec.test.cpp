@@ -221,7 +221,7 @@ TEST_CASE("tool: fit-codec says what is read of a mark before and after, which i
   CHECK(read["rate_lambda"] == 0.001);
   CHECK(read["bit_accuracy"] == before["bit_accuracy"]);
   CHECK(read["psnr_cost_vs_unmarked"] == before["psnr_cost_vs_unmarked"]);
-  CHECK(read["bit_accuracy"]["mean"].get<double>() > 0.8);
+  CHECK(read["bit_accuracy"]["mean"].get<double>() > 0.75);
   // What the file says is what verify reads from it.
   static_cast<void>(tool("verify --model " + at("read/model.cmk") + mark + " --json " + at("of_file.json")));
   CHECK(json_of(at("of_file.json"))["bit_accuracy"] == read["compressed"]["bit_accuracy"]);
