@@ -6,9 +6,11 @@
 #include <compmark/scene/open.hpp>
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <vector>
 
 #include "support/scene_files.hpp"
 
@@ -76,6 +78,20 @@ TEST_CASE("scene/text_bytes: marks, line ends and zeros of any editor change not
       CHECK(names(dataset.error(), file.filename().string(), "", "UTF-8"));
     }
     put(file, text);
+  }
+}
+
+TEST_CASE("scene/text_bytes: a PLY file of any editor holds the same points") {
+  const TemporaryFolder folder;
+  const std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+      "0 0.5 1\n1 -2 3\n";
+  for (const std::string& written : {text, "\xEF\xBB\xBF" + text, replaced(text, "\n", "\r\n"),
+                                     replaced(text, "\n", "\r"), "\xEF\xBB\xBF" + replaced(text, "\n", "\r")}) {
+    put(folder.path() / "points.ply", written);
+    const Result<PointCloud> points = read_point_file(folder.path() / "points.ply");
+    REQUIRE(points.ok());
+    CHECK(points->position == std::vector<std::array<float, 3>>{{0, 0.5f, 1}, {1, -2, 3}});
   }
 }
 

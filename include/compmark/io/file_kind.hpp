@@ -38,7 +38,7 @@ struct FileMagic {
   std::size_t offset = 0;
 };
 using std::string_view_literals::operator""sv;  // "\0" counts
-inline constexpr std::array<FileMagic, 33> file_magics{{
+inline constexpr std::array<FileMagic, 35> file_magics{{
     {FileKind::cmk,
      "\x89"
      "CMK"sv},
@@ -76,6 +76,8 @@ inline constexpr std::array<FileMagic, 33> file_magics{{
     {FileKind::pickle, "\x80\x04\x95"sv},
     {FileKind::ply, "ply\n"sv},
     {FileKind::ply, "ply\r"sv},
+    {FileKind::ply, "\xEF\xBB\xBFply\n"sv},
+    {FileKind::ply, "\xEF\xBB\xBFply\r"sv},
 }};
 
 /// The text of a JSON field: of `"key" : "value"` in the first bytes of a file the value, also where a quote within a text is escaped.

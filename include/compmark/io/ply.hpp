@@ -162,7 +162,7 @@ class PlyParser {
   [[nodiscard]] std::optional<std::string_view> next_line() {
     if (position_ >= bytes_.size()) return std::nullopt;
     const char* begin = reinterpret_cast<const char*>(bytes_.data()) + position_;
-    const void* newline = std::memchr(begin, '\n', bytes_.size() - position_);
+    const void* newline = std::memchr(begin, line_end_, bytes_.size() - position_);
     std::size_t length = newline != nullptr ? static_cast<std::size_t>(static_cast<const char*>(newline) - begin)
                                             : bytes_.size() - position_;
     position_ = std::min(position_ + length + 1, bytes_.size());  // the last line may lack its newline
@@ -171,6 +171,9 @@ class PlyParser {
   }
 
   [[nodiscard]] Result<Done> parse_header() {
+    const std::string_view text(reinterpret_cast<const char*>(bytes_.data()), bytes_.size());
+    if (text.substr(0, 3) == "\xEF\xBB\xBF") position_ = 3;  // the byte order mark of an editor
+    if (text.substr(position_, 4) == "ply\r" && text.substr(position_ + 4, 1) != "\n") line_end_ = '\r';
     std::optional<std::string_view> line = next_line();
     if (!line || *line != "ply")
       return error(ErrorKind::malformed, "line 1", "does not say \"ply\", so this is not a PLY file",
@@ -307,6 +310,7 @@ class PlyParser {
   std::span<const std::byte> bytes_;
   std::string name_;
   std::size_t position_ = 0;
+  char line_end_ = '\n';
   Format format_ = Format::ascii;
   PlyFile file_;
 };

@@ -50,7 +50,7 @@ namespace detail {
   for (const ColmapImage* image : images) names.push_back(image->name);
   FoundImages found = images_as_written(folder, names);
   if (found.missing == 0) return std::move(found.paths);
-  const std::vector<std::string> files = image_paths(folder, true);
+  const std::vector<std::string> files = image_paths(folder, folder != dataset.root);
   if (files.empty())
     return Error{ErrorKind::not_found, folder.string(), "images", "the folder holds no PNG or JPEG image",
                  "put the photographs there"};

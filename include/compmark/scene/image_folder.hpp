@@ -83,7 +83,7 @@ namespace detail {
 }
 
 /// `images`, or else the first of images_2, images_4, images_8; where there is none of them, or no photograph in it, one of the names that other
-/// programs give it, in any capitals (Images, image, input, rgb, …), or the folder of the model itself.
+/// programs give it, in any capitals (Images, image, input, rgb, …), or the folder of the model itself, with what is below it.
 [[nodiscard]] inline Result<std::filesystem::path> image_folder(const std::filesystem::path& root) {
   std::filesystem::path empty;
   for (const char* name : {"images", "images_2", "images_4", "images_8"}) {
@@ -104,7 +104,7 @@ namespace detail {
       if (folded(folder.filename().string()) == name && holds_images(folder)) return folder;
     }
   }
-  if (!image_names(root).empty()) return root;
+  if (!image_paths(root, false).empty()) return root;
   if (!empty.empty()) return empty;
   return Error{ErrorKind::not_found, root.string(), "images",
                "there is no folder images (nor images_2, images_4, images_8)",

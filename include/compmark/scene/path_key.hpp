@@ -105,6 +105,8 @@ struct PathKey {
 /// any letter of its own.
 [[nodiscard]] inline PathKey path_key(std::string_view name) {
   std::string text(name);
+  if (text.size() > 2 && text.front() == text.back() && (text.front() == '"' || text.front() == '\''))
+    text = text.substr(1, text.size() - 2);
   std::replace(text.begin(), text.end(), '\\', '/');
   if (const std::size_t scheme = text.find("://"); scheme != std::string::npos) {
     text.erase(0, scheme + 3);
