@@ -117,7 +117,8 @@ TEST_CASE("scene/transforms_fields: the table of the manual is the table of the 
     CHECK(known.insert(std::string(field.name)).second);  // once
     CHECK(rows[std::string(field.name)] == words.at(field.use));
   }
-  for (const auto& [row, use] : rows) {
+  for (const auto& entry : rows) {
+    const std::string& row = entry.first;
     CAPTURE(row);
     if (row.find_first_of("./*` ") == std::string::npos && row != "database" && row != "rigs")
       CHECK((known.count(row) == 1 || row.find("images") == 0 || row.find("masks") == 0 || row.find("depths") == 0));
