@@ -573,6 +573,36 @@ TEST_CASE("anchor/growth: a Gaussian that is nowhere is counted and grows nothin
   CHECK(report.grown == 0);
 }
 
+TEST_CASE("anchor/growth: law D5, a Gaussian beyond the reach is counted and grows nothing") {
+  const auto born = [](double reach, std::size_t& refused) {
+    World<float> world(2);
+    world.judge_all(1.0f);
+    const AnchorColumns<float> columns = anchor_values(world.arena, world.handles);
+    for (std::size_t k = 0; k < K; ++k) {
+      columns.offset(0, 3 * k) = 5000 + 10 * static_cast<float>(k);  // of an anchor at the origin: it has wandered
+      columns.offset(1, 3 * k + 1) = 5 + static_cast<float>(k);
+    }
+    world.context.reach = reach;
+    std::vector<float> places;
+    std::size_t before = world.anchors();
+    for (std::uint64_t t = 100; t < 1500; t += 100) {
+      world.context.iteration = t;
+      world.judge_all(1.0f);
+      refused += world.adapt().out_of_range;
+    }
+    const MatrixView<float> position = world.arena.values(world.handles.position);
+    for (std::size_t a = before; a < position.rows; ++a) places.push_back(position(a, 0));
+    return places;
+  };
+  std::size_t refused = 0, never = 0;
+  const std::vector<float> held = born(100, refused), free = born(std::numeric_limits<double>::infinity(), never);
+  CHECK(!held.empty());
+  for (const float x : held) CHECK(std::abs(x) < 100);
+  CHECK(refused > 0);
+  CHECK(never == 0);  // the control
+  CHECK(*std::max_element(free.begin(), free.end()) > 4000);
+}
+
 TEST_CASE("anchor/growth: an anchor grown a million units away is found again in its cell (numerics AN3)") {
   World<float> world(1);
   world.context.voxel_size = 0.001;

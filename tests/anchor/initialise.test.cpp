@@ -185,3 +185,22 @@ TEST_CASE("anchor/initialise: bad points are skipped and counted, a cloud of not
   const std::vector<CloudPoint> far{{3e38f, 0, 0}};
   CHECK_FALSE(initial_anchors<float>(far, {0.001}).ok());
 }
+
+TEST_CASE("anchor/initialise: no scale is greater than the greatest, which only a point that stands alone would have") {
+  std::vector<CloudPoint> cloud = random_cloud(200, 1);
+  cloud.push_back({90, 0, 0});
+  InitialiseSettings settings{0.01};
+  const auto free = initial_anchors<float>(cloud, settings);
+  settings.greatest_scale = 16;
+  const auto held = initial_anchors<float>(cloud, settings);
+  REQUIRE((free.ok() && held.ok()));
+  CHECK(free->position == held->position);
+  std::size_t alone = 0;
+  for (std::size_t i = 0; i < free->scaling.size(); ++i) {
+    if (free->scaling[i] == held->scaling[i]) continue;
+    ++alone;
+    CHECK(std::exp(free->scaling[i]) > 80);  // the control: its distance from the others
+    CHECK(std::exp(held->scaling[i]) == doctest::Approx(16));
+  }
+  CHECK(alone == 6);
+}

@@ -385,6 +385,30 @@ TEST_CASE("entropy/hac_model: box and statistics of the published rule, of live 
   CHECK(statistics(1, 4) == doctest::Approx(1.0 / 64));
 }
 
+TEST_CASE(
+    "entropy/hac_model: an anchor far away is outside the box, which is that of the others; one at the edge of the "
+    "core is inside") {
+  HacScene<double> scene;
+  const MatrixView<double> box = scene.arena.values(scene.handles.box), position = scene.arena.values(scene.position);
+  const auto begin = [&] {
+    HacModel<double, D, K, small_hac_grid>::begin_context(scene.arena, scene.handles, position, scene.table(0),
+                                                          scene.table(1), scene.table(2));
+    return box(1, 1) - box(0, 1);
+  };
+  const RobustBall ball = robust_ball(hac_anchors, [&](std::size_t i) { return position.row(i); });
+  const double width = begin(), kept = position(3, 1);
+  for (const double away : {17.0, 1e3, 1e30}) {
+    position(3, 1) = ball.center[1] + away * ball.wide;
+    CHECK(begin() == doctest::Approx(width).epsilon(0.1));
+    position(3, 1) = std::numeric_limits<double>::infinity();
+    CHECK(begin() == doctest::Approx(width).epsilon(0.1));
+  }
+  position(3, 1) = ball.center[1] + 12 * ball.wide;  // the control
+  CHECK(begin() > 3 * width);
+  position(3, 1) = kept;
+  CHECK(begin() == width);
+}
+
 namespace {
 /// Descent by signs on the rate, and on a loss that the noise of features raises; returns the last report.
 RateReport trained_hac(double lambda, int iterations, bool structured) {

@@ -12,12 +12,13 @@
 //
 // Laws: D1 kept rows keep every bit of their values, but for clamps the policy states; D2 the arena, the statistics and whatever follows
 // on_edit have the same rows afterwards; D3 a fixed number of anchors is never exceeded and the last one never removed; D4 adapt is a
-// function of its arguments: same bits at any thread count, order of new rows included.
+// function of its arguments: same bits at any thread count, order of new rows included; D5 no Gaussian beyond the reach gives birth.
 #pragma once
 
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "compmark/anchor/concept.hpp"
@@ -25,6 +26,7 @@
 #include "compmark/anchor/table.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/math/robust_ball.hpp"
 
 namespace compmark::inline v0 {
 
@@ -34,7 +36,10 @@ struct AdaptContext {
   std::uint64_t iteration = 0;  ///< with the seed, the key of its random numbers
   double voxel_size = 0.001;    ///< world units: the finest cell
   std::span<const BlockHandle> pooled =
-      {};  ///< anchor blocks beside the feature whose new rows are the maximum over their parents
+      {};                ///< anchor blocks beside the feature whose new rows are the maximum over their parents
+  RobustBall ball = {};  ///< of the anchors (math/robust_ball.hpp), for
+  double reach =
+      std::numeric_limits<double>::infinity();  ///< Gaussians farther from its centre give no birth, world units
 };
 
 /// The same for a scene whose cells are not cubes of the world (anchor/space.hpp). A policy that knows of no space takes the base.
@@ -50,9 +55,10 @@ struct GrowthReport {
   std::size_t candidates = 0;         ///< Gaussians that asked for an anchor, summed over the levels
   std::size_t dropped_by_budget = 0;  ///< anchors that would have been added but for the limit
   std::size_t non_finite = 0;         ///< statistics that were NaN or infinite: not used, and reset (numerics case AN5)
-  std::size_t out_of_range = 0;       ///< candidates whose position is no cell: not finite, or 2^31 cells away
-  bool kept_last = false;             ///< every anchor was to go: the one of highest opacity was kept
-  bool edited = false;                ///< rows were edited, so gradients of anchor blocks are zero now
+  /// Candidates that are put nowhere: not finite, 2^31 cells away, or beyond AdaptContext::reach.
+  std::size_t out_of_range = 0;
+  bool kept_last = false;  ///< every anchor was to go: the one of highest opacity was kept
+  bool edited = false;     ///< rows were edited, so gradients of anchor blocks are zero now
 };
 
 namespace detail {

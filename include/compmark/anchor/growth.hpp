@@ -235,7 +235,7 @@ class GradientGrowth {
       }
       Cell cell;
       if (!detail::space_of(context).cell_of(position.data(), size, cell) ||
-          !detail::space_of(context).in_range(cell, size)) {
+          !detail::space_of(context).in_range(cell, size) || context.ball.distance(position.data()) > context.reach) {
         ++report.out_of_range;
         continue;
       }

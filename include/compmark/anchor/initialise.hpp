@@ -19,6 +19,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,6 +35,9 @@ struct InitialiseSettings {
       0.001;  ///< world units; 0 or less: the median over points of the root mean square distance to 3 neighbours
   bool auto_voxel_squared =
       false;  ///< the published automatic size: the mean squared distance itself, a length only by accident
+  /// World units, in the cells of a stretched space: no scale is greater. A point that stands alone has the distance of the others as its scale, and
+  /// one such Gaussian owns the volume loss.
+  double greatest_scale = std::numeric_limits<double>::infinity();
 };
 
 /// Anchors sorted by voxel (x, then y, then z). Offsets and features start at zero and are not listed.
@@ -184,8 +188,10 @@ template <class T = float, Space S = EuclideanSpace>
   anchors.scaling.reserve(6 * cells.size());
   const std::vector<double> distance = detail::mean_squared_neighbour_distance(centers);
   for (std::size_t i = 0; i < distance.size(); ++i) {
-    const double voxel = anchors.voxel_size * space.stretch(centers.points[i].data());
-    const double used = distance.size() == 1 ? voxel * voxel : std::max(distance[i], 0.1 * voxel * voxel);
+    const double stretch = space.stretch(centers.points[i].data()), voxel = anchors.voxel_size * stretch;
+    const double greatest = settings.greatest_scale * stretch;
+    const double alone = distance.size() == 1 ? voxel * voxel : std::max(distance[i], 0.1 * voxel * voxel);
+    const double used = std::min(alone, greatest * greatest);
     anchors.scaling.insert(anchors.scaling.end(), 6, static_cast<T>(0.5 * std::log(used)));
   }
   return anchors;

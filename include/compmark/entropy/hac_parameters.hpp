@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Blocks of HAC's entropy model in the arena, their first values, and what is made up from all anchors when its context begins: the box that
-// the hash grid covers (compression sheet, 1.3: a fifth beyond the outermost anchors, away from the origin or towards it) and the mean and
+// the hash grid covers (compression sheet, 1.3: a fifth beyond the outermost anchors of the core, away from the origin or towards it) and the mean and
 // deviation of every scalar, which the network's outputs count in. Sums in double, in row order. Cost of begin: one read of the table.
 #pragma once
 
@@ -17,6 +17,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/entropy/offset_mask.hpp"
+#include "compmark/math/robust_ball.hpp"
 
 namespace compmark::inline v0 {
 
@@ -82,12 +83,15 @@ void begin_hac_context(ParameterArena<T>& arena, const HacHandles& handles, Matr
                        MatrixView<const T> feature, MatrixView<const T> scaling, MatrixView<const T> offset) {
   const MatrixView<T> box = arena.values(handles.box), statistics = arena.values(handles.statistics);
   const MatrixView<const T> mask = std::as_const(arena).values(handles.mask);
+  // A few anchors far away would have all others in one cell of the grid: beyond the core they are outside the box, where the context says nothing.
+  const RobustBall ball = robust_ball(position.rows, [&](std::size_t i) { return position.row(i); });
+  const double core = ball.core();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     T least = 0, most = 0;
     bool any = false;
     for (std::size_t i = 0; i < position.rows; ++i) {
       const T x = position(i, axis);
-      if (!std::isfinite(x)) continue;
+      if (!std::isfinite(x) || ball.distance(position.row(i)) > core) continue;
       least = any ? std::min(least, x) : x;
       most = any ? std::max(most, x) : x;
       any = true;

@@ -20,6 +20,7 @@
 #include "compmark/anchor/growth.hpp"
 #include "compmark/anchor/initialise.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/math/robust_ball.hpp"
 #include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/pipeline/drawn_reading.hpp"
@@ -32,6 +33,7 @@
 #include "compmark/pipeline/rate_phases.hpp"
 #include "compmark/pipeline/run_policies.hpp"
 #include "compmark/pipeline/settings.hpp"
+#include "compmark/pipeline/training_memory.hpp"
 #include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
 #include "compmark/pipeline/view_costs.hpp"
@@ -81,10 +83,18 @@ class Trainer {
     }
   }
 
-  /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values.
-  [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points) {
+  /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values. Points beyond the reach of the others
+  /// are left out (far_points()). Where the anchors would take more than `memory` says that there is, an Error of kind `exhausted`, before they are taken.
+  [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points, const MemoryBudget& memory = {}) {
+    if (Result<Done> room = check_cloud_memory(points.size(), memory); !room) return room.error();
     InitialiseSettings initial;
     initial.voxel_size = settings_.voxel_size;
+    const RobustBall ball = robust_ball(
+        points.size(), [&](std::size_t i) -> const auto& { return points[i]; });
+    initial.greatest_scale = ball.core(scene_extent_);
+    std::vector<std::array<float, 3>> near;
+    far_points_ = leave_out_far(points, ball, ball.reach(scene_extent_), near);
+    if (far_points_ != 0) points = near;
     auto anchors = initial_anchors<Scalar>(points, initial, space());
     if (!anchors) return anchors.error();
     const std::size_t rows = anchors->position.size() / 3;
@@ -96,6 +106,7 @@ class Trainer {
                        std::to_string(settings_.max_anchors),
                    "raise the limit or the voxel size"};
     }
+    if (Result<Done> room = check_training_memory<R>(rows, memory); !room) return room.error();
     state_.model.create(rows, view_count_);
     state_.model.voxel_size = anchors->voxel_size;
     state_.model.render.near_plane = settings_.near_plane;
@@ -217,6 +228,8 @@ class Trainer {
   [[nodiscard]] const State& state() const { return state_; }
   [[nodiscard]] const Model<R>& model() const { return state_.model; }
   [[nodiscard]] const TrainSettings& settings() const { return settings_; }
+  /// Points that initialise() left out because they lie beyond RobustBall::reach(scene extent).
+  [[nodiscard]] std::size_t far_points() const { return far_points_; }
   [[nodiscard]] const Pipeline<R>& pipeline() const { return pipeline_; }
   /// What the watermark cost and what was read in the last iteration; recipes with a watermark alone.
   [[nodiscard]] const MarkReport& mark_report() const requires(!Pipeline<R>::Marks::is_absent) {
@@ -375,9 +388,12 @@ class Trainer {
   void adjust(std::int64_t t, IterationReport& report) {
     Model<R>& model = state_.model;
     const Growth growth = looks_at_frequency(t) ? density_control<R>(settings_, true) : growth_;
-    const auto grown = growth.adapt(model.arena, model.anchors, state_.growth,
-                                    SpaceAdaptContext<typename R::Space>{
-                                        {settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size}, space()},
+    SpaceAdaptContext<typename R::Space> context{{settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size},
+                                                 space()};
+    const auto position = std::as_const(model).columns().position;
+    context.ball = robust_ball(position.rows, [&](std::size_t i) { return position.row(i); });
+    context.reach = context.ball.reach(scene_extent_);
+    const auto grown = growth.adapt(model.arena, model.anchors, state_.growth, context,
                                     [&](const RowEdit& edit, const ArenaLayout& old_layout) {
                                       optimizer_.edit_rows(edit, old_layout, model.arena.layout(), state_.optimizer);
                                     });
@@ -396,6 +412,7 @@ class Trainer {
 
   TrainSettings settings_;
   double scene_extent_ = 1;
+  std::size_t far_points_ = 0;
   E* executor_;
   ViewOrder order_;
   std::size_t view_count_ = 0;

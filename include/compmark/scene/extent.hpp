@@ -3,15 +3,18 @@
 //
 // How large the scene is, as its training cameras see it: the scale of position learning rates and growing thresholds in the published
 // family (ecosystem sheet, section 2.2). Test cameras do not count. That rule gives 0 for one training camera, or several in one place, and no
-// offset would ever move; there the extent is what cameras around what is seen from that place would have. Cost: O(cameras + points).
+// offset would ever move; there the extent is what cameras around what is seen from that place would have. A camera that was registered far away is
+// no part of it: offsets would learn as many times faster as it stands away. Cost: O(cameras + points).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
+#include "compmark/math/robust_ball.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/random_points.hpp"
 
@@ -21,25 +24,6 @@ struct SceneExtent {
   std::array<double, 3> center{0, 0, 0};  ///< mean of the training cameras' centres
   double radius = 0;                      ///< 1.1 times their largest distance from it
 };
-
-/// 0 for fewer than two places.
-[[nodiscard]] inline SceneExtent camera_extent(const Dataset& dataset) {
-  SceneExtent extent;
-  double count = 0;
-  for (const View& view : dataset.views) {
-    if (view.split != Split::train) continue;
-    count += 1;  // a running mean: no overflow, and exact where all centres are equal
-    for (std::size_t c = 0; c < 3; ++c) extent.center[c] += (view.camera.center_world[c] - extent.center[c]) / count;
-  }
-  for (const View& view : dataset.views) {
-    if (view.split != Split::train) continue;
-    extent.radius = std::max(extent.radius, std::hypot(view.camera.center_world[0] - extent.center[0],
-                                                       view.camera.center_world[1] - extent.center[1],
-                                                       view.camera.center_world[2] - extent.center[2]));
-  }
-  extent.radius *= 1.1;
-  return extent;
-}
 
 namespace detail {
 
@@ -59,7 +43,46 @@ template <class Points>
   return *middle;
 }
 
+/// The ball of some cameras, and how far from its centre one may stand and still count: the core (math/robust_ball.hpp), which counts what they see too.
+struct CameraCore {
+  RobustBall ball;
+  double size = 0;  ///< the longer of `wide` and the distance of the middle point
+  double limit = std::numeric_limits<double>::infinity();
+  [[nodiscard]] bool holds(const View& view) const { return !(ball.distance(view.camera.center_world.data()) > limit); }
+};
+template <class Points>
+[[nodiscard]] CameraCore camera_core(const Dataset& dataset, const std::vector<std::size_t>& views,
+                                     const Points& points) {
+  CameraCore core;
+  core.ball = robust_ball(
+      views.size(), [&](std::size_t i) -> const auto& { return dataset.views[views[i]].camera.center_world; });
+  core.size = std::max(core.ball.wide, median_distance(points, core.ball.center));
+  core.limit = core.ball.core(core.size);
+  return core;
+}
+
 }  // namespace detail
+
+/// 0 for fewer than two places. Training cameras that stand beyond the core of all of them do not count.
+[[nodiscard]] inline SceneExtent camera_extent(const Dataset& dataset) {
+  std::vector<std::size_t> views = dataset.indices(Split::train);
+  const detail::CameraCore core = detail::camera_core(dataset, views, dataset.points);
+  std::erase_if(views, [&](std::size_t i) { return !core.holds(dataset.views[i]); });
+  SceneExtent extent;
+  double count = 0;
+  for (const std::size_t i : views) {
+    count += 1;  // a running mean: no overflow, and exact where all centres are equal
+    const std::array<double, 3>& place = dataset.views[i].camera.center_world;
+    for (std::size_t c = 0; c < 3; ++c) extent.center[c] += (place[c] - extent.center[c]) / count;
+  }
+  for (const std::size_t i : views) {
+    const std::array<double, 3>& place = dataset.views[i].camera.center_world;
+    extent.radius = std::max(extent.radius, std::hypot(place[0] - extent.center[0], place[1] - extent.center[1],
+                                                       place[2] - extent.center[2]));
+  }
+  extent.radius *= 1.1;
+  return extent;
+}
 
 /// The cameras' extent; where they stand in one place, to a millionth of what they see, 1.1 times the distance of the middle point instead, or
 /// without points of what they look at. 0 without training views.

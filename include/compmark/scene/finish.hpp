@@ -3,21 +3,25 @@
 //
 // The last steps of every reader. A scene far from the origin of its coordinates is moved to it in double, before points become floats
 // (numerics case PR7). A very small or very large one is counted in another unit (case PR8): near plane, voxel size, volume loss and learning
-// rates of the published training are lengths of scenes whose cameras stand about 4 from what they see. Points that are not finite or lie in
-// the centre of a camera (a failed triangulation, and no direction to look along: case PR9) are dropped. Without points, random ones are
-// drawn. Cost: O((points + cameras) log cameras).
+// rates of the published training are lengths of scenes whose cameras stand about 4 from what they see. Points that are not finite, lie in
+// the centre of a camera (a failed triangulation, and no direction to look along: case PR9) or beyond the reach of the scene (math/robust_ball.hpp) are dropped, and
+// a camera that stands so far away that it would decide the scene's size does not. Without points, random ones are drawn. Cost:
+// O((points + cameras) log cameras).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <iomanip>
 #include <limits>
 #include <numeric>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "compmark/math/robust_ball.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/extent.hpp"
 #include "compmark/scene/point_file.hpp"
@@ -27,29 +31,45 @@
 namespace compmark::inline v0 {
 namespace detail {
 
-/// Mean and largest distance from it of the cameras' centres (middle_spread: medians of both).
+[[nodiscard]] inline std::vector<std::size_t> all_views(const Dataset& dataset) {
+  std::vector<std::size_t> views(dataset.views.size());
+  std::iota(views.begin(), views.end(), std::size_t{0});
+  return views;
+}
+
+/// Mean and largest distance from it of the cameras' centres (middle_spread: medians of both), without those that stand beyond their core
+/// (scene/extent.hpp).
 struct CameraSpread {
   std::array<double, 3> mean{0, 0, 0};
   double radius = 0;
 };
-[[nodiscard]] inline CameraSpread camera_spread(const Dataset& dataset) {
+template <class Points>
+[[nodiscard]] CameraSpread camera_spread(const Dataset& dataset, const Points& points) {
+  std::vector<std::size_t> views = all_views(dataset);
+  const CameraCore core = camera_core(dataset, views, points);
+  std::erase_if(views, [&](std::size_t i) { return !core.holds(dataset.views[i]); });
   CameraSpread spread;
   double count = 0;
-  for (const View& view : dataset.views) {
+  for (const std::size_t i : views) {
     count += 1;
-    for (std::size_t c = 0; c < 3; ++c) spread.mean[c] += (view.camera.center_world[c] - spread.mean[c]) / count;
+    const auto& p = dataset.views[i].camera.center_world;
+    for (std::size_t c = 0; c < 3; ++c) spread.mean[c] += (p[c] - spread.mean[c]) / count;
   }
-  for (const View& view : dataset.views) {
-    const auto& p = view.camera.center_world;
+  for (const std::size_t i : views) {
+    const auto& p = dataset.views[i].camera.center_world;
     spread.radius =
         std::fmax(spread.radius, std::hypot(p[0] - spread.mean[0], p[1] - spread.mean[1], p[2] - spread.mean[2]));
   }
   return spread;
 }
 
+[[nodiscard]] inline CameraSpread camera_spread(const Dataset& dataset) {
+  return camera_spread(dataset, dataset.points);
+}
+
 /// Moves cameras and points so that the cameras' mean is at the origin, where it was more than 100 times the scene's size away from it.
 inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
-  const CameraSpread spread = camera_spread(dataset);
+  const CameraSpread spread = camera_spread(dataset, points);
   const double size = std::fmax(spread.radius, median_distance(points, spread.mean));
   const double away = std::hypot(spread.mean[0], spread.mean[1], spread.mean[2]);
   if (!(size > 0) || !(away > 100 * size)) return;
@@ -105,12 +125,52 @@ inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
       ", so its lengths are counted in units of 2^" + std::to_string(std::ilogb(dataset.unit)) + " of its coordinates");
 }
 
-/// Points as floats, without those that no camera can use.
+/// A number of scene sizes, for a warning.
+[[nodiscard]] inline std::string sizes_text(double value) {
+  std::ostringstream text;
+  if (value < 1e9) {
+    text << std::llround(value);
+  } else {
+    text << std::setprecision(3) << value;
+  }
+  return text.str() + " scene sizes";
+}
+/// "1 of 9262 points lies 31800 scene sizes away".
+[[nodiscard]] inline std::string far_points_text(std::size_t far, std::size_t all, double farthest) {
+  return std::to_string(far) + " of " + std::to_string(all) + (far == 1 ? " points lies " : " points lie up to ") +
+         sizes_text(farthest) + " away";
+}
+
+/// Says which cameras stand beyond the core of the others.
+inline void name_far_cameras(Dataset& dataset) {
+  const std::vector<std::size_t> views = all_views(dataset);
+  const CameraCore core = camera_core(dataset, views, dataset.points);
+  std::size_t far = 0, first = 0;
+  for (const std::size_t i : views) {
+    if (!core.holds(dataset.views[i]) && far++ == 0) first = i;
+  }
+  if (far == 0) return;
+  const View& view = dataset.views[first];
+  dataset.warnings.push_back(dataset.root.string() + ": the camera of \"" + view.name + "\" stands " +
+                             sizes_text(core.ball.distance(view.camera.center_world.data()) / core.size) +
+                             " away from the others" +
+                             (far > 1 ? ", as " + std::to_string(far - 1) + " more do," : "") +
+                             " and does not count for the scene's extent; its photograph is still trained on");
+}
+
+/// Points as floats, without those that no camera can use: not finite, in the centre of a camera, or beyond the reach of the scene
+/// (math/robust_ball.hpp), whose size is that of the points or the distance of the middle camera from their middle.
 inline void take_points(Dataset& dataset, PrecisePoints points) {
   std::vector<std::array<double, 3>> centers;
   for (const View& view : dataset.views) centers.push_back(view.camera.center_world);
   std::sort(centers.begin(), centers.end());
-  const CameraSpread spread = camera_spread(dataset);
+  const CameraSpread spread = camera_spread(dataset, points);
+  const RobustBall ball = robust_ball(
+      points.position.size(), [&](std::size_t i) -> const auto& { return points.position[i]; });
+  PrecisePoints cameras;
+  cameras.position = centers;
+  const double size = median_distance(cameras, ball.center), reach = ball.reach(size);
+  double farthest = 0;
   // A millionth of the scene: far below a pixel from anywhere else, far above the rounding of positions stored in double.
   const double near = 1e-6 * std::fmax(spread.radius, median_distance(points, spread.mean));
   const auto at_camera = [&](const std::array<double, 3>& p) {
@@ -121,12 +181,15 @@ inline void take_points(Dataset& dataset, PrecisePoints points) {
     }
     return false;
   };
-  std::size_t not_finite = 0, at_cameras = 0;
+  std::size_t not_finite = 0, at_cameras = 0, far = 0;
   for (std::size_t i = 0; i < points.position.size(); ++i) {
     const std::array<double, 3>& p = points.position[i];
     const std::array<float, 3> rounded{static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
     if (!std::isfinite(rounded[0]) || !std::isfinite(rounded[1]) || !std::isfinite(rounded[2])) {
       ++not_finite;
+    } else if (const double distance = ball.distance(p.data()); distance > reach) {
+      ++far;
+      farthest = std::fmax(farthest, distance);
     } else if (at_camera(p)) {
       ++at_cameras;
     } else {
@@ -137,6 +200,11 @@ inline void take_points(Dataset& dataset, PrecisePoints points) {
   if (not_finite > 0)
     dataset.warnings.push_back(dataset.root.string() + ": " + std::to_string(not_finite) +
                                " points that are not finite are left out");
+  if (far > 0)
+    dataset.warnings.push_back(
+        dataset.root.string() + ": " +
+        far_points_text(far, points.position.size(), farthest / std::fmax(std::fmin(ball.wide, ball.middle), size)) +
+        (far == 1 ? " and is left out" : " and are left out"));
   if (at_cameras > 0)
     dataset.warnings.push_back(dataset.root.string() + ": " + std::to_string(at_cameras) +
                                " points in the centres of cameras are left out");
@@ -148,6 +216,7 @@ inline void finish_dataset(Dataset& dataset, PrecisePoints points, const Dataset
   fit_unit(dataset, points);
   const bool had_points = !points.position.empty();
   take_points(dataset, std::move(points));
+  name_far_cameras(dataset);
   if (dataset.points.size() > 0) return;
   dataset.points = random_points(dataset, settings.random_points, settings.seed);
   dataset.points_are_random = true;
