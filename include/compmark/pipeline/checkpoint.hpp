@@ -24,6 +24,7 @@
 #include "compmark/io/file_kind.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
+#include "compmark/pipeline/checkpoint_state.hpp"
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/settings_json.hpp"
@@ -219,6 +220,8 @@ template <class Json = nlohmann::json>
                                     json["seconds"].template get<double>()};
   if (progress.iteration < 0 || progress.iteration > iterations)
     return other_run(file, "iteration", "is outside the run");
+  if (!(progress.seconds >= 0) || !std::isfinite(progress.seconds))
+    return other_run(file, "seconds", "are no time that a run has taken");
   return progress;
 }
 
@@ -289,6 +292,7 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
       if (result && wanted[0] == HeldSteps::not_looked) wanted.clear();
     }
   }
+  if (result) result = detail::check_state(*file, state);
   if (!result) return result.error();
   return checkpoint;
 }
