@@ -208,6 +208,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     }
   }
 
+  const MemoryBudget memory = memory_budget(data);
   Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
   if constexpr (is_marked) trainer.set_watermark(mark->decoder, mark->bits);
   double seconds_before = 0;
@@ -222,13 +223,18 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   } else {
     if (!options.resume && std::filesystem::exists(data.checkpoint)) return fail(unfinished_run(data.checkpoint));
     if (loaded) {
+      if (Result<Done> room = check_training_memory<R>(loaded->model.anchor_count(), memory); !room)
+        return fail(room.error());
       if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
         if (Result<Done> adopted = adopt_networks(*host_file, loaded->model); !adopted) return fail(adopted.error());
       }
       if constexpr (is_marked || is_fitted)
         trainer.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
-    } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position); !ready) {
+    } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready) {
       return fail(ready.error());
+    } else if (trainer.far_points() != 0) {
+      std::fprintf(stderr, "compmark: warning: %zu of %zu points lie far beyond the others and are left out\n",
+                   trainer.far_points(), data.dataset.points.size());
     }
   }
 

@@ -17,6 +17,7 @@
 #include "coded_run.hpp"
 #include "common.hpp"
 #include "effects.hpp"
+#include "machine_memory.hpp"
 #include "mark_record.hpp"
 #include "report.hpp"
 #include "results.hpp"
@@ -183,6 +184,18 @@ Result<Done> keep_mark(const TrainOptions& options, const MarkInput& mark, const
 }
 
 }  // namespace
+
+MemoryBudget memory_budget(const RunData& run) {
+  MemoryBudget budget;
+  budget.bytes = free_memory_bytes();
+  budget.views = run.train.size();
+  for (std::size_t i = 0; i < run.train.size(); ++i) {
+    const Camera<double> camera = run.train.camera(i);
+    budget.pixels =
+        std::max(budget.pixels, static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+  }
+  return budget;
+}
 
 int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, const MarkInput* mark,
                ThreadExecutor& executor) {

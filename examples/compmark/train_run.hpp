@@ -10,6 +10,7 @@
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/pipeline/model_info.hpp>
 #include <compmark/pipeline/settings.hpp>
+#include <compmark/pipeline/training_memory.hpp>
 #include <compmark/scene/dataset.hpp>
 #include <compmark/scene/extent.hpp>
 #include <compmark/scene/image_store.hpp>
@@ -106,6 +107,9 @@ compmark::Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options,
 /// Decodes every image once, so that a bad one is named before hours of work, and compares the data with the source model's.
 compmark::Result<compmark::Done> check_run(const TrainOptions& options, RunData& run, const SourceModel& source,
                                            const MarkInput* mark);
+
+/// What a training of these views may take, the images being decoded.
+compmark::MemoryBudget memory_budget(const RunData& run);
 
 /// What training left.
 struct RunEnd {
