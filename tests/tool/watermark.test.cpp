@@ -292,11 +292,11 @@ TEST_CASE(
   CHECK(none["held_back"] == 0);
   static_cast<void>(unmarked());
   CHECK(fitted(setting().scene, at("unmarked/model.safetensors"), "limit-small", "")["region_limit"] == 0);
-  // In many lights: another decoder, which says so, and by default none.
-  const nlohmann::json lights = fitted(scene, model, "limit-lights", " --region-limit 1 --tone 0.01");
-  CHECK(lights["tone"] == 0.01);
-  CHECK(once["tone"] == 0);
-  CHECK(lights["decoder_sha256"] != once["decoder_sha256"]);
+  // In many lights by default; in one: another decoder, which says so.
+  const nlohmann::json light = fitted(scene, model, "limit-light", " --region-limit 1 --tone 0");
+  CHECK(light["tone"] == 0);
+  CHECK(once["tone"] == 0.01);
+  CHECK(light["decoder_sha256"] != once["decoder_sha256"]);
   // Out of its range it is the parser that refuses it, by name.
   const Outcome far = tool(fit + " --data " + scene + " --model " + model + " --out " + at("no-limit.safetensors") +
                            " --region-limit 101");

@@ -43,8 +43,8 @@ struct DecoderFitSettings {
   double reach = 2;         ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
   int gradient_views = 12;  ///< at least 2
   /// Deviation of the light that every statistics view is seen in, as gains and half as much offset of its channels (mark/tone.hpp); 0: the host's own,
-  /// and a decoder that takes 1 % of another for a message. What .01 costs and brings: docs/watermark_experiments.md, "Another light".
-  double tone = 0;
+  /// and a decoder that takes 1 % of another, or two levels of green, for a message. What .01 costs and brings: docs/watermark_experiments.md, "Another light".
+  double tone = 0.01;
   /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much weight in the noise as `edit_weight`
   /// says: what is quiet in clean renders alone is drowned by a JPEG.
   int edits_per_view = 1;
