@@ -125,3 +125,44 @@ TEST_CASE("scene/mask_lookup: masks under other names are found by their ends, a
   CHECK(detail::without_mask_affix("mask.png") == "mask");
   CHECK(detail::without_mask_affix("a.b.png") == "a.b");
 }
+
+TEST_CASE("scene/mask_lookup: masks in the folders of rigs, and what lies where none is looked for") {
+  const TemporaryFolder folder;
+  ColmapModel model = small_colmap_model();
+  int k = 0;
+  for (auto& [id, image] : model.images) {
+    image.name = (k % 2 == 0 ? "left/" : "right/") + std::to_string(k / 2) + ".png";
+    ++k;
+  }
+  put_colmap_text(folder.path() / "sparse/0", model);
+  put_colmap_images(folder.path() / "images", model);
+  const auto open = [&] {
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    REQUIRE(dataset.ok());
+    return *dataset;
+  };
+  const auto warnings = [](const Dataset& dataset, const std::string& words) {
+    return std::count_if(dataset.warnings.begin(), dataset.warnings.end(),
+                         [&](const std::string& w) { return w.find(words) != std::string::npos; });
+  };
+  put_image(folder.path() / "images/left/0_mask.png", 16, 12, 1);
+  put_image(folder.path() / "images/right/dynamic_mask_1.png", 16, 12, 1);
+  put_image(folder.path() / "segmentation/0.png", 16, 12, 1);
+  const Dataset elsewhere = open();
+  CHECK(elsewhere.views.size() == 9);
+  CHECK(warnings(elsewhere, "2 masks beside the images are not used") == 1);
+  CHECK(warnings(elsewhere, "the images in segmentation are not used") == 1);
+  put_image(folder.path() / "images/left/masks/1.png", 16, 12, 1);
+  put_image(folder.path() / "images/right/masks/1.png", 16, 12, 1);
+  const Dataset rig = open();
+  for (const View& view : rig.views) {
+    const bool has = view.name == "left/1.png" || view.name == "right/1.png";
+    CHECK(view.mask_path == (has ? view.image_path.parent_path() / "masks/1.png" : std::filesystem::path()));
+  }
+  std::filesystem::remove_all(folder.path() / "images/left/masks");
+  std::filesystem::remove_all(folder.path() / "images/right/masks");
+  put_image(folder.path() / "masks/1.png", 16, 12, 1);  // of both
+  const Dataset shared = open();
+  for (const View& view : shared.views) CHECK(view.mask_path.empty());
+  CHECK(warnings(shared, "1 masks in masks belong to no image, or to more than one") == 1);
+}

@@ -229,6 +229,28 @@ TEST_CASE(
         }).find("different pixels") != std::string::npos);
 }
 
+TEST_CASE(
+    "scene/mask_reading: a dark mask among others counts whole where it is not black; one of another size is refused") {
+  const TemporaryFolder folder;
+  const auto grey = [](int value) {
+    return png(8, 0, [value](int x, int y) { return std::vector<int>{left(x, y) ? value : 0}; });
+  };
+  const Result<Dataset> dataset = masked(folder.path(), [&](int i) { return grey(i == 1 ? 1 : 255); });
+  REQUIRE(dataset.ok());
+  CHECK(words(*dataset, "1 masks have no white pixel, while others have") == 1);
+  ImageStore store(*dataset, {});
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Result<const StoredImage*> image = store.get(i);
+    REQUIRE(image.ok());
+    CHECK((*image)->mask[0] == 255);
+    CHECK((*image)->mask[mask_width - 1] == 0);
+  }
+  put_image(folder.path() / "masks/2.png", 8, 6, 1);
+  const Result<Dataset> other = open_dataset(folder.path(), {});
+  REQUIRE(!other.ok());
+  CHECK(names(other.error(), "masks/2.png", "image size", "as large as its image"));
+}
+
 TEST_CASE("scene/mask_reading: a photograph is no mask") {
   MaskFile photograph{32, 32, 3, 255, {}};
   for (int i = 0; i < 32 * 32; ++i)

@@ -58,10 +58,7 @@ inline Result<Done> check_size(const View& view, const ImageBytes& file) {
   ImageBytes mask{file->width, file->height, 1, mask_weights(*file, view.mask_reading)};
   if (mask.width != image.width || mask.height != image.height) mask = turned(std::move(mask), view.orientation);
   if (mask.width != image.width || mask.height != image.height) {
-    return Error{ErrorKind::invalid, view.mask_path.string(), "image size",
-                 "is " + std::to_string(mask.width) + " x " + std::to_string(mask.height) + ", but its image has " +
-                     std::to_string(image.width) + " x " + std::to_string(image.height) + " pixels",
-                 "make the mask as large as its image"};
+    return mask_of_other_size(view, mask.width, mask.height, image.width, image.height);
   }
   return std::move(mask.pixels);
 }

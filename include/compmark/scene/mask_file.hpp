@@ -69,6 +69,16 @@ struct MaskFile {
   return mask;
 }
 
+namespace detail {
+[[nodiscard]] inline Error mask_of_other_size(const View& view, int width, int height, int image_width,
+                                              int image_height) {
+  return {ErrorKind::invalid, view.mask_path.string(), "image size",
+          "is " + std::to_string(width) + " x " + std::to_string(height) + ", but its image has " +
+              std::to_string(image_width) + " x " + std::to_string(image_height) + " pixels",
+          "make the mask as large as its image"};
+}
+}  // namespace detail
+
 /// How much each pixel counts, 0 … 255, by what the numbers mean.
 [[nodiscard]] inline std::vector<std::uint8_t> mask_weights(const MaskFile& mask, MaskReading reading) {
   std::vector<std::uint8_t> weights(mask.size());

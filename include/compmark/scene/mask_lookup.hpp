@@ -82,24 +82,58 @@ namespace detail {
   return folder + name;
 }
 
-/// The folders of masks below `root`: masks, Masks, mask, masks_4 …; those of other sizes only where no image has one of another folder.
+/// The folders of masks at most two folders below `root`: masks, Masks, mask, masks_4, images/masks …
 [[nodiscard]] inline std::vector<std::filesystem::path> mask_folders(const std::filesystem::path& root) {
   std::vector<std::filesystem::path> folders;
   std::error_code status;
-  for (std::filesystem::directory_iterator i(root, status), end; !status && i != end; i.increment(status)) {
-    if (folded(i->path().filename().string()).compare(0, 4, "mask") == 0 && folder_exists(i->path()))
-      folders.push_back(i->path());
+  for (std::filesystem::recursive_directory_iterator i(root, status), end; !status && i != end; i.increment(status)) {
+    std::error_code ignored;
+    if (!i->is_directory(ignored)) continue;
+    const std::string name = folded(i->path().filename().string());
+    const bool masks = name.compare(0, 4, "mask") == 0;
+    if (masks) folders.push_back(i->path());
+    if (masks || i.depth() == 2 || holds_other_images(name)) i.disable_recursion_pending();
   }
   std::sort(folders.begin(), folders.end());
   return folders;
+}
+
+/// Says what may be masks, but lies where none are looked for: beside the photographs, or in folders of labels.
+inline void say_other_masks(Dataset& dataset, const std::filesystem::path& root) {
+  std::size_t count = 0;
+  std::string first;
+  for (const View& view : dataset.views) {
+    const std::filesystem::path& image = view.image_path;
+    const std::string stem = image.stem().string();
+    for (const std::string& name :
+         {"dynamic_mask_" + stem + ".png", stem + "_mask.png", stem + "-mask.png", "mask_" + stem + ".png",
+          image.filename().string() + ".mask.png", stem + ".mask.png",
+          image.filename().string() + ".alpha" + image.extension().string()}) {
+      if (view.mask_path.empty() && file_exists(image.parent_path() / name) && count++ == 0) first = name;
+    }
+  }
+  const auto say = [&](const std::string& sentence) {
+    dataset.warnings.push_back(dataset.root.string() + ": " + sentence +
+                               "; put masks into a folder masks, black where a pixel is to be ignored");
+  };
+  if (count > 0) say(std::to_string(count) + " masks beside the images are not used, the first is " + first);
+  std::error_code status;
+  for (std::filesystem::directory_iterator i(root, status), end; !status && i != end; i.increment(status)) {
+    const std::string name = folded(i->path().filename().string());
+    if ((name.compare(0, 7, "segment") == 0 || name.compare(0, 5, "matte") == 0 || name.compare(0, 5, "alpha") == 0) &&
+        holds_images(i->path()))
+      say("the images in " + i->path().filename().string() + " are not used");
+  }
 }
 
 /// Looks for masks of views that have none among those that nobody has, by the ends of their names, and says which of them belong to no image.
 /// `nobodys`: masks of which that was said before.
 inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
                        const std::set<std::filesystem::path>& nobodys) {
+  int told = 0;
   const auto say = [&](const std::string& sentence) {
-    dataset.warnings.push_back(dataset.root.string() + ": " + sentence);
+    if (++told <= 8) dataset.warnings.push_back(dataset.root.string() + ": " + sentence);
+    if (told == 9) dataset.warnings.push_back(dataset.root.string() + ": so it is with more folders of masks");
   };
   const std::vector<std::filesystem::path> folders = mask_folders(root);
   if (folders.empty()) return;
@@ -107,6 +141,8 @@ inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
   for (const View& view : dataset.views) {
     if (!view.mask_path.empty()) used.insert(view.mask_path.lexically_normal());
   }
+  // Where one folder has masks of images; those beside it are of another size.
+  std::set<std::filesystem::path> sources;
   for (const std::filesystem::path& folder : folders) {
     std::vector<std::size_t> views;
     std::vector<std::string> names, files, keys;
@@ -116,15 +152,17 @@ inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
       names.push_back(dataset.views[i].image_path.lexically_relative(root).generic_string());
     }
     if (views.empty()) return;
-    bool of_images = false;  // whether some image has its mask from here
+    bool of_images = false;
     for (const std::string& path : image_paths(folder, true)) {
       const std::filesystem::path file = (folder / path).lexically_normal();
       of_images = of_images || used.count(file) > 0;
       if (used.count(file) > 0 || nobodys.count(file) > 0) continue;
       files.push_back(path);
-      keys.push_back(without_mask_affix(path));
+      const std::filesystem::path above = folder.parent_path().lexically_relative(root);
+      keys.push_back(without_mask_affix((above / path).generic_string()));
     }
-    if (files.empty() || (!of_images && !used.empty())) continue;
+    if (of_images) sources.insert(folder.parent_path());
+    if (files.empty() || (!of_images && sources.count(folder.parent_path()) > 0)) continue;
     const Pairing pairing = pair_names(names, keys);
     std::set<std::size_t> taken;
     std::string example;
@@ -136,12 +174,14 @@ inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
       used.insert(view.mask_path.lexically_normal());
       if (taken.empty()) example = files[file] + " is of \"" + view.name + "\"";
       taken.insert(file);
+      sources.insert(folder.parent_path());
     }
     if (!taken.empty())
       say(std::to_string(taken.size()) + " masks are found by the ends of their names (" + example + ")");
     for (std::size_t file = 0; file < files.size(); ++file) {
       if (taken.count(file) == 0) {
-        say(std::to_string(files.size() - taken.size()) + " masks in " + folder.filename().string() +
+        say(std::to_string(files.size() - taken.size()) + " masks in " +
+            folder.lexically_relative(root).generic_string() +
             " belong to no image, or to more than one, and are not used, the first is " + files[file]);
         break;
       }
@@ -181,6 +221,7 @@ inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
         example + "; put masks into the folders that the images are in (masks/train for train)");
   }
   pair_masks(dataset, root, nobodys);
+  say_other_masks(dataset, root);
   std::size_t without = 0;
   for (const View& view : dataset.views) without += view.mask_path.empty() ? 1 : 0;
   if (without > 0 && without < dataset.views.size()) {

@@ -26,6 +26,9 @@
 namespace compmark::inline v0 {
 namespace detail {
 
+/// A mask that is nowhere brighter, as a share of white, is no soft one: it holds labels, or 0 and 1.
+inline constexpr double dark_mask = 0.25;
+
 /// What one channel of a mask holds.
 struct MaskLevels {
   double least = 1, most = 0;  ///< of white
@@ -42,6 +45,7 @@ struct MaskLevels {
 
 /// What one mask holds.
 struct MaskFacts {
+  int width = 0, height = 0;
   MaskLevels color, alpha;
   bool has_alpha = false, sixteen_bit = false;
   bool colored = false;    ///< some pixel is no grey
@@ -52,6 +56,8 @@ struct MaskFacts {
 
 [[nodiscard]] inline MaskFacts mask_facts(const MaskFile& mask) {
   MaskFacts facts;
+  facts.width = mask.width;
+  facts.height = mask.height;
   facts.has_alpha = mask.has_alpha();
   facts.sixteen_bit = mask.white != 255;
   std::set<std::uint64_t> colors;
@@ -126,7 +132,7 @@ struct MaskDecision {
     return fail(*first_colored,
                 "has colours, and no pixel of any mask is black, so it is not known what is to be ignored", plain);
   // Labels and counts stay small; a soft edge of a mask has a white side. One level beside black is what counts, whatever its number.
-  const bool any = colored || all.most < 0.25 || (levels.size() == 1 && all.most < 1);
+  const bool any = colored || all.most < dark_mask || (levels.size() == 1 && all.most < 1);
   MaskDecision decision;
   decision.reading = any ? (in_alpha ? MaskReading::any_alpha : MaskReading::any)
                          : (in_alpha ? MaskReading::alpha : MaskReading::level);
@@ -146,6 +152,9 @@ struct MaskDecision {
     if (view.mask_path.empty() || masks.count(view.mask_path) > 0) continue;
     const Result<MaskFile> mask = read_mask_file(view.mask_path);
     if (!mask) return mask.error();
+    const bool upright = mask->width == view.file_width && mask->height == view.file_height;
+    if (!upright && (view.orientation == 1 || mask->width != view.file_height || mask->height != view.file_width))
+      return mask_of_other_size(view, mask->width, mask->height, view.file_width, view.file_height);
     masks.emplace(view.mask_path, mask_facts(*mask));
   }
   if (masks.empty()) return Done{};
@@ -159,16 +168,20 @@ struct MaskDecision {
   const bool any = decision->reading == MaskReading::any || decision->reading == MaskReading::any_alpha;
   const bool had_tests = !dataset.indices(Split::test).empty();
   std::vector<View> kept;
-  std::size_t empty = 0;
-  std::string first_name, first_mask;
+  std::size_t empty = 0, dark = 0;
+  std::string first_name, first_mask, first_dark;
   for (View& view : dataset.views) {
     view.mask_reading = decision->reading;
     if (!view.mask_path.empty()) {
       const MaskFacts& facts = masks.at(view.mask_path);
       const double most = (alpha && facts.has_alpha ? facts.alpha : facts.color).most;
-      if (most == 0 || (!any && most * 255 < 1)) {  // 16 bits: below one level of 8
+      if (most == 0) {
         if (empty++ == 0) first_name = view.name, first_mask = view.mask_path.string();
         continue;
+      }
+      if (!any && most < dark_mask) {
+        view.mask_reading = alpha ? MaskReading::any_alpha : MaskReading::any;
+        if (dark++ == 0) first_dark = view.name;
       }
     }
     kept.push_back(std::move(view));
@@ -178,6 +191,12 @@ struct MaskDecision {
     return Error{ErrorKind::invalid, first_mask, "mask",
                  "is black everywhere, as are those of all training images, so that no pixel counts",
                  "make white what counts, or remove the masks"};
+  }
+  if (dark > 0) {
+    say(std::to_string(dark) +
+        " masks have no white pixel, while others have, so all that is not black in them counts whole, the first is of "
+        "\"" +
+        first_dark + "\"");
   }
   if (empty > 0) {
     say(std::to_string(empty) + " images are left out, as their masks are black everywhere, the first is \"" +

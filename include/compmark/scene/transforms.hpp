@@ -231,8 +231,6 @@ template <class Json = nlohmann::json>
   }
   const std::vector<detail::FoundImage> images = detail::find_frame_images(folder, names, notes);
   for (const std::string& note : notes) dataset.warnings.push_back(folder.string() + ": " + note);
-  if (const std::optional<std::string> note = detail::unused_sidecars(images); note && settings.masks)
-    dataset.warnings.push_back(folder.string() + ": " + *note);
   const std::span<const detail::FoundImage> all(images);
   Result<Done> done = detail::append_frames(file, *json, Split::train, all.first(own), settings, dataset);
   if (!done) return done.error();

@@ -8,7 +8,6 @@
 #include <array>
 #include <cstddef>
 #include <filesystem>
-#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -81,25 +80,6 @@ template <class Json>
   }
   notes = std::move(found.notes);
   return images;
-}
-
-/// What instant-ngp would read beside an image: masks of what moves, and alpha channels of their own. They are not used, which is said.
-[[nodiscard]] inline std::optional<std::string> unused_sidecars(const std::vector<FoundImage>& images) {
-  std::size_t count = 0;
-  std::string first;
-  for (const FoundImage& image : images) {
-    if (image.path.empty()) continue;
-    std::filesystem::path mask = image.path, alpha = image.path;
-    mask.replace_filename("dynamic_mask_" + image.path.stem().string() + ".png");
-    alpha += ".alpha";
-    alpha += image.path.extension();
-    for (const std::filesystem::path& sidecar : {mask, alpha}) {
-      if (file_exists(sidecar) && count++ == 0) first = sidecar.filename().string();
-    }
-  }
-  if (count == 0) return std::nullopt;
-  return std::to_string(count) + " masks beside the images are not used, the first is " + first +
-         "; put masks into a folder masks, black where a pixel is to be ignored";
 }
 
 }  // namespace detail
