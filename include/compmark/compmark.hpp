@@ -72,6 +72,7 @@
 #include "compmark/io/anchor_ply.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/bytes.hpp"
+#include "compmark/io/checksum.hpp"
 #include "compmark/io/crc32c.hpp"
 #include "compmark/io/file_identity.hpp"
 #include "compmark/io/file_kind.hpp"
@@ -79,6 +80,7 @@
 #include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/json_file.hpp"
+#include "compmark/io/json_shape.hpp"
 #include "compmark/io/os_random.hpp"
 #include "compmark/io/output_target.hpp"
 #include "compmark/io/owner_key.hpp"
@@ -91,6 +93,7 @@
 #include "compmark/io/sha256.hpp"
 #include "compmark/io/splat_ply.hpp"
 #include "compmark/io/utf8.hpp"
+#include "compmark/io/xxh64.hpp"
 
 #include "compmark/scene/between.hpp"
 #include "compmark/scene/camera.hpp"

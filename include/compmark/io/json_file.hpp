@@ -21,14 +21,9 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/file_kind.hpp"
+#include "compmark/io/json_shape.hpp"
 
 namespace compmark::inline v0 {
-
-/// Parses a text; a discarded value if it is not JSON. All of the library parses from one type of pointer, so that a program has one parser.
-template <class Json = nlohmann::json>
-[[nodiscard]] Json json_from(std::string_view text) {
-  return Json::parse(text.data(), text.data() + text.size(), nullptr, false);
-}
 
 /// Parses a whole JSON file (at most 1 GiB). The error names line and column, or what the file is instead of `expected`.
 template <class Json = nlohmann::json>
@@ -38,6 +33,9 @@ template <class Json = nlohmann::json>
   if (!bytes) return bytes.error();
   const char* begin = reinterpret_cast<const char*>(bytes->data());
   const char* end = begin + bytes->size();
+  if (json_shape({begin, bytes->size()}).depth > json_depth_limit)
+    return Error{
+        ErrorKind::malformed, path.string(), {}, "is nested too deeply", "correct it or create the file again"};
   try {
     return Json::parse(begin, end);
   } catch (const typename Json::parse_error& mistake) {

@@ -11,12 +11,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/checksum.hpp"
 #include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/json_file.hpp"
 
@@ -91,6 +93,21 @@ namespace detail {
   return OwnerKey{secret, std::move(created), bits, std::move(note)};
 }
 
+namespace detail {
+/// The checksum of all fields of a JSON object but its own, whatever their order and layout.
+template <class Json>
+[[nodiscard]] std::string fields_checksum(const Json& object) {
+  std::map<std::string, std::string> fields;
+  for (const auto& [name, value] : object.items()) {
+    if (name == checksum_key) continue;
+    // Through a type that sorts, so that fields of fields have one order too.
+    const auto sorted = json_from<nlohmann::json>(value.dump(-1, ' ', false, Json::error_handler_t::replace));
+    fields.emplace(name, sorted.dump());
+  }
+  return TensorsChecksum(fields).text();
+}
+}  // namespace detail
+
 /// Writes a key file that only its owner may read (POSIX systems). An existing file is left alone.
 template <class Json = nlohmann::ordered_json>
 [[nodiscard]] Result<Done> write_key(const std::filesystem::path& path, const OwnerKey& key) {
@@ -110,6 +127,7 @@ template <class Json = nlohmann::ordered_json>
             {"secret", to_hex(key.secret)}};
   if (!key.note.empty()) json["note"] = key.note;
   if (key.corrects != 0) json["payload"] = {{"hex", key.payload}, {"corrects", key.corrects}};
+  json[std::string(checksum_key)] = detail::fields_checksum(json);
   constexpr unsigned owner_only = 0600;  // from the moment the file exists: no other user can open it in between
   return write_json(path, json, owner_only);
 }
@@ -137,6 +155,13 @@ template <class Json = nlohmann::json>
   if (*version != OwnerKey::version) {
     return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*version) + ", this program reads 1",
                 "use the program that wrote it, or a newer one");
+  }
+  for (const auto& [name, value] : json->items()) {
+    if (!value.is_string() || (name != checksum_key && !looks_like_checksum(value.template get<std::string>())))
+      continue;
+    if (name != checksum_key || value.template get<std::string>() != detail::fields_checksum(*json))
+      return fail(ErrorKind::malformed, std::string(checksum_key), "does not belong to the fields of this file",
+                  "restore the file from a copy: something in it was changed");
   }
   const Result<std::string> secret = json_field<std::string>(*json, "secret", file);
   if (!secret) return secret.error();

@@ -15,7 +15,6 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -23,7 +22,9 @@
 #include <vector>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/checksum.hpp"
 #include "compmark/io/file_kind.hpp"
+#include "compmark/io/json_shape.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
 
 namespace compmark::inline v0 {
@@ -114,6 +115,26 @@ class SafetensorsFile {
   template <class>
   friend Result<SafetensorsFile> parse_safetensors(std::vector<std::byte> bytes, std::string path);
 
+  /// Compares the checksum, where there is one, and takes it out of the metadata: it is the file's, not the reader's.
+  [[nodiscard]] Result<Done> check_content(std::string_view header) {
+    const auto own = metadata.find(std::string(checksum_key));
+    const auto format = metadata.find("format");
+    const bool ours = format != metadata.end() && format->second.starts_with("compmark");
+    for (auto entry = metadata.begin(); entry != metadata.end(); ++entry) {
+      const bool named = entry == own && (ours || entry->second.starts_with(checksum_prefix));
+      if (!named && !looks_like_checksum(entry->second)) continue;
+      TensorsChecksum content(metadata);
+      for (const auto& [name, tensor] : tensors) content.add(name, tensor.dtype, tensor.shape, tensor.data);
+      // Behind the header's end the format has blanks alone, which the content does not tell from line ends.
+      const bool padded = header.find_first_not_of(' ', header.rfind('}') + 1) == std::string_view::npos;
+      if (!padded || entry != own || content.text() != entry->second) {
+        return error(ErrorKind::malformed, "__metadata__." + std::string(checksum_key),
+                     "does not belong to the tensors and metadata: the file is damaged", "copy or create it again");
+      }
+    }
+    if (own != metadata.end() && (ours || own->second.starts_with(checksum_prefix))) metadata.erase(own);
+    return Done{};
+  }
   [[nodiscard]] Error error(ErrorKind kind, std::string field, std::string problem, std::string remedy) const {
     return {kind, path, std::move(field), std::move(problem), std::move(remedy)};
   }
@@ -172,19 +193,20 @@ template <class Json>
                 std::to_string(header_size) + " bytes announced, " + std::to_string(bytes.size() - 8) + " left");
   }
 
-  // nlohmann keeps the last of two equal keys; the format forbids them, so names are watched while parsing.
-  std::set<std::string> names;
-  std::string duplicate;
-  const auto watch = [&](int depth, typename Json::parse_event_t event, Json& parsed) {
-    if (depth == 1 && event == Json::parse_event_t::key && !names.insert(parsed.template get<std::string>()).second) {
-      duplicate = parsed.template get<std::string>();
-    }
-    return true;
-  };
+  constexpr std::uint64_t free_header = std::uint64_t{1} << 24;  // a larger one must have data to describe
+  if (header_size > free_header && header_size > bytes.size() - 8 - header_size)
+    return fail(ErrorKind::exhausted, "header length",
+                std::to_string(header_size) + " bytes, more than the " +
+                    std::to_string(bytes.size() - 8 - header_size) + " of the data");
+
+  // nlohmann keeps the last of two equal keys; the format forbids them. Its parser takes 70 bytes for a bracket: depth is looked at before.
   const char* text = reinterpret_cast<const char*>(bytes.data() + 8);
-  const Json header = Json::parse(text, text + header_size, watch, false);
+  const JsonShape form = json_shape({text, static_cast<std::size_t>(header_size)});
+  if (form.depth > json_depth_limit) return fail(ErrorKind::malformed, "header", "is nested too deeply");
+  const Json header = json_from<Json>({text, static_cast<std::size_t>(header_size)});
   if (header.is_discarded() || !header.is_object()) return fail(ErrorKind::malformed, "header", "is not a JSON object");
-  if (!duplicate.empty()) return fail(ErrorKind::malformed, duplicate, "appears twice in the header");
+  if (!form.repeated.empty() || form.keys != header.size())
+    return fail(ErrorKind::malformed, form.repeated.empty() ? "a name" : form.repeated, "appears twice in the header");
 
   SafetensorsFile file;
   file.path = path;
@@ -256,6 +278,8 @@ template <class Json>
   if (reached != data.size())
     return fail(ErrorKind::malformed, "data_offsets",
                 std::to_string(data.size() - reached) + " bytes behind the last tensor");
+  if (Result<Done> whole = file.check_content(std::string_view(text, static_cast<std::size_t>(header_size))); !whole)
+    return whole.error();
   return file;
 }
 

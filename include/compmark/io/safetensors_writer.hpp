@@ -14,16 +14,18 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/checksum.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
 
 namespace compmark::inline v0 {
 
-/// Collects tensors and writes them. Same content, same bytes: tensors lie in the order (element size descending, name), which aligns all of them.
+/// Collects tensors and writes them, with a checksum of their content in the metadata (checksum.hpp). Same content, same bytes: tensors lie in the order (element size descending, name), which aligns all of them.
 class SafetensorsWriter {
  public:
   std::map<std::string, std::string> metadata;
@@ -57,8 +59,10 @@ class SafetensorsWriter {
       const std::size_t size_b = safetensors_element_size(b.dtype);
       return size_a != size_b ? size_a > size_b : a.name < b.name;
     });
+    std::map<std::string, std::string> said = metadata;
+    said[std::string(checksum_key)] = checksum();
     Json json = Json::object();
-    if (!metadata.empty()) json["__metadata__"] = metadata;
+    json["__metadata__"] = said;
     std::uint64_t offset = 0;
     for (const Entry& entry : entries_) {
       std::uint64_t wanted = safetensors_element_size(entry.dtype);
@@ -99,6 +103,15 @@ class SafetensorsWriter {
   }
 
  private:
+  /// In the order of names, as the reader has them.
+  [[nodiscard]] std::string checksum() const {
+    std::map<std::string_view, const Entry*> sorted;
+    for (const Entry& entry : entries_) sorted.emplace(entry.name, &entry);
+    TensorsChecksum content(metadata);
+    for (const auto& [name, entry] : sorted) content.add(name, entry->dtype, entry->shape, entry->bytes);
+    return content.text();
+  }
+
   struct Entry {
     std::string name;
     std::string dtype;
