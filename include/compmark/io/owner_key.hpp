@@ -7,6 +7,7 @@
 // its owner only, never overwritten: a lost key cannot be made again. The library has no clock: the caller gives the time.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -94,6 +95,10 @@ namespace detail {
 }
 
 namespace detail {
+/// All but the checksum. Another name is one that was damaged.
+inline constexpr std::array<std::string_view, 10> key_fields{
+    "format", "version", "id", "created", "bits", "derivation", "commitment", "secret", "note", "payload"};
+
 /// The checksum of all fields of a JSON object but its own, whatever their order and layout.
 template <class Json>
 [[nodiscard]] std::string fields_checksum(const Json& object) {
@@ -156,13 +161,6 @@ template <class Json = nlohmann::json>
     return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*version) + ", this program reads 1",
                 "use the program that wrote it, or a newer one");
   }
-  for (const auto& [name, value] : json->items()) {
-    if (!value.is_string() || (name != checksum_key && !looks_like_checksum(value.template get<std::string>())))
-      continue;
-    if (name != checksum_key || value.template get<std::string>() != detail::fields_checksum(*json))
-      return fail(ErrorKind::malformed, std::string(checksum_key), "does not belong to the fields of this file",
-                  "restore the file from a copy: something in it was changed");
-  }
   const Result<std::string> secret = json_field<std::string>(*json, "secret", file);
   if (!secret) return secret.error();
   Digest256 bytes{};
@@ -208,6 +206,15 @@ template <class Json = nlohmann::json>
       return fail(ErrorKind::invalid, name, "does not belong to the secret, creation time and length in this file",
                   "restore the file from a copy: something in it was changed");
     }
+  }
+  // Last: what is wrong with one field is said before that something is.
+  for (const auto& [name, value] : json->items()) {
+    const bool known =
+        std::find(detail::key_fields.begin(), detail::key_fields.end(), name) != detail::key_fields.end();
+    if (known || (name == checksum_key && value == detail::fields_checksum(*json))) continue;
+    return fail(ErrorKind::malformed, name == checksum_key ? name : name.substr(0, 40),
+                name == checksum_key ? "does not belong to the fields of this file" : "is no field of a key file",
+                "restore the file from a copy: something in it was changed");
   }
   if (bits != 0 && key->bits != bits) {
     return fail(

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // safetensors, reading. Every count is checked against the file before it is believed: header length, offsets, shape against byte count
-// (without overflow), no overlap, no gap, nothing behind the last tensor. Cost: one read of the file; tensors are views into it.
+// (without overflow), no overlap, no gap, nothing behind the last tensor; a checksum, where there is one, against the content. Cost: one read of the file; tensors are views into it.
 #pragma once
 
 #include <algorithm>
@@ -278,9 +278,8 @@ template <class Json>
   if (reached != data.size())
     return fail(ErrorKind::malformed, "data_offsets",
                 std::to_string(data.size() - reached) + " bytes behind the last tensor");
-  if (Result<Done> whole = file.check_content(std::string_view(text, static_cast<std::size_t>(header_size))); !whole)
-    return whole.error();
-  return file;
+  const Result<Done> whole = file.check_content({text, static_cast<std::size_t>(header_size)});
+  return whole ? Result<SafetensorsFile>(std::move(file)) : whole.error();
 }
 
 /// Reads a file; one of another kind than `expected` is named for what it is. Files of other programs say nothing of their kind and pass.
@@ -289,9 +288,8 @@ template <class Json = nlohmann::json>
 [[nodiscard]] Result<SafetensorsFile> read_safetensors(const std::filesystem::path& path,
                                                        FileKind expected = FileKind::safetensors) {
   const bool any = expected == FileKind::safetensors;
-  Result<std::vector<std::byte>> bytes =
-      read_file_of(path, std::uintmax_t{1} << 40, any ? "a safetensors file" : file_kind_name(expected),
-                   [](FileKind kind, std::span<const std::byte>) { return is_safetensors(kind); });
+  auto bytes = read_file_of(path, std::uintmax_t{1} << 40, any ? "a safetensors file" : file_kind_name(expected),
+                            [](FileKind kind, std::span<const std::byte>) { return is_safetensors(kind); });
   if (!bytes) return bytes.error();
   Result<SafetensorsFile> file = parse_safetensors<Json>(std::move(*bytes), path.string());
   if (!file || any) return file;
