@@ -42,18 +42,18 @@ TrainSettings growing(std::int64_t iterations) {
   return settings;
 }
 
-struct Run {
+struct OutlierRun {
   std::vector<std::uint32_t> bits;
   std::size_t left_out = 0;
   double first_loss = 0, first_volume = 0;
 };
 template <class R = SmallRecipe>
-Run train(const Points& points, std::int64_t iterations) {
+OutlierRun train_outliers(const Points& points, std::int64_t iterations) {
   SerialExecutor executor;
   const BlobViews views;
   Trainer<R, SerialExecutor> trainer(growing(iterations), views.size(), 3.3, executor);
   REQUIRE(trainer.initialise(points).ok());
-  Run run;
+  OutlierRun run;
   run.left_out = trainer.far_points();
   while (!trainer.finished()) {
     const Result<IterationReport> report = trainer.step(views);
@@ -70,7 +70,7 @@ Run train(const Points& points, std::int64_t iterations) {
 
 TEST_CASE("pipeline/outliers: points beyond the reach leave a training without a trace") {
   const Points near = cloud(200, 1);
-  const Run clean = train(near, 40);
+  const OutlierRun clean = train_outliers(near, 40);
   CHECK(clean.left_out == 0);
   for (const float away : {4e3f, 1e5f, 1e30f}) {
     for (const std::size_t far : {std::size_t{1}, std::size_t{3}, std::size_t{20}}) {
@@ -80,7 +80,7 @@ TEST_CASE("pipeline/outliers: points beyond the reach leave a training without a
       for (std::size_t i = 0; i < far; ++i)
         points.insert(points.begin() + static_cast<std::ptrdiff_t>(3 * i),
                       {away * static_cast<float>(1 + 0.1 * double(i)), i % 2 == 0 ? away : -away, 0});
-      const Run run = train(points, 40);
+      const OutlierRun run = train_outliers(points, 40);
       CHECK(run.left_out == far);
       CHECK(run.bits == clean.bits);
     }
@@ -89,11 +89,11 @@ TEST_CASE("pipeline/outliers: points beyond the reach leave a training without a
 
 TEST_CASE("pipeline/outliers: a lone point within the reach does not own the first loss") {
   const Points near = cloud(200, 1);
-  const Run clean = train(near, 1);
+  const OutlierRun clean = train_outliers(near, 1);
   for (const float away : {100.0f, 250.0f}) {  // 30 and 76 radii of the cameras, in sight of some
     Points points = near;
     points.push_back({0, 0, away});
-    const Run run = train(points, 1);
+    const OutlierRun run = train_outliers(points, 1);
     CAPTURE(away);
     CHECK(run.left_out == 0);
     CHECK(run.bits != clean.bits);

@@ -18,16 +18,16 @@ const Lens cubic{LensModel::full_opencv, {-0.2, 0.06, 0.002, -0.003, 0.01}};
 const Lens kannala_brandt{LensModel::opencv_fisheye, {-0.03, 0.004, -0.001, 0.0002}};
 
 /// Points in front of the camera: on the axis, around both borders of the fisheye's series (r = 1/4, 1/2), at the image's edge.
-const std::vector<std::array<double, 3>> points{{0, 0, 2},        {1e-9, -2e-9, 1}, {0.1, -0.2, 2},
-                                                {0.2499, 0, 1},   {0.2501, 0, 1},   {0.3, 0.3999, 1},
-                                                {-0.9, 0.7, 1.3}, {120, -80, 200},  {3e-4, 4e-4, 1e-3}};
+const std::vector<std::array<double, 3>> lens_points{{0, 0, 2},        {1e-9, -2e-9, 1}, {0.1, -0.2, 2},
+                                                     {0.2499, 0, 1},   {0.2501, 0, 1},   {0.3, 0.3999, 1},
+                                                     {-0.9, 0.7, 1.3}, {120, -80, 200},  {3e-4, 4e-4, 1e-3}};
 
 /// A projection, its Jacobian and its backward pass against central differences of a loss that reads both outputs.
 template <class Policy>
 void check(const Policy& policy, const Lens& lens) {
   const std::array<double, 2> g{0.7, -1.3};
   const std::array<double, 6> h{0.3, -0.2, 0.9, 1.1, 0.4, -0.6};
-  for (std::array<double, 3> p : points) {
+  for (std::array<double, 3> p : lens_points) {
     CAPTURE(p[0]);
     CAPTURE(p[2]);
     const std::array<double, 2> expected = distort(lens, p[0] / p[2], p[1] / p[2]);
@@ -86,7 +86,7 @@ TEST_CASE("scene/lens_policy: the law notices a wrong second derivative") {
 TEST_CASE("scene/lens_policy: no lens is the pinhole's arithmetic, and stores nothing") {
   CHECK(std::is_empty_v<PinholeLens>);
   const RadialTangentialLens<double> none;
-  for (const auto& p : points) {
+  for (const auto& p : lens_points) {
     CHECK(PinholeLens{}.project(p[0], p[1], p[2]) == std::array<double, 2>{p[0] / p[2], p[1] / p[2]});
     CHECK(none.project(p[0], p[1], p[2]) == PinholeLens{}.project(p[0], p[1], p[2]));
     const double w = 1 / p[2];

@@ -19,7 +19,7 @@ using namespace compmark;
 
 namespace {
 
-constexpr std::size_t all = 600;
+constexpr std::size_t near_points = 600;
 
 /// A ring of cameras of radius 4 around a cube of points.
 Dataset ring(std::size_t cameras = 24) {
@@ -39,7 +39,7 @@ Dataset ring(std::size_t cameras = 24) {
 PrecisePoints cube() {
   PrecisePoints points;
   const Random random(1, 0, random_stage("test/outliers"));
-  for (std::size_t i = 0; i < all; ++i) {
+  for (std::size_t i = 0; i < near_points; ++i) {
     std::array<double, 3> p{};
     for (std::size_t c = 0; c < 3; ++c) p[c] = 2 * random.uniform(3 * i + c) - 1;
     points.position.push_back(p);
@@ -77,7 +77,8 @@ TEST_CASE("scene/outliers: points far away are left out, the others keep every b
       CHECK(dataset.unit == clean.unit);
       CHECK(dataset.origin == clean.origin);
       const std::string said = warnings_of(dataset);
-      CHECK(said.find(std::to_string(far) + " of " + std::to_string(all + far) + " points lie") != std::string::npos);
+      CHECK(said.find(std::to_string(far) + " of " + std::to_string(near_points + far) + " points lie") !=
+            std::string::npos);
       CHECK(said.find("left out") != std::string::npos);
     }
   }
@@ -98,7 +99,7 @@ TEST_CASE("scene/outliers: a far field within the reach of triangulation is kept
     points.color.push_back({});
   }
   const Dataset dataset = finished(ring(), points);
-  CHECK(dataset.points.size() == all + 20);
+  CHECK(dataset.points.size() == near_points + 20);
   CHECK(warnings_of(dataset).find("left out") == std::string::npos);
 }
 
