@@ -136,7 +136,8 @@ template <class Json>
   json["p_corrected"] = v.p_corrected;
   json["bit_accuracy"] = {{"mean", accuracy.mean}, {"min", accuracy.min}, {"views", accuracy.views}};
   Json test;
-  test["null_hypothesis"] = "the key was drawn at random, independently of the images and of the decoder: matches are Binomial(bits, 1/2)";
+  test["null_hypothesis"] =
+      "the key was drawn at random, independently of the images and of the decoder: matches are Binomial(bits, 1/2)";
   test["false_positive_rate"] = v.settings.false_positive_rate;
   test["tests_counted"] = v.settings.tries;
   test["correction"] = "Bonferroni";
@@ -171,8 +172,9 @@ template <class Json>
   const std::string rate = number(v.settings.false_positive_rate);
   std::string text = "matches     " + std::to_string(v.evidence.matches) + " of " + count(v.bits, "bit") +
                      ", read from " + count(accuracy.views, "view") + " together\n";
-  text += "p-value     " + number(v.evidence.p_value) +
-          ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well\n";
+  text +=
+      "p-value     " + number(v.evidence.p_value) +
+      ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well\n";
   if (v.settings.tries > 1) {
     text += "corrected   " + number(v.p_corrected) + ", for " +
             count(static_cast<std::size_t>(v.settings.tries), "test") + " that were or will be made (Bonferroni)\n";
