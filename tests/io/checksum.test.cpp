@@ -50,7 +50,7 @@ Bytes damaged(Bytes bytes, std::mt19937& random) {
         bytes.insert(bytes.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(1 + random() % 8));
         break;
       default: {
-        const std::size_t size = std::min<std::size_t>(4 << random() % 4, bytes.size() / 2),
+        const std::size_t size = std::min<std::size_t>(std::size_t{4} << random() % 4, bytes.size() / 2),
                           other = random() % (bytes.size() - size + 1);
         const std::size_t first = std::min(at, bytes.size() - size);
         if (first + size <= other || other + size <= first)
@@ -146,15 +146,15 @@ TEST_CASE(
     return parse_safetensors(Bytes(bytes.begin(), bytes.end()), "t");
   };
   CHECK(with("a text", "a text").ok());
-  for (const auto& [old, now] : std::vector<std::pair<std::string, std::string>>{{"a text", "a test"},
-                                                                                 {"\"note\"", "\"nose\""},
-                                                                                 {"\"b\":{", "\"c\":{"},
-                                                                                 {"[40]", "[20]"},
-                                                                                 {"\"F32\"", "\"I32\""},
-                                                                                 {"checksum", "checksun"},
-                                                                                 {"xxh64:", "xxh65:"}}) {
-    CAPTURE(now);
-    CHECK(!with(old, now).ok());
+  for (const auto& change : std::vector<std::pair<std::string, std::string>>{{"a text", "a test"},
+                                                                             {"\"note\"", "\"nose\""},
+                                                                             {"\"b\":{", "\"c\":{"},
+                                                                             {"[40]", "[20]"},
+                                                                             {"\"F32\"", "\"I32\""},
+                                                                             {"checksum", "checksun"},
+                                                                             {"xxh64:", "xxh65:"}}) {
+    CAPTURE(change.second);
+    CHECK(!with(change.first, change.second).ok());
   }
   const auto error = with("a text", "a test").error();
   CHECK(error.field.find("checksum") != std::string::npos);
