@@ -283,7 +283,7 @@ TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvag
   REQUIRE(write_key(at("gs.key"), testing::fixed_key(1, 24)).ok());
   const std::string data = " --data " + at("scene") + " --model " + at("gs/model.safetensors"),
                     decoder = at("gs_fitted.safetensors");
-  done("fit --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --out " + decoder);
+  done("fit --tone 0 --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --out " + decoder);
   done("embed --iterations 400 --fidelity 100 --message-rate 0.01" + data + " --key " + at("gs.key") + " --decoder " +
        decoder + " --out " + at("gs_marked"));
   const nlohmann::json marked = json_of(at("gs_marked/results.json"))["compressed"];

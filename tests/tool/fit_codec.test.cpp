@@ -202,7 +202,8 @@ TEST_CASE("tool: fit-codec says what is read of a mark before and after, which i
   REQUIRE(write_key(at("plain.key"), testing::fixed_key(1, 24)).ok());
   const std::string data = " --data " + at("scene"), decoder = at("of_plain.safetensors"),
                     mark = " --key " + at("plain.key") + " --decoder " + decoder;
-  done("fit --bits 24 --waves 72 --views 200 --gradient-views 6 --model " + plain() + data + " --out " + decoder);
+  done("fit --tone 0 --bits 24 --waves 72 --views 200 --gradient-views 6 --model " + plain() + data + " --out " +
+       decoder);
   done("embed --iterations 600 --fidelity 30 --message-rate 0.01 --model " + plain() + data + mark + " --out " +
        at("marked_plain"));
   const std::string marked = at("marked_plain/model.safetensors"),
