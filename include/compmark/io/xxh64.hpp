@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// XXH64 (Collet's specification 0.1.1, seed 0): 64 bits that tell damage, at the speed of memory: 10 GB/s where SHA-256 makes 0.3. It is no
+// XXH64 (Collet's specification 0.1.1, seed 0): 64 bits that tell damage, in one pass. It is no
 // protection against somebody who means to deceive; for that there is sha256.hpp.
 #pragma once
 
