@@ -42,7 +42,7 @@ if [ "$way" = embedding ] || [ "$way" = all ]; then
   cmake --build "$scratch/embedding" >"$scratch/log" 2>&1 || { cat "$scratch/log"; exit 1; }
   # Who only decodes reads the codec, what all share, files, and of the entropy room the half that computes in integers: no rasterizer, no data set, no
   # floating-point context, nothing that trains. What is allowed is named, so that a new header of training is seen wherever it lies.
-  allowed='compmark/((codec|core|io)/[a-z0-9_]+|math/morton|entropy/(adaptive_binary|anchor_levels|context_gs_integers|context_gs_prior|gaussian_tables'
+  allowed='compmark/((codec|core|io)/(detail/)?[a-z0-9_]+|math/morton|entropy/(adaptive_binary|anchor_levels|context_gs_integers|context_gs_prior|gaussian_tables'
   allowed="$allowed|hash_grid_layout|integer_[a-z_]+|normal_integral|rans|slot_tables|symbol_coder|varint))\.hpp\$"
   headers_of() { ninja -C "$scratch/embedding" -t deps "CMakeFiles/$1.dir/$1.cpp.o" | sed -n 's|.*/include/\(compmark/.*\)|\1|p' | sort -u; }
   headers_of read_compressed >"$scratch/headers"
