@@ -204,7 +204,7 @@ TEST_CASE("tool: fit-codec says what is read of a mark before and after, which i
                     mark = " --key " + at("plain.key") + " --decoder " + decoder;
   done("fit --tone 0 --bits 24 --waves 72 --views 200 --gradient-views 6 --model " + plain() + data + " --out " +
        decoder);
-  done("embed --iterations 600 --fidelity 30 --message-rate 0.01 --model " + plain() + data + mark + " --out " +
+  done("embed --iterations 1200 --fidelity 100 --message-rate 0.01 --model " + plain() + data + mark + " --out " +
        at("marked_plain"));
   const std::string marked = at("marked_plain/model.safetensors"),
                     fit = "fit-codec --iterations 200 --model " + marked + data;
@@ -222,7 +222,7 @@ TEST_CASE("tool: fit-codec says what is read of a mark before and after, which i
   CHECK(read["rate_lambda"] == 0.001);
   CHECK(read["bit_accuracy"] == before["bit_accuracy"]);
   CHECK(read["psnr_cost_vs_unmarked"] == before["psnr_cost_vs_unmarked"]);
-  CHECK(read["bit_accuracy"]["mean"].get<double>() > 0.75);
+  CHECK(read["bit_accuracy"]["mean"].get<double>() > 0.8);
   // What the file says is what verify reads from it.
   static_cast<void>(tool("verify --model " + at("read/model.cmk") + mark + " --json " + at("of_file.json")));
   CHECK(json_of(at("of_file.json"))["bit_accuracy"] == read["compressed"]["bit_accuracy"]);
