@@ -28,17 +28,22 @@ struct ColourMap {
 /// Least squares over the pixels that count at least by half (`weight` [h w]; empty: all). The sums are taken about the means, in double, and a
 /// ridge of the variance of rounding to 8 bits, 1 / (12 255^2), pulls the matrix towards the identity: an image of one colour, or of grey
 /// alone, has a map like any other, where the plain normal equations have none. The identity if no pixel counts. Cost: two passes.
-[[nodiscard]] inline ColourMap fit_colours(ImageView<const float> image, ImageView<const float> reference,
-                                           std::span<const float> weight = {}) {
+/// `Sum` is the type of the sums; being a parameter, it also leaves Eigen's products to the programs that fit colours.
+template <class Sum = double>
+[[nodiscard]] ColourMap fit_colours(ImageView<const float> image, ImageView<const float> reference,
+                                    std::span<const float> weight = {}) {
   COMPMARK_ASSERT(image.channels == 3 && reference.channels == 3 && image.height == reference.height &&
                       image.width == reference.width && (weight.empty() || weight.size() == image.plane_size()),
                   "fit_colours: two images of three channels and one size");
   const std::size_t plane = image.plane_size();
   const auto counts = [&](std::size_t i) { return weight.empty() || weight[i] >= 0.5f; };
+  using Vector3 = Eigen::Matrix<Sum, 3, 1>;
+  using Matrix3x3 = Eigen::Matrix<Sum, 3, 3>;
   const auto colour = [plane](ImageView<const float> of, std::size_t i) {
-    return Eigen::Vector3d(of.data[i], of.data[plane + i], of.data[2 * plane + i]);
+    return Vector3(static_cast<Sum>(of.data[i]), static_cast<Sum>(of.data[plane + i]),
+                   static_cast<Sum>(of.data[2 * plane + i]));
   };
-  Eigen::Vector3d mean_in = Eigen::Vector3d::Zero(), mean_out = mean_in;
+  Vector3 mean_in = Vector3::Zero(), mean_out = mean_in;
   std::size_t n = 0;
   for (std::size_t i = 0; i < plane; ++i) {
     if (!counts(i)) continue;
@@ -47,31 +52,32 @@ struct ColourMap {
     ++n;
   }
   if (n == 0) return {};
-  mean_in /= static_cast<double>(n);
-  mean_out /= static_cast<double>(n);
-  Eigen::Matrix3d in_in = Eigen::Matrix3d::Zero(), out_in = in_in;
+  mean_in /= static_cast<Sum>(n);
+  mean_out /= static_cast<Sum>(n);
+  Matrix3x3 in_in = Matrix3x3::Zero(), out_in = in_in;
   for (std::size_t i = 0; i < plane; ++i) {
     if (!counts(i)) continue;
-    const Eigen::Vector3d in = colour(image, i) - mean_in, out = colour(reference, i) - mean_out;
+    const Vector3 in = colour(image, i) - mean_in, out = colour(reference, i) - mean_out;
     in_in += in * in.transpose();
     out_in += out * in.transpose();
   }
-  const Eigen::Matrix3d ridge = Eigen::Matrix3d::Identity() * (static_cast<double>(n) / (12.0 * 255 * 255));
-  const Eigen::Matrix3d matrix = (out_in + ridge) * (in_in + ridge).inverse();  // 3 x 3 and positive definite
-  const Eigen::Vector3d offset = mean_out - matrix * mean_in;
+  const Matrix3x3 ridge = Matrix3x3::Identity() * (static_cast<Sum>(n) / Sum(12.0 * 255 * 255));
+  const Matrix3x3 matrix = (out_in + ridge) * (in_in + ridge).inverse();  // 3 x 3 and positive definite
+  const Vector3 offset = mean_out - matrix * mean_in;
   ColourMap map;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column)
-      map.matrix[static_cast<std::size_t>(3 * row + column)] = matrix(row, column);
-    map.offset[static_cast<std::size_t>(row)] = offset(row);
+      map.matrix[static_cast<std::size_t>(3 * row + column)] = static_cast<double>(matrix(row, column));
+    map.offset[static_cast<std::size_t>(row)] = static_cast<double>(offset(row));
   }
   return map;
 }
 
 /// PSNR, dB, over the pixels that count, of `image` after the best map and clamping to [0, 1].
-[[nodiscard]] inline double psnr_colour_fitted(ImageView<const float> image, ImageView<const float> reference,
-                                               std::span<const float> weight = {}) {
-  const ColourMap map = fit_colours(image, reference, weight);
+template <class Sum = double>
+[[nodiscard]] double psnr_colour_fitted(ImageView<const float> image, ImageView<const float> reference,
+                                        std::span<const float> weight = {}) {
+  const ColourMap map = fit_colours<Sum>(image, reference, weight);
   const std::size_t plane = image.plane_size();
   double squares = 0;
   std::size_t n = 0;
