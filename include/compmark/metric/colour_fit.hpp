@@ -37,13 +37,13 @@ template <class Sum = double>
                   "fit_colours: two images of three channels and one size");
   const std::size_t plane = image.plane_size();
   const auto counts = [&](std::size_t i) { return weight.empty() || weight[i] >= 0.5f; };
-  using Vector3 = Eigen::Matrix<Sum, 3, 1>;
-  using Matrix3x3 = Eigen::Matrix<Sum, 3, 3>;
+  using ColourVector = Eigen::Matrix<Sum, 3, 1>;
+  using ColourMatrix = Eigen::Matrix<Sum, 3, 3>;
   const auto colour = [plane](ImageView<const float> of, std::size_t i) {
-    return Vector3(static_cast<Sum>(of.data[i]), static_cast<Sum>(of.data[plane + i]),
-                   static_cast<Sum>(of.data[2 * plane + i]));
+    return ColourVector(static_cast<Sum>(of.data[i]), static_cast<Sum>(of.data[plane + i]),
+                        static_cast<Sum>(of.data[2 * plane + i]));
   };
-  Vector3 mean_in = Vector3::Zero(), mean_out = mean_in;
+  ColourVector mean_in = ColourVector::Zero(), mean_out = mean_in;
   std::size_t n = 0;
   for (std::size_t i = 0; i < plane; ++i) {
     if (!counts(i)) continue;
@@ -54,16 +54,16 @@ template <class Sum = double>
   if (n == 0) return {};
   mean_in /= static_cast<Sum>(n);
   mean_out /= static_cast<Sum>(n);
-  Matrix3x3 in_in = Matrix3x3::Zero(), out_in = in_in;
+  ColourMatrix in_in = ColourMatrix::Zero(), out_in = in_in;
   for (std::size_t i = 0; i < plane; ++i) {
     if (!counts(i)) continue;
-    const Vector3 in = colour(image, i) - mean_in, out = colour(reference, i) - mean_out;
+    const ColourVector in = colour(image, i) - mean_in, out = colour(reference, i) - mean_out;
     in_in += in * in.transpose();
     out_in += out * in.transpose();
   }
-  const Matrix3x3 ridge = Matrix3x3::Identity() * (static_cast<Sum>(n) / Sum(12.0 * 255 * 255));
-  const Matrix3x3 matrix = (out_in + ridge) * (in_in + ridge).inverse();  // 3 x 3 and positive definite
-  const Vector3 offset = mean_out - matrix * mean_in;
+  const ColourMatrix ridge = ColourMatrix::Identity() * (static_cast<Sum>(n) / Sum(12.0 * 255 * 255));
+  const ColourMatrix matrix = (out_in + ridge) * (in_in + ridge).inverse();  // 3 x 3 and positive definite
+  const ColourVector offset = mean_out - matrix * mean_in;
   ColourMap map;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column)
