@@ -190,7 +190,9 @@ inline constexpr std::array<FileMagic, 35> file_magics{{
     if (text.substr(std::min(magic.offset, text.size()), magic.bytes.size()) != magic.bytes) continue;
     if (magic.kind == FileKind::bmp && !text.starts_with("BM")) continue;
     if ((magic.bytes == "WEBP" || magic.bytes == "AVI ") && !text.starts_with("RIFF")) continue;
-    if (magic.bytes == "PK\3\4" && text.substr(30, 64).find(".npy") != std::string_view::npos) return FileKind::npz;
+    if (magic.bytes == "PK\3\4" &&
+        text.substr(std::min<std::size_t>(30, text.size()), 64).find(".npy") != std::string_view::npos)
+      return FileKind::npz;
     return magic.kind;
   }
   if (const FileKind kind = detail::text_kind(text); kind != FileKind::unknown) return kind;
