@@ -63,6 +63,9 @@ TEST_CASE("core/result: a value or an error, and the error's line names file, fi
   CHECK_FALSE(error);
   CHECK(error.error().line() == "a.json: frames[2].transform: is NaN; remove the frame");
   CHECK(Error{ErrorKind::not_found, "", "", "nothing", ""}.line() == "nothing");
+  // What a file says of itself is quoted: it neither ends the line nor moves the cursor.
+  CHECK(Error{ErrorKind::invalid, "a\nb", "c\r", "\x1b[2J is \x7f", "\xC3\xBC\t"}.line() ==
+        "a?b: c?: ?[2J is ?; \xC3\xBC?");
   Result<std::string> text = std::string("moved");
   CHECK(std::move(text).value() == "moved");
 }

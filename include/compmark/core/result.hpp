@@ -27,6 +27,15 @@ enum class ErrorKind {
   cancelled,    ///< an observer of the caller said stop
 };
 
+/// A text on one line: what a file says of itself (names, chunks) may hold line ends and codes that a terminal obeys. They become '?'.
+[[nodiscard]] inline std::string one_line(std::string text) {
+  for (char& c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 32 || code == 127) c = '?';
+  }
+  return text;
+}
+
 /// One error: file, field and remedy, each may be empty. `line()` is what a tool prints.
 struct Error {
   ErrorKind kind = ErrorKind::invalid;
@@ -40,7 +49,7 @@ struct Error {
     if (!field.empty()) text += (text.empty() ? "" : ": ") + field;
     text += (text.empty() ? "" : ": ") + problem;
     if (!remedy.empty()) text += "; " + remedy;
-    return text;
+    return one_line(std::move(text));
   }
 };
 

@@ -118,7 +118,9 @@ template <class Json>
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Dataset> open_dataset(const std::filesystem::path& folder, const DatasetSettings& settings) {
   Result<Dataset> dataset = detail::with_names_checked(detail::open_by_kind<Json>(folder, settings));
-  if (dataset) detail::say_copies(*dataset);
+  if (!dataset) return dataset;
+  detail::say_copies(*dataset);
+  for (std::string& warning : dataset->warnings) warning = one_line(std::move(warning));  // names of files are in them
   return dataset;
 }
 
