@@ -79,6 +79,7 @@
 #include "compmark/io/folder_lock.hpp"
 #include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/image_file.hpp"
+#include "compmark/io/image_limit.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/json_shape.hpp"
 #include "compmark/io/os_random.hpp"

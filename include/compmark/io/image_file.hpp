@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Image files: PNG and JPEG in, PNG and JPEG out, 8 bits a channel. The size in the header is checked before anything is allocated;
+// Image files: PNG and JPEG in, PNG and JPEG out, 8 bits a channel. The size in the header is checked before anything is allocated (image_limit.hpp);
 // a file that cannot be decoded whole is an Error, never a partly grey image. Cost: ~20 ns a pixel to read PNG, ~100 ns to write it.
 #pragma once
 
@@ -22,6 +22,7 @@
 #include "compmark/io/detail/stb.hpp"
 #include "compmark/io/exif.hpp"
 #include "compmark/io/file_kind.hpp"
+#include "compmark/io/image_limit.hpp"
 
 namespace compmark::inline v0 {
 
@@ -44,50 +45,12 @@ struct ImageBytes {
   std::vector<std::uint8_t> pixels;
 };
 
-/// Larger images are refused: a header of a few bytes must not make us allocate gigabytes.
-inline constexpr std::int64_t image_pixel_limit = std::int64_t{1} << 28;
-inline constexpr std::uintmax_t image_file_limit = std::uintmax_t{1} << 31;
-
 namespace detail {
-
-/// True if every Huffman table of a JPEG has at most 256 codes. stb before its release 2.29 writes past its tables otherwise, so files
-/// are checked first. Segments are walked as stb walks them; anything odd that is not a table is left for stb to refuse.
-[[nodiscard]] inline bool huffman_tables_fit(std::span<const std::byte> bytes) {
-  const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(bytes[i]); };
-  if (bytes.size() < 2 || at(0) != 0xFF || at(1) != 0xD8) return true;  // not a JPEG
-  for (std::size_t i = 2; i + 3 < bytes.size();) {
-    if (at(i) != 0xFF) {
-      ++i;
-      continue;
-    }
-    const unsigned marker = at(i + 1);
-    if (marker == 0xFF) {
-      ++i;
-      continue;
-    }
-    if (marker < 0xC0 ||
-        (marker >= 0xD0 && marker <= 0xD9)) {  // a stuffed byte, a restart, the start or the end: no contents
-      i += 2;
-      continue;
-    }
-    const std::size_t end = i + 2 + 256 * at(i + 2) + at(i + 3);
-    if (marker == 0xC4) {
-      for (std::size_t table = i + 4; table + 17 <= bytes.size() && table + 17 <= end;) {
-        unsigned codes = 0;
-        for (std::size_t k = 1; k <= 16; ++k) codes += at(table + k);
-        if (codes > 256) return false;
-        table += 17 + codes;
-      }
-    }
-    i = end;
-  }
-  return true;
-}
 
 /// True for a PNG whose header asks for more than image_pixel_limit pixels.
 [[nodiscard]] inline bool promises_too_much(std::span<const std::byte> bytes) {
   constexpr std::size_t size_field = 16;
-  if (bytes.size() < size_field + 8 || std::memcmp(bytes.data(), "\x89PNG", 4) != 0) return false;
+  if (bytes.size() < size_field + 8 || !is_png(bytes)) return false;
   double pixels = 1;
   for (const std::size_t side : {size_field, size_field + 4}) {
     double length = 0;
@@ -134,14 +97,41 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
   return info;
 }
 
-/// Decodes a PNG or JPEG in memory. 16-bit channels are reduced to 8.
-[[nodiscard]] inline Result<ImageBytes> decode_image(std::span<const std::byte> bytes, const std::string& name) {
+namespace detail {
+/// That an image may be decoded: its file is long enough for what its header says, the memory suffices, and stb will not believe what it should not.
+[[nodiscard]] inline Result<Done> check_image(std::span<const std::byte> bytes, const ImageInfo& info,
+                                              const std::string& name, std::uint64_t memory_limit) {
+  const auto count = [](int n) { return static_cast<std::uint64_t>(n); };
+  const std::uint64_t pixels = count(info.width) * count(info.height);
+  const std::string size = std::to_string(info.width) + " x " + std::to_string(info.height) + " pixels";
+  if (const std::uint64_t least = least_file_bytes(bytes, pixels); bytes.size() < least) {
+    return image_error(ErrorKind::truncated, name,
+                       "says that it has " + size + ", for which a file has " + std::to_string(least) +
+                           " bytes at least; this one has " + std::to_string(bytes.size()),
+                       "copy it again or remove it from the dataset");
+  }
+  const std::uint64_t memory = decoding_bytes(bytes, pixels, count(info.channels), count(info.bits));
+  if (memory > memory_limit) {
+    return image_error(ErrorKind::exhausted, name,
+                       "has " + size + ", which take " + std::to_string((memory >> 20) + 1) +
+                           " MiB to decode; the limit is " + std::to_string(memory_limit >> 20),
+                       "scale it down or raise the limit");
+  }
+  if (const char* damage = is_png(bytes) ? png_damage(bytes) : jpeg_damage(bytes); damage != nullptr) {
+    return image_error(ErrorKind::malformed, name, std::string("the image is damaged (") + damage + ")",
+                       "copy it again or remove it from the dataset");
+  }
+  return Done{};
+}
+}  // namespace detail
+
+/// Decodes a PNG or JPEG in memory. 16-bit channels are reduced to 8. One that takes more than `memory_limit` bytes, or whose header promises more
+/// pixels than a file of its length can hold, is an Error before any are taken.
+[[nodiscard]] inline Result<ImageBytes> decode_image(std::span<const std::byte> bytes, const std::string& name,
+                                                     std::uint64_t memory_limit = image_memory_limit) {
   const Result<ImageInfo> info = decode_image_info(bytes, name);
   if (!info) return info.error();
-  if (!detail::huffman_tables_fit(bytes)) {
-    return detail::image_error(ErrorKind::malformed, name, "the image is damaged (an oversized Huffman table)",
-                               "copy it again or remove it from the dataset");
-  }
+  if (const Result<Done> fits = detail::check_image(bytes, *info, name, memory_limit); !fits) return fits.error();
   int width = 0;
   int height = 0;
   int channels = 0;
@@ -179,10 +169,11 @@ namespace detail {
   return decode_image_info(*bytes, path.string());
 }
 
-[[nodiscard]] inline Result<ImageBytes> read_image(const std::filesystem::path& path) {
+[[nodiscard]] inline Result<ImageBytes> read_image(const std::filesystem::path& path,
+                                                   std::uint64_t memory_limit = image_memory_limit) {
   const Result<std::vector<std::byte>> bytes = detail::read_image_file(path);
   if (!bytes) return bytes.error();
-  return decode_image(*bytes, path.string());
+  return decode_image(*bytes, path.string(), memory_limit);
 }
 
 namespace detail {

@@ -53,6 +53,8 @@ struct MaskFile {
     mask = {image->width, image->height, image->channels, 255, {image->pixels.begin(), image->pixels.end()}};
     return mask;
   }
+  if (const Result<Done> fits = detail::check_image(*bytes, *info, path.string(), image_memory_limit); !fits)
+    return fits.error();
   struct Free {
     void operator()(void* p) const { detail::stb::stbi_image_free(p); }
   };
