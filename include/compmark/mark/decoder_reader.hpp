@@ -133,7 +133,7 @@ template <class Reader>
   const std::string text = reader.text("layers");
   const auto bad = [&] {
     reader.fail(ErrorKind::invalid, "__metadata__.layers",
-                "\"" + text.substr(0, 40) + "\" is not a list of kernel/stride/padding", Reader::remedy);
+                "\"" + text.substr(0, 40) + "\" is not a list of kernel/stride/padding that an image fits", Reader::remedy);
     return std::vector<DecoderLayer>();
   };
   std::vector<DecoderLayer> layers;
@@ -173,7 +173,7 @@ template <class Reader>
     in = static_cast<int>(out);
     layers.push_back(std::move(layer));
   }
-  if (layers.empty() || !layers.back().tap) return bad();
+  if (layers.empty() || !layers.back().tap || smallest_input(layers) == 0) return bad();
   return layers;
 }
 

@@ -8,9 +8,11 @@
 // carrier: logits = carriers * whiten(features), with carriers that come from a secret (watermark sheet 2).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -79,6 +81,19 @@ struct DecoderWeights {
     in = width;
   }
   return layers;
+}
+
+/// Positions a side, behind the stem, of the smallest input that leaves every layer one; 0 where that is above `limit`: 64 layers of stride 16 are a
+/// file of a few kilobytes, and a size that no image has.
+[[nodiscard]] inline int smallest_input(const std::vector<DecoderLayer>& layers, int limit = 65536) {
+  std::int64_t n = 1;
+  for (std::size_t l = layers.size(); l-- > 0;) {
+    const ConvShape& s = layers[l].shape;
+    n = std::max<std::int64_t>(1, (n - 1) * s.stride + s.kernel - 2 * s.padding);
+    if (layers[l].pool) n = 2 * n + 1;
+    if (n > limit) return 0;
+  }
+  return static_cast<int>(n);
 }
 
 /// A layer with its normalisation inside: w g / sqrt(v + eps) and (b - m) g / sqrt(v + eps) + beta, in double, rounded once.

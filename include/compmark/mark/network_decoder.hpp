@@ -80,8 +80,8 @@ class NetworkDecoder {
     }
     COMPMARK_ASSERT(!layers_.empty() && layers_.back().tap && head_.columns == weights.features(),
                     "NetworkDecoder: weights");
-    for (smallest_ = 1; !fits(smallest_); ++smallest_) {
-    }
+    smallest_ = smallest_input(weights.layers);
+    COMPMARK_ASSERT(smallest_ != 0, "NetworkDecoder: layers that no image fits");
   }
 
   [[nodiscard]] int bits() const { return head_.rows; }
