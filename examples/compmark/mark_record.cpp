@@ -17,6 +17,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string_view>
 #include <system_error>
 
 #include "common.hpp"
@@ -41,6 +42,7 @@ Json to_json(const MarkRecord& record) {
             {"decoder", std::move(decoder)},
             {"models", Json::array()}};
   for (const RecordedFile& model : record.models) json["models"].push_back(file_json(model));
+  json[std::string(checksum_key)] = compmark::detail::fields_checksum(json);
   return json;
 }
 
@@ -53,9 +55,15 @@ std::string word(const Json& json, std::initializer_list<const char*> keys) {
   return at->is_string() ? at->get<std::string>() : std::string();
 }
 
-/// Nothing if the JSON is no record.
+/// False if the JSON is no record, or one that was damaged: its checksum is another, or one of its fields has a name that none has. Records of before
+/// have no checksum.
 bool read(const Json& json, MarkRecord& record) {
   if (word(json, {"schema"}) != schema) return false;
+  constexpr std::array<std::string_view, 4> fields{"schema", "key", "decoder", "models"};
+  for (const auto& [name, value] : json.items()) {
+    const bool known = std::find(fields.begin(), fields.end(), name) != fields.end();
+    if (!known && (name != checksum_key || value != compmark::detail::fields_checksum(json))) return false;
+  }
   record.key_id = word(json, {"key", "id"});
   record.key_commitment = word(json, {"key", "commitment"});
   record.decoder = {word(json, {"decoder", "file"}), word(json, {"decoder", "sha256"})};
@@ -64,28 +72,6 @@ bool read(const Json& json, MarkRecord& record) {
     for (const Json& model : json["models"]) record.models.push_back({word(model, {"file"}), word(model, {"sha256"})});
   }
   return !record.key_commitment.empty() && !record.decoder_tensors.empty();
-}
-
-/// The lines of a record; what cannot be read is said. Nothing is there before the first mark.
-Result<std::vector<MarkRecord>> read_record(const fs::path& path) {
-  std::vector<MarkRecord> records;
-  std::error_code status;
-  if (path.empty() || !fs::is_regular_file(path, status)) return records;
-  const Result<std::vector<std::byte>> bytes = read_file(path, record_limit);
-  if (!bytes) return bytes.error();
-  std::istringstream lines(std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()));
-  std::string line;
-  for (int number = 1; std::getline(lines, line); ++number) {
-    if (line.empty()) continue;
-    MarkRecord record;
-    if (read(Json::parse(line, nullptr, false), record)) {
-      records.push_back(std::move(record));
-    } else {
-      std::fprintf(stderr, "compmark: warning: %s: line %d is no record of a mark and is not used\n",
-                   path.string().c_str(), number);
-    }
-  }
-  return records;
 }
 
 /// One write at the end of the file: two runs at once leave two lines.
@@ -129,6 +115,32 @@ std::string tensors_sha256(const SafetensorsFile& file) {
   return hash.hex();
 }
 
+Result<KeptRecords> read_record(const fs::path& path) {
+  KeptRecords kept;
+  std::error_code status;
+  if (path.empty() || !fs::is_regular_file(path, status)) return kept;
+  const Result<std::vector<std::byte>> bytes = read_file(path, record_limit);
+  if (!bytes) return bytes.error();
+  std::istringstream lines(std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()));
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    if (line.empty()) continue;
+    MarkRecord record;
+    if (read(json_from<Json>(line), record)) {
+      kept.records.push_back(std::move(record));
+    } else {
+      kept.unread.push_back(number);
+    }
+  }
+  return kept;
+}
+
+std::optional<MarkRecord> read_mark(const fs::path& path) {
+  MarkRecord record;
+  const Result<Json> json = read_json<Json>(path);
+  return json && read(*json, record) ? std::optional(std::move(record)) : std::nullopt;
+}
+
 fs::path key_record(const fs::path& key) {
   std::error_code status;
   if (key.empty() || !fs::is_regular_file(key, status)) return {};
@@ -170,12 +182,22 @@ Result<Done> keep_record(const MarkRecord& record, const fs::path& key, const fs
 
 Result<Done> check_recorded(const fs::path& key_file, const OwnerKey& key, const fs::path& decoder,
                             const fs::path& model) {
-  Result<std::vector<MarkRecord>> records = read_record(key_record(key_file));
-  if (!records) return records.error();
-  if (!model.empty()) {
-    MarkRecord of_run;
-    const Result<Json> json = read_json<Json>(model.parent_path() / "mark.json");
-    if (json && read(*json, of_run)) records->push_back(std::move(of_run));
+  const fs::path beside = key_record(key_file);
+  Result<KeptRecords> kept = read_record(beside);
+  if (!kept) return kept.error();
+  for (const int line : kept->unread) {
+    std::fprintf(stderr, "compmark: warning: %s: line %d is no record of a mark, or damaged, and is not used\n",
+                 beside.string().c_str(), line);
+  }
+  std::vector<MarkRecord>* const records = &kept->records;
+  std::error_code status;
+  if (const fs::path noted = model.parent_path() / "mark.json"; !model.empty() && fs::exists(noted, status)) {
+    if (std::optional<MarkRecord> of_run = read_mark(noted)) {
+      records->push_back(std::move(*of_run));
+    } else {
+      std::fprintf(stderr, "compmark: warning: %s is no record of a mark, or damaged, and is not used\n",
+                   noted.string().c_str());
+    }
   }
   std::erase_if(*records, [&](const MarkRecord& record) { return record.key_commitment != key.commitment(); });
   if (records->empty()) return Done{};

@@ -10,6 +10,7 @@
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors_reader.hpp>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,16 @@ struct MarkRecord {
   std::string decoder_tensors;       ///< tensors_sha256
   std::vector<RecordedFile> models;  ///< that hold the mark
 };
+
+/// The marks of a record, and the lines (from 1) that are none or were damaged. Each carries a checksum of its fields.
+struct KeptRecords {
+  std::vector<MarkRecord> records;
+  std::vector<int> unread;
+};
+/// Empty before the first mark.
+compmark::Result<KeptRecords> read_record(const std::filesystem::path& path);
+/// mark.json of a run; nothing if it is no record or was damaged.
+std::optional<MarkRecord> read_mark(const std::filesystem::path& path);
 
 /// SHA-256 of what a decoder computes with: of name, type, shape and numbers of every tensor, by name. Notes and other words are no part of it.
 std::string tensors_sha256(const compmark::SafetensorsFile& file);
