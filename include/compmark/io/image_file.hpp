@@ -64,6 +64,10 @@ inline constexpr std::string_view image_kinds = "a PNG or JPEG image";
 inline Error image_error(ErrorKind kind, const std::string& name, std::string problem, std::string remedy) {
   return {kind, name, "", std::move(problem), std::move(remedy)};
 }
+inline Error damaged_image(const std::string& name, const std::string& how) {
+  return image_error(ErrorKind::malformed, name, "the image is damaged (" + how + ")",
+                     "copy it again or remove it from the dataset");
+}
 }  // namespace detail
 
 /// Size and channels from the header of an encoded image in memory; `name` is for the message.
@@ -72,6 +76,8 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
   const auto* data = reinterpret_cast<const unsigned char*>(bytes.data());
   if (bytes.empty())
     return detail::image_error(ErrorKind::truncated, name, "the image file is empty", "copy it again or remove it");
+  if (const char* damage = detail::jpeg_damage(bytes, true); damage != nullptr)
+    return detail::damaged_image(name, damage);
   if (bytes.size() > image_file_limit - 1 ||
       detail::stb::stbi_info_from_memory(data, static_cast<int>(bytes.size()), &info.width, &info.height,
                                          &info.channels) == 0) {
@@ -117,10 +123,8 @@ namespace detail {
                            " MiB to decode; the limit is " + std::to_string(memory_limit >> 20),
                        "scale it down or raise the limit");
   }
-  if (const char* damage = is_png(bytes) ? png_damage(bytes) : jpeg_damage(bytes); damage != nullptr) {
-    return image_error(ErrorKind::malformed, name, std::string("the image is damaged (") + damage + ")",
-                       "copy it again or remove it from the dataset");
-  }
+  if (const char* damage = is_png(bytes) ? png_damage(bytes) : jpeg_damage(bytes); damage != nullptr)
+    return damaged_image(name, damage);
   return Done{};
 }
 }  // namespace detail

@@ -76,9 +76,9 @@ struct JpegFrame {
   }
 };
 
-/// What is wrong with a JPEG that stb_image would not say; nullptr if nothing is. Of a component without a scan, and of what is behind a restart that is
+/// What is wrong with a JPEG (`header_only`: as far as its size is told) that stb_image would not say; nullptr if nothing is. Of a component without a scan, and of what is behind a restart that is
 /// missing, stb gives what lay in memory. Segments are walked as stb walks them; what is odd otherwise is left for stb to refuse.
-[[nodiscard]] inline const char* jpeg_damage(std::span<const std::byte> bytes) {
+[[nodiscard]] inline const char* jpeg_damage(std::span<const std::byte> bytes, bool header_only = false) {
   const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(bytes[i]); };
   if (bytes.size() < 2 || at(0) != 0xFF || at(1) != 0xD8) return nullptr;  // not a JPEG
   JpegFrame frame;
@@ -102,13 +102,14 @@ struct JpegFrame {
     if (restarts < wanted) return "data that end early";
     wanted = restarts = 0;
     if (marker == 0xD9) break;
+    if (header_only && marker >= 0xC0 && marker <= 0xC2) return nullptr;
     const std::size_t end = i + 2 + 256 * at(i + 2) + at(i + 3);
     const std::size_t inside = std::min(end, bytes.size());
     if (marker == 0xC4) {
-      // stb before its release 2.29 writes past its tables otherwise.
-      for (std::size_t table = i + 4; table + 17 <= inside;) {
+      // stb before its release 2.29 writes past its tables otherwise; behind the file's end it reads zeros.
+      for (std::size_t table = i + 4; table < inside;) {
         unsigned codes = 0;
-        for (std::size_t k = 1; k <= 16; ++k) codes += at(table + k);
+        for (std::size_t k = table + 1; k <= table + 16 && k < bytes.size(); ++k) codes += at(k);
         if (codes > 256) return "an oversized Huffman table";
         table += 17 + codes;
       }
