@@ -211,6 +211,24 @@ TEST_CASE("io/image_limit: who says how much memory there is gets an error or an
 }
 
 TEST_CASE(
+    "io/image_limit: a Huffman table of too many codes is found before the size is looked for, wherever it is cut") {
+  // stb_image writes past its tables there already.
+  Data file{std::byte{0xFF}, std::byte{0xD8}};
+  put_number(file, 0xFFC4, 2);
+  put_number(file, 2 + 17, 2);
+  put_number(file, 0, 1);
+  for (int i = 0; i < 16; ++i) put_number(file, 255, 1);
+  const Data flat = flat_jpeg(64, 0, 0);
+  file.insert(file.end(), flat.begin() + 2, flat.end());
+  for (std::size_t n = 9; n <= file.size(); ++n) {
+    CAPTURE(n);
+    const auto info = decode_image_info(std::span<const std::byte>(file).first(n), "table");
+    REQUIRE(!info.ok());
+    CHECK(info.error().problem.find("Huffman") != std::string::npos);
+  }
+}
+
+TEST_CASE(
     "io/image_limit: a JPEG of one bit a block is read; one without its data, or that ends at a restart, is damaged") {
   const Data flat = flat_jpeg(1024, 0, 0);
   CHECK(flat.size() < 1024 * 1024 / 450);
