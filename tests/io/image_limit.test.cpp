@@ -226,6 +226,8 @@ TEST_CASE(
     REQUIRE(!info.ok());
     CHECK(info.error().problem.find("Huffman") != std::string::npos);
   }
+  file.insert(file.begin(), std::byte{0xFF});  // a fill byte
+  CHECK(decode_image(file, "filled").error().problem.find("Huffman") != std::string::npos);
 }
 
 TEST_CASE(

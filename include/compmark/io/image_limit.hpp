@@ -80,11 +80,11 @@ struct JpegFrame {
 /// missing, stb gives what lay in memory. Segments are walked as stb walks them; what is odd otherwise is left for stb to refuse.
 [[nodiscard]] inline const char* jpeg_damage(std::span<const std::byte> bytes, bool header_only = false) {
   const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(bytes[i]); };
-  if (bytes.size() < 2 || at(0) != 0xFF || at(1) != 0xD8) return nullptr;  // not a JPEG
+  if (bytes.size() < 2 || at(0) != 0xFF) return nullptr;  // no JPEG; fill bytes may come first
   JpegFrame frame;
   std::array<bool, 256> scanned{};
   std::uint64_t interval = 0, wanted = 0, restarts = 0;  // of the scan that is walked
-  for (std::size_t i = 2; i + 3 < bytes.size();) {
+  for (std::size_t i = 0; i + 3 < bytes.size();) {
     if (at(i) != 0xFF) {
       ++i;
       continue;
