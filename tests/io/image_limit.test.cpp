@@ -144,7 +144,8 @@ Data flat_jpeg(unsigned side, unsigned interval, unsigned restarts, bool with_sc
 TEST_CASE(
     "io/image_limit: the smallest files of an image are read, 1032 bytes of rows a byte; of twice the height they "
     "promise too much") {
-  for (const auto& [depth, type] : {std::pair{1, 0}, {8, 0}, {8, 2}, {16, 6}, {8, 4}}) {
+  for (const auto& form : {std::pair{1, 0}, {8, 0}, {8, 2}, {16, 6}, {8, 4}}) {
+    const int depth = form.first, type = form.second;
     CAPTURE(depth);
     CAPTURE(type);
     const std::uint32_t width = depth == 1 ? 8000 : 1000, height = 2400;
