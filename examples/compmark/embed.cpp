@@ -17,6 +17,7 @@
 #include "any_model.hpp"
 #include "codec_file.hpp"
 #include "commands.hpp"
+#include "finished_run.hpp"
 #include "fit_run.hpp"
 #include "mark_record.hpp"
 #include "recipe_list.hpp"
@@ -94,6 +95,7 @@ Result<Done> make_decoder(TrainOptions& options) {
   fit.data = options.data;
   fit.out = options.out / "decoder.safetensors";
   options.mark.decoder = fit.out;
+  if (Result<Done> held = hold(options); !held) return held;  // or what is there may be of a run that is not done
   if (options.force && !options.resume) {
     if (Result<Done> moved = move_decoder_aside(fit.out); !moved) return moved;
   }
@@ -104,13 +106,18 @@ Result<Done> make_decoder(TrainOptions& options) {
     if (!model) return model.error();
     const auto note = file->metadata.find("note");
     const bool of_this = note != file->metadata.end() && note->second.find(*model) != std::string::npos;
-    if (options.resume && of_this) return fitted_alike(options.mark, note->second, fit.out);
-    return Error{ErrorKind::invalid, fit.out.string(), "--decoder",
-                 of_this ? "is missing, and a decoder of an earlier run is in this folder"
-                         : "is missing, and a decoder of another model is in this folder",
-                 "keep it: choose another --out, or name it with --decoder; --resume goes on with one of this model, "
-                 "--force moves "
-                 "it aside"};
+    if (options.resume && of_this) {
+      Result<Done> alike = fitted_alike(options.mark, note->second, fit.out);
+      if (alike || !options.force) return alike;
+    }
+    if (!options.force) {
+      return Error{ErrorKind::invalid, fit.out.string(), "--decoder",
+                   of_this ? "is missing, and a decoder of an earlier run is in this folder"
+                           : "is missing, and a decoder of another model is in this folder",
+                   "keep it: choose another --out, or name it with --decoder; --resume goes on with one of this model, "
+                   "--force moves it aside"};
+    }
+    if (Result<Done> moved = move_decoder_aside(fit.out); !moved) return moved;
   }
   if (std::filesystem::exists(options.out / "checkpoint.safetensors")) {
     return Error{ErrorKind::invalid,
@@ -125,7 +132,6 @@ Result<Done> make_decoder(TrainOptions& options) {
   if (options.mark.tone) fit.fit.tone = *options.mark.tone;
   fit.downscale = options.downscale;
   fit.threads = options.threads;
-  if (Result<Done> held = hold(options); !held) return held;
   const Result<FittedFile> made = fit_to_file(fit);
   if (!made) return made.error();
   std::fprintf(stderr, "compmark: decoder %s, fitted in %.0f s\n", fit.out.string().c_str(), made->seconds);
@@ -219,14 +225,17 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
   if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
   if (coded && own_twin) {
+    if (Result<Done> held = hold(options); !held) return fail(held.error());
     const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
     if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
-    if (Result<Done> held = hold(options); !held) return fail(held.error());
     mark->coded_twin = options.out / "unmarked.cmk";
     ThreadExecutor executor(options.threads);
     tell_threads(executor, options.threads);
-    const Result<CodecEncoded> written = write_codec_file(mark->coded_twin, *unmarked, executor);
-    if (!written) return fail(written.error());
+    // What is said of a finished run below is said before anything of it is replaced.
+    if (!options.resume || options.force || !holds_finished_run(options.out)) {
+      const Result<CodecEncoded> written = write_codec_file(mark->coded_twin, *unmarked, executor);
+      if (!written) return fail(written.error());
+    }
   }
   settings = embed_settings(settings, distortion);
   return coded ? train_coded(options, settings, &*mark) : train_marked(options, settings, *mark);

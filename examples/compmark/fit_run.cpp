@@ -46,6 +46,8 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   if (Result<Done> free = check_no_decoder(options.out, options.force); !free) return free.error();
   const Result<std::shared_ptr<const void>> held = hold_file(options.out);
   if (!held) return held.error();
+  if (Result<Done> free = check_no_decoder(options.out, options.force); !free)
+    return free.error();  // one may have ended
   const Result<ModelSource> source = ModelSource::open(options.model, options.threads);
   if (!source) return source.error();
   if (!is_markable_recipe(source->recipe)) {

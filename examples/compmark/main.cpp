@@ -19,6 +19,7 @@
 #include "input_files.hpp"
 #include "options.hpp"
 #include "process.hpp"
+#include "run_folder.hpp"
 
 int main(int argc, char** argv) {
   tool::prepare_process();
@@ -78,6 +79,8 @@ int main(int argc, char** argv) {
       for (const auto check : {tool::check_file_use, tool::check_output_kinds, tool::check_input_kinds}) {
         if (const auto right = check(use); !right) return tool::fail(right.error());
       }
+      const auto held = tool::hold_outputs(use);
+      if (!held) return tool::fail(held.error());
       return tool::finish_output(entry.run());
     }
   } catch (const std::bad_alloc&) {

@@ -3,6 +3,7 @@
 #include "mark_record.hpp"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -79,7 +80,13 @@ int append(const fs::path& path, std::string line) {
   const int file = ::open(path.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0600);
   if (file < 0) return errno;
   int why = 0;
-  if (::write(file, line.data(), line.size()) != static_cast<ssize_t>(line.size())) why = errno != 0 ? errno : EIO;
+  errno = 0;
+  const ssize_t written = ::write(file, line.data(), line.size());
+  if (written != static_cast<ssize_t>(line.size())) {
+    why = errno != 0 ? errno : ENOSPC;  // of a full disk the first bytes may be there
+    struct ::stat now {};
+    if (written > 0 && ::fstat(file, &now) == 0 && ::ftruncate(file, now.st_size - written) != 0) errno = 0;
+  }
   if (why == 0 && ::fsync(file) != 0 && errno != EINVAL) why = errno;
   if (::close(file) != 0 && why == 0) why = errno;
   return why;

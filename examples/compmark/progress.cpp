@@ -57,6 +57,19 @@ nlohmann::ordered_json to_json(const ProgressLine& line) {
   return json;
 }
 
+/// What a killed run, or a full disk, left of a line at the end of a log: the next one would stand behind it, and neither could be read.
+void drop_torn_line(const std::filesystem::path& log) {
+  std::ifstream file(log, std::ios::binary);
+  std::uintmax_t whole = 0, size = 0;
+  for (std::string line; std::getline(file, line);) {
+    size += line.size() + (file.eof() ? 0 : 1);
+    if (!file.eof()) whole = size;
+  }
+  file.close();
+  std::error_code status;
+  if (whole != size) std::filesystem::resize_file(log, whole, status);
+}
+
 std::string values_text(const ProgressLine& line) {
   std::string text = format_text("loss %.4f  PSNR %.2f dB  anchors %llu", line.loss, line.psnr,
                                  static_cast<unsigned long long>(line.anchors));
@@ -101,8 +114,10 @@ Result<Progress> Progress::open(ProgressSettings settings) {
     progress.stream_log_ = std::move(*stream);
   } else if (!s.json_log.empty()) {
     if (Result<std::vector<ProgressLine>> old = s.append ? read_progress_log(s.json_log) : std::vector<ProgressLine>();
-        old)
+        old) {
       progress.before_ = std::move(*old);
+      if (s.append) drop_torn_line(s.json_log);
+    }
     progress.log_.reset(std::fopen(s.json_log.c_str(), s.append ? "ab" : "wb"));
     if (!progress.log_) {
       return Error{ErrorKind::unwritable, s.json_log.string(), "",
@@ -181,6 +196,10 @@ void Progress::log(const std::string& text) {
   }
   if (written) return;
   const int why = errno;
+  if (log_) {
+    log_.reset();
+    drop_torn_line(settings_.json_log);
+  }
   log_failure_ =
       Error{ErrorKind::unwritable, settings_.json_log.string(), "--json-log",
             std::string("a line could not be written") + (why != 0 ? std::string(": ") + std::strerror(why) : ""),

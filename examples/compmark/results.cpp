@@ -69,6 +69,7 @@ Result<Done> write_results(const std::filesystem::path& path, const Results& res
                           {"sections", std::move(sections)}};
     if (c.watermark) add_mark(json["compressed"], *c.watermark);
   }
+  if (!results.identity.empty()) json["run"] = nlohmann::ordered_json::parse(results.identity, nullptr, false);
   return compmark::write_json(path, json);
 }
 
@@ -151,6 +152,12 @@ Result<Results> read_results(const std::filesystem::path& path) {
     read_optional("psnr_marked_vs_unmarked", m.psnr_marked_vs_unmarked);
     results.watermark = m;
   }
+  if (json->contains("compressed") && (*json)["compressed"].is_object()) {
+    CompressedMetrics compressed;
+    read((*json)["compressed"], "bytes", compressed.bytes, "compressed");
+    results.compressed = std::move(compressed);
+  }
+  if (json->contains("run")) results.identity = (*json)["run"].dump();
   if (failure) return *failure;
   return results;
 }

@@ -67,6 +67,7 @@ struct Results {
   std::vector<std::string> effects;             ///< names of the scene effects that the recipe models
   std::optional<WatermarkMetrics> watermark;    ///< not in the file of an unmarked run
   std::optional<CompressedMetrics> compressed;  ///< not in the file of a run without a codec
+  std::string identity;                         ///< JSON that tells the run from others (finished_run.hpp)
 };
 
 compmark::Result<compmark::Done> write_results(const std::filesystem::path& path, const Results& results);

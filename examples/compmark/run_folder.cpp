@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "run_folder.hpp"
 
+#include <compmark/io/atomic_file.hpp>
 #include <compmark/io/folder_lock.hpp>
 #include <cstdio>
 #include <string>
@@ -26,6 +27,20 @@ Result<std::shared_ptr<const void>> hold_file(const fs::path& file) {
   Result<FolderLock> lock = FolderLock::beside(file);
   if (!lock) return lock.error();
   return std::shared_ptr<const void>(std::make_shared<FolderLock>(std::move(*lock)));
+}
+
+Result<std::vector<std::shared_ptr<const void>>> hold_outputs(const FileUse& use) {
+  std::vector<std::shared_ptr<const void>> all;
+  for (const UsedFile& file : use.writes) {
+    if (file.written != OutputKind::model && file.written != OutputKind::compressed &&
+        file.written != OutputKind::splats)
+      continue;
+    if (Result<Done> possible = check_writable(file.path); !possible) return possible.error();
+    Result<std::shared_ptr<const void>> held = hold_file(file.path);
+    if (!held) return held.error();
+    all.push_back(std::move(*held));
+  }
+  return all;
 }
 
 Result<Done> check_unfinished(const fs::path& folder, bool wanted) {

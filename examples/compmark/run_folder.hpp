@@ -7,6 +7,9 @@
 #include <compmark/core/result.hpp>
 #include <filesystem>
 #include <memory>
+#include <vector>
+
+#include "file_use.hpp"
 
 namespace tool {
 
@@ -14,6 +17,8 @@ namespace tool {
 compmark::Result<std::shared_ptr<const void>> hold_folder(const std::filesystem::path& folder);
 /// The same for a file that is written when the work is done.
 compmark::Result<std::shared_ptr<const void>> hold_file(const std::filesystem::path& file);
+/// The same for all models, compressed files and splats among the outputs of a command.
+compmark::Result<std::vector<std::shared_ptr<const void>>> hold_outputs(const FileUse& use);
 
 /// An error if a finished run is in the folder; `wanted` says that it may be replaced.
 compmark::Result<compmark::Done> check_unfinished(const std::filesystem::path& folder, bool wanted);

@@ -247,24 +247,6 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   return Done{};
 }
 
-/// Whether the unmarked half of a run is there, and is the one that is asked for.
-Result<bool> host_is_finished(const TrainOptions& host, const TrainSettings& settings) {
-  const std::filesystem::path results = host.out / "results.json";
-  if (!std::filesystem::exists(results) || std::filesystem::exists(host.out / "checkpoint.safetensors")) return false;
-  const Result<Results> found = read_results(results);
-  if (!found) return found.error();
-  const Result<std::string> digest = file_sha256(host.out / "model.safetensors");
-  if (!digest) return digest.error();
-  if (found->model_sha256 == *digest && found->seed == settings.seed && found->iterations == settings.iterations &&
-      found->recipe == host.recipe && found->profile == settings.profile &&
-      (!is_coded_recipe(host.recipe) || found->rate_lambda == settings.rate.lambda)) {
-    return true;
-  }
-  return Error{ErrorKind::invalid, results.string(), "--resume",
-               "is of a run with another seed, length, recipe, profile or lambda, or of another model",
-               "give the options of that run, or choose another --out"};
-}
-
 /// The whole training as if there were no mark, into a folder of its own, and then the mark beside it: with the decoder fitted in between, and
 /// the unmarked model kept.
 int train_then_mark(TrainOptions options, const TrainSettings& settings) {
@@ -273,8 +255,11 @@ int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   if (!key) return fail(key.error());
   const bool coded = is_coded_recipe(options.recipe);
   if (Result<Done> can = can_mark_finished(options); !can) return fail(can.error());
-  if (Result<Done> held = check_held(options.mark, options.mark.fidelity.value_or(1)); !held) return fail(held.error());
+  if (Result<Done> apt = check_held(options.mark, options.mark.fidelity.value_or(1)); !apt) return fail(apt.error());
   if (Result<Done> fits = check_to_fit(options.mark); !fits) return fail(fits.error());
+  Result<std::shared_ptr<const void>> held = hold_folder(options.out);
+  if (!held) return fail(held.error());
+  options.folder = std::move(*held);
   const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
   const std::filesystem::path decoder = options.out / "decoder.safetensors";
@@ -282,11 +267,9 @@ int train_then_mark(TrainOptions options, const TrainSettings& settings) {
     return fail({ErrorKind::invalid, decoder.string(), "--out", "holds the decoder of an earlier run",
                  "keep it: choose another --out, go on with --resume, or move it aside with --force"});
   }
-  if (Result<Done> free = check_unfinished(options.out / unmarked_folder, options.resume || options.force); !free)
-    return fail(free.error());
-  Result<std::shared_ptr<const void>> held = hold_folder(options.out);
-  if (!held) return fail(held.error());
-  options.folder = std::move(*held);
+  for (const std::filesystem::path& folder : {options.out, options.out / unmarked_folder}) {
+    if (Result<Done> free = check_unfinished(folder, options.resume || options.force); !free) return fail(free.error());
+  }
   warn_of_record(options.mark.key, options.out);
   if (options.force && !options.resume) {
     if (Result<Done> moved = move_decoder_aside(decoder); !moved) return fail(moved.error());
@@ -296,17 +279,11 @@ int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   host.folder.reset();  // its own
   host.out = options.out / unmarked_folder;
   host.json_log.clear();  // its own: host.out/log.jsonl
-  const Result<bool> finished = options.resume ? host_is_finished(host, settings) : false;
-  if (!finished) return fail(finished.error());
-  if (!*finished) {
-    std::error_code ignored;
-    std::filesystem::remove(host.out / "results.json", ignored);  // an earlier run's says nothing of this one
-    const int code =
-        coded ? train_coded(host, settings, nullptr)
-              : with_recipe(options.recipe,
-                            ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(host, settings); }));
-    if (code != success) return code;
-  }
+  const int code =
+      coded ? train_coded(host, settings, nullptr)
+            : with_recipe(options.recipe,
+                          ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(host, settings); }));
+  if (code != success) return code;
   TrainOptions marked = options;
   marked.model = host.out / "model.safetensors";
   marked.iterations = options.mark_iterations;

@@ -29,6 +29,7 @@
 #include "codec_file.hpp"
 #include "common.hpp"
 #include "evaluation.hpp"
+#include "finished_run.hpp"
 #include "mark_input.hpp"
 #include "progress.hpp"
 #include "train_marked.hpp"
@@ -188,6 +189,15 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   Result<LensViews<RecipeLens<R>>> with_cameras = lens_views<RecipeLens<R>>(data.train);
   if (!with_cameras) return fail(with_cameras.error());
   LensViews<RecipeLens<R>>& train = *with_cameras;
+  if (options.resume) {
+    const Result<bool> finished = is_finished(options, data);
+    if (!finished) return fail(finished.error());
+    if (*finished) {
+      std::fprintf(stderr, "compmark: the run in %s is finished, with these options: nothing is left to do\n",
+                   options.out.string().c_str());
+      return success;
+    }
+  }
   if (Result<Done> usable = check_run(options, data, source, mark); !usable) return fail(usable.error());
   std::optional<CodecModel> host_file;  // what a file of the model says that a mark is hidden in
   if constexpr (is_marked && present<typename R::EntropyModel>) {

@@ -17,6 +17,7 @@
 #include "coded_run.hpp"
 #include "common.hpp"
 #include "effects.hpp"
+#include "finished_run.hpp"
 #include "machine_memory.hpp"
 #include "mark_record.hpp"
 #include "report.hpp"
@@ -257,6 +258,9 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
     results.test = metrics;
   }
   results.model_sha256 = *digest;
+  Result<std::string> identity = run_identity(options, settings);
+  if (!identity) return fail(identity.error());
+  results.identity = std::move(*identity);
   results.effects = run.info.effects;
   // Of a finished model that is marked no bit is a loss, and nobody named a lambda.
   const bool rates = mark == nullptr || mark->read_only || options.model.empty();

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
 #include <filesystem>
 #include <string>
@@ -51,8 +52,9 @@ class FolderLock {
     const Result<OutputTarget> target = output_target(file);
     if (!target) return target.error();
     if (target->kind != OutputTarget::Kind::file) return FolderLock{};
-    std::filesystem::path lock = target->path;
-    lock += ".lock";
+    constexpr std::size_t name_limit = 240;  // as that of a partial file
+    const std::string name = target->path.filename().string().substr(0, name_limit) + ".lock";
+    const std::filesystem::path lock = target->path.parent_path() / name;
     return acquire(lock, file, "another run writes this file", "wait for it or choose another name (--out)");
   }
 
