@@ -51,12 +51,12 @@ words() {
   local in=$work/inputs scene=$work/inputs/scene
   local run=(--data "$scene" --out "$3" --threads "$4")
   case $1 in
-    train) cmd=(train "${run[@]}" --iterations 120 --voxel-size 0.2 --checkpoint-every 10 --seed) ;;
-    train_hac) cmd=(train "${run[@]}" --iterations 50 --voxel-size 0.2 --checkpoint-every 10 --codec hac --seed) ;;
-    mark) cmd=(train "${run[@]}" --iterations 30 --voxel-size 0.2 --checkpoint-every 10 --key "$in/short.key" --mark-iterations 20 --seed) ;;
+    train) cmd=(train "${run[@]}" --iterations 150 --voxel-size 0.5 --checkpoint-every 10 --seed) ;;
+    train_hac) cmd=(train "${run[@]}" --iterations 30 --voxel-size 0.5 --checkpoint-every 10 --codec hac --seed) ;;
+    mark) cmd=(train "${run[@]}" --iterations 30 --voxel-size 0.5 --checkpoint-every 10 --key "$in/short.key" --mark-iterations 20 --seed) ;;
     embed) cmd=(embed "${run[@]}" --model "$in/run/model.safetensors" --key "$in/owner.key" --decoder "$in/dec.safetensors" --iterations 80 --checkpoint-every 10 --seed) ;;
-    embed_hac) cmd=(embed "${run[@]}" --model "$in/hac/model.safetensors" --key "$in/owner.key" --decoder "$in/dec.safetensors" --iterations 20 --checkpoint-every 5 --seed) ;;
-    fit_codec) cmd=(fit-codec "${run[@]}" --model "$in/run/model.safetensors" --iterations 40 --checkpoint-every 10 --seed) ;;
+    embed_hac) cmd=(embed "${run[@]}" --model "$in/hac/model.safetensors" --key "$in/owner.key" --decoder "$in/dec.safetensors" --iterations 10 --checkpoint-every 3 --seed) ;;
+    fit_codec) cmd=(fit-codec "${run[@]}" --model "$in/run/model.safetensors" --iterations 25 --checkpoint-every 5 --seed) ;;
     fit) cmd=(fit --data "$scene" --model "$in/run/model.safetensors" --out "$3/dec.safetensors" --threads "$4" --bits 16 --waves 24 --views 64 --gradient-views 2 --coordinates 4 --seed) ;;
     compress) cmd=(compress --model "$in/hac/model.safetensors" --out "$3/m.cmk" --threads "$4" --networks) ;;
     decompress) cmd=(decompress --model "$in/hac/model.cmk" --out "$3/m.safetensors" --threads "$4") ;;
@@ -189,8 +189,8 @@ mkdir -p inputs reference
 must scene --out inputs/scene --width 48 --height 48 --train 6 --test 2
 must keygen --bits 16 --out inputs/owner.key
 must keygen --bits 8 --out inputs/short.key
-must train --data inputs/scene --out inputs/run --iterations 60 --voxel-size 0.2
-must train --data inputs/scene --out inputs/hac --iterations 30 --voxel-size 0.2 --codec hac
+must train --data inputs/scene --out inputs/run --iterations 60 --voxel-size 0.5
+must train --data inputs/scene --out inputs/hac --iterations 20 --voxel-size 0.5 --codec hac
 must fit --model inputs/run/model.safetensors --data inputs/scene --bits 16 --waves 24 --views 64 --gradient-views 2 --coordinates 4 --out inputs/dec.safetensors
 for host in run:marked hac:marked_hac; do
   must embed --model "inputs/${host%:*}/model.safetensors" --data inputs/scene --key inputs/owner.key --decoder inputs/dec.safetensors --out "inputs/${host#*:}" --iterations 10

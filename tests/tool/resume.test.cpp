@@ -52,9 +52,10 @@ std::map<std::string, std::pair<std::vector<std::byte>, fs::file_time_type>> all
 void make_scene() {
   static const Outcome made = done("scene --out " + at("scene") + " --width 40 --height 40 --train 6 --test 2");
 }
-std::string train(const std::string& out) {
+std::string train(const std::string& out, int iterations = 3) {
   make_scene();
-  return "train --threads 1 --voxel-size 0.2 --iterations 3 --data " + at("scene") + " --out " + at(out);
+  return "train --threads 1 --voxel-size 0.2 --iterations " + std::to_string(iterations) + " --data " + at("scene") +
+         " --out " + at(out);
 }
 
 /// With the words of a finished run, and with each of `others` beside them; what must be named for it.
@@ -65,7 +66,6 @@ void check_finished(const std::string& command, const std::string& out,
   const Outcome same = tool(command + " --resume");
   CHECK_MESSAGE(same.code == 0, same.text);
   CHECK(same.text.find("is finished, with these options") != std::string::npos);
-  CHECK(done(command + " --resume --force").text.find("is finished") != std::string::npos);
   for (const auto& other : others) {
     const std::string &words = other.first, &named = other.second;
     INFO(words);
@@ -73,6 +73,9 @@ void check_finished(const std::string& command, const std::string& out,
                   {out, "is finished (results.json), and ", named, "--force"});
   }
   CHECK(all_of(out) == before);
+  // Nor is there anything that would become another with leave to replace it.
+  CHECK(done(command + " --resume --force").text.find("is finished") != std::string::npos);
+  for (const auto& [path, file] : all_of(out)) CHECK(file.first == before.at(path).first);
 }
 
 }  // namespace
@@ -91,7 +94,7 @@ TEST_CASE("tool: a finished training that is resumed is left alone, and says whi
                   {"--codec hac", "--codec"}});
   const auto before = all_of(at("run"));
   check_refused(tool(run + " --seed 5 --resume"), {"--seed was 4 and is 5"});
-  check_refused(tool(run + " --iterations 4 --resume"), {"--iterations was 3 and is 4, --seed was 4 and is 0"});
+  check_refused(tool(train("run", 4) + " --resume"), {"--iterations was 3 and is 4, --seed was 4 and is 0"});
   check_refused(tool("train --threads 1 --voxel-size 0.2 --iterations 3 --seed 4 --resume --data " + at("other_scene") +
                      " --out " + at("run")),
                 {"--data"});
@@ -116,8 +119,8 @@ TEST_CASE("tool: a finished training that is resumed is left alone, and says whi
 }
 
 TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are left alone") {
-  done(train("host"));
-  done(train("other_host") + " --seed 9");
+  done(train("host") + " --recipe scaffold");
+  done(train("other_host") + " --recipe scaffold --seed 9");
   REQUIRE(write_key(at("owner.key"), testing::fixed_key(1, 16)).ok());
   REQUIRE(write_key(at("other.key"), testing::fixed_key(2, 16)).ok());
   const fs::path decoder = at("decoder.safetensors"), other = at("other.safetensors");
@@ -166,7 +169,8 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
 
 TEST_CASE("tool: what was cut at the end of a log or of a key's record is no line, and the next one is whole") {
   make_scene();
-  const std::string run = "train --threads 1 --voxel-size 0.2 --iterations 60 --data " + at("scene");
+  std::string run = train("killed", 60);
+  run.resize(run.rfind(" --out "));
   testing::killed(run, at("killed"));
   const fs::path log = at("killed/log.jsonl");
   std::string text = testing::text_of(log);
