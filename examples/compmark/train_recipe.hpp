@@ -19,6 +19,7 @@
 #include <compmark/recipes/marked_codecs.hpp>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -30,6 +31,7 @@
 #include "common.hpp"
 #include "evaluation.hpp"
 #include "finished_run.hpp"
+#include "machine_memory.hpp"
 #include "mark_input.hpp"
 #include "progress.hpp"
 #include "train_marked.hpp"
@@ -51,6 +53,7 @@ struct TrainObserver {
   double last_psnr = 0;
   std::int64_t patience = 0;       ///< iterations in a row that may render nothing: two rounds of the training views
   std::int64_t empty_renders = 0;  ///< as many were there in a row
+  std::function<Result<Done>(std::size_t anchors, std::size_t grown)> growth;  ///< whether there is memory for more
 
   [[nodiscard]] double seconds() const {
     return seconds_before + std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -96,7 +99,10 @@ struct TrainObserver {
                       "(leave out --recipe and --profile); if the photographs are black, other photographs"};
       return false;
     }
-    const bool stop = interrupted();
+    if (report.adjusted && report.grown > 0 && report.iteration < report.total) {
+      if (const Result<Done> room = growth(report.anchors, report.grown); !room) failure = room.error();
+    }
+    const bool stop = interrupted() || failure;
     if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
       if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds());
           !written) {
@@ -257,6 +263,10 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   TrainObserver observer;
   observer.progress = &*progress;
   observer.info = &data.info;
+  observer.growth = [budget = memory](std::size_t anchors, std::size_t grown) mutable {
+    budget.bytes = free_memory_bytes();
+    return check_growth_memory<R>(anchors, grown, budget);
+  };
   observer.checkpoint_every = options.checkpoint_every;
   observer.checkpoint = data.checkpoint;
   observer.seconds_before = seconds_before;

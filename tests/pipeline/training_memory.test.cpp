@@ -129,3 +129,23 @@ TEST_CASE("pipeline/training_memory: what does not fit is refused before it is t
   CHECK(check_cloud_memory(1000, budget).ok());
   CHECK(!check_cloud_memory(3'000'000, budget).ok());
 }
+
+TEST_CASE(
+    "pipeline/training_memory: a growth for which there is no memory left is refused, with the limit that would have "
+    "stopped it") {
+  MemoryBudget budget;
+  CHECK(check_growth_memory<SmallRecipe>(100'000, 50'000, budget).ok());  // the system does not say
+  budget.bytes = 1e12;
+  CHECK(check_growth_memory<SmallRecipe>(100'000, 50'000, budget).ok());
+  const double more =
+      training_memory<SmallRecipe>(150'000, budget).total() - training_memory<SmallRecipe>(100'000, budget).total();
+  budget.bytes = more;  // without room for the copies of a row edit
+  const Result<Done> refused = check_growth_memory<SmallRecipe>(100'000, 50'000, budget);
+  REQUIRE(!refused.ok());
+  CHECK(refused.error().kind == ErrorKind::exhausted);
+  CHECK(refused.error().problem.find("50000 to 100000 anchors") != std::string::npos);
+  CHECK(refused.error().remedy.find("--resume") != std::string::npos);
+  CHECK(refused.error().remedy.find("--max-anchors 100000") != std::string::npos);
+  budget.bytes = more + training_memory<SmallRecipe>(150'000, budget).parameters;
+  CHECK(check_growth_memory<SmallRecipe>(100'000, 50'000, budget).ok());
+}

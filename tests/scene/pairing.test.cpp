@@ -177,6 +177,8 @@ TEST_CASE("scene/pairing: the longest end of the path, then the stem") {
   CHECK(pairs({"DCIM/1.jpg", "DCIM/2.jpg"}, {"photos/1.jpg", "photos/2.jpg"}) == "photos/1.jpg photos/2.jpg");
   CHECK(pairs({"http://h/a%20b.png?size=2"}, {"a b.png"}) == "a b.png");
   CHECK(pairs({"", "..", "/"}, {"a.png"}) == "- - -");
+  CHECK(pairs({"a.jpg", "b.jpg"}, {"a.jpg.png", "c.jpg.png"}) == "a.jpg.png -");  // a program that appends
+  CHECK(pairs({"x/a.png"}, {"a.png", "a.jpg.png"}) == "a.png");
 }
 
 TEST_CASE("scene/pairing: a missing file is not replaced by one of the same stem elsewhere") {
@@ -200,7 +202,14 @@ TEST_CASE("scene/pairing: order counts only where no stem agrees, and where noth
   // f0 is missing, 9 is one too many: three of four numbers agree elsewhere.
   CHECK(pairs({"f0", "f1", "f2", "f3"}, {"1.png", "2.png", "3.png", "9.png"}, true) == "- - - -");
   CHECK(pairs({"f1", "f2", "f3"}, {"0.png", "1.png", "2.png"}, true) ==
-        "0.png 1.png 2.png by order");  // counted from 0
+        "0.png 1.png 2.png by order");                                             // counted from 0
+  CHECK(pairs({"f3", "f4", "f5"}, {"4.png", "5.png", "6.png"}, true) == "- - -");  // 3 is missing, or all are renamed
+  CHECK(pairs({"f400", "f401"}, {"0.png", "1.png"}, true) == "0.png 1.png by order");
+  // What is before and after the numbers, or in their place, says the same.
+  CHECK(pairs({"f0_x", "f1_x", "f2_x"}, {"0.png", "1.png", "2.png"}, true) == "0.png 1.png 2.png by order");
+  CHECK(pairs({"f0_x", "f1_x", "f2_x"}, {"0.png", "2.png", "3.png"}, true) == "- - -");
+  CHECK(pairs({"f_a", "f_b", "f_c"}, {"g_a.png", "g_b.png", "g_c.png"}, true) == "g_a.png g_b.png g_c.png by order");
+  CHECK(pairs({"f_a", "f_b", "f_c"}, {"g_a.png", "g_c.png", "g_d.png"}, true) == "- - -");
 }
 
 TEST_CASE("scene/pairing: the time of many names grows with their number, not with its square") {
@@ -217,27 +226,4 @@ TEST_CASE("scene/pairing: the time of many names grows with their number, not wi
   };
   const double small = seconds(2000);
   CHECK(seconds(32000) < 100 * small + 0.2);  // 16 times as many: 16 to 25 times the time, not 256
-}
-
-TEST_CASE("scene/path_key: one path, however it is written") {
-  const auto key = [](const std::string& name) {
-    const detail::PathKey k = detail::path_key(name);
-    std::string text;
-    for (const std::string& part : k.parts) text += part + "<";
-    return text + "." + k.extension;
-  };
-  for (const char* same : {"a/b/c.JPG", "A\\B\\C.jpeg", "./a//b/./c.jpg", "x/../a/b/c.jpg", "C:\\a\\b\\c.jpg",
-                           "C:a/b/c.jpg", "/a/b/c.jpe", "../a/b/c.jpg", "a/b/%63.jpg"})
-    CHECK(key(same) == "c<b<a<.jpg");
-  CHECK(key("https://host/a.png?x=1/2#3") == "a<host<.png");
-  CHECK(key("file:///C:/s/a.png") == key("s/a.png"));
-  CHECK(key("r_0.5") == "r_0.5<.");  // no extension
-  CHECK(key("a.b.png") == "a.b<.png");
-  CHECK(key(".png") == ".png<.");
-  CHECK(key("100%") == "100%<.");
-  CHECK(key("caf\xC3\x89") == key("cafe\xCC\x81"));  // one character, or two
-  CHECK(key("\xD0\x96\xD0\xAF") == key("\xD0\xB6\xD1\x8F"));
-  CHECK(key("\xCE\xA9\xCE\x91") == key("\xCF\x89\xCE\xB1"));
-  CHECK(key("\xC3\x98") == key("\xC3\xB8"));
-  CHECK(key("\xC3\x9F") != key("\xC3\xBF"));
 }

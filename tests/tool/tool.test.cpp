@@ -111,9 +111,10 @@ TEST_CASE(
 }
 
 TEST_CASE("tool: a training that nobody sees anything of is stopped and said to be dead") {
-  // Black photographs: every opacity falls below 0, and there no gradient reaches it any more.
+  // Black photographs but for a pixel: every opacity falls below 0, and there no gradient reaches it any more.
   done("scene --out " + at("black") + " --width 32 --height 32 --train 6 --test 2");
-  const std::vector<float> nothing(3 * 32 * 32, 0);
+  std::vector<float> nothing(3 * 32 * 32, 0);
+  nothing[0] = 1 / 255.0F;
   for (const char* split : {"train", "test"}) {
     for (const fs::directory_entry& photograph : fs::directory_iterator(at("black/") + split))
       REQUIRE(write_png(photograph.path(), ImageView<const float>{nothing.data(), 3, 32, 32}).ok());

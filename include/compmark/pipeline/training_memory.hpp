@@ -5,7 +5,7 @@
 // nothing. Counted are the parameters with their gradients, both moments and what a row edit copies into; the Gaussians that one view decodes, with
 // their gradients and the rasterizer's lists; the planes of one image; and the decoded photographs that the caller keeps. Peaks of whole trainings are
 // 0.75 to 1.3 of it (tests/pipeline/training_memory.test.cpp). What growing will add nobody knows: the estimate is of a number of anchors, the
-// first one or a limit. Nothing here asks the system; who calls says what there is. Cost: none.
+// first one or a limit, and whoever trains asks again after each growth (check_growth_memory). Nothing here asks the system; who calls says what there is. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -99,7 +99,23 @@ template <Recipe R>
                          "(--downscale), a smaller --memory-budget"
                    : "give smaller images (--downscale) or a smaller --memory-budget of images"};
 }
-/// The same for a cloud of which no cell is known yet: what is taken before anchors can be counted.
+/// An Error of kind `exhausted` where there is not enough for another growth like the last one, which brought `grown` to `anchors`. `budget.bytes` is
+/// what is free now, beside all that the training has taken. Asked after a growth: a row edit copies what it edits.
+template <Recipe R>
+[[nodiscard]] Result<Done> check_growth_memory(std::size_t anchors, std::size_t grown, const MemoryBudget& budget) {
+  const TrainingMemory now = training_memory<R>(anchors, budget), next = training_memory<R>(anchors + grown, budget);
+  const double copied = next.parameters * 2 / detail::copies_of_parameters,
+               wanted = next.total() - now.total() + copied;
+  if (!(budget.bytes > 0) || wanted <= budget.bytes) return Done{};
+  return Error{ErrorKind::exhausted,
+               {},
+               "memory",
+               "another growth like the last one, of " + std::to_string(grown) + " to " + std::to_string(anchors) +
+                   " anchors, takes about " + detail::gigabytes(wanted) + ", and " + detail::gigabytes(budget.bytes) +
+                   " are free",
+               "go on with --resume where there is more, or begin again with --max-anchors " + std::to_string(anchors)};
+}
+/// The same as check_training_memory for a cloud of which no cell is known yet: what is taken before anchors can be counted.
 [[nodiscard]] inline Result<Done> check_cloud_memory(std::size_t points, const MemoryBudget& budget) {
   const double wanted = static_cast<double>(points) * detail::bytes_per_point;
   if (!(budget.bytes > 0) || wanted <= budget.bytes) return Done{};

@@ -51,9 +51,12 @@ namespace detail {
   FoundImages found = images_as_written(folder, names);
   if (found.missing == 0) return std::move(found.paths);
   const std::vector<std::string> files = image_paths(folder, folder != dataset.root);
-  if (files.empty())
-    return Error{ErrorKind::not_found, folder.string(), "images", "the folder holds no PNG or JPEG image",
-                 "put the photographs there"};
+  if (files.empty()) {
+    const std::string other = unread_image(folder / plain_name(names[0])).filename().string();
+    return Error{ErrorKind::not_found, folder.string(), "images",
+                 "the folder holds no PNG or JPEG image" + (other.empty() ? "" : ", but " + other),
+                 other.empty() ? "put the photographs there" : "convert the photographs to PNG or JPEG"};
+  }
   pair_the_missing(names, files, files, folder, {true}, found);
   if (found.missing < images.size()) {
     for (const std::string& note : found.notes) dataset.warnings.push_back(folder.string() + ": " + note);
@@ -66,7 +69,7 @@ namespace detail {
   return Error{
       ErrorKind::not_found, folder.string(), images[0]->name,
       "there is no such image, nor is any other of the " + std::to_string(images.size()) + " images of the model",
-      "add the images the model was made from"};
+      "add the images the model was made from, under their names"};
 }
 
 /// The points of a model, or of points3D.ply beside it where the model came without its file (a cached copy in the published format). Both
@@ -127,6 +130,11 @@ namespace detail {
     if (place.others.size() > 8) text += " and " + std::to_string(place.others.size() - 8) + " others";
     dataset.warnings.push_back(text);
   }
+  for (const char* text : {"cameras.txt", "images.txt", "points3D.txt"}) {
+    if (suffix != ".bin" || !detail::file_exists(model_folder / text)) continue;
+    dataset.warnings.push_back((model_folder / text).string() + ": is not used, as the model is there in binary files");
+    break;
+  }
   std::vector<const ColmapImage*> images;
   for (const auto& entry : model->images) images.push_back(&entry.second);
   std::sort(images.begin(), images.end(), [](const ColmapImage* a, const ColmapImage* b) {
@@ -162,7 +170,10 @@ namespace detail {
                    "remove the image from the model with colmap image_deleter"};
     }
     if ((*paths)[i].empty()) {
-      if (notes.missing++ == 0) notes.first_missing = image.name;
+      if (notes.missing++ == 0) {
+        notes.first_missing = image.name;
+        notes.unread = detail::unread_image(*folder / detail::plain_name(image.name)).filename().string();
+      }
       continue;
     }
     View view;

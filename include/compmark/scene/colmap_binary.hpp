@@ -99,7 +99,11 @@ template <class Record>
       return error;
     }
   }
-  return Done{};
+  if (cursor.left() == 0) return Done{};
+  return Error{
+      ErrorKind::malformed, path.string(), "count",
+      "is " + std::to_string(count) + ", but " + std::to_string(cursor.left()) + " more bytes follow the records",
+      "copy the file again or export the model again with colmap model_converter"};
 }
 
 /// What is said of an id that an earlier record has: which of the two is meant cannot be known.

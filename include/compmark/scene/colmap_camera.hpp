@@ -84,7 +84,14 @@ struct ColmapFolder {
     }
   }
   for (const std::filesystem::path& folder : {root / "sparse", root}) {
-    if (result.path.empty() && has_colmap_model(folder)) result.path = folder;
+    if (!has_colmap_model(folder)) continue;
+    if (result.path.empty()) {
+      result.path = folder;
+    } else {
+      if (result.others.empty()) result.images = registered_images(result.path);
+      result.others.emplace_back(folder == root ? "the one in the folder itself" : "that of sparse",
+                                 registered_images(folder));
+    }
   }
   return result;
 }

@@ -193,6 +193,12 @@ class LineReader {
       camera.parameters[i] = cursor.number<double>();
     if (!cursor.good())
       return lines->error(ErrorKind::malformed, "a camera needs CAMERA_ID MODEL WIDTH HEIGHT PARAMS of its model");
+    if (!cursor.at_end()) {
+      return lines->error(ErrorKind::malformed,
+                          "a camera " + std::string(name) + " has " +
+                              std::to_string(colmap_models[static_cast<std::size_t>(camera.model)].parameters) +
+                              " parameters, and the line has more");
+    }
     if (!model.cameras.emplace(id, camera).second) return lines->repeated_id("camera", id);
   }
 

@@ -181,7 +181,7 @@ inline void take_points(Dataset& dataset, PrecisePoints points) {
     }
     return false;
   };
-  std::size_t not_finite = 0, at_cameras = 0, far = 0;
+  std::size_t not_finite = points.left_out, at_cameras = 0, far = 0;
   for (std::size_t i = 0; i < points.position.size(); ++i) {
     const std::array<double, 3>& p = points.position[i];
     const std::array<float, 3> rounded{static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
@@ -196,6 +196,15 @@ inline void take_points(Dataset& dataset, PrecisePoints points) {
       dataset.points.position.push_back(rounded);
       dataset.points.color.push_back(points.color[i]);
     }
+  }
+  // Several in one place, to a millionth of the cameras' distance: a point that was written for all of them.
+  const std::vector<std::array<float, 3>>& kept = dataset.points.position;
+  if (kept.size() > 1 && size > 0 && std::all_of(kept.begin(), kept.end(), [&](const std::array<float, 3>& p) {
+        return std::hypot(p[0] - kept[0][0], p[1] - kept[0][1], p[2] - kept[0][2]) <= 1e-6 * size;
+      })) {
+    dataset.warnings.push_back(dataset.root.string() + ": all " + std::to_string(kept.size()) +
+                               " points are in one place and are left out");
+    dataset.points = {};
   }
   if (not_finite > 0)
     dataset.warnings.push_back(dataset.root.string() + ": " + std::to_string(not_finite) +
@@ -214,7 +223,7 @@ inline void take_points(Dataset& dataset, PrecisePoints points) {
 inline void finish_dataset(Dataset& dataset, PrecisePoints points, const DatasetSettings& settings) {
   move_to_origin(dataset, points);
   fit_unit(dataset, points);
-  const bool had_points = !points.position.empty();
+  const bool had_points = !points.position.empty() || points.left_out > 0;
   take_points(dataset, std::move(points));
   name_far_cameras(dataset);
   if (dataset.points.size() > 0) return;

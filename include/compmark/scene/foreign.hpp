@@ -66,6 +66,15 @@ inline constexpr std::array<ForeignCapture, 24> foreign_captures{{
 
 namespace detail {
 
+/// The first bytes of a file, or all of a shorter one.
+[[nodiscard]] inline std::string first_text(const std::filesystem::path& file, std::size_t bytes) {
+  std::string begin(bytes, '\0');
+  std::ifstream stream(file, std::ios::binary);
+  stream.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  begin.resize(static_cast<std::size_t>(stream.gcount()));
+  return begin;
+}
+
 [[nodiscard]] inline bool is_foreign(const std::filesystem::path& file, const ForeignCapture& kind) {
   const std::string name = folded(file.filename().string());
   const bool named =
@@ -73,11 +82,7 @@ namespace detail {
   if (!named || kind.holds.empty()) return named;
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
-  std::string begin(4096, '\0');
-  std::ifstream stream(file, std::ios::binary);
-  stream.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-  begin.resize(static_cast<std::size_t>(stream.gcount()));
-  return folded(begin).find(kind.holds) != std::string::npos;
+  return folded(first_text(file, 4096)).find(kind.holds) != std::string::npos;
 }
 
 /// What a folder is that no reader knows, or a file; nothing if that is not known either.

@@ -58,6 +58,25 @@ namespace detail {
   return {};
 }
 
+/// The file of that name or stem in a format that is not read (a.webp for a.png); empty if there is none.
+[[nodiscard]] inline std::filesystem::path unread_image(const std::filesystem::path& path) {
+  std::error_code ignored;
+  for (const char* extension : {"webp", "heic", "heif", "avif", "jxl", "tif", "tiff", "bmp", "gif", "exr", "hdr",
+                                "tga",  "ppm",  "dng",  "cr2",  "cr3", "nef", "arw",  "raw", "orf", "rw2"}) {
+    std::string capitals = extension;
+    for (char& c : capitals) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+    for (const std::string& spelling : {std::string(extension), capitals}) {
+      std::filesystem::path other = path, longer = path;
+      other.replace_extension(spelling);
+      longer += "." + spelling;
+      for (const std::filesystem::path& file : {other, longer}) {
+        if (std::filesystem::is_regular_file(file, ignored)) return file;
+      }
+    }
+  }
+  return {};
+}
+
 /// The file of exactly that name, or of that name and an extension; empty if there is none.
 [[nodiscard]] inline std::filesystem::path own_image(const std::filesystem::path& folder,
                                                      const std::string& file_path) {

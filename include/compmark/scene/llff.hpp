@@ -84,6 +84,10 @@ namespace detail {
   Dataset dataset;
   dataset.kind = "llff";
   dataset.root = folder;
+  if (!std::is_sorted(names.begin(), names.end(), detail::natural_less)) {
+    dataset.warnings.push_back(
+        file.string() + ": rows belong to images in the order of their names as text, in which 10 comes before 2");
+  }
   detail::ReaderNotes notes;
   std::vector<std::array<double, 2>> bounds;
   for (std::size_t i = 0; i < names.size(); ++i) {

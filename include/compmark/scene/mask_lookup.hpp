@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <iterator>
@@ -120,9 +121,37 @@ inline void say_other_masks(Dataset& dataset, const std::filesystem::path& root)
   std::error_code status;
   for (std::filesystem::directory_iterator i(root, status), end; !status && i != end; i.increment(status)) {
     const std::string name = folded(i->path().filename().string());
-    if ((name.compare(0, 7, "segment") == 0 || name.compare(0, 5, "matte") == 0 || name.compare(0, 5, "alpha") == 0) &&
-        holds_images(i->path()))
+    static constexpr std::array<std::string_view, 6> begins{"seg",   "matte",      "alpha",
+                                                            "label", "silhouette", "foreground"};
+    const bool begin = std::any_of(begins.begin(), begins.end(),
+                                   [&](std::string_view word) { return name.compare(0, word.size(), word) == 0; });
+    const std::size_t mask = name.find("mask");
+    const bool photographs = std::any_of(dataset.views.begin(), dataset.views.end(),
+                                         [&](const View& view) { return view.image_path.parent_path() == i->path(); });
+    if ((begin || (mask != std::string::npos && mask > 0)) && !photographs && holds_images(i->path()))
       say("the images in " + i->path().filename().string() + " are not used");
+  }
+}
+
+/// Says which files in the folders of masks are no PNG or JPEG, and folders that hold nothing.
+inline void say_unread_masks(Dataset& dataset, const std::filesystem::path& root) {
+  for (const std::filesystem::path& folder : mask_folders(root)) {
+    std::size_t files = 0, others = 0;
+    std::string first;
+    std::error_code status, ignored;
+    for (std::filesystem::recursive_directory_iterator i(folder, status), end; !status && i != end;
+         i.increment(status)) {
+      const std::string name = i->path().filename().string();
+      if (name.front() == '.' || !i->is_regular_file(ignored) || (++files, is_image_name(name))) continue;
+      if (others++ == 0 || name < first) first = name;
+    }
+    const std::string where =
+        dataset.root.string() + ": the folder " + folder.lexically_relative(root).generic_string();
+    if (files == 0) dataset.warnings.push_back(where + " holds no mask");
+    if (others > 0) {
+      dataset.warnings.push_back(where + " holds " + std::to_string(others) +
+                                 " files that are neither PNG nor JPEG and are not used, the first is " + first);
+    }
   }
 }
 
@@ -221,6 +250,7 @@ inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
         example + "; put masks into the folders that the images are in (masks/train for train)");
   }
   pair_masks(dataset, root, nobodys);
+  say_unread_masks(dataset, root);
   say_other_masks(dataset, root);
   std::size_t without = 0;
   for (const View& view : dataset.views) without += view.mask_path.empty() ? 1 : 0;

@@ -17,6 +17,7 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/utf8.hpp"
+#include "compmark/scene/camera_check.hpp"
 #include "compmark/scene/colmap.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/foreign.hpp"
@@ -43,18 +44,61 @@ namespace detail {
   return dataset;
 }
 
-/// The first folder below that holds a capture which can be opened; empty if there is none.
+/// The folder below, at most three deep, that holds a capture which can be opened, the nearest and first by name; empty if there is none.
 [[nodiscard]] inline std::filesystem::path folder_of_capture(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> folders;
+  std::vector<std::pair<int, std::filesystem::path>> folders;
   std::error_code status;
-  for (std::filesystem::directory_iterator i(folder, status), end; !status && i != end; i.increment(status)) {
-    if (folder_exists(i->path())) folders.push_back(i->path());
+  for (std::filesystem::recursive_directory_iterator i(folder, status), end; !status && i != end; i.increment(status)) {
+    if (!folder_exists(i->path())) continue;
+    folders.emplace_back(i.depth(), i->path());
+    if (i.depth() == 2) i.disable_recursion_pending();
   }
   std::sort(folders.begin(), folders.end());
-  const auto found = std::find_if(folders.begin(), folders.end(), [](const std::filesystem::path& inner) {
-    return is_colmap(inner) || is_llff(inner) || !find_transforms(inner).empty();
+  const auto found = std::find_if(folders.begin(), folders.end(), [](const auto& inner) {
+    return is_colmap(inner.second) || is_llff(inner.second) || !find_transforms(inner.second).empty();
   });
-  return found == folders.end() ? std::filesystem::path() : *found;
+  return found == folders.end() ? std::filesystem::path() : found->second;
+}
+
+/// What is said of a capture below the folder that was named: its own path, or, where its photographs are not in it, where to put them.
+[[nodiscard]] inline Error capture_below(const std::filesystem::path& folder, const std::filesystem::path& inner) {
+  const bool whole = holds_images(inner);
+  return {ErrorKind::not_found, folder.string(), "",
+          "holds no capture itself, but its folder " + inner.lexically_relative(folder).string() + " does" +
+              (whole ? "" : ", without photographs"),
+          whole ? "give " + inner.string()
+                : "give " + inner.string() + ", with the photographs in " + (inner / "images").string() +
+                      (is_colmap(inner) ? ", or move its model to " + (folder / "sparse/0").string() : "")};
+}
+
+/// A file of poses under a name that is not looked for (transforms_test.json alone, Transforms.JSON, cameras.json); empty if there is none.
+[[nodiscard]] inline std::filesystem::path file_of_poses(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  std::error_code status, ignored;
+  for (std::filesystem::directory_iterator i(folder, status), end; !status && i != end; i.increment(status)) {
+    if (folded(i->path().extension().string()) == ".json" && i->is_regular_file(ignored)) files.push_back(i->path());
+  }
+  std::sort(files.begin(), files.end());
+  const auto found = std::find_if(files.begin(), files.end(), [](const std::filesystem::path& file) {
+    const std::string begin = first_text(file, 65536);
+    return begin.find("\"frames\"") != std::string::npos && begin.find("\"transform_matrix\"") != std::string::npos;
+  });
+  return found == files.end() ? std::filesystem::path() : *found;
+}
+
+/// Says which other files of the folder describe cameras and are not used.
+inline void say_other_cameras(Dataset& dataset, const std::filesystem::path& folder,
+                              const std::filesystem::path& used) {
+  for (const char* name : {"transforms_train.json", "transforms.json", "poses_bounds.npy"}) {
+    const std::filesystem::path file = folder / name;
+    if (file == used || !file_exists(file)) continue;
+    dataset.warnings.push_back(file.string() + ": is not used, as there is " +
+                               (used.empty() ? "a COLMAP model" : used.filename().string()) + " beside it" +
+                               (file.extension() == ".json" ? " (name the file itself to use it)" : ""));
+  }
+  if (!used.empty() && is_colmap(folder))
+    dataset.warnings.push_back(folder.string() + ": its COLMAP model is not used, as there is " +
+                               used.filename().string());
 }
 
 template <class Json>
@@ -69,7 +113,7 @@ template <class Json>
   std::error_code status;
   if (!std::filesystem::exists(folder, status))
     return fail(ErrorKind::not_found, "", "there is no such folder", "check the path of the dataset");
-  if (folder.extension() == ".json" && std::filesystem::is_regular_file(folder, status))
+  if (folded(folder.extension().string()) == ".json" && std::filesystem::is_regular_file(folder, status))
     return open_transforms<Json>(folder, settings);
   if (!std::filesystem::is_directory(folder, status)) {
     if (const std::optional<Error> foreign = foreign_capture(folder)) return *foreign;
@@ -84,20 +128,22 @@ template <class Json>
   const bool has_sparse = std::filesystem::is_directory(folder / "sparse", status);
   if (is_colmap(folder) && (has_sparse || !blender)) {
     Result<Dataset> dataset = open_colmap(folder, settings);
-    if (dataset && !transforms.empty()) {
-      dataset->warnings.push_back(transforms.string() +
-                                  ": is not used, as there is a COLMAP model beside it (name the file " +
-                                  "itself to use it)");
-    }
+    if (dataset) say_other_cameras(*dataset, folder, {});
     return dataset;
   }
-  if (!transforms.empty()) return open_transforms<Json>(transforms, settings);
-  if (is_llff(folder)) return open_llff(folder, settings);
-  if (const std::filesystem::path inner = folder_of_capture(folder); !inner.empty()) {
-    return fail(ErrorKind::not_found, "",
-                "holds no capture itself, but its folder " + inner.filename().string() + " does",
-                "give " + inner.string());
+  if (!transforms.empty() || is_llff(folder)) {
+    Result<Dataset> dataset =
+        transforms.empty() ? open_llff(folder, settings) : open_transforms<Json>(transforms, settings);
+    if (dataset) say_other_cameras(*dataset, folder, transforms.empty() ? folder / "poses_bounds.npy" : transforms);
+    return dataset;
   }
+  if (const std::filesystem::path file = file_of_poses(folder); !file.empty()) {
+    return fail(ErrorKind::not_found, file.filename().string(),
+                "has poses, but is neither transforms_train.json nor transforms.json",
+                "rename it, or give " + file.string());
+  }
+  if (const std::filesystem::path inner = folder_of_capture(folder); !inner.empty())
+    return capture_below(folder, inner);
   if (const std::optional<Error> foreign = foreign_capture(folder)) return *foreign;
   if (holds_images(folder)) {
     return fail(
@@ -120,6 +166,7 @@ template <class Json = nlohmann::json>
   Result<Dataset> dataset = detail::with_names_checked(detail::open_by_kind<Json>(folder, settings));
   if (!dataset) return dataset;
   detail::say_copies(*dataset);
+  detail::say_strange_cameras(*dataset);
   for (std::string& warning : dataset->warnings) warning = one_line(std::move(warning));  // names of files are in them
   return dataset;
 }

@@ -200,12 +200,34 @@ class NamePairs {
     }
   }
 
-  /// The number that a stem ends in.
-  [[nodiscard]] static std::optional<std::int64_t> last_number(const PathKey& key) {
-    const std::string text = stem(key);
+  /// The number that a text ends in.
+  [[nodiscard]] static std::optional<std::int64_t> last_number(const std::string& text) {
     const std::size_t begin = text.find_last_not_of("0123456789") + 1;  // npos + 1 is 0
     if (begin == text.size() || text.size() - begin > 17) return std::nullopt;
     return std::stoll(text.substr(begin));
+  }
+
+  /// The stems without what begins and what ends all of them, so far as that is no part of a number: "07" of v07_undistorted.
+  [[nodiscard]] static std::vector<std::string> cores(const std::vector<PathKey>& keys) {
+    const std::string first = stem(keys[0]);
+    std::size_t begin = first.size(), end = first.size();
+    for (const PathKey& key : keys) {
+      const std::string text = stem(key);
+      const auto common = [&](auto from, auto to, auto with, auto with_to) {
+        return static_cast<std::size_t>(std::mismatch(from, to, with, with_to).first - from);
+      };
+      begin = std::min(begin, common(first.begin(), first.end(), text.begin(), text.end()));
+      end = std::min(end, common(first.rbegin(), first.rend(), text.rbegin(), text.rend()));
+    }
+    const auto digit = [&](std::size_t i) { return first[i] >= '0' && first[i] <= '9'; };
+    while (begin > 0 && digit(begin - 1)) --begin;
+    while (end > 0 && digit(first.size() - end)) --end;
+    std::vector<std::string> result;
+    for (const PathKey& key : keys) {
+      const std::string text = stem(key);
+      result.push_back(text.substr(begin, text.size() - std::min(text.size(), begin + end)));
+    }
+    return result;
   }
 
   [[nodiscard]] bool order_is_certain() const {
@@ -218,20 +240,27 @@ class NamePairs {
       });
       return order;
     };
+    if (names_.empty()) return true;
     if (by_number(names_) != by_number(files_)) return false;
-    // Numbers of which more agree elsewhere than in the pairs: something is missing and something else too many.
-    std::set<std::int64_t> numbers;
-    std::set<std::int64_t> shifts;
+    // What agrees elsewhere and not in the pairs: something is missing and something else too many.
+    const std::vector<std::string> a = cores(names_), b = cores(files_);
+    const auto numbered = [](const std::string& core) { return last_number(core).has_value(); };
+    const bool numbers = std::all_of(a.begin(), a.end(), numbered) && std::all_of(b.begin(), b.end(), numbered);
+    const auto value = [&](const std::string& core) { return numbers ? std::to_string(*last_number(core)) : core; };
+    std::set<std::string> there;
+    std::set<std::int64_t> named, filed, shifts;
     std::size_t equal = 0, elsewhere = 0;
-    for (std::size_t i = 0; i < names_.size(); ++i) {
-      const auto a = last_number(names_[i]), b = last_number(files_[i]);
-      if (!a || !b) return true;
-      numbers.insert(*b);
-      shifts.insert(*b - *a);
-      equal += *a == *b;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      there.insert(value(b[i]));
+      equal += value(a[i]) == value(b[i]);
+      if (!numbers) continue;
+      named.insert(*last_number(a[i]));
+      filed.insert(*last_number(b[i]));
+      shifts.insert(*last_number(b[i]) - *last_number(a[i]));
     }
-    for (const PathKey& key : names_) elsewhere += numbers.count(*last_number(key));
-    return equal >= elsewhere || shifts.size() == 1;
+    for (const std::string& core : a) elsewhere += there.count(value(core));
+    // All numbers of one side larger by one: counted from 1 and from 0.
+    return equal >= elsewhere || (numbers && shifts.size() == 1 && *named.begin() + *filed.begin() == 1);
   }
 
   static constexpr std::ptrdiff_t most_ = 64;  // candidates that are looked at: more are undecided

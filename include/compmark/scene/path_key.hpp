@@ -131,7 +131,9 @@ struct PathKey {
   for (const std::string_view part : folders) (key.written += key.written.empty() ? "" : "/") += part;
   const std::string last = percent_decoded(folders.back());
   const std::size_t dot = extension_place(last);
-  key.parts.push_back(folded(std::string_view(last).substr(0, dot)));
+  // "a.jpg.png" is a.jpg, converted by a program that appends.
+  const std::string_view stem = std::string_view(last).substr(0, dot);
+  key.parts.push_back(folded(stem.substr(0, extension_place(stem))));
   if (dot < last.size()) key.extension = folded(std::string_view(last).substr(dot + 1));
   if (key.extension == "jpeg" || key.extension == "jpe" || key.extension == "jfif") key.extension = "jpg";
   for (std::size_t i = folders.size() - 1; i-- > 0;) key.parts.push_back(folded(percent_decoded(folders[i])));

@@ -23,9 +23,10 @@ namespace compmark::inline v0 {
 struct PrecisePoints {
   std::vector<std::array<double, 3>> position;
   std::vector<std::array<std::uint8_t, 3>> color;
+  std::size_t left_out = 0;  ///< that are not finite
 };
 
-/// Points that are not finite are left out.
+/// Points that are not finite are left out and counted.
 [[nodiscard]] inline Result<PrecisePoints> read_precise_points(const std::filesystem::path& path) {
   const Result<PlyFile> file = read_ply(path);
   if (!file) return file.error();
@@ -52,7 +53,10 @@ struct PrecisePoints {
   PrecisePoints points;
   for (std::size_t i = 0; i < vertex->count; ++i) {
     const std::array<double, 3> p{position[0][i], position[1][i], position[2][i]};
-    if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) continue;
+    if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) {
+      ++points.left_out;
+      continue;
+    }
     std::array<std::uint8_t, 3> rgb{127, 127, 127};
     for (std::size_t c = 0; c < 3; ++c) {
       if (!color[c].empty())

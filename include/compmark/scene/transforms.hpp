@@ -13,7 +13,6 @@
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
@@ -37,6 +36,7 @@
 #include "compmark/scene/transforms_images.hpp"
 #include "compmark/scene/transforms_json.hpp"
 #include "compmark/scene/transforms_lens.hpp"
+#include "compmark/scene/transforms_split.hpp"
 #include "compmark/scene/view_reader.hpp"
 
 namespace compmark::inline v0 {
@@ -58,7 +58,10 @@ template <class Json>
   }
   const Json& frames = json["frames"];
   if (frames.empty()) {
-    if (split == Split::test) return Done{};
+    if (split == Split::test) {
+      dataset.warnings.push_back(name + ": its list of frames is empty, so there are no test views");
+      return Done{};
+    }
     return fail(ErrorKind::invalid, "frames", "is empty, so there are no images", "give at least one frame");
   }
   if (const Result<Done> looked = look_at_fields(name, json, dataset); !looked) return looked.error();
@@ -96,23 +99,17 @@ template <class Json>
       if (const Result<Camera<double>> camera = transforms_intrinsics(fields, 1, 1); !camera) return camera.error();
       if (notes.missing++ == 0) {
         notes.first_missing = view.name;
+        notes.unread = unread_image(file.parent_path() / plain_name(view.name)).filename().string();
         first_missing_field = where + ".file_path";
       }
       continue;
     }
-    const Result<ImageInfo> info = look_at_image(view, (*size)[0], (*size)[1], notes);
+    const bool sized = (*size)[0] > 0 && (*size)[1] > 0;
+    const Result<ImageInfo> info = look_at_image(view, sized ? (*size)[0] : 0, sized ? (*size)[1] : 0, notes);
     if (!info) return info.error();
-    std::array<int, 2> pixels = *size;  // that the intrinsics count
-    if (pixels[0] == 0) {
-      pixels = {info->width, info->height};
-      if (found.reduction > 1 && counts_pixels(fields)) {
-        const Result<int> reduction = pixel_reduction(fields, info->width, info->height, found.reduction);
-        if (!reduction) return reduction.error();
-        for (int& side : pixels) side *= *reduction;
-        notes.assumed.insert({pixels[0], pixels[1], info->width, info->height});
-      }
-    }
-    Result<Camera<double>> camera = transforms_intrinsics(fields, pixels[0], pixels[1]);
+    const Result<std::array<int, 2>> pixels = counted_size(fields, *size, *info, found.reduction, notes);
+    if (!pixels) return pixels.error();
+    Result<Camera<double>> camera = transforms_intrinsics(fields, (*pixels)[0], (*pixels)[1]);
     if (!camera) return camera.error();
     camera->rotation_camera_world = pose->rotation_camera_world;
     camera->center_world = pose->center_world;
@@ -120,29 +117,28 @@ template <class Json>
     worst_defect = std::max(worst_defect, pose->defect);
     if (std::abs(pose->scale - 1) > std::abs(worst_scale - 1)) worst_scale = pose->scale;
 
-    if (settings.masks) {
-      const Json* mask = fields.find("mask_path");
-      if (mask != nullptr && mask->is_string()) {
-        view.mask_path = find_image(file.parent_path(), mask->template get<std::string>()).path;
-        if (view.mask_path.empty())
-          return fail(ErrorKind::not_found, fields.field("mask_path"),
-                      "names \"" + mask->template get<std::string>() + "\", but there is no such image",
-                      "add the mask or remove the field");
-      }
+    if (const Json* mask = fields.find("mask_path"); settings.masks && mask != nullptr && !says_nothing(*mask)) {
+      if (mask->is_string()) view.mask_path = find_image(file.parent_path(), mask->template get<std::string>()).path;
+      if (view.mask_path.empty())
+        return fail(
+            ErrorKind::not_found, fields.field("mask_path"),
+            "names " + mask->dump(-1, ' ', false, Json::error_handler_t::replace) + ", but there is no such image",
+            "add the mask or remove the field");
     }
     dataset.views.push_back(std::move(view));
   }
   if (notes.images == 0 && split == Split::test) {
     dataset.warnings.push_back(name + ": none of its " + std::to_string(notes.missing) +
                                " images is there (the first is \"" + notes.first_missing +
-                               "\"), so there are no test views");
+                               "\"), so there are no test views" + notes.unread_text());
     return Done{};
   }
   if (notes.images == 0) {
     return fail(ErrorKind::not_found, first_missing_field,
                 "names \"" + notes.first_missing + "\", but there is no such image (nor with .png or .jpg)" +
                     (notes.missing > 1 ? ", nor is any other of the " + std::to_string(notes.missing) : ""),
-                "add the images or remove the frames");
+                notes.unread.empty() ? "add the images or remove the frames"
+                                     : "convert " + notes.unread + " and the others to PNG or JPEG");
   }
   // 1e-3: float32 matrices are off by 1e-7, hand-rounded ones (4 digits) by 1e-4; more is a mistake worth a word.
   if (worst_defect > 1e-3)
@@ -154,48 +150,6 @@ template <class Json>
   }
   say_notes(notes, name, settings.lens, dataset);
   return Done{};
-}
-
-/// The splits of nerfstudio: train_filenames, val_filenames, test_filenames. False if the file has none.
-template <class Json>
-[[nodiscard]] Result<bool> split_by_lists(const std::filesystem::path& file, const Json& json, Dataset& dataset) {
-  constexpr std::array<const char*, 3> keys{"train_filenames", "val_filenames", "test_filenames"};
-  std::array<bool, 3> there{};
-  for (std::size_t k = 0; k < 3; ++k) there[k] = json.contains(keys[k]);
-  if (!there[0] && !there[1] && !there[2]) return false;
-  const auto fail = [&](const char* field, std::string problem, std::string remedy) {
-    return Error{ErrorKind::invalid, file.string(), field, std::move(problem), std::move(remedy)};
-  };
-  if (!there[0])
-    return fail(keys[0], "is missing, although there is a list of other images", "list the training images");
-  std::map<std::string, std::size_t> known;  // every frame of the file, whether its image is there or not
-  for (const Json& frame : json["frames"]) known[plain_name(frame["file_path"].template get<std::string>())] = 3;
-  for (std::size_t k = 0; k < 3; ++k) {
-    if (!there[k]) continue;
-    if (!json[keys[k]].is_array()) return fail(keys[k], "is not a list of names", "list the images' file_path");
-    for (const Json& entry : json[keys[k]]) {
-      const auto found = entry.is_string() ? known.find(plain_name(entry.template get<std::string>())) : known.end();
-      if (found == known.end())
-        return fail(keys[k],
-                    "names " + entry.dump(-1, ' ', false, Json::error_handler_t::replace) +
-                        ", which is the file_path of no frame",
-                    "correct the list");
-      if (found->second == 3) found->second = k;  // in two lists: the first counts
-    }
-  }
-  // Test images are the test list, or the validation list where there is no other; the rest is left out.
-  const std::size_t test = there[2] ? 2 : 1;
-  std::vector<View> kept;
-  for (View& view : dataset.views) {
-    const std::size_t list = known[plain_name(view.name)];
-    if (list != 0 && list != test) continue;
-    view.split = list == 0 ? Split::train : Split::test;
-    kept.push_back(std::move(view));
-  }
-  dataset.views = std::move(kept);
-  if (dataset.indices(Split::train).empty())
-    return fail(keys[0], "lists no image that is there", "list the training images");
-  return true;
 }
 
 }  // namespace detail
@@ -239,7 +193,9 @@ template <class Json = nlohmann::json>
       done = detail::append_frames(test, **test_json, Split::test, all.subspan(own), settings, dataset);
       if (!done) return done.error();
     } else {
-      dataset.warnings.push_back(test.string() + ": not there, so there are no test views");
+      dataset.warnings.push_back(
+          test.string() + ": not there, so there are no test views" +
+          (detail::file_exists(folder / "transforms_val.json") ? " (transforms_val.json is not used)" : ""));
     }
   }
   if (done = detail::leave_out_repeated(dataset, file.string()); !done) return done.error();
@@ -257,15 +213,20 @@ template <class Json = nlohmann::json>
 
   PrecisePoints points;
   std::filesystem::path point_file;
-  if (json->contains("ply_file_path") && (*json)["ply_file_path"].is_string())
+  if (json->contains("ply_file_path") && !detail::says_nothing((*json)["ply_file_path"])) {
+    if (!(*json)["ply_file_path"].is_string()) {
+      return Error{ErrorKind::malformed, file.string(), "ply_file_path", "is not the path of a file",
+                   "correct it or remove the field"};
+    }
     point_file = folder / detail::plain_name((*json)["ply_file_path"].template get<std::string>());
+  }
   if (blender && settings.use_point_file && detail::file_exists(folder / "points3d.ply"))
     point_file = folder / "points3d.ply";
   if (!point_file.empty() && detail::file_exists(point_file)) {
     Result<PrecisePoints> read = read_precise_points(point_file);
     if (!read) return read.error();
     points = std::move(*read);
-  } else if (point_file.empty() && !blender) {
+  } else if (point_file.empty()) {
     for (const char* name : {"sparse_pc.ply", "points3d.ply", "points3D.ply", "pointcloud.ply", "point_cloud.ply"}) {
       if (detail::file_exists(folder / name))
         dataset.warnings.push_back((folder / name).string() + ": is not used, as no ply_file_path names it");

@@ -21,6 +21,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/transforms_json.hpp"
+#include "compmark/scene/view_reader.hpp"
 
 namespace compmark::inline v0 {
 namespace detail {
@@ -72,7 +73,7 @@ class TransformsFields {
   std::string where_;
 };
 
-/// w and h, zero where the file does not say.
+/// w and h, each zero where the file does not say.
 template <class Json>
 [[nodiscard]] Result<std::array<int, 2>> transforms_size(const TransformsFields<Json>& fields) {
   std::array<int, 2> size{0, 0};
@@ -83,7 +84,6 @@ template <class Json>
     if (!side) return side.error();
     if (*side) size[i] = static_cast<int>(std::lround(**side));
   }
-  if (size[0] == 0 || size[1] == 0) return std::array<int, 2>{0, 0};
   return size;
 }
 
@@ -148,6 +148,29 @@ template <class Json>
                       "is missing, and only a smaller copy (images_" + std::to_string(reduction) +
                           ") of the image is there, so it is not known which pixels the intrinsics count",
                       "give w and h of the images that the focal length is for, or add those images");
+}
+
+/// The size whose pixels the intrinsics count: w and h; where only one of them is there, of the image's proportions; where none is, the image's own, or
+/// that of the folder which it is a smaller copy of. What was not written is noted.
+template <class Json>
+[[nodiscard]] Result<std::array<int, 2>> counted_size(const TransformsFields<Json>& fields,
+                                                      const std::array<int, 2>& written, const ImageInfo& image,
+                                                      int reduction, ReaderNotes& notes) {
+  if (written[0] > 0 && written[1] > 0) return written;
+  std::array<int, 2> size{image.width, image.height};
+  if (!counts_pixels(fields)) return size;
+  if (reduction > 1) {
+    const Result<int> times = pixel_reduction(fields, image.width, image.height, reduction);
+    if (!times) return times.error();
+    for (int& side : size) side *= *times;
+  } else if (written[0] > 0 || written[1] > 0) {
+    const double times =
+        written[0] > 0 ? static_cast<double>(written[0]) / image.width : static_cast<double>(written[1]) / image.height;
+    size = {static_cast<int>(std::lround(times * image.width)), static_cast<int>(std::lround(times * image.height))};
+  }
+  if (reduction > 1 || size[0] != image.width || size[1] != image.height)
+    notes.assumed.insert({size[0], size[1], image.width, image.height});
+  return size;
 }
 
 /// Camera without pose for images of width x height, which w and h are where the file has them.

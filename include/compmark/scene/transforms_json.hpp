@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -67,8 +68,21 @@ template <class Json = nlohmann::json>
     return Error{ErrorKind::malformed, name, "", "is nested deeper than 64 levels",
                  "correct it or create the dataset again"};
   }
+  std::vector<std::set<std::string>> open;  // the keys of the objects that are being read
+  std::string twice;
+  const auto look = [&](int, typename Json::parse_event_t event, Json& value) {
+    using Event = typename Json::parse_event_t;
+    if (event == Event::object_start) open.emplace_back();
+    if (event == Event::object_end) open.pop_back();
+    if (event == Event::key && !open.back().insert(value.template get<std::string>()).second && twice.empty())
+      twice = value.template get<std::string>();
+    return true;
+  };
   try {
-    return Json::parse(text->data(), text->data() + text->size());
+    Json json = Json::parse(text->data(), text->data() + text->size(), look);
+    if (twice.empty()) return json;
+    return Error{ErrorKind::malformed, name, twice,
+                 "is there twice in one object, so which of the two is meant cannot be known", "remove one of them"};
   } catch (const typename Json::exception& mistake) {
     std::string reason = mistake.what();
     if (const std::size_t end = reason.find("] "); end != std::string::npos) reason.erase(0, end + 2);

@@ -54,6 +54,9 @@ struct ReaderNotes {
   std::size_t not_turned = 0;  ///< carry an orientation, but the camera is for the stored image
   std::size_t missing = 0;     ///< images of the file that are not there
   std::string first_missing;
+  std::string unread;       ///< the file of the first one in a format that is not read; empty: there is none
+  std::size_t odd = 0;      ///< images whose intrinsics no ordinary camera has
+  std::string first_odd;    ///< what they are
   double displacement = 0;  ///< largest of all lenses, delivered pixels
   std::size_t fisheyes = 0;
   std::set<std::tuple<int, int, int, int>> scaled;   ///< camera size, image size
@@ -63,7 +66,26 @@ struct ReaderNotes {
   Lens last_lens;
   Camera<double> last_camera;
   double last_displacement = 0;
+
+  [[nodiscard]] std::string unread_text() const {
+    return unread.empty() ? "" : " (" + unread + " is there, but only PNG and JPEG are read)";
+  }
 };
+
+/// Notes intrinsics that are most likely in another unit, or for images of another size: an opening beyond 169 or below 0.6 degrees, pixels twice as
+/// high as wide, or the principal point near or beyond the border (which a crop may have).
+inline void look_at_intrinsics(const View& view, const Camera<double>& c, ReaderNotes& notes) {
+  const auto focal = [](double f, int side) { return f >= 0.05 * side && f <= 100.0 * side; };
+  const auto middle = [](double p, int side) { return p >= 0.05 * side && p <= 0.95 * side; };
+  if (focal(c.fx, c.width) && focal(c.fy, c.height) && c.fx <= 2 * c.fy && c.fy <= 2 * c.fx && middle(c.cx, c.width) &&
+      middle(c.cy, c.height))
+    return;
+  if (notes.odd++ > 0) return;
+  std::ostringstream text;
+  text << "\"" << view.name << "\", has focal lengths " << c.fx << " and " << c.fy << " and the principal point "
+       << c.cx << ", " << c.cy << " for " << c.width << " x " << c.height << " pixels";
+  notes.first_odd = text.str();
+}
 
 /// Looks at the header of view.image_path. `camera_width` x `camera_height` is what the intrinsics are for, 0 where that is not known.
 /// Structure from motion reads pixels as they are stored and ignores the orientation; an image is turned only where the camera says so.
@@ -104,6 +126,7 @@ struct ReaderNotes {
 /// The view's camera at the size it is delivered in, and its lens.
 inline void place_camera(View& view, const Camera<double>& intrinsics, const Lens& lens,
                          const DatasetSettings& settings, ReaderNotes& notes) {
+  look_at_intrinsics(view, intrinsics, notes);
   const ImageSize size = scaled_size(view.file_width, view.file_height, settings.downscale, settings.max_width);
   view.camera = intrinsics.resized(size.width, size.height);
   view.lens = lens;
@@ -141,7 +164,7 @@ inline void say_notes(const ReaderNotes& notes, const std::string& source, LensT
   const std::string of = " of " + std::to_string(notes.images) + " images ";
   if (notes.missing > 0) {
     say(std::to_string(notes.missing) + " of " + std::to_string(notes.missing + notes.images) +
-        " images are missing and left out, the first is \"" + notes.first_missing + "\"");
+        " images are missing and left out, the first is \"" + notes.first_missing + "\"" + notes.unread_text());
   }
   const auto left = [](std::size_t named, std::size_t all) {
     return all > named ? "; so are those of " + std::to_string(all - named) + " other sizes" : std::string();
@@ -156,9 +179,13 @@ inline void say_notes(const ReaderNotes& notes, const std::string& source, LensT
   named = 0;
   for (const auto& [width, height, to_width, to_height] : notes.assumed) {
     if (++named > 4) break;
-    say("w and h are missing, and the images found are smaller copies of " + std::to_string(to_width) + " x " +
+    say("w or h is missing, and the images found are smaller copies of " + std::to_string(to_width) + " x " +
         std::to_string(to_height) + " pixels; by what else the file says, the intrinsics are taken to be for " +
         std::to_string(width) + " x " + std::to_string(height) + (named == 4 ? left(named, notes.assumed.size()) : ""));
+  }
+  if (notes.odd > 0) {
+    say("the intrinsics of " + std::to_string(notes.odd) + of + "are unusual: the first, " + notes.first_odd +
+        "; check their units, and the size that they are for");
   }
   if (notes.sixteen_bit > 0)
     say(std::to_string(notes.sixteen_bit) + of + "have 16 bits a channel, of which the upper 8 are used");
