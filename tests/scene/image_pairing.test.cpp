@@ -16,7 +16,7 @@ using namespace compmark::testing;
 TEST_CASE("scene/image_pairing: what is there as written is taken first, and no file is given twice") {
   const TemporaryFolder folder;
   for (const char* name : {"a.png", "b.PNG", "c/d.png", "e.jpg"}) put(folder.path() / name, "x");
-  const std::vector<std::string> names{"a.png", "b.png", "d.png", "e.png", "a.PNG"};
+  const std::vector<std::string> names{"a.png", "b.png", "c/d.tif", "e.png", "a.PNG"};
   detail::FoundImages found = detail::images_as_written(folder.path(), names);
   CHECK(found.missing == 3);
   CHECK(found.paths[0] == folder.path() / "a.png");
@@ -30,7 +30,7 @@ TEST_CASE("scene/image_pairing: what is there as written is taken first, and no 
   CHECK(found.paths[4].empty());
   REQUIRE(found.notes.size() >= 1);
   CHECK(found.notes[0].find("2 of 5 images have other paths") != std::string::npos);
-  CHECK(found.notes[0].find("d.png is c/d.png") != std::string::npos);
+  CHECK(found.notes[0].find("c/d.tif is c/d.png") != std::string::npos);
 }
 
 TEST_CASE("scene/image_pairing: what cannot be decided is said with its number, and order is") {

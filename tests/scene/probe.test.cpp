@@ -96,6 +96,16 @@ void approach(Camera<double>& camera, double distance) {
 
 TEST_CASE("scene/probe: a plain capture calls for nothing") { CHECK(probe_with({}) == ""); }
 
+TEST_CASE("scene/probe: one camera and a few points anywhere call for nothing") {
+  for (const double away : {1e3, 1e5, 1e12}) {
+    CAPTURE(away);
+    CHECK(probe_with([&](Plant& plant) {
+            plant.capture.cameras[5].center_world = {away, 0, 1};
+            for (int i = 0; i < 3; ++i) plant.capture.points.push_back({0, away * (i + 1), 0});
+          }) == "");
+  }
+}
+
 TEST_CASE("scene/probe: the sample of a long capture covers it, and sees what alternates") {
   for (std::size_t count = 1; count < 2000; ++count) {
     const std::vector<std::size_t> views = detail::sampled_views(count);

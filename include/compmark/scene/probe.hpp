@@ -82,11 +82,13 @@ struct GeometryEvidence {
   std::array<double, 3> forward{};
   double forward_norm = 0;
   const View* previous = nullptr;
+  // One camera registered far away would decide distances and depths (scene/extent.hpp).
+  const CameraCore core = camera_core(dataset, all_views(dataset), dataset.points);
   for (const View& view : dataset.views) {
     const Camera<double>& c = view.camera;
     e.principal_point =
         std::fmax(e.principal_point, std::fmax(std::abs(c.cx - c.width / 2.0), std::abs(c.cy - c.height / 2.0)));
-    for (std::size_t k = 0; k < 3; ++k) forward[k] += c.rotation_camera_world[6 + k];
+    for (std::size_t k = 0; k < 3 && core.holds(view); ++k) forward[k] += c.rotation_camera_world[6 + k];
     const bool same = previous != nullptr && previous->lens == view.lens && previous->camera.fx == c.fx &&
                       previous->camera.width == c.width && previous->camera.height == c.height;
     if (!same && !is_pinhole(view.lens)) {
@@ -100,6 +102,7 @@ struct GeometryEvidence {
   if (forward_norm > 0 && dataset.views.size() >= 3) {
     e.widest_angle = 0;
     for (const View& view : dataset.views) {
+      if (!core.holds(view)) continue;
       double cosine = 0;
       for (std::size_t k = 0; k < 3; ++k)
         cosine += view.camera.rotation_camera_world[6 + k] * forward[k] / forward_norm;
@@ -114,7 +117,9 @@ struct GeometryEvidence {
     scales.clear();
     const std::size_t point = sightings.list[i].point;
     for (; i < sightings.list.size() && sightings.list[i].point == point; ++i) {
-      const Camera<double>& camera = dataset.views[sightings.list[i].view].camera;
+      const View& view = dataset.views[sightings.list[i].view];
+      if (!core.holds(view)) continue;
+      const Camera<double>& camera = view.camera;
       const std::array<double, 3> p = to_camera(camera, sightings.points[point]);
       if (!(p[2] > 0)) continue;
       const double d = std::hypot(p[0], p[1], p[2]);

@@ -58,11 +58,17 @@ struct Sightings {
     for (const ColmapObservation& o : image.observations)
       tracks[o.point_id].push_back({view->second, 0, o.x * sx, o.y * sy});
   }
+  // Points that the reader left out are no evidence either.
+  const RobustBall ball = robust_ball(
+      dataset.points.size(), [&](std::size_t i) -> const auto& { return dataset.points.position[i]; });
+  PrecisePoints cameras;
+  for (const View& view : dataset.views) cameras.position.push_back(view.camera.center_world);
+  const double reach = dataset.points_are_random ? HUGE_VAL : ball.reach(median_distance(cameras, ball.center));
   for (const auto& [id, track] : tracks) {
     const auto point = model->points.find(id);
     if (point == model->points.end() || track.size() < 2) continue;
     const std::array<double, 3> position = place_in(dataset, point->second.position);
-    if (!std::isfinite(position[0] + position[1] + position[2])) continue;
+    if (!std::isfinite(position[0] + position[1] + position[2]) || ball.distance(position.data()) > reach) continue;
     for (Sighting sighting : track) {
       sighting.point = result.points.size();
       result.list.push_back(sighting);
