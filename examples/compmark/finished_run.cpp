@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "differences.hpp"
 #include "results.hpp"
 
 namespace tool {
@@ -62,32 +63,6 @@ Json flat(const Json& settings) {
   }
   return result;
 }
-
-/// The options that differ, each with what of it does.
-class Differences {
- public:
-  void values(const std::string& option, const Json& before, const Json& now) {
-    if (before == now) return;
-    const auto text = [](const Json& value) {
-      return value.is_null() ? std::string("not set") : value.is_string() ? value.get<std::string>() : value.dump();
-    };
-    add(option, "was " + text(before) + " and is " + text(now));
-  }
-  void files(const std::string& option, const Json& before, const Json& now) {
-    if (before == now) return;
-    add(option, before.is_null() ? "was not given" : now.is_null() ? "was given" : "was another");
-  }
-  void add(const std::string& option, const std::string& what) { found_.push_back(option + " " + what); }
-  [[nodiscard]] bool none() const { return found_.empty(); }
-  [[nodiscard]] std::string text() const {
-    std::string all;
-    for (const std::string& one : found_) all += (all.empty() ? "" : ", ") + one;
-    return all;
-  }
-
- private:
-  std::vector<std::string> found_;
-};
 
 void compare_settings(const Json& before, const Json& now, Differences& differences) {
   for (const Said& said : options_of_settings)

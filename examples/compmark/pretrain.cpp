@@ -25,6 +25,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -32,6 +33,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "differences.hpp"
 #include "jpeg_codec.hpp"
 #include "pretrain_images.hpp"
 #include "progress.hpp"
@@ -241,6 +243,39 @@ std::vector<double> periods_of(const LatticeSettings& shape) {
 /// Octaves by which the waves' periods differ, either way: colours are few, and waves of one length feel the same of them.
 double spread_of(const LatticeSettings& shape) { return shape.measure == LatticeMeasure::colour ? 0.7 : 0; }
 
+/// Images that are measured.
+std::size_t measured_of(const PretrainOptions& options, const PretrainImages& held) {
+  return std::min(static_cast<std::size_t>(options.measured), held.size());
+}
+std::string digest_of(const PretrainImages& train) { return train.procedural() ? "" : train.digest(); }
+
+/// Whether the decoder that is there was trained with these options, as its measurements say. An error names those that are others; with --force
+/// there is none.
+Result<bool> is_finished(const PretrainOptions& options, const PretrainImages& train, const PretrainImages& held) {
+  const Result<nlohmann::json> found = read_json<nlohmann::json>(options.json);
+  const Result<std::string> decoder = file_sha256(options.out);
+  if (!found || !found->is_object() || !decoder || found->value("decoder_sha256", nlohmann::json()) != *decoder)
+    return false;
+  Differences differences;
+  for (const auto& [field, option, now] :
+       {std::tuple<const char*, const char*, nlohmann::json>("waves", "--waves", options.waves),
+        {"bits", "--bits", options.bits},
+        {"features", "--features", options.features},
+        {"steps", "--steps", options.steps},
+        {"seed", "--seed", options.seed},
+        {"crop", "--crop", options.crop},
+        {"images", "--measure", measured_of(options, held)},
+        {"embedding_steps", "--measure-steps", options.measure_steps}})
+    differences.values(option, found->value(field, nlohmann::json()), now);
+  if (found->value("training_images_sha256", nlohmann::json()) != digest_of(train))
+    differences.add("--images, or --held-out,", "was another");
+  if (differences.none()) return true;
+  if (options.force) return false;
+  return Error{ErrorKind::invalid, options.out.string(), "--resume",
+               "the decoder is finished, and " + differences.text(),
+               "leave out --resume and choose another --out, or give --force to move it aside"};
+}
+
 int run(PretrainOptions& options) {
   if (options.features == 0) options.features = options.waves == "colour" ? options.bits : 256;
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
@@ -250,10 +285,20 @@ int run(PretrainOptions& options) {
   const int square = options.crop * 8 / 7;  // of the images that are measured: 256 for crops of 224
   auto opened = open_images(options, square);
   if (!opened) return fail(opened.error());
-  if (Result<Done> free = check_no_decoder(options.out, options.force || options.resume); !free)
-    return fail(free.error());
   const PretrainImages& train = opened->first;
   const PretrainImages& held = opened->second;
+  const std::filesystem::path checkpoint = std::filesystem::path(options.out) += ".checkpoint";
+  const bool resuming = options.resume && std::filesystem::exists(checkpoint);
+  if (options.resume && !resuming) {
+    const Result<bool> finished = is_finished(options, train, held);
+    if (!finished) return fail(finished.error());
+    if (*finished) {
+      std::fprintf(stderr, "compmark: %s is finished, with these options: nothing is left to do\n",
+                   options.out.string().c_str());
+      return success;
+    }
+  }
+  if (Result<Done> free = check_no_decoder(options.out, options.force || resuming); !free) return fail(free.error());
   ThreadExecutor executor(options.threads);
   tell_threads(executor, options.threads);
   const PretrainSettings settings = training_settings(options);
@@ -264,8 +309,6 @@ int run(PretrainOptions& options) {
                                std::to_string(options.bits) + ", features " + std::to_string(options.features) +
                                ", steps " + std::to_string(options.steps) + ", seed " + std::to_string(options.seed) +
                                ", crop " + std::to_string(options.crop) + ", images " + digest.substr(0, 16);
-  const std::filesystem::path checkpoint = std::filesystem::path(options.out) += ".checkpoint";
-  const bool resuming = options.resume && std::filesystem::exists(checkpoint);
   if (!options.resume && std::filesystem::exists(checkpoint)) {
     return fail({ErrorKind::invalid,
                  checkpoint.string(),
@@ -333,7 +376,7 @@ int run(PretrainOptions& options) {
   whiten_head(triangular_whitening(logits, static_cast<std::size_t>(options.bits), 1e-3),
               std::span<float>(weights.head), std::span<float>(weights.bias));
 
-  const std::size_t measured = std::min(static_cast<std::size_t>(options.measured), held.size());
+  const std::size_t measured = measured_of(options, held);
   std::fprintf(stderr, "compmark: measuring %zu images\n", measured);
   PixelEmbeddingSettings embedding;
   embedding.steps = options.measure_steps;
@@ -372,7 +415,7 @@ int run(PretrainOptions& options) {
                                     {"seed", options.seed},
                                     {"crop", options.crop},
                                     {"training_images", described(train)},
-                                    {"training_images_sha256", train.procedural() ? "" : digest},
+                                    {"training_images_sha256", digest_of(train)},
                                     {"seconds", seconds},
                                     {"threads", executor.concurrency()},
                                     {"measured_images", described(held)},

@@ -167,6 +167,25 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
   CHECK(testing::file_bytes(at("small/unmarked.cmk")) == testing::file_bytes(at("unmarked.cmk")));
 }
 
+TEST_CASE("tool: a decoder that is trained is not trained again, nor replaced by another") {
+  fs::create_directory(at("trained"));
+  const std::string tiny = "pretrain --threads 1 --features 16 --steps 20 --crop 32 --measure 1 --out " +
+                           at("trained/d.safetensors"),
+                    bits = " --bits 8", steps = " --measure-steps 2";
+  done(tiny + bits + steps);
+  const auto before = all_of(at("trained"));
+  CHECK(done(tiny + bits + steps + " --resume").text.find("is finished, with these options") != std::string::npos);
+  check_refused(tool(tiny + " --bits 9" + steps + " --resume --seed 3"),
+                {"d.safetensors", "--bits was 8 and is 9, --seed was 1 and is 3", "--force"});
+  check_refused(tool(tiny + bits + " --measure-steps 3 --resume"), {"--measure-steps was 2 and is 3"});
+  fs::rename(at("trained/d.json"), at("aside.json"));  // nothing says what it was trained with
+  check_refused(tool(tiny + bits + steps + " --resume"), {"d.safetensors", "--force"});
+  fs::rename(at("aside.json"), at("trained/d.json"));
+  CHECK(all_of(at("trained")) == before);
+  done(tiny + bits + steps + " --resume --force --seed 3");
+  CHECK(json_of(at("trained/d.json"))["seed"] == 3);
+}
+
 TEST_CASE("tool: what was cut at the end of a log or of a key's record is no line, and the next one is whole") {
   make_scene();
   std::string run = train("killed", 60);

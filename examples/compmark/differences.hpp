@@ -1,0 +1,37 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What of a finished run's options is other in the command that would go on with it, in words.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace tool {
+
+class Differences {
+ public:
+  using Json = nlohmann::json;
+
+  void values(const std::string& option, const Json& before, const Json& now) {
+    if (before != now) add(option, "was " + word(before) + " and is " + word(now));
+  }
+  /// Of files only digests are known; null where none was given.
+  void files(const std::string& option, const Json& before, const Json& now) {
+    if (before != now) add(option, before.is_null() ? "was not given" : now.is_null() ? "was given" : "was another");
+  }
+  void add(const std::string& option, const std::string& what) {
+    text_ += (text_.empty() ? "" : ", ") + option + " " + what;
+  }
+  [[nodiscard]] bool none() const { return text_.empty(); }
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  static std::string word(const Json& value) {
+    return value.is_null() ? std::string("not set") : value.is_string() ? value.get<std::string>() : value.dump();
+  }
+
+  std::string text_;
+};
+
+}  // namespace tool
