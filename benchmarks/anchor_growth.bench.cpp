@@ -60,10 +60,14 @@ void observe(benchmark::State& bench) {
 void adapt(benchmark::State& bench) {
   ParameterArena<float> initial;
   AnchorHandles handles;
-  handles.position = initial.add("anchor.position", anchors, 3, RowKind::anchor);
-  handles.offset = initial.add("anchor.offset", anchors, 3 * offsets, RowKind::anchor);
-  handles.scaling = initial.add("anchor.scaling", anchors, 6, RowKind::anchor);
-  handles.feature = initial.add("anchor.feature", anchors, 32, RowKind::anchor);
+  handles.position =
+      initial.add("anchor.position", anchors, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+  handles.offset = initial.add("anchor.offset", anchors, 3 * offsets, RowKind::anchor, BlockRole::rendering,
+                               LearningSchedule::fixed());
+  handles.scaling =
+      initial.add("anchor.scaling", anchors, 6, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+  handles.feature =
+      initial.add("anchor.feature", anchors, 32, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
   const GradientGrowth<float> growth;
   GradientGrowth<float>::State state;
   growth.prepare(anchors, state);

@@ -68,10 +68,12 @@ struct Problem {
         }()),
         executor(threads),
         anchors(n) {
-    position = arena.add("anchor.position", anchors, 3, RowKind::anchor);
-    offset = arena.add("anchor.offset", anchors, 30, RowKind::anchor);
-    scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor);
-    feature = arena.add("anchor.feature", anchors, 50, RowKind::anchor);
+    position =
+        arena.add("anchor.position", anchors, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    offset = arena.add("anchor.offset", anchors, 30, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    feature =
+        arena.add("anchor.feature", anchors, 50, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
     handles = Model::add_parameters(arena, anchors);
     Model::initialise(arena, handles, 1);
     const auto fill = [&](BlockHandle block, double mean, double deviation) {

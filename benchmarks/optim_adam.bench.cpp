@@ -32,7 +32,8 @@ struct Problem {
   explicit Problem(std::size_t anchors) {
     const std::size_t columns[] = {32, 3, 6, 30, 4, 1};
     const char* const names[] = {"feature", "position", "scaling", "offset", "rotation", "opacity"};
-    for (std::size_t b = 0; b < 6; ++b) arena.add(names[b], anchors, columns[b], RowKind::anchor);
+    for (std::size_t b = 0; b < 6; ++b)
+      arena.add(names[b], anchors, columns[b], RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
     parameters = 76 * anchors;
     rates.assign(6, 0.001);
     Adam<float>().prepare(arena.layout(), state);

@@ -107,7 +107,7 @@ class Loop {
     if (t < settings_.iterations) {
       rates_.clear();
       for (const auto& block : model_.arena.layout().blocks())
-        rates_.push_back(compmark::learning_rate<R>(block.name, settings_, scene_.extent, t));
+        rates_.push_back(compmark::learning_rate(block.schedule, settings_.iterations, scene_.extent, t));
       static_cast<void>(optimizer_.step(model_.arena, rates_, moments_, executor_,
                                         {.skip_anchor_blocks = adjusted, .zero_gradients_after = true}));
     }

@@ -45,8 +45,10 @@ int attack(const AttackOptions& options) {
   const Result<Quantizer> networks = Quantizer::create({scheme, channels ? Int8Channels::rows : Int8Channels::tensor});
   if (!anchors) return fail(anchors.error());
   if (!networks) return fail(networks.error());
-  const Result<std::vector<QuantizedBlock>> blocks =
-      quantize_model(model.arena(), *anchors, *networks, {!options.keep_positions, !options.keep_networks});
+  QuantizeModelSettings settings;
+  settings.networks = !options.keep_networks;
+  if (options.keep_positions) settings.kept = find_anchor_blocks(model.arena().layout()).position;
+  const Result<std::vector<QuantizedBlock>> blocks = quantize_model(model.arena(), *anchors, *networks, settings);
   if (!blocks) {
     Error error = blocks.error();
     error.file = options.model.string();

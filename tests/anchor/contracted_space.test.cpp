@@ -222,10 +222,14 @@ struct Growing {
   GradientGrowth<float>::State state;
 
   explicit Growing(const std::vector<std::array<float, 3>>& places) {
-    handles.position = arena.add("anchor.position", places.size(), 3, RowKind::anchor);
-    handles.offset = arena.add("anchor.offset", places.size(), 3, RowKind::anchor);
-    handles.scaling = arena.add("anchor.scaling", places.size(), 6, RowKind::anchor);
-    handles.feature = arena.add("anchor.feature", places.size(), 2, RowKind::anchor);
+    handles.position = arena.add("anchor.position", places.size(), 3, RowKind::anchor, BlockRole::rendering,
+                                 LearningSchedule::fixed());
+    handles.offset =
+        arena.add("anchor.offset", places.size(), 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.scaling =
+        arena.add("anchor.scaling", places.size(), 6, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.feature =
+        arena.add("anchor.feature", places.size(), 2, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
     settings.offsets = 1;
     settings.update_depth = 1;
     settings.init_factor = 1;

@@ -27,10 +27,14 @@ struct FrequencyWorld {
   SerialExecutor executor;
 
   FrequencyWorld() {
-    handles.position = arena.add("anchor.position", 2, 3, RowKind::anchor);
-    handles.offset = arena.add("anchor.offset", 2, 3 * K, RowKind::anchor);
-    handles.scaling = arena.add("anchor.scaling", 2, 6, RowKind::anchor);
-    handles.feature = arena.add("anchor.feature", 2, 4, RowKind::anchor);
+    handles.position =
+        arena.add("anchor.position", 2, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.offset =
+        arena.add("anchor.offset", 2, 3 * K, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.scaling =
+        arena.add("anchor.scaling", 2, 6, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.feature =
+        arena.add("anchor.feature", 2, 4, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
     settings.offsets = static_cast<int>(K);
     for (std::size_t a = 0; a < 2; ++a) {
       arena.values(handles.position)(a, 0) = 100.0 * static_cast<double>(a);

@@ -48,12 +48,16 @@ struct World {
   std::vector<std::vector<std::uint32_t>> edits;
 
   explicit World(std::size_t anchors) {
-    handles.position = arena.add("anchor.position", anchors, 3, RowKind::anchor);
-    handles.offset = arena.add("anchor.offset", anchors, 3 * K, RowKind::anchor);
-    handles.scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor);
-    handles.feature = arena.add("anchor.feature", anchors, feature_dim, RowKind::anchor);
-    extra = arena.add("anchor.extra", anchors, 2, RowKind::anchor);
-    network = arena.add("network", 3, 5, RowKind::fixed);
+    handles.position =
+        arena.add("anchor.position", anchors, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.offset =
+        arena.add("anchor.offset", anchors, 3 * K, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.scaling =
+        arena.add("anchor.scaling", anchors, 6, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    handles.feature = arena.add("anchor.feature", anchors, feature_dim, RowKind::anchor, BlockRole::rendering,
+                                LearningSchedule::fixed());
+    extra = arena.add("anchor.extra", anchors, 2, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    network = arena.add("network", 3, 5, RowKind::fixed, BlockRole::rendering, LearningSchedule::fixed());
     settings.offsets = K;
     GradientGrowth<T>(settings).prepare(anchors, state);
   }

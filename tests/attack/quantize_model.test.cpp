@@ -25,25 +25,27 @@ using Quantizer = Int8Quantizer<float>;
 struct Blocks {
   ParameterArena<float> arena;
   Blocks() {
-    const auto add = [&](const char* name, std::size_t rows, std::size_t columns, RowKind kind, double scale) {
-      const MatrixView<float> values = arena.values(arena.add(name, rows, columns, kind));
+    const auto add = [&](const char* name, std::size_t rows, std::size_t columns, RowKind kind, BlockRole role,
+                         double scale) {
+      const MatrixView<float> values =
+          arena.values(arena.add(name, rows, columns, kind, role, LearningSchedule::fixed()));
       const Random random(1, 0, random_stage(name));
       for (std::size_t i = 0; i < values.size(); ++i) {
         values.data[i] =
             static_cast<float>(scale * random.normal(i) * std::pow(10.0, static_cast<double>(i % columns % 3)));
       }
     };
-    add("anchor.position", 50, 3, RowKind::anchor, 1);
-    add("anchor.feature", 50, 32, RowKind::anchor, 1);
-    add("anchor.scaling", 50, 6, RowKind::anchor, 1);
-    add("anchor.mask", 50, 10, RowKind::anchor, 1);
-    add("anchor.hyperprior", 50, 4, RowKind::anchor, 1);
-    add("mlp_color.0.weight", 32, 35, RowKind::fixed, 0.1);
-    add("mlp_color.0.bias", 1, 32, RowKind::fixed, 0.1);
-    add("hash_grid", 100, 4, RowKind::fixed, 1);
-    add("context.0.weight", 10, 96, RowKind::fixed, 1);
-    add("context_gs.0.0.weight", 10, 96, RowKind::fixed, 1);
-    add("distortion.0.weight", 32, 32, RowKind::fixed, 1);
+    add("anchor.position", 50, 3, RowKind::anchor, BlockRole::rendering, 1);
+    add("anchor.feature", 50, 32, RowKind::anchor, BlockRole::rendering, 1);
+    add("anchor.scaling", 50, 6, RowKind::anchor, BlockRole::rendering, 1);
+    add("anchor.mask", 50, 10, RowKind::anchor, BlockRole::mask, 1);
+    add("anchor.hyperprior", 50, 4, RowKind::anchor, BlockRole::context, 1);
+    add("mlp_color.0.weight", 32, 35, RowKind::fixed, BlockRole::rendering, 0.1);
+    add("mlp_color.0.bias", 1, 32, RowKind::fixed, BlockRole::rendering, 0.1);
+    add("hash_grid", 100, 4, RowKind::fixed, BlockRole::context, 1);
+    add("context.0.weight", 10, 96, RowKind::fixed, BlockRole::context, 1);
+    add("context_gs.0.0.weight", 10, 96, RowKind::fixed, BlockRole::context, 1);
+    add("distortion.0.weight", 32, 32, RowKind::fixed, BlockRole::training, 1);
   }
   [[nodiscard]] std::vector<float> of(const char* name) const {
     const MatrixView<const float> values = arena.values(arena.layout().find(name));
@@ -86,7 +88,8 @@ TEST_CASE("attack/quantize_model: what a render reads is rounded, nothing else, 
 TEST_CASE("attack/quantize_model: settings keep positions or networks; a scale a channel is nearer") {
   const Blocks before;
   Blocks kept, whole, fine;
-  REQUIRE(quantize_model(kept.arena, int8(Int8Channels::tensor), int8(Int8Channels::tensor), {false, false}));
+  REQUIRE(quantize_model(kept.arena, int8(Int8Channels::tensor), int8(Int8Channels::tensor),
+                         {kept.arena.layout().find("anchor.position"), false}));
   CHECK(kept.of("anchor.position") == before.of("anchor.position"));
   CHECK(kept.of("mlp_color.0.weight") == before.of("mlp_color.0.weight"));
   CHECK(kept.of("anchor.scaling") != before.of("anchor.scaling"));

@@ -191,7 +191,8 @@ TEST_CASE(
   constexpr std::size_t anchors = 70;
   using Model = SwitchedNoise<HacModel<float, features, offsets, small>>;
   ParameterArena<float> arena;
-  const BlockHandle position = arena.add("anchor.position", anchors, 3, RowKind::anchor);
+  const BlockHandle position =
+      arena.add("anchor.position", anchors, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
   const Model::Handles handles = Model::add_parameters(arena, anchors);
   Model::initialise(arena, handles, 5);
   const Random random(1, 0, random_stage("ablations test"));

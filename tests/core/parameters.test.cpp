@@ -18,9 +18,11 @@ namespace {
 template <class T>
 struct SmallArena {
   ParameterArena<T> arena;
-  BlockHandle position = arena.add("anchor.position", 5, 3, RowKind::anchor);
-  BlockHandle weight = arena.add("mlp.weight", 4, 7, RowKind::fixed);
-  BlockHandle feature = arena.add("anchor.feature", 5, 2, RowKind::anchor);
+  BlockHandle position =
+      arena.add("anchor.position", 5, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+  BlockHandle weight = arena.add("mlp.weight", 4, 7, RowKind::fixed, BlockRole::rendering, LearningSchedule::fixed());
+  BlockHandle feature =
+      arena.add("anchor.feature", 5, 2, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
 
   SmallArena() {
     const auto fill = [](MatrixView<T> view, T start) {
@@ -58,8 +60,10 @@ TEST_CASE("core/parameters: a block more does not copy those that stand already"
   int moves = 0;
   const float* last = nullptr;
   for (int block = 0; block < 100; ++block) {
-    arena.values(arena.add("block" + std::to_string(block), 64, 16, RowKind::fixed)).flat()[0] =
-        static_cast<float>(block);
+    arena
+        .values(arena.add("block" + std::to_string(block), 64, 16, RowKind::fixed, BlockRole::rendering,
+                          LearningSchedule::fixed()))
+        .flat()[0] = static_cast<float>(block);
     moves += arena.all_values().data() == last ? 0 : 1;
     last = arena.all_values().data();
   }

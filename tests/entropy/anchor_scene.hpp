@@ -35,10 +35,12 @@ struct AnchorScene {
 
   /// Blocks and settings; the values are for the derived scene to fill.
   explicit AnchorScene(std::string_view stage) : random(6, 0, random_stage(stage)) {
-    position = arena.add("anchor.position", anchors, 3, RowKind::anchor);
-    offset = arena.add("anchor.offset", anchors, 3 * K, RowKind::anchor);
-    scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor);
-    feature = arena.add("anchor.feature", anchors, D, RowKind::anchor);
+    position =
+        arena.add("anchor.position", anchors, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    offset =
+        arena.add("anchor.offset", anchors, 3 * K, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    scaling = arena.add("anchor.scaling", anchors, 6, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+    feature = arena.add("anchor.feature", anchors, D, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
     handles = Model::add_parameters(arena, anchors);
     Model::initialise(arena, handles, 5);
     settings.lambda = 40;  // the rate's gradient and the slopes' are of one size

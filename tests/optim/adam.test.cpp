@@ -37,10 +37,10 @@ namespace {
 template <class T>
 ParameterArena<T> make_arena(std::size_t anchors = 37) {
   ParameterArena<T> arena;
-  arena.add("anchor.a", anchors, 3, RowKind::anchor);
-  arena.add("net.w", 1301, 17, RowKind::fixed);
-  arena.add("anchor.b", anchors, 5, RowKind::anchor);
-  arena.add("net.b", 1, 7, RowKind::fixed);
+  arena.add("anchor.a", anchors, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+  arena.add("net.w", 1301, 17, RowKind::fixed, BlockRole::rendering, LearningSchedule::fixed());
+  arena.add("anchor.b", anchors, 5, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+  arena.add("net.b", 1, 7, RowKind::fixed, BlockRole::rendering, LearningSchedule::fixed());
   const Random random(7, 0, random_stage("values"));
   for (const ArenaLayout::Block& block : arena.layout().blocks()) {
     for (std::size_t i = 0; i < block.size(); ++i)
@@ -80,7 +80,7 @@ struct Training {
   Training() { adam.prepare(arena.layout(), state); }
   explicit Training(std::size_t parameters, const AdamSettings& settings = {}) : adam(settings) {
     arena = {};
-    arena.add("p", 1, parameters, RowKind::fixed);
+    arena.add("p", 1, parameters, RowKind::fixed, BlockRole::rendering, LearningSchedule::fixed());
     adam.prepare(arena.layout(), state);
   }
   [[nodiscard]] std::vector<T> values() const { return {arena.all_values().begin(), arena.all_values().end()}; }

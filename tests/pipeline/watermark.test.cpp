@@ -240,6 +240,30 @@ TEST_CASE(
   CHECK(noisy.accuracy > 0.9999);
 }
 
+namespace {
+
+/// The shipped embedder, its block under a name of one's own.
+struct OwnResidual : ResidualFeature<float> {
+  [[nodiscard]] static Handles add_parameters(ParameterArena<float>& arena, std::size_t rows, std::size_t columns) {
+    return {arena.add("my.residual", rows, columns, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed())};
+  }
+};
+struct OwnMarkedHost : MarkedHost {
+  using Embedder = OwnResidual;
+};
+
+}  // namespace
+
+TEST_CASE(
+    "pipeline/watermark: what a block is called decides nothing: an embedder of another name learns the same bits") {
+  std::vector<float> shipped, own, unmarked;
+  static_cast<void>(train<MarkedHost>(true, &shipped));
+  static_cast<void>(train<OwnMarkedHost>(true, &own));
+  static_cast<void>(train<MarkedHost>(false, &unmarked));
+  CHECK(own == shipped);
+  CHECK(own != unmarked);  // negative control: the message is in these bits
+}
+
 TEST_CASE("pipeline/watermark: readings between the training views change the model, and the message is read") {
   std::vector<float> without, with;
   static_cast<void>(train<MarkedHost>(true, &without, 2, 0));

@@ -59,13 +59,16 @@ struct DecoderParams {
 namespace detail {
 
 template <class T>
-HeadHandles add_head(ParameterArena<T>& arena, const std::string& name, int inputs, int hidden, int outputs) {
+HeadHandles add_head(ParameterArena<T>& arena, const std::string& name, int inputs, int hidden, int outputs,
+                     const LearningSchedule& schedule) {
   const auto size = [](int n) { return static_cast<std::size_t>(n); };
   HeadHandles head;
-  head.weight1 = arena.add(name + ".0.weight", size(hidden), size(inputs), RowKind::fixed);
-  head.bias1 = arena.add(name + ".0.bias", 1, size(hidden), RowKind::fixed);
-  head.weight2 = arena.add(name + ".2.weight", size(outputs), size(hidden), RowKind::fixed);
-  head.bias2 = arena.add(name + ".2.bias", 1, size(outputs), RowKind::fixed);
+  head.weight1 =
+      arena.add(name + ".0.weight", size(hidden), size(inputs), RowKind::fixed, BlockRole::rendering, schedule);
+  head.bias1 = arena.add(name + ".0.bias", 1, size(hidden), RowKind::fixed, BlockRole::rendering, schedule);
+  head.weight2 =
+      arena.add(name + ".2.weight", size(outputs), size(hidden), RowKind::fixed, BlockRole::rendering, schedule);
+  head.bias2 = arena.add(name + ".2.bias", 1, size(outputs), RowKind::fixed, BlockRole::rendering, schedule);
   return head;
 }
 
@@ -108,14 +111,16 @@ DecoderHandles<shape> add_decoder_blocks(ParameterArena<T>& arena, [[maybe_unuse
   static_assert(shape.valid(), "DecoderShape: widths are positive and a feature bank needs feature_dim divisible by 4");
   DecoderHandles<shape> handles;
   const int d = shape.feature_dim;
-  handles.opacity = detail::add_head(arena, "mlp_opacity", shape.head_inputs(), d, shape.offsets);
-  handles.covariance = detail::add_head(arena, "mlp_covariance", shape.head_inputs(), d, 7 * shape.offsets);
-  handles.color = detail::add_head(arena, "mlp_color", shape.color_inputs(), d, 3 * shape.offsets);
-  if constexpr (shape.feature_bank) handles.feature_bank = detail::add_head(arena, "feature_bank", 4, d, 3);
+  handles.opacity = detail::add_head(arena, "mlp_opacity", shape.head_inputs(), d, shape.offsets, {0.002, 0.00002});
+  handles.covariance = detail::add_head(arena, "mlp_covariance", shape.head_inputs(), d, 7 * shape.offsets,
+                                        LearningSchedule::constant(0.004));
+  handles.color = detail::add_head(arena, "mlp_color", shape.color_inputs(), d, 3 * shape.offsets, {0.008, 0.00005});
+  if constexpr (shape.feature_bank)
+    handles.feature_bank = detail::add_head(arena, "feature_bank", 4, d, 3, {0.01, 0.00001});
   if constexpr (shape.appearance_dim != 0) {
     COMPMARK_ASSERT(train_views > 0, "add_decoder_blocks: an appearance embedding needs at least one view");
-    handles.appearance =
-        arena.add("appearance", train_views, static_cast<std::size_t>(shape.appearance_dim), RowKind::fixed);
+    handles.appearance = arena.add("appearance", train_views, static_cast<std::size_t>(shape.appearance_dim),
+                                   RowKind::fixed, BlockRole::rendering, {0.05, 0.0005});
   }
   return handles;
 }

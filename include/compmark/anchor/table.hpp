@@ -29,10 +29,14 @@ template <class T>
 AnchorHandles add_anchor_blocks(ParameterArena<T>& arena, std::size_t rows, const DecoderShape& shape) {
   COMPMARK_ASSERT(shape.valid(), "add_anchor_blocks: the shape is not valid");
   AnchorHandles handles;
-  handles.position = arena.add("anchor.position", rows, 3, RowKind::anchor);
-  handles.offset = arena.add("anchor.offset", rows, 3 * static_cast<std::size_t>(shape.offsets), RowKind::anchor);
-  handles.scaling = arena.add("anchor.scaling", rows, 6, RowKind::anchor);
-  handles.feature = arena.add("anchor.feature", rows, static_cast<std::size_t>(shape.feature_dim), RowKind::anchor);
+  handles.position =
+      arena.add("anchor.position", rows, 3, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+  handles.offset = arena.add("anchor.offset", rows, 3 * static_cast<std::size_t>(shape.offsets), RowKind::anchor,
+                             BlockRole::rendering, {0.01, 0.0001, RateUnit::scene_extent});
+  handles.scaling =
+      arena.add("anchor.scaling", rows, 6, RowKind::anchor, BlockRole::rendering, LearningSchedule::constant(0.007));
+  handles.feature = arena.add("anchor.feature", rows, static_cast<std::size_t>(shape.feature_dim), RowKind::anchor,
+                              BlockRole::rendering, LearningSchedule::constant(0.0075));
   return handles;
 }
 

@@ -12,7 +12,6 @@
 #include <cstddef>
 #include <span>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -23,8 +22,8 @@
 namespace compmark::inline v0 {
 
 struct QuantizeModelSettings {
-  bool positions = true;
-  bool networks = true;
+  BlockHandle kept;  ///< a block that stays as it is: the positions (AnchorHandles), where they are not to be rounded
+  bool networks = true;  ///< false: blocks of fixed rows stay as they are
 };
 
 /// What rounding did to one tensor.
@@ -35,15 +34,6 @@ struct QuantizedBlock {
   double rms_error = 0;
   double largest_error = 0;
 };
-
-/// Whether a block of a model is read by a render and holds numbers (masks are yes or no).
-[[nodiscard]] inline bool is_rendered_block(std::string_view name) {
-  for (const std::string_view prefix : {"anchor.position", "anchor.offset", "anchor.scaling", "anchor.feature",
-                                        "anchor.residual", "mlp_", "feature_bank", "appearance", "exposure"}) {
-    if (name.starts_with(prefix)) return true;
-  }
-  return false;
-}
 
 /// Rounds the model in `arena`; an entry for each tensor that was. After an error (a value that is not finite) some tensors are rounded and some
 /// are not. A quantizer has a Context and forward(values, out, context), as Int8Quantizer does.
@@ -58,10 +48,8 @@ template <class T, class AnchorQuantizer, class NetworkQuantizer>
   typename NetworkQuantizer::Context network_context;
   for (const ArenaLayout::Block& block : arena.layout().blocks()) {
     const bool network = block.kind == RowKind::fixed;
-    if (!is_rendered_block(block.name) || block.size() == 0 || (network && !settings.networks) ||
-        (block.name == "anchor.position" && !settings.positions)) {
-      continue;
-    }
+    const bool kept = settings.kept.valid() && &block == &arena.layout().block(settings.kept);
+    if (block.role != BlockRole::rendering || block.size() == 0 || (network && !settings.networks) || kept) continue;
     const MatrixView<T> values{arena.all_values().data() + block.offset, block.rows, block.columns};
     before.assign(values.data, values.data + values.size());
     const Result<Done> rounded =

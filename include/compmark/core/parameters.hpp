@@ -24,6 +24,32 @@ namespace compmark::inline v0 {
 /// Whether a block's rows are anchors (edited by growing and pruning) or fixed (a network's weights).
 enum class RowKind : std::uint8_t { anchor, fixed };
 
+/// What a block is for. Its declaration says so; nothing is decided by its name.
+enum class BlockRole : std::uint8_t {
+  rendering,  ///< numbers that a render reads
+  mask,       ///< logits; a render reads their signs alone
+  training,   ///< read while training alone
+  context,    ///< read by an entropy model, to train and to code
+};
+
+/// What a learning rate is multiplied by.
+enum class RateUnit : std::uint8_t { one, scene_extent };
+
+/// How fast a block trains: log-linear from `initial` to `final` over the run; equal ends are a constant rate. Both are positive, or both zero.
+/// Iterations are those of a run of 30,000 and scale with the run (optim/phases.hpp). optim/schedule.hpp gives the rate of an iteration.
+struct LearningSchedule {
+  double initial = 0;
+  double final = 0;
+  RateUnit unit = RateUnit::one;
+  std::int64_t starts_after = 0;  ///< the rate is zero up to and with this iteration
+  std::int64_t decays_from = 0;   ///< the decay begins here
+
+  [[nodiscard]] static constexpr LearningSchedule constant(double rate) { return {rate, rate}; }
+  /// Of a block that the optimiser leaves alone.
+  [[nodiscard]] static constexpr LearningSchedule fixed() { return {}; }
+  friend bool operator==(const LearningSchedule&, const LearningSchedule&) = default;
+};
+
 /// Stable name of a block inside its arena.
 struct BlockHandle {
   std::size_t index = static_cast<std::size_t>(-1);
@@ -45,16 +71,20 @@ class ArenaLayout {
     std::size_t rows = 0;
     std::size_t columns = 0;
     RowKind kind = RowKind::fixed;
+    BlockRole role = BlockRole::rendering;
+    LearningSchedule schedule;
     std::size_t offset = 0;  ///< in scalars, a multiple of 16 (64 bytes of float)
     [[nodiscard]] std::size_t size() const { return rows * columns; }
   };
 
-  BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind) {
+  BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind, BlockRole role,
+                  const LearningSchedule& schedule) {
     COMPMARK_ASSERT(!find(name).valid(), "ArenaLayout: two blocks of one name");
-    blocks_.push_back({std::string(name), rows, columns, kind, 0});
+    blocks_.push_back({std::string(name), rows, columns, kind, role, schedule, 0});
     place();
     return {blocks_.size() - 1};
   }
+  void set_schedule(BlockHandle handle, const LearningSchedule& schedule) { blocks_[handle.index].schedule = schedule; }
   void set_anchor_rows(std::size_t rows) {
     for (Block& block : blocks_) {
       if (block.kind == RowKind::anchor) block.rows = rows;
@@ -110,12 +140,25 @@ class ParameterArena {
  public:
   using Scalar = T;
 
-  BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind) {
-    const BlockHandle handle = layout_.add(name, rows, columns, kind);  // behind the others, which stay where they are
+  /// A block behind the others, which stay where they are; its values are zero. `name` is what files call it.
+  BlockHandle add(std::string_view name, std::size_t rows, std::size_t columns, RowKind kind, BlockRole role,
+                  const LearningSchedule& schedule) {
+    const BlockHandle handle = layout_.add(name, rows, columns, kind, role, schedule);
     values_.extend(layout_.size(), T{});
     gradients_.extend(layout_.size(), T{});
     return handle;
   }
+
+  /// A block without a role and a schedule would train at a rate that nobody chose, or not at all.
+  template <class Kind>
+  BlockHandle add(std::string_view, std::size_t, std::size_t, Kind) {
+    static_assert(sizeof(Kind) == 0,
+                  "ParameterArena: a block is declared with its BlockRole and its LearningSchedule (see "
+                  "core/parameters.hpp)");
+    return {};
+  }
+  /// Another schedule than the declared one, before a run begins.
+  void set_schedule(BlockHandle handle, const LearningSchedule& schedule) { layout_.set_schedule(handle, schedule); }
 
   [[nodiscard]] const ArenaLayout& layout() const { return layout_; }
   [[nodiscard]] MatrixView<T> values(BlockHandle handle) { return view(values_.data(), handle); }

@@ -36,7 +36,7 @@ class AffineExposure {
   };
 
   [[nodiscard]] static Handles add_parameters(ParameterArena<T>& arena, std::size_t views) {
-    return {arena.add("exposure", views, 12, RowKind::fixed)};
+    return {arena.add("exposure", views, 12, RowKind::fixed, BlockRole::rendering, {0.005, 0.0005})};
   }
   static void initialise(ParameterArena<T>& arena, Handles handles) {
     const MatrixView<T> rows = arena.values(handles.affine);

@@ -43,6 +43,8 @@ class AnchorRateModel {
   using Phase = RatePhase;
   using Report = RateReport;
   using Handles = ModelHandles;
+  static constexpr int feature_channels = feature_dim;  ///< as many as the anchors have: check_recipe compares
+  static constexpr int anchor_offsets = offsets;        ///< likewise
   using Attributes = HacAttributes<T, feature_dim, offsets>;
 
   /// Opacity 0 where an offset's mask is dead; see offset_mask.hpp.

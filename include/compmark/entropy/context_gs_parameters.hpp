@@ -52,24 +52,27 @@ struct ContextGsHandles {
 
 template <class T, class Root, class Child, class Attributes, class Prior>
 ContextGsHandles add_context_gs_blocks(ParameterArena<T>& arena, std::size_t anchor_rows, std::size_t offsets) {
-  const auto fixed = [&](const std::string& name, int rows, int columns) {
-    return arena.add(name, static_cast<std::size_t>(rows), static_cast<std::size_t>(columns), RowKind::fixed);
+  const auto add = [&](const std::string& name, int rows, int columns, const LearningSchedule& schedule) {
+    return arena.add(name, static_cast<std::size_t>(rows), static_cast<std::size_t>(columns), RowKind::fixed,
+                     BlockRole::context, schedule);
   };
+  constexpr LearningSchedule hyperprior{0.0075, 0.0075, RateUnit::one, context_schedule.starts_after};
   ContextGsHandles handles;
-  handles.mask = arena.add("anchor.mask", anchor_rows, offsets, RowKind::anchor);
-  handles.hyperprior =
-      arena.add("anchor.hyperprior", anchor_rows, static_cast<std::size_t>(Prior::channels), RowKind::anchor);
+  handles.mask = arena.add("anchor.mask", anchor_rows, offsets, RowKind::anchor, BlockRole::mask, offset_mask_schedule);
+  handles.hyperprior = arena.add("anchor.hyperprior", anchor_rows, static_cast<std::size_t>(Prior::channels),
+                                 RowKind::anchor, BlockRole::context, hyperprior);
   for (std::size_t level = 0; level < 3; ++level) {
     const std::string name = "context_gs." + std::to_string(level);
-    handles.network[level].weight1 = fixed(name + ".0.weight", Root::hidden, level == 2 ? Root::inputs : Child::inputs);
-    handles.network[level].bias1 = fixed(name + ".0.bias", 1, Root::hidden);
-    handles.network[level].weight2 = fixed(name + ".2.weight", Root::outputs, Root::hidden);
-    handles.network[level].bias2 = fixed(name + ".2.bias", 1, Root::outputs);
+    handles.network[level].weight1 =
+        add(name + ".0.weight", Root::hidden, level == 2 ? Root::inputs : Child::inputs, context_schedule);
+    handles.network[level].bias1 = add(name + ".0.bias", 1, Root::hidden, context_schedule);
+    handles.network[level].weight2 = add(name + ".2.weight", Root::outputs, Root::hidden, context_schedule);
+    handles.network[level].bias2 = add(name + ".2.bias", 1, Root::outputs, context_schedule);
   }
-  handles.prior = fixed("context_gs.prior", Prior::channels, Prior::parameters);
-  handles.cells = fixed("context_gs.cells", 1, 4);
-  handles.box = fixed("context.box", 2, 3);
-  handles.statistics = fixed("context.statistics", 2, Attributes::scalars);
+  handles.prior = add("context_gs.prior", Prior::channels, Prior::parameters, context_schedule);
+  handles.cells = add("context_gs.cells", 1, 4, LearningSchedule::fixed());
+  handles.box = add("context.box", 2, 3, LearningSchedule::fixed());
+  handles.statistics = add("context.statistics", 2, Attributes::scalars, LearningSchedule::fixed());
   handles.feature = arena.layout().find("anchor.feature");
   handles.scaling = arena.layout().find("anchor.scaling");
   handles.offset = arena.layout().find("anchor.offset");

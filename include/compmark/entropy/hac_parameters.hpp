@@ -33,20 +33,25 @@ struct HacHandles {
   BlockHandle feature, scaling, offset;  ///< of the anchor table, where the arena has one
 };
 
+/// Of an entropy model's networks and grid: from the iteration on in which the rate counts (compression sheet, 1.11).
+inline constexpr LearningSchedule context_schedule{0.005, 0.00001, RateUnit::one, 10000};
+
 template <class T, class Network, class Attributes, HashGridShape shape>
 HacHandles add_hac_blocks(ParameterArena<T>& arena, std::size_t anchor_rows, std::size_t offsets) {
-  const auto fixed = [&](const char* name, int rows, int columns) {
-    return arena.add(name, static_cast<std::size_t>(rows), static_cast<std::size_t>(columns), RowKind::fixed);
+  const auto add = [&](const char* name, int rows, int columns, const LearningSchedule& schedule) {
+    return arena.add(name, static_cast<std::size_t>(rows), static_cast<std::size_t>(columns), RowKind::fixed,
+                     BlockRole::context, schedule);
   };
   HacHandles handles;
-  handles.mask = arena.add("anchor.mask", anchor_rows, offsets, RowKind::anchor);
-  handles.grid = arena.add("hash_grid", shape.entries(), static_cast<std::size_t>(shape.features), RowKind::fixed);
-  handles.weight1 = fixed("context.0.weight", Network::hidden, Network::inputs);
-  handles.bias1 = fixed("context.0.bias", 1, Network::hidden);
-  handles.weight2 = fixed("context.2.weight", Network::outputs, Network::hidden);
-  handles.bias2 = fixed("context.2.bias", 1, Network::outputs);
-  handles.box = fixed("context.box", 2, 3);
-  handles.statistics = fixed("context.statistics", 2, Attributes::scalars);
+  handles.mask = arena.add("anchor.mask", anchor_rows, offsets, RowKind::anchor, BlockRole::mask, offset_mask_schedule);
+  handles.grid = arena.add("hash_grid", shape.entries(), static_cast<std::size_t>(shape.features), RowKind::fixed,
+                           BlockRole::context, context_schedule);
+  handles.weight1 = add("context.0.weight", Network::hidden, Network::inputs, context_schedule);
+  handles.bias1 = add("context.0.bias", 1, Network::hidden, context_schedule);
+  handles.weight2 = add("context.2.weight", Network::outputs, Network::hidden, context_schedule);
+  handles.bias2 = add("context.2.bias", 1, Network::outputs, context_schedule);
+  handles.box = add("context.box", 2, 3, LearningSchedule::fixed());
+  handles.statistics = add("context.statistics", 2, Attributes::scalars, LearningSchedule::fixed());
   handles.feature = arena.layout().find("anchor.feature");
   handles.scaling = arena.layout().find("anchor.scaling");
   handles.offset = arena.layout().find("anchor.offset");

@@ -13,9 +13,13 @@
 #include <span>
 
 #include "compmark/core/executor.hpp"
+#include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark::inline v0 {
+
+/// How fast the logits train (compression sheet, 1.11).
+inline constexpr LearningSchedule offset_mask_schedule{0.01, 0.0001, RateUnit::scene_extent};
 
 /// ln(0.01 / 0.99) - 1: a stored logit above it is alive. Compared in double, so that training and coding agree.
 inline constexpr double dead_mask_logit = -4.59511985013459 - 1;

@@ -40,7 +40,8 @@ struct BoundedResidual {
   };
 
   [[nodiscard]] static Handles add_parameters(ParameterArena<T>& arena, std::size_t rows, std::size_t columns) {
-    return {arena.add("anchor.residual", rows, columns, RowKind::anchor)};
+    return {arena.add("anchor.residual", rows, columns, RowKind::anchor, BlockRole::rendering,
+                      LearningSchedule::constant(0.0015))};
   }
 
   /// marked(row) = plain(row) + tanh residual(row) for the listed rows; other rows of `marked` are left alone. The tables may be one.

@@ -55,7 +55,7 @@ template <Recipe R>
     return detail::coded_error("context", "is that of another model", "give the file that was made of this one");
   };
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
-    if (part.kind != RowKind::fixed || detail::is_context_block(part.name)) continue;
+    if (part.kind != RowKind::fixed || part.role == BlockRole::context) continue;
     const auto& blocks = from.layout().blocks();
     const auto same = std::find_if(blocks.begin(), blocks.end(),
                                    [&](const ArenaLayout::Block& block) { return block.name == part.name; });

@@ -35,11 +35,6 @@ struct CodedModelSettings {
 
 namespace detail {
 
-/// Blocks that belong to the entropy model; every other block of fixed rows is needed to render.
-[[nodiscard]] inline bool is_context_block(std::string_view name) {
-  return name == "hash_grid" || name.starts_with("context.") || name.starts_with("context_gs.");
-}
-
 /// Smallest extent a model is given, world units: a scale of zero has no logarithm.
 inline constexpr double least_coded_extent = 1e-6;
 
@@ -108,7 +103,7 @@ template <Recipe R>
   if (const Result<Done> stored = detail::store_context(model, coded); !stored) return stored.error();
 
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
-    if (part.kind != RowKind::fixed || detail::is_context_block(part.name)) continue;
+    if (part.kind != RowKind::fixed || part.role == BlockRole::context) continue;
     const std::span<const Scalar> values = model.arena.all_values().subspan(part.offset, part.size());
     CodecTensor tensor;
     tensor.name = part.name;
@@ -249,7 +244,7 @@ template <Recipe R>
   }
 
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
-    if (part.kind != RowKind::fixed || detail::is_context_block(part.name)) continue;
+    if (part.kind != RowKind::fixed || part.role == BlockRole::context) continue;
     const auto tensor = std::find_if(coded.networks.begin(), coded.networks.end(),
                                      [&](const CodecTensor& t) { return t.name == part.name; });
     if (tensor == coded.networks.end() ||

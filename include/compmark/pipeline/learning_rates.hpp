@@ -1,62 +1,107 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How fast each block of a recipe's parameters trains, by its name (method sheet, 3.2; compression sheet, 1.11): log-linear from an initial to a
-// final rate over the run, offsets and masks in units of the scene extent. A block that nobody names has the rate 0 and is left out of the
-// optimiser's step. Cost: a few comparisons of text a block and iteration.
+// How fast each block of a recipe's parameters trains. A stage declares a schedule with each of its blocks; a run's settings replace the schedules
+// of the stages that they have numbers for. A stage with handles of its own keeps what it declared. No name decides anything.
+// Cost: a logarithm and an exponential a block and iteration.
 #pragma once
 
 #include <cstdint>
-#include <string_view>
 
 #include "compmark/core/absent.hpp"
+#include "compmark/core/parameters.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/optim/schedule.hpp"
+#include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 
 namespace compmark::inline v0 {
 
-/// Learning rate of the block `name` in iteration t.
-template <Recipe R>
-[[nodiscard]] double learning_rate(std::string_view name, const TrainSettings& settings, double scene_extent,
-                                   std::int64_t t) {
-  const auto begins = [&](std::string_view prefix) { return name.starts_with(prefix); };
-  const auto rate = [&](const LearningRate& r, double unit = 1) {
-    return LogLinear{r.initial * unit, r.final * unit, settings.iterations}.value(t);
+/// Learning rate of a block of this schedule in iteration t (from 1) of a run of `iterations`.
+[[nodiscard]] inline double learning_rate(const LearningSchedule& schedule, std::int64_t iterations,
+                                          double scene_extent, std::int64_t t) {
+  if (t <= scale_iteration(schedule.starts_after, iterations)) return 0;
+  const double unit = schedule.unit == RateUnit::scene_extent ? scene_extent : 1;
+  const std::int64_t from = scale_iteration(schedule.decays_from, iterations);
+  return LogLinear{schedule.initial * unit, schedule.final * unit, iterations - from}.value(t - from);
+}
+
+namespace detail {
+
+/// The blocks of a two-layer network.
+template <class Scalar, class Network>
+void set_network_schedule(ParameterArena<Scalar>& arena, const Network& network, const LearningSchedule& schedule) {
+  for (const BlockHandle handle : {network.weight1, network.bias1, network.weight2, network.bias2}) {
+    arena.set_schedule(handle, schedule);
+  }
+}
+
+/// The numbers of a run for an entropy model whose handles are named as those of HAC and ContextGS.
+template <class Scalar, class Handles>
+void set_rate_schedules(ParameterArena<Scalar>& arena, const Handles& handles, const RateNumbers& rate) {
+  const auto from_context = [&](const LearningRate& r) {
+    return LearningSchedule{r.initial, r.final, RateUnit::one, rate.context_after};
   };
-  if (name == "anchor.offset") return rate(settings.offset, scene_extent);
-  if (name == "anchor.feature") return rate(settings.feature);
-  if (name == "anchor.scaling") return rate(settings.scaling);
-  if (begins("mlp_opacity")) return rate(settings.mlp_opacity);
-  if (begins("mlp_covariance")) return rate(settings.mlp_covariance);
-  if (begins("mlp_color")) return rate(settings.mlp_color);
-  if (begins("feature_bank")) return rate(settings.feature_bank);
-  if (begins("appearance")) return rate(settings.appearance);
+  if constexpr (requires { handles.mask; }) {
+    arena.set_schedule(handles.mask, {rate.mask.initial, rate.mask.final, RateUnit::scene_extent});
+  }
+  if constexpr (requires { handles.grid; }) arena.set_schedule(handles.grid, from_context(rate.grid));
+  if constexpr (requires { handles.weight1; }) {
+    set_network_schedule(arena, handles, from_context(rate.context));
+  }
+  if constexpr (requires { handles.network[0].weight1; }) {
+    for (const auto& network : handles.network) set_network_schedule(arena, network, from_context(rate.context));
+  }
+  if constexpr (requires { handles.hyperprior; }) {
+    arena.set_schedule(handles.hyperprior, from_context({rate.hyperprior, rate.hyperprior}));
+  }
+  if constexpr (requires { handles.prior; }) arena.set_schedule(handles.prior, from_context(rate.context));
+}
+
+}  // namespace detail
+
+/// Replaces the schedules that the stages of `model` declared by those of a run, where `settings` has numbers for the stage.
+template <Recipe R>
+void set_schedules(Model<R>& model, const TrainSettings& settings) {
+  auto& arena = model.arena;
+  const auto schedule = [](const LearningRate& r, RateUnit unit = RateUnit::one) {
+    return LearningSchedule{r.initial, r.final, unit};
+  };
+  arena.set_schedule(model.anchors.offset, schedule(settings.offset, RateUnit::scene_extent));
+  arena.set_schedule(model.anchors.feature, schedule(settings.feature));
+  arena.set_schedule(model.anchors.scaling, schedule(settings.scaling));
+  [[maybe_unused]] const auto& heads = model.decoder;
+  if constexpr (requires { heads.opacity.weight1, heads.covariance.weight1, heads.color.weight1; }) {
+    detail::set_network_schedule(arena, heads.opacity, schedule(settings.mlp_opacity));
+    detail::set_network_schedule(arena, heads.covariance, schedule(settings.mlp_covariance));
+    detail::set_network_schedule(arena, heads.color, schedule(settings.mlp_color));
+  }
+  if constexpr (requires { heads.feature_bank.weight1; }) {
+    detail::set_network_schedule(arena, heads.feature_bank, schedule(settings.feature_bank));
+  }
+  if constexpr (requires { heads.appearance.index; }) {
+    arena.set_schedule(heads.appearance, schedule(settings.appearance));
+  }
   if constexpr (present<typename R::Embedder>) {
-    const std::int64_t after = scale_iteration(settings.mark.residual_after, settings.iterations);
-    if (name == "anchor.residual" && t > after) {
-      const double first = settings.mark.residual_rate;
-      return LogLinear{first, first * settings.mark.residual_decay, settings.iterations - after}.value(t - after);
-    }
+    const MarkNumbers& mark = settings.mark;
+    arena.set_schedule(model.road.embedder.residual, {mark.residual_rate, mark.residual_rate * mark.residual_decay,
+                                                      RateUnit::one, mark.residual_after, mark.residual_after});
   }
   if constexpr (present<typename R::DistortionLayer>) {
-    if (begins("distortion")) return settings.mark.distortion_rate;
-  }
-  if constexpr (present<typename R::EntropyModel>) {
-    if (name == "anchor.mask") return rate(settings.rate.mask, scene_extent);
-    if (t > scale_iteration(settings.rate.context_after, settings.iterations)) {
-      if (name == "hash_grid") return rate(settings.rate.grid);
-      const bool network = name.ends_with(".weight") || name.ends_with(".bias");
-      if (begins("context") && network) return rate(settings.rate.context);
-      if (name == "anchor.hyperprior") return settings.rate.hyperprior;
-      if (name == "context_gs.prior") return rate(settings.rate.context);
+    if constexpr (requires { model.road.distortion.weight1; }) {
+      detail::set_network_schedule(arena, model.road.distortion,
+                                   LearningSchedule::constant(settings.mark.distortion_rate));
     }
   }
-  if constexpr (present<typename R::Exposure>) {
-    if (name == "exposure") return rate(settings.effects.exposure);
+  if constexpr (present<typename R::EntropyModel>) {
+    detail::set_rate_schedules(arena, model.road.rate, settings.rate);
   }
-  return 0;
+  if constexpr (present<typename R::Exposure>) {
+    if constexpr (requires { model.exposure.affine; }) {
+      arena.set_schedule(model.exposure.affine, schedule(settings.effects.exposure));
+    }
+  }
 }
 
 }  // namespace compmark::inline v0

@@ -142,6 +142,18 @@ consteval void check_recipe() {
   }
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
+  if constexpr (requires { R::DistortionLayer::feature_channels; }) {
+    static_assert(R::DistortionLayer::feature_channels == R::AnchorModel::shape.feature_dim,
+                  "Recipe: DistortionLayer distorts another number of feature channels than AnchorModel stores");
+  }
+  if constexpr (requires { R::EntropyModel::feature_channels; }) {
+    static_assert(R::EntropyModel::feature_channels == R::AnchorModel::shape.feature_dim,
+                  "Recipe: EntropyModel codes another number of feature channels than AnchorModel stores");
+  }
+  if constexpr (requires { R::EntropyModel::anchor_offsets; }) {
+    static_assert(R::EntropyModel::anchor_offsets == R::AnchorModel::shape.offsets,
+                  "Recipe: EntropyModel codes another number of offsets than AnchorModel stores");
+  }
   if constexpr (grows_by_frequency<typename R::DensityControl>) {
     static_assert(present<typename R::FrequencyLoss>,
                   "Recipe: this DensityControl looks at the error map of a FrequencyLoss, which the recipe lacks");

@@ -60,7 +60,9 @@ class SplatArena {
       add("sh_", i, table.sh[i], i % table.coefficients() == 0 ? settings.color : settings.color_rest);
     }
     arena_ = ParameterArena<float>();
-    for (const Column& column : columns_) arena_.add(column.name, table.count, 1, RowKind::fixed);
+    for (const Column& column : columns_)
+      arena_.add(column.name, table.count, 1, RowKind::fixed, BlockRole::rendering,
+                 LearningSchedule::constant(column.rate));
     for (std::size_t b = 0; b < columns_.size(); ++b)
       std::copy(columns_[b].values->begin(), columns_[b].values->end(), arena_.values({b}).data);
     adam_.prepare(arena_.layout(), state_);

@@ -133,7 +133,10 @@ class Trainer {
   }
 
   /// Continues from a saved state (see pipeline/checkpoint.hpp).
-  void restore(State state) { state_ = std::move(state); }
+  void restore(State state) {
+    state_ = std::move(state);
+    set_schedules(state_.model, settings_);
+  }
 
   /// One iteration. An Error comes from the views alone and leaves the state as it was.
   template <class Views>
@@ -338,6 +341,7 @@ class Trainer {
   }
 
   void start(std::size_t rows) {
+    set_schedules(state_.model, settings_);
     state_.iteration = 0;
     state_.costs = {};
     state_.steps = {};
@@ -406,7 +410,7 @@ class Trainer {
     const ArenaLayout& layout = state_.model.arena.layout();
     rates_.assign(layout.blocks().size(), 0.0);
     for (std::size_t b = 0; b < rates_.size(); ++b) {
-      rates_[b] = learning_rate<R>(layout.blocks()[b].name, settings_, scene_extent_, t);
+      rates_[b] = learning_rate(layout.blocks()[b].schedule, settings_.iterations, scene_extent_, t);
     }
   }
 

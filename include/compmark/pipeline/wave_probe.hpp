@@ -72,7 +72,7 @@ class WaveProbe {
         settings_(settings),
         executor_(&executor),
         decoder_(shape, waves),
-        feature_(host.arena.layout().find("anchor.feature")) {
+        feature_(host.anchors.feature) {
     const MatrixView<T> gradients = host.arena.gradients(feature_);
     const std::size_t rows = std::min(settings.anchors, gradients.rows);
     for (std::size_t i = 0; i < rows; ++i) anchors_.push_back(i * gradients.rows / rows);

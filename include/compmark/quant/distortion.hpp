@@ -58,6 +58,7 @@ class QuantizationNoise {
  public:
   static constexpr bool is_absent = false;
   using Scalar = T;
+  static constexpr int feature_channels = feature_dim;  ///< as many as the anchors have: check_recipe compares
   static constexpr int steps = options.per_channel ? feature_dim : 1;
 
   struct Settings {
@@ -84,11 +85,14 @@ class QuantizationNoise {
   explicit QuantizationNoise(const Settings& settings) : settings_(settings) {}
 
   [[nodiscard]] static Handles add_parameters(ParameterArena<T>& arena) {
+    constexpr LearningSchedule schedule = LearningSchedule::constant(0.001);
     Handles handles;
-    handles.weight1 = arena.add("distortion.0.weight", dim, dim, RowKind::fixed);
-    handles.bias1 = arena.add("distortion.0.bias", 1, dim, RowKind::fixed);
-    handles.weight2 = arena.add("distortion.2.weight", static_cast<std::size_t>(steps), dim, RowKind::fixed);
-    handles.bias2 = arena.add("distortion.2.bias", 1, static_cast<std::size_t>(steps), RowKind::fixed);
+    handles.weight1 = arena.add("distortion.0.weight", dim, dim, RowKind::fixed, BlockRole::training, schedule);
+    handles.bias1 = arena.add("distortion.0.bias", 1, dim, RowKind::fixed, BlockRole::training, schedule);
+    handles.weight2 = arena.add("distortion.2.weight", static_cast<std::size_t>(steps), dim, RowKind::fixed,
+                                BlockRole::training, schedule);
+    handles.bias2 = arena.add("distortion.2.bias", 1, static_cast<std::size_t>(steps), RowKind::fixed,
+                              BlockRole::training, schedule);
     return handles;
   }
   /// First layer U(-1, 1) / sqrt(D); the second starts at zero, so that training begins with q = Q0 exactly.

@@ -65,16 +65,19 @@ class ConvNetwork {
       blocks_.emplace_back(s, settings.epsilon, settings.momentum);
       const std::string name = "blocks." + std::to_string(n) + ".";
       const auto out = static_cast<std::size_t>(s.out);
-      handles_.push_back({arena.add(name + "conv.weight", out, s.taps(), RowKind::fixed),
-                          arena.add(name + "conv.bias", out, 1, RowKind::fixed),
-                          arena.add(name + "bn.weight", out, 1, RowKind::fixed),
-                          arena.add(name + "bn.bias", out, 1, RowKind::fixed),
-                          arena.add(name + "bn.running_mean", out, 1, RowKind::fixed),
-                          arena.add(name + "bn.running_var", out, 1, RowKind::fixed)});
+      handles_.push_back(
+          {arena.add(name + "conv.weight", out, s.taps(), RowKind::fixed, BlockRole::training,
+                     LearningSchedule::fixed()),
+           arena.add(name + "conv.bias", out, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed()),
+           arena.add(name + "bn.weight", out, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed()),
+           arena.add(name + "bn.bias", out, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed()),
+           arena.add(name + "bn.running_mean", out, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed()),
+           arena.add(name + "bn.running_var", out, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed())});
     }
     const auto bits = static_cast<std::size_t>(settings.bits), features = static_cast<std::size_t>(settings.features);
-    linear_ = arena.add("linear.weight", bits, features, RowKind::fixed);
-    offset_ = arena.add("linear.bias", bits, 1, RowKind::fixed);
+    linear_ =
+        arena.add("linear.weight", bits, features, RowKind::fixed, BlockRole::training, LearningSchedule::fixed());
+    offset_ = arena.add("linear.bias", bits, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed());
     initialise(arena);
   }
 

@@ -62,9 +62,11 @@ class LatticeNetwork {
     const LatticeSettings& s = decoder_.settings();
     COMPMARK_ASSERT(!s.limited(), "LatticeNetwork: weights train without a limit");
     const auto features = static_cast<std::size_t>(s.features), bits = static_cast<std::size_t>(s.bits);
-    blocks_ = {arena.add("frequency", features, s.dimensions(), RowKind::fixed),
-               arena.add("phase", features, 1, RowKind::fixed), arena.add("head", bits, features, RowKind::fixed),
-               arena.add("bias", bits, 1, RowKind::fixed)};
+    blocks_ = {arena.add("frequency", features, s.dimensions(), RowKind::fixed, BlockRole::training,
+                         LearningSchedule::fixed()),
+               arena.add("phase", features, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed()),
+               arena.add("head", bits, features, RowKind::fixed, BlockRole::training, LearningSchedule::fixed()),
+               arena.add("bias", bits, 1, RowKind::fixed, BlockRole::training, LearningSchedule::fixed())};
     store(arena);
   }
 

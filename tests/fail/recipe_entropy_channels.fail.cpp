@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// An entropy model is made for the anchors of its recipe: it reads as many feature channels as they have.
+// message: Recipe: EntropyModel codes another number of feature channels
+#include "compmark/entropy/hac_model.hpp"
+#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/recipes/scaffold.hpp"
+
+using namespace compmark;
+
+constexpr DecoderShape anchors = recipes::Scaffold::AnchorModel::shape;
+struct Mine : recipes::Scaffold {
+#ifdef COMPMARK_MUST_FAIL
+  using EntropyModel = HacModel<float, 24, anchors.offsets>;
+#else
+  using EntropyModel = HacModel<float, anchors.feature_dim, anchors.offsets>;
+#endif
+};
+
+Pipeline<Mine> pipeline;
