@@ -131,6 +131,9 @@ TEST_CASE("math/functions: exp, sigmoid and tanh against long double over their 
             -0.5, 0.5, n, [](auto x) { return tanh(x); }, [](long double x) { return std::tanh(x); }) < 2.1e-7);
   CHECK(worst_relative(
             -20, 20, n, [](auto x) { return tanh(x); }, [](long double x) { return std::tanh(x); }) < 2.1e-7);
+  CHECK(worst_relative(
+            -43, 43, n, [](auto x) { return tanh_slope(x); },
+            [](long double x) { return 1 / (std::cosh(x) * std::cosh(x)); }) < 6e-7);
 }
 
 TEST_CASE("math/functions: limits and symmetry") {

@@ -3,7 +3,7 @@
 //
 // Embedder: the watermark lives in a bounded residual that is added to one attribute of the anchors, x^w = x + tanh x' (method sheet, 5.1,
 // eq. "watermarked feature"; the ablation over attributes is the paper's). x' is a block of its own, zero in the beginning, and receives
-// gradients from every loss. Baking adds tanh x' to the attribute and is exact: a baked model renders the same bits. Cost: one tanh and one
+// gradients from every loss; its slope is taken from x' (math/functions.hpp, tanh_slope), so that a saturated residual comes back. Baking adds tanh x' to the attribute and is exact: a baked model renders the same bits. Cost: one tanh and one
 // addition an element of a visible anchor; 4 bytes an element, and as much again for the gradient and Adam's moments.
 #pragma once
 
@@ -34,9 +34,9 @@ struct BoundedResidual {
   struct Handles {
     BlockHandle residual;  ///< "anchor.residual" [N, C], as wide as the attribute
   };
-  /// tanh x' of the listed rows, compact: what backward needs.
+  /// The slope of tanh at x' of the listed rows, compact: what backward needs.
   struct Context {
-    Buffer<T> bounded;
+    Buffer<T> slope;
   };
 
   [[nodiscard]] static Handles add_parameters(ParameterArena<T>& arena, std::size_t rows, std::size_t columns) {
@@ -50,18 +50,18 @@ struct BoundedResidual {
                       MatrixView<T> marked, Context& context, E& executor) {
     const std::size_t columns = residual.columns;
     COMPMARK_ASSERT(plain.columns == columns && marked.columns == columns, "BoundedResidual: columns");
-    context.bounded.resize(rows.size() * columns);
+    context.slope.resize(rows.size() * columns);
     executor.for_chunks(rows.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t i = begin; i < end; ++i) {
         const T* const x = plain.row(rows[i]);
         const T* const r = residual.row(rows[i]);
         T* const out = marked.row(rows[i]);
-        T* const kept = context.bounded.data() + i * columns;
+        T* const kept = context.slope.data() + i * columns;
         for (std::size_t c = 0; c < columns; c += P::width) {
           const auto inside = P::MaskType::first(static_cast<std::ptrdiff_t>(columns - c));
-          const P bounded = tanh(P::load(r + c, inside));
-          bounded.store(kept + c, inside);
-          (P::load(x + c, inside) + bounded).store(out + c, inside);
+          const P raw = P::load(r + c, inside);
+          tanh_slope(raw).store(kept + c, inside);
+          (P::load(x + c, inside) + tanh(raw)).store(out + c, inside);
         }
       }
     });
@@ -76,12 +76,10 @@ struct BoundedResidual {
       for (std::size_t i = begin; i < end; ++i) {
         const T* const d = d_marked.row(rows[i]);
         T* const target = d_residual.row(rows[i]);
-        const T* const kept = context.bounded.data() + i * columns;
+        const T* const kept = context.slope.data() + i * columns;
         for (std::size_t c = 0; c < columns; c += P::width) {
           const auto inside = P::MaskType::first(static_cast<std::ptrdiff_t>(columns - c));
-          const P bounded = P::load(kept + c, inside);
-          const P slope = (P(T(1)) - bounded) * (P(T(1)) + bounded);  // keeps its digits near saturation
-          fma(P::load(d + c, inside), slope, P::load(target + c, inside)).store(target + c, inside);
+          fma(P::load(d + c, inside), P::load(kept + c, inside), P::load(target + c, inside)).store(target + c, inside);
         }
       }
     });
