@@ -211,7 +211,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   if (options.seed) settings.seed = *options.seed;
   const bool own_twin = options.mark.twin.empty();
   if (own_twin) options.mark.twin = options.model;
-  settings.mark = mark_beside_the_host();
+  settings.mark = posthoc_mark();
   settings.mark.residual_rate = fitted ? 0.006 : 0.001;  // what each was measured with (docs/watermark_experiments.md)
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());

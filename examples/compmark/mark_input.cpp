@@ -150,7 +150,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
 
   MarkNumbers& mark = settings.mark;
   if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
-    mark = *options.fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
+    mark = *options.fidelity > 0 ? posthoc_mark() : mark_in_the_photographs();
   }
   if (mark.fidelity > 0 && fitted_decoder(options.decoder)) mark.hinge_power = 2;
   mark.logit_scale = decoder->logit_scale();

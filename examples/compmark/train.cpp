@@ -38,7 +38,8 @@ constexpr const char* unmarked_folder = "unmarked";
 
 /// Whether the message is hidden when the scene is finished: a key, and nothing that says how else.
 bool marks_afterwards(const TrainOptions& options) {
-  return options.mark.decoder.empty() && !options.mark.key.empty() && options.mark.twin.empty() &&
+  const bool held = options.mark.fidelity && *options.mark.fidelity > 0;
+  return (options.mark.decoder.empty() || held) && !options.mark.key.empty() && options.mark.twin.empty() &&
          !options.mark.for_compression;
 }
 
@@ -247,8 +248,8 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   return Done{};
 }
 
-/// The whole training as if there were no mark, into a folder of its own, and then the mark beside it: with the decoder fitted in between, and
-/// the unmarked model kept.
+/// The whole training as if there were no mark, into a folder of its own, and then the mark in the finished model: with the decoder fitted in
+/// between if none is given, and the unmarked model kept.
 int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   // What is wrong is said before hours of work.
   const Result<OwnerKey> key = key_of(options.mark);
@@ -263,7 +264,8 @@ int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   const std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!options.resume && std::filesystem::exists(checkpoint)) return fail(unfinished_run(checkpoint));
   const std::filesystem::path decoder = options.out / "decoder.safetensors";
-  if (!options.resume && !options.force && std::filesystem::exists(decoder)) {
+  const bool fits = options.mark.decoder.empty();
+  if (fits && !options.resume && !options.force && std::filesystem::exists(decoder)) {
     return fail({ErrorKind::invalid, decoder.string(), "--out", "holds the decoder of an earlier run",
                  "keep it: choose another --out, go on with --resume, or move it aside with --force"});
   }
@@ -271,7 +273,7 @@ int train_then_mark(TrainOptions options, const TrainSettings& settings) {
     if (Result<Done> free = check_unfinished(folder, options.resume || options.force); !free) return fail(free.error());
   }
   warn_of_record(options.mark.key, options.out);
-  if (options.force && !options.resume) {
+  if (fits && options.force && !options.resume) {
     if (Result<Done> moved = move_decoder_aside(decoder); !moved) return fail(moved.error());
   }
   TrainOptions host = options;
@@ -380,9 +382,8 @@ Command add_train(Options& app) {
     add_record_written(use, options->mark.key);
     if (marks_afterwards(*options)) {
       add_run_files(use, *options, options->out / unmarked_folder);
-      use.write_in(options->out, {"decoder.safetensors", "decoder.json", "unmarked.cmk"}, "--out");
-    } else if (options->mark.wanted() && options->mark.twin.empty()) {
-      use.write(options->out / "unmarked.safetensors", "--out");
+      use.write_in(options->out, {"unmarked.cmk"}, "--out");
+      if (options->mark.decoder.empty()) use.write_in(options->out, {"decoder.safetensors", "decoder.json"}, "--out");
     }
   });
   return [options, &app]() -> int {
@@ -442,6 +443,16 @@ Command add_train(Options& app) {
                      "leave out one of the two"});
       }
       if (marks_afterwards(*options)) return train_then_mark(*options, *settings);
+      if (options->mark.fidelity && *options->mark.fidelity > 0) {
+        const bool key = options->mark.key.empty(), twin = !options->mark.twin.empty();
+        return fail({ErrorKind::unsupported,
+                     {},
+                     "--fidelity",
+                     "is above 0, and the model is marked when it is finished",
+                     key    ? "give a --key too"
+                     : twin ? "leave out --twin: this run trains the unmarked model too"
+                            : "leave out --for-compression: it is of a mark that trains with the scene"});
+      }
       for (const auto& [given, name] : {std::pair(options->mark.by_cost.has_value(), "--draw-by-cost"),
                                         std::pair(options->mark.hold_steps.has_value(), "--hold-steps")}) {
         if (!given) continue;

@@ -15,6 +15,7 @@
 #include <compmark/pipeline/coded_model.hpp>
 #include <compmark/pipeline/finished_host.hpp>
 #include <compmark/pipeline/model_file.hpp>
+#include <compmark/pipeline/posthoc_embedding.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/marked_codecs.hpp>
 #include <cstdio>
@@ -78,8 +79,8 @@ struct TrainObserver {
     if constexpr (requires { trainer.rate_report(); }) {
       if (const auto& rate = trainer.rate_report(); rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
     }
-    if constexpr (requires { trainer.between_report(); }) {
-      const MarkReport& mark = trainer.settings().mark.fidelity > 0 ? trainer.between_report() : trainer.mark_report();
+    if constexpr (requires { trainer.mark_report(); }) {
+      const MarkReport& mark = trainer.mark_report();
       if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
     }
     progress->show(line);
@@ -162,6 +163,90 @@ inline int with_log(const Progress& progress, int code) {
   return code == success && progress.log_failure() ? fail(*progress.log_failure()) : code;
 }
 
+/// What a run of recipe R has at hand when its iterations begin.
+template <class R>
+struct RunParts {
+  const TrainOptions* options;
+  RunData* data;
+  LensViews<RecipeLens<R>>* train;
+  const MarkInput* mark;                 ///< null without a message
+  std::optional<CodecModel>* host_file;  ///< what a file of the model says that a mark is hidden in
+  MemoryBudget memory;
+  ThreadExecutor* executor;
+};
+
+/// Takes up the checkpoint of a run, if it goes on; the seconds that it has taken. Nothing: the run begins.
+template <class Loop>
+Result<std::optional<double>> take_up(const TrainOptions& options, const RunData& data, Loop& loop) {
+  if (!std::filesystem::exists(data.checkpoint)) return std::optional<double>();
+  if (!options.resume) return unfinished_run(data.checkpoint);
+  Result<Checkpoint<Loop>> restored = read_checkpoint<Loop>(data.checkpoint, data.settings, data.info);
+  if (!restored) return restored.error();
+  loop.restore(std::move(restored->state));
+  std::fprintf(stderr, "compmark: resuming after iteration %lld\n", static_cast<long long>(loop.state().iteration));
+  return std::optional(restored->seconds);
+}
+
+/// The iterations of a run that was begun or taken up after `seconds_before`, its files and its figures.
+template <class Loop, class R>
+int run_iterations(Loop& loop, const RunParts<R>& parts, double seconds_before) {
+  constexpr bool is_marked = present<typename R::MessageDecoder>;
+  const TrainOptions& options = *parts.options;
+  RunData& data = *parts.data;
+  ProgressSettings progress_settings;
+  progress_settings.json_log = data.json_log;
+  progress_settings.append = options.resume;
+  Result<Progress> progress = Progress::open(progress_settings);
+  if (!progress) return fail(progress.error());
+  for (const std::string& note : options.notes) std::fprintf(stderr, "compmark: %s\n", note.c_str());
+  TrainObserver observer;
+  observer.progress = &*progress;
+  observer.info = &data.info;
+  observer.growth = [budget = parts.memory](std::size_t anchors, std::size_t grown) mutable {
+    budget.bytes = free_memory_bytes();
+    return check_growth_memory<R>(anchors, grown, budget);
+  };
+  observer.checkpoint_every = options.checkpoint_every;
+  observer.checkpoint = data.checkpoint;
+  observer.seconds_before = seconds_before;
+  observer.patience = std::max<std::int64_t>(100, 2 * static_cast<std::int64_t>(parts.train->size()));
+  const Result<Done> done = [&] {
+    const InterruptWatch watch;
+    return loop.run(*parts.train, observer);
+  }();
+  progress->finish();
+  if (!done) return fail(done.error());
+  if (observer.failure) return fail(*observer.failure);
+  if (!loop.finished() || interrupted()) {  // in the last iteration too: a checkpoint is there either way
+    std::fprintf(stderr, "compmark: interrupted after iteration %lld; continue with --resume\n",
+                 static_cast<long long>(loop.state().iteration));
+    return interrupted_exit;
+  }
+  RunEnd end;
+  end.train_seconds = observer.seconds();
+  end.peak_memory_mb = peak_memory_mb();
+  end.anchors = loop.model().anchor_count();
+  end.curve = progress->curve();
+  end.voxel_size = loop.model().voxel_size;
+  const auto keep = [&](const auto& model) -> Result<Done> {
+    if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
+    if constexpr (present<typename R::EntropyModel>) {
+      Result<CodecModel> coded = coded_model(model, data.info);
+      if (!coded) return coded.error();
+      // The steps that were trained with, and not those that suit the marked symbols a little better.
+      if (*parts.host_file) keep_context(**parts.host_file, *coded);
+      end.coded = std::move(*coded);
+    }
+    return Done{};
+  };
+  const Result<Done> kept = [&] {
+    if constexpr (is_marked) return keep(baked_host(loop.model()));
+    if constexpr (!is_marked) return keep(loop.model());
+  }();
+  if (!kept) return fail(kept.error());
+  return with_log(*progress, finish_run(options, data, end, parts.mark, *parts.executor));
+}
+
 /// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which holds one already.
 template <class R>
 int run(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark = nullptr) {
@@ -225,99 +310,45 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   }
 
   const MemoryBudget memory = memory_budget(data);
+  const RunParts<R> parts{&options, &data, &train, mark, &host_file, memory, &executor};
+  // A finished model that a run starts from, as it goes on with it.
+  const auto begin_from = [&](auto& loop) -> Result<Done> {
+    if (Result<Done> room = check_training_memory<R>(loaded->model.anchor_count(), memory); !room) return room;
+    if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
+      if (Result<Done> adopted = adopt_networks(*host_file, loaded->model); !adopted) return adopted;
+    }
+    if constexpr (is_marked || is_fitted) loop.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
+    return Done{};
+  };
+  if constexpr (is_marked) {
+    if (data.settings.mark.fidelity > 0) {
+      PosthocEmbedding<R, ThreadExecutor> embedding(data.settings, executor);
+      embedding.set_watermark(mark->decoder, mark->bits);
+      const Result<std::optional<double>> before = take_up(options, data, embedding);
+      if (!before) return fail(before.error());
+      if (!*before) {
+        if (Result<Done> begun = begin_from(embedding); !begun) return fail(begun.error());
+      }
+      return run_iterations(embedding, parts, before->value_or(0));
+    }
+  }
   Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
   if constexpr (is_marked) trainer.set_watermark(mark->decoder, mark->bits);
-  double seconds_before = 0;
-  if (options.resume && std::filesystem::exists(data.checkpoint)) {
-    Result<Checkpoint<R, ThreadExecutor>> restored =
-        read_checkpoint<R, ThreadExecutor>(data.checkpoint, data.settings, data.info);
-    if (!restored) return fail(restored.error());
-    seconds_before = restored->seconds;
-    trainer.restore(std::move(restored->state));
-    std::fprintf(stderr, "compmark: resuming after iteration %lld\n",
-                 static_cast<long long>(trainer.state().iteration));
-  } else {
-    if (!options.resume && std::filesystem::exists(data.checkpoint)) return fail(unfinished_run(data.checkpoint));
-    if (loaded) {
-      if (Result<Done> room = check_training_memory<R>(loaded->model.anchor_count(), memory); !room)
-        return fail(room.error());
-      if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
-        if (Result<Done> adopted = adopt_networks(*host_file, loaded->model); !adopted) return fail(adopted.error());
-      }
-      if constexpr (is_marked || is_fitted)
-        trainer.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
-    } else if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready) {
+  const Result<std::optional<double>> before = take_up(options, data, trainer);
+  if (!before) return fail(before.error());
+  if (!*before && loaded) {
+    if constexpr (is_marked || is_fitted) {
+      if (Result<Done> begun = begin_from(trainer); !begun) return fail(begun.error());
+    }
+  } else if (!*before) {
+    if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready)
       return fail(ready.error());
-    } else if (trainer.far_points() != 0) {
+    if (trainer.far_points() != 0) {
       std::fprintf(stderr, "compmark: warning: %zu of %zu points lie far beyond the others and are left out\n",
                    trainer.far_points(), data.dataset.points.size());
     }
   }
-
-  ProgressSettings progress_settings;
-  progress_settings.json_log = data.json_log;
-  progress_settings.append = options.resume;
-  Result<Progress> progress = Progress::open(progress_settings);
-  if (!progress) return fail(progress.error());
-  for (const std::string& note : options.notes) std::fprintf(stderr, "compmark: %s\n", note.c_str());
-  TrainObserver observer;
-  observer.progress = &*progress;
-  observer.info = &data.info;
-  observer.growth = [budget = memory](std::size_t anchors, std::size_t grown) mutable {
-    budget.bytes = free_memory_bytes();
-    return check_growth_memory<R>(anchors, grown, budget);
-  };
-  observer.checkpoint_every = options.checkpoint_every;
-  observer.checkpoint = data.checkpoint;
-  observer.seconds_before = seconds_before;
-  observer.patience = std::max<std::int64_t>(100, 2 * static_cast<std::int64_t>(train.size()));
-  const Result<Done> done = [&] {
-    const InterruptWatch watch;
-    return trainer.run(train, observer);
-  }();
-  progress->finish();
-  if (!done) return fail(done.error());
-  if (observer.failure) return fail(*observer.failure);
-  if (!trainer.finished() || interrupted()) {  // in the last iteration too: a checkpoint is there either way
-    std::fprintf(stderr, "compmark: interrupted after iteration %lld; continue with --resume\n",
-                 static_cast<long long>(trainer.state().iteration));
-    return interrupted_exit;
-  }
-  RunEnd end;
-  end.train_seconds = observer.seconds();
-  end.peak_memory_mb = peak_memory_mb();
-  end.anchors = trainer.model().anchor_count();
-  end.curve = progress->curve();
-  end.voxel_size = trainer.model().voxel_size;
-  const auto keep = [&](const auto& model) -> Result<Done> {
-    if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
-    if constexpr (present<typename R::EntropyModel>) {
-      Result<CodecModel> coded = coded_model(model, data.info);
-      if (!coded) return coded.error();
-      // The steps that were trained with, and not those that suit the marked symbols a little better.
-      if (host_file) keep_context(*host_file, *coded);
-      end.coded = std::move(*coded);
-    }
-    return Done{};
-  };
-  const Result<Done> kept = [&] {
-    if constexpr (is_marked) return keep(baked_host(trainer.model()));
-    if constexpr (!is_marked) return keep(trainer.model());
-  }();
-  if (!kept) return fail(kept.error());
-  if constexpr (is_marked) {
-    // Where the host trained as if there were no mark, the unmarked model is there for nothing.
-    constexpr bool noisy = present<typename R::EntropyModel> || present<typename R::DistortionLayer>;
-    if (!noisy && mark->twin.empty() && data.settings.mark.fidelity > 0) {
-      MarkInput with_twin = *mark;
-      with_twin.twin = std::filesystem::path(data.model).replace_filename("unmarked.safetensors");
-      if (Result<Done> written = write_model(with_twin.twin, host_alone(trainer.model()), data.info); !written) {
-        return fail(written.error());
-      }
-      return with_log(*progress, finish_run(options, data, end, &with_twin, executor));
-    }
-  }
-  return with_log(*progress, finish_run(options, data, end, mark, executor));
+  return run_iterations(trainer, parts, before->value_or(0));
 }
 
 /// A run of a recipe for compression, with a message or without.

@@ -341,6 +341,7 @@
 #include "compmark/pipeline/learning_rates.hpp"
 #include "compmark/pipeline/mark_losses.hpp"
 #include "compmark/pipeline/mark_phases.hpp"
+#include "compmark/pipeline/posthoc_embedding.hpp"
 #include "compmark/pipeline/quiet_waves.hpp"
 #include "compmark/pipeline/wave_probe.hpp"
 #include "compmark/pipeline/wave_statistics.hpp"

@@ -63,7 +63,7 @@ void train_until(const TrainSettings& settings, std::size_t threads, std::int64_
   const ScratchFolder folder("compmark-stopped-training-test");
   const std::filesystem::path path = folder.path / "checkpoint.safetensors";
   REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1.0));
-  auto restored = read_checkpoint<R, ThreadExecutor>(path, settings, ModelInfo{});
+  auto restored = read_checkpoint<Trainer<R, ThreadExecutor>>(path, settings, ModelInfo{});
   REQUIRE(restored.ok());
   Run again(settings, views.size(), 1.0, executor);
   again.restore(std::move(restored->state));

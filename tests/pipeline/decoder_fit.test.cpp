@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/pipeline/posthoc_embedding.hpp"
 #include "compmark/pipeline/trainer.hpp"
 #include "compmark/recipes/marked.hpp"
 #include "short_training.hpp"
@@ -224,26 +225,22 @@ TEST_CASE(
   const auto hidden = [&](const LatticeDecoder<float>& decoder, double& departure_db) {
     TrainSettings settings;
     settings.iterations = 600;
-    settings.mark = mark_beside_the_host();
+    settings.mark = posthoc_mark();
     settings.mark.logit_scale = decoder.logit_scale();
     settings.mark.hinge_margin = 1.5 * decoder.logit_scale();  // a small scene bears no more
     settings.mark.fidelity = 150;
     settings.mark.residual_rate = 0.005;
     settings.grow_until = 0;
     settings.mark.message_after = settings.mark.residual_after = settings.mark.hsv_after = 0;
-    for (LearningRate* rate : {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity,
-                               &settings.mlp_covariance, &settings.mlp_color}) {
-      *rate = {0, 0};
-    }
     ThreadExecutor executor(2);
-    Trainer<ColourMarked, ThreadExecutor> trainer(settings, 6, 1.0, executor);
+    PosthocEmbedding<ColourMarked, ThreadExecutor> trainer(settings, executor);
     trainer.set_watermark(decoder, message);
     trainer.start_from(with_room_for_stages<ColourMarked>(finished(), 0));
     BlobViews views;
     double departure = 0;
     while (!trainer.finished()) {
       REQUIRE(trainer.step(views));
-      if (trainer.state().iteration > 500) departure += trainer.between_report().departure / 100;
+      if (trainer.state().iteration > 500) departure += trainer.mark_report().departure / 100;
     }
     departure_db -= 10 * std::log10(departure) / seeds;
     const std::vector<double> logits = logits_of(baked_host(trainer.model()), decoder, 40);

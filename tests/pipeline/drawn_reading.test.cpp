@@ -47,7 +47,7 @@ struct DrawnReadingBench {
   static MatrixView<double> values(Model<MarkedSmooth>& of) { return of.arena.values(of.road.embedder.residual); }
   static MatrixView<double> gradients(Model<MarkedSmooth>& of) { return of.arena.gradients(of.road.embedder.residual); }
   static MarkPhases phases(double fidelity, double fall = 0) {
-    MarkNumbers numbers = fidelity > 0 ? mark_beside_the_host() : mark_in_the_photographs();
+    MarkNumbers numbers = fidelity > 0 ? posthoc_mark() : mark_in_the_photographs();
     numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
     numbers.lambda_message = 1;
     numbers.between_every = 1;
@@ -58,8 +58,10 @@ struct DrawnReadingBench {
   void clear() { std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0); }
   double read(DrawnReading<MarkedSmooth>& drawn, double fidelity, double fall = 0) {
     const Pipeline<MarkedSmooth>::Context photographed;
-    static_cast<void>(
-        drawn.read(pipeline, model, views, view, seed, iteration, phases(fidelity, fall), photographed, executor));
+    const MarkPhases now = phases(fidelity, fall);
+    static_cast<void>(fidelity > 0
+                          ? drawn.read_held(pipeline, model, views, view, seed, iteration, now, photographed, executor)
+                          : drawn.read(pipeline, model, views, view, seed, iteration, now, photographed, executor));
     return drawn.report().total;
   }
 
@@ -182,12 +184,12 @@ TEST_CASE("pipeline/drawn_reading: the view is drawn anew in every iteration, an
   DrawnReadingBench bench;
   DrawnReading<MarkedSmooth> one, two;
   const Pipeline<MarkedSmooth>::Context photographed;
-  static_cast<void>(one.read(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view, DrawnReadingBench::seed,
-                             DrawnReadingBench::iteration, DrawnReadingBench::phases(40), photographed,
-                             bench.executor));
-  static_cast<void>(two.read(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view, DrawnReadingBench::seed,
-                             DrawnReadingBench::iteration + 1, DrawnReadingBench::phases(40), photographed,
-                             bench.executor));
+  static_cast<void>(one.read_held(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view,
+                                  DrawnReadingBench::seed, DrawnReadingBench::iteration, DrawnReadingBench::phases(40),
+                                  photographed, bench.executor));
+  static_cast<void>(two.read_held(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view,
+                                  DrawnReadingBench::seed, DrawnReadingBench::iteration + 1,
+                                  DrawnReadingBench::phases(40), photographed, bench.executor));
   CHECK_FALSE(std::equal(one.host().data, one.host().data + one.host().size(), two.host().data));
   Pipeline<MarkedSmooth>::Context context;
   static_cast<void>(bench.pipeline.forward(bench.model, bench.views.camera(DrawnReadingBench::view),

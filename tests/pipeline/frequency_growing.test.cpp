@@ -135,7 +135,7 @@ TEST_CASE("pipeline/frequency_growing: a run with another window is not resumed"
            [](MarkNumbers& m) { m.frequency_band_lowest = -0.3; }}) {
     TrainSettings other = s;
     change(other.mark);
-    CHECK_FALSE((read_checkpoint<Growing, ThreadExecutor>(path, other, ModelInfo{}).ok()));
+    CHECK_FALSE((read_checkpoint<Trainer<Growing, ThreadExecutor>>(path, other, ModelInfo{}).ok()));
   }
 }
 

@@ -14,6 +14,7 @@
 #include <compmark/pipeline/adopt_networks.hpp>
 #include <compmark/pipeline/finished_host.hpp>
 #include <compmark/pipeline/held_steps.hpp>
+#include <compmark/pipeline/posthoc_embedding.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -38,8 +39,8 @@ static_assert(reads_marked_ancestors<MarkedSteps>);
 static_assert(!reads_marked_ancestors<SmallContextGs>, "without a mark there is nothing to hold");
 static_assert(!reads_marked_ancestors<recipes::Marked<SmallGridHac, Decoder>>, "nobody's steps hang on HAC's features");
 // What a recipe does not read costs its state nothing.
-static_assert(sizeof(Trainer<recipes::Marked<SmallGridHac, Decoder>, ThreadExecutor>::State) <
-              sizeof(Trainer<MarkedSteps, ThreadExecutor>::State));
+static_assert(sizeof(PosthocEmbedding<recipes::Marked<SmallGridHac, Decoder>, ThreadExecutor>::State) <
+              sizeof(PosthocEmbedding<MarkedSteps, ThreadExecutor>::State));
 
 /// Means of log2 q of a file by level and group, as a reader of it has them.
 std::array<double, 9> steps_of(CodecModel file) {
@@ -150,7 +151,7 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
   Model<SmallContextGs> host = compmark::testing::train_coded<SmallContextGs>(2, 120).model;
   TrainSettings settings = compmark::testing::short_settings(24);
   settings.grow_until = 0;
-  settings.mark = mark_beside_the_host();
+  settings.mark = posthoc_mark();
   settings.mark.message_after = settings.mark.residual_after = 0;
   settings.mark.residual_rate = 0.3;  // loud at once
   settings.mark.fidelity = 1;
@@ -164,7 +165,7 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
   compmark::testing::BlobViews views;
   const std::vector<std::uint8_t> message{1, 0, 0, 1, 1, 0, 1, 0};
   const auto begun = [&](ThreadExecutor& executor, const TrainSettings& with) {
-    Trainer<MarkedSteps, ThreadExecutor> trainer(with, views.size(), 1.0, executor);
+    PosthocEmbedding<MarkedSteps, ThreadExecutor> trainer(with, executor);
     trainer.set_watermark(compmark::testing::colours(), message);
     trainer.start_from(with_room_for_stages<MarkedSteps>(host, 1));
     return trainer;
@@ -223,7 +224,7 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
     auto state = stopped.state();
     state.steps.wanted = std::move(wanted);
     REQUIRE(write_checkpoint(path, state, settings, info, 0).ok());
-    return read_checkpoint<MarkedSteps, ThreadExecutor>(path, settings, info);
+    return read_checkpoint<PosthocEmbedding<MarkedSteps, ThreadExecutor>>(path, settings, info);
   };
   auto loaded = read_back(stopped.state().steps.wanted);
   REQUIRE(loaded.ok());

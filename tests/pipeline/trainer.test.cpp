@@ -157,8 +157,8 @@ TEST_CASE("pipeline/checkpoint: a run stopped anywhere and resumed ends in the b
     REQUIRE(write_checkpoint(path, first.trainer.state(), first.settings, info, 12.5).ok());
 
     Run<SerialExecutor> second;
-    Result<Checkpoint<GrownRecipe, SerialExecutor>> loaded =
-        read_checkpoint<GrownRecipe, SerialExecutor>(path, second.settings, info);
+    Result<Checkpoint<Trainer<GrownRecipe, SerialExecutor>>> loaded =
+        read_checkpoint<Trainer<GrownRecipe, SerialExecutor>>(path, second.settings, info);
     REQUIRE(loaded.ok());
     CHECK(loaded->seconds == 12.5);
     second.trainer.restore(std::move(loaded->state));
@@ -178,22 +178,22 @@ TEST_CASE("pipeline/checkpoint: other settings and broken files are refused with
   REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
   TrainSettings other = run.settings;
   other.lambda_dssim = 0.3;
-  const auto refused = read_checkpoint<GrownRecipe, SerialExecutor>(path, other, info);
+  const auto refused = read_checkpoint<Trainer<GrownRecipe, SerialExecutor>>(path, other, info);
   REQUIRE(!refused.ok());
   CHECK(refused.error().problem.find("lambda_dssim") != std::string::npos);
   // Numbers that are the profile's own are not in the file, and those of a run with others must not become them.
   TrainSettings coded = run.settings;
   coded.rate.lambda *= 4;
   REQUIRE(write_checkpoint(path, run.trainer.state(), coded, info, 0).ok());
-  const auto another_rate = read_checkpoint<GrownRecipe, SerialExecutor>(path, run.settings, info);
+  const auto another_rate = read_checkpoint<Trainer<GrownRecipe, SerialExecutor>>(path, run.settings, info);
   REQUIRE(!another_rate.ok());
   CHECK(another_rate.error().problem.find("lambda") != std::string::npos);
-  CHECK(read_checkpoint<GrownRecipe, SerialExecutor>(path, coded, info).ok());
+  CHECK(read_checkpoint<Trainer<GrownRecipe, SerialExecutor>>(path, coded, info).ok());
   REQUIRE(write_checkpoint(path, run.trainer.state(), run.settings, info, 0).ok());
   const std::vector<std::byte> bytes = *read_file(path);
   for (std::size_t size = 0; size < bytes.size(); size += bytes.size() / 60) {
     REQUIRE(write_file(path, std::span<const std::byte>(bytes).first(size)).ok());
-    CHECK(!read_checkpoint<GrownRecipe, SerialExecutor>(path, run.settings, info).ok());
+    CHECK(!read_checkpoint<Trainer<GrownRecipe, SerialExecutor>>(path, run.settings, info).ok());
   }
   std::filesystem::remove(path);
 }
@@ -213,7 +213,7 @@ TEST_CASE(
     info.views.push_back({"v" + std::to_string(i), i == 2, run.views.camera(i), phone});
   info.views[1].lens = {LensModel::simple_pinhole, {}};  // beside lenses a pinhole keeps its name, alone it does not
   const auto field = [&](const ModelInfo& now, const std::string& piece) {
-    const auto loaded = read_checkpoint<GrownRecipe, SerialExecutor>(path, run.settings, now);
+    const auto loaded = read_checkpoint<Trainer<GrownRecipe, SerialExecutor>>(path, run.settings, now);
     if (loaded.ok()) return std::string();
     CAPTURE(loaded.error().line());
     CHECK(loaded.error().line().find(piece) != std::string::npos);

@@ -469,13 +469,13 @@ TEST_CASE("tool: a scene that is marked when it is finished keeps the exposures 
   }
 }
 
-TEST_CASE("tool: train --fidelity leaves the host its bits, and writes it as the twin") {
-  const nlohmann::json beside = train("beside", setting().mark() + " --fidelity 300");
-  CHECK(beside["psnr_cost_vs_unmarked"].is_number());
+TEST_CASE("tool: train --fidelity marks the finished model, and keeps the unmarked one") {
+  const nlohmann::json held = train("held", setting().mark() + " --fidelity 300 --mark-iterations 60");
+  CHECK(held["psnr_cost_vs_unmarked"].is_number());
   const Result<SafetensorsFile> plain =
                                     read_safetensors((static_cast<void>(unmarked()), at("unmarked/model.safetensors"))),
-                                twin = read_safetensors(at("beside/unmarked.safetensors")),
-                                marked = read_safetensors(at("beside/model.safetensors"));
+                                twin = read_safetensors(at("held/unmarked/model.safetensors")),
+                                marked = read_safetensors(at("held/model.safetensors"));
   REQUIRE((plain.ok() && twin.ok() && marked.ok()));
   for (const char* name : {"anchor.offset", "anchor.scaling", "anchor.feature", "mlp_color.0.weight"}) {
     CAPTURE(name);
@@ -559,14 +559,17 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   CHECK(tool(common + setting().mark() + " --message-power 0.5").code != 0);
   CHECK(tool(common + setting().mark() + " --fidelity 3000 --fidelity-fall 5").code != 0);
   check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "held to its host"});
-  check_refused(tool(common + setting().mark() + " --fidelity 3000 --draw-by-cost 1"),
-                {"--draw-by-cost", "finished model"});
+  check_refused(tool(common + setting().mark() + " --draw-by-cost 1"), {"--draw-by-cost", "finished model"});
+  check_refused(tool(common + setting().mark() + " --fidelity 3000 --for-compression"),
+                {"--fidelity", "leave out --for-compression"});
+  check_refused(tool(common + setting().mark() + " --fidelity 3000 --twin " + at("unmarked/model.safetensors")),
+                {"--fidelity", "leave out --twin"});
   // Before the host is trained, not after.
   check_refused(tool(common + " --key " + setting().key + " --fidelity 0 --draw-by-cost 1"),
                 {"--draw-by-cost", "held to its host"});
   check_refused(tool(common + " --key " + setting().key + " --codec hac --hold-steps 50"),
                 {"--hold-steps", "context_gs"});
-  check_refused(tool(common + setting().mark() + " --codec context_gs --fidelity 3000 --hold-steps 50"),
+  check_refused(tool(common + setting().mark() + " --codec context_gs --hold-steps 50"),
                 {"--hold-steps", "finished model"});
   CHECK_FALSE(fs::exists(at("none/unmarked")));
   check_refused(tool("train --profile paper --iterations 20 --data " + setting().scene + " --out " + at("none") +

@@ -25,16 +25,18 @@
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/pipeline/checkpoint_state.hpp"
+#include "compmark/pipeline/held_steps.hpp"
 #include "compmark/pipeline/model_file.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/settings_json.hpp"
-#include "compmark/pipeline/trainer.hpp"
+#include "compmark/pipeline/view_costs.hpp"
 
 namespace compmark::inline v0 {
 
-template <Recipe R, Executor E>
+/// Of a run of `Loop`: Trainer<R, E> or PosthocEmbedding<R, E>.
+template <class Loop>
 struct Checkpoint {
-  typename Trainer<R, E>::State state;
+  typename Loop::State state;
   ModelInfo info;
   double seconds = 0;  ///< training time so far, for the report
 };
@@ -241,9 +243,10 @@ template <class Value>
 }  // namespace detail
 
 /// Reads a checkpoint of a run with the same recipe, settings and views; anything else is refused with the name of what differs.
-template <Recipe R, Executor E, class Json = nlohmann::json>
-[[nodiscard]] Result<Checkpoint<R, E>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings,
+template <class Loop, class Json = nlohmann::json>
+[[nodiscard]] Result<Checkpoint<Loop>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings,
                                                        const ModelInfo& info) {
+  using R = typename Loop::RecipeType;
   const Result<SafetensorsFile> file = read_safetensors(path);
   if (!file) return file.error();
   if (Result<Done> same = detail::check_same_settings<Json>(*file, settings); !same) return same.error();
@@ -253,10 +256,10 @@ template <Recipe R, Executor E, class Json = nlohmann::json>
   const Result<detail::CheckpointProgress> progress = detail::progress_of<Json>(*file, settings.iterations);
   if (!progress) return progress.error();
 
-  Checkpoint<R, E> checkpoint;
+  Checkpoint<Loop> checkpoint;
   checkpoint.info = std::move(model->info);
   checkpoint.seconds = progress->seconds;
-  typename Trainer<R, E>::State& state = checkpoint.state;
+  typename Loop::State& state = checkpoint.state;
   state.model = std::move(model->model);
   state.iteration = progress->iteration;
   typename R::Optimizer{}.prepare(state.model.arena.layout(), state.optimizer);

@@ -34,8 +34,7 @@ template <class State>
     return no_state(file, "optimizer.first_moment", "holds a value that is not finite");
   if (!all(state.optimizer.second_moment, [](auto x) { return std::isfinite(x) && x >= 0; }))
     return no_state(file, "optimizer.second_moment", "holds a value that is no mean of squares");
-  // A mark beside its host steps in the same iteration once more.
-  const std::uint64_t most = 2 * static_cast<std::uint64_t>(state.iteration);
+  const std::uint64_t most = static_cast<std::uint64_t>(state.iteration);
   if (!all(state.optimizer.steps, [&](std::uint64_t steps) { return steps <= most; }))
     return no_state(file, "optimizer.steps", "has more steps than the run had iterations");
   if constexpr (requires { state.growth.statistics; }) {

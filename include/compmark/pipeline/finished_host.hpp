@@ -16,7 +16,7 @@
 
 namespace compmark::inline v0 {
 
-/// The host alone, without the stages of R: of a mark whose residual trained beside it (MarkNumbers::fidelity), what a run without a mark ends with.
+/// The host alone, without the stages of R: of a mark that was learned post hoc, the unmarked model.
 template <Recipe R>
 [[nodiscard]] Model<typename R::Host> host_alone(const Model<R>& model) {
   using Scalar = typename R::Scalar;

@@ -32,7 +32,6 @@ class MarkPhases {
 
   [[nodiscard]] MarkWeights weights(std::int64_t t) const {
     MarkWeights weights;
-    if (beside_the_host()) return weights;
     if (t > message_.begin) {
       const std::int64_t every = std::max<std::int64_t>(1, numbers_.message_every);
       if (t % every == 0) {
@@ -45,12 +44,12 @@ class MarkPhases {
     return weights;
   }
 
-  /// Whether the host trains as if there were no mark, and the residual beside it (MarkNumbers::fidelity).
-  [[nodiscard]] bool beside_the_host() const { return numbers_.fidelity > 0; }
-  /// Weight of the departure from the host's render in an iteration that reads.
+  /// Whether the marked renders are held to those of the unmarked model (PosthocEmbedding).
+  [[nodiscard]] bool held() const { return numbers_.fidelity > 0; }
+  /// Weight of the mean square difference to the unmarked render, in an iteration that reads.
   [[nodiscard]] double fidelity() const { return numbers_.fidelity * static_cast<double>(between_every()); }
   /// Whether that falls with the distance from the photographs.
-  [[nodiscard]] bool fidelity_falls() const { return beside_the_host() && numbers_.fidelity_fall > 0; }
+  [[nodiscard]] bool fidelity_falls() const { return held() && numbers_.fidelity_fall > 0; }
   /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): up to twice as much beside it, at a median as much, far
   /// away a twentieth. What a mark costs there is to be measured by how wrong the host is already, and that grows with the distance.
   [[nodiscard]] double fidelity(double medians) const {
@@ -87,9 +86,9 @@ class MarkPhases {
   }
 
  private:
-  /// Beside the host there is no other reading: without a number it is every iteration.
+  /// Where the marked renders are held there is no other reading: without a number it is every iteration.
   [[nodiscard]] std::int64_t between_every() const {
-    return beside_the_host() ? std::max<std::int64_t>(1, numbers_.between_every) : numbers_.between_every;
+    return held() ? std::max<std::int64_t>(1, numbers_.between_every) : numbers_.between_every;
   }
 
   MarkNumbers numbers_;

@@ -53,6 +53,22 @@ template <Recipe R>
   return typename R::HsvLoss();
 }
 
+/// Tells the losses of a recipe with a MessageDecoder what every render shall carry: bit i of `message` is 0 or 1, one for each bit of the decoder.
+template <class Marks, class Decoder>
+void set_message(Marks& marks, const MarkNumbers& mark, Decoder decoder, std::span<const std::uint8_t> message) {
+  COMPMARK_ASSERT(static_cast<std::size_t>(decoder.bits()) == message.size(), "set_message: message length");
+  auto& loss = marks.message_loss.settings;
+  using Scalar = std::remove_cvref_t<decltype(loss.logit_scale)>;
+  loss.logit_scale = static_cast<Scalar>(mark.logit_scale);
+  if (mark.hinge_margin > 0) {
+    loss.rule = MessageRule::hinge;
+    loss.margin = static_cast<Scalar>(mark.hinge_margin);
+    loss.power = static_cast<Scalar>(mark.hinge_power);
+  }
+  marks.decoder = std::move(decoder);
+  marks.message.assign(message.begin(), message.end());
+}
+
 /// Of a recipe with a DistortionLayer.
 template <Recipe R>
 [[nodiscard]] typename R::DistortionLayer distortion_layer(const MarkNumbers& mark) {

@@ -44,8 +44,8 @@ struct MarkNumbers {
   double hinge_margin = 0;  ///< above 0: a hinge instead, no pull on a bit that is right by this much (scaled logits)
   double hinge_power = 1;   ///< at least 1: of the hinge, in units of its margin; above 1 wrong bits are pulled harder
   std::int64_t between_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
-  /// Above 0 the host is left alone: it trains as without a mark, to the bit, and beside it the residual, from drawn views (between_every)
-  /// that shall carry the message and differ little from the host's own render: this, times their mean square difference.
+  /// Above 0, of PosthocEmbedding alone: sampled views of a finished model shall carry the message and differ little from its unmarked renders. The
+  /// loss is this, times their mean square difference.
   double fidelity = 0;
   /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as the median photograph does; it falls with this power of
   /// the distance beyond, and is up to twice as much nearer by. 0: the same everywhere.
@@ -160,8 +160,8 @@ struct TrainSettings {
   mark.residual_rate = 0.002;
   return mark;
 }
-/// A mark that is learned beside the host and held to its renders (docs/watermark_experiments.md). For a finished host: one that still trains moves under it.
-[[nodiscard]] inline MarkNumbers mark_beside_the_host() {
+/// A mark that is learned in a finished model and held to its unmarked renders: PosthocEmbedding (docs/watermark_experiments.md).
+[[nodiscard]] inline MarkNumbers posthoc_mark() {
   MarkNumbers mark = mark_in_the_photographs();
   mark.lambda_message = 0.25;
   mark.message_ramp = 0;

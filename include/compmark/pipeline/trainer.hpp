@@ -24,7 +24,6 @@
 #include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/pipeline/drawn_reading.hpp"
-#include "compmark/pipeline/held_steps.hpp"
 #include "compmark/pipeline/learning_rates.hpp"
 #include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/model.hpp"
@@ -36,7 +35,6 @@
 #include "compmark/pipeline/training_memory.hpp"
 #include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
-#include "compmark/pipeline/view_costs.hpp"
 #include "compmark/scene/image_point.hpp"
 
 namespace compmark::inline v0 {
@@ -44,6 +42,7 @@ namespace compmark::inline v0 {
 template <Recipe R, Executor E>
 class Trainer {
  public:
+  using RecipeType = R;
   using Scalar = typename R::Scalar;
   using Growth = typename R::DensityControl;
   using Optimizer = typename R::Optimizer;
@@ -55,10 +54,6 @@ class Trainer {
     typename Optimizer::State optimizer;
     typename Growth::State growth;
     std::int64_t iteration = 0;  ///< finished iterations
-    /// Of readings beside a finished host, if cameras are drawn by them.
-    [[no_unique_address]] std::conditional_t<DrawnReading<R>::can_stand_beside, ViewCosts, detail::Nothing<ViewCosts>>
-        costs;
-    [[no_unique_address]] std::conditional_t<reads_marked_ancestors<R>, HeldSteps, detail::Nothing<HeldSteps>> steps;
   };
 
   /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (method sheet, section 3.2).
@@ -70,6 +65,10 @@ class Trainer {
         view_count_(view_count),
         phases_(density_phases(settings_)),
         growth_(density_control<R>(settings_)) {
+    if constexpr (present<typename R::MessageDecoder>) {
+      COMPMARK_ASSERT(settings_.mark.fidelity == 0,
+                      "Trainer: a mark that is held to a finished model's renders is learned by PosthocEmbedding");
+    }
     if constexpr (!MarkedPipeline::Road::is_absent || !MarkedPipeline::Marks::is_absent) {
       mark_phases_ = MarkPhases(settings_.mark, settings_.iterations);
     }
@@ -154,19 +153,6 @@ class Trainer {
                   "scene/lens_camera.hpp)");
     learning_rates(t);
     Model<R>& model = state_.model;
-    double residual_rate = 0;  // of a mark beside the host, in iterations that read
-    bool host_trains = true;
-    if constexpr (marks_beside) {
-      if (mark_phases_.beside_the_host()) {
-        std::swap(residual_rate, rates_[model.road.embedder.residual.index]);
-        if (!mark_phases_.reads_between(t)) residual_rate = 0;
-        host_trains = std::any_of(rates_.begin(), rates_.end(), [](double rate) { return rate != 0; });
-        drawn_.alone = !host_trains && residual_rate != 0;
-        context_.road.embeds = false;
-        if (drawn_.alone) return mark_alone(views, residual_rate, report);
-      }
-    }
-
     const ViewCamera<R> camera = views.camera(report.view);
     if constexpr (present<typename R::Space>) context_.volume.space = space();
     if constexpr (present<typename R::Background>) {
@@ -182,16 +168,16 @@ class Trainer {
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
     if constexpr (present<typename R::AlphaLoss>) weights.lambda_alpha = settings_.effects.lambda_alpha;
     report.loss = pipeline_.loss(target_.view(), weights, context_, *executor_);
-    if (host_trains) pipeline_.backward(model, camera, report.view, context_, *executor_);
+    pipeline_.backward(model, camera, report.view, context_, *executor_);
 
     if constexpr (present<Growth>) {
-      if (host_trains && phases_.observes(t)) {
+      if (phases_.observes(t)) {
         observe(t, camera);
         if (phases_.adjusts(t)) adjust(t, report);
       }
     }
     if constexpr (present<typename R::MessageDecoder>) {
-      if (!report.adjusted && mark_phases_.reads_between(t) && !mark_phases_.beside_the_host()) {
+      if (!report.adjusted && mark_phases_.reads_between(t)) {
         static_cast<void>(
             drawn_.read(pipeline_, model, views, report.view, settings_.seed, t, mark_phases_, context_, *executor_));
       }
@@ -200,15 +186,10 @@ class Trainer {
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
       // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the published loop.
       const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
-      if (host_trains) {
-        report.skipped_blocks =
-            optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
-        if constexpr (present<typename R::Exposure>) {  // exposures that do not train keep their bits
-          if (rates_[model.exposure.affine.index] != 0) R::Exposure::fix_gauge(model.arena, model.exposure);
-        }
-      }
-      if constexpr (marks_beside) {
-        if (residual_rate != 0) static_cast<void>(learn_residual(views, residual_rate, report));
+      report.skipped_blocks =
+          optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
+      if constexpr (present<typename R::Exposure>) {  // exposures that do not train keep their bits
+        if (rates_[model.exposure.affine.index] != 0) R::Exposure::fix_gauge(model.arena, model.exposure);
       }
     }
     report.anchors = model.anchor_count();
@@ -238,7 +219,7 @@ class Trainer {
   [[nodiscard]] const MarkReport& mark_report() const requires(!Pipeline<R>::Marks::is_absent) {
     return context_.marks.report;
   }
-  /// What was read in the last view between training views; beside the host the only reading there is.
+  /// What was read in the last sampled view between training views.
   [[nodiscard]] const MarkReport& between_report() const requires(present<typename R::MessageDecoder>) {
     return drawn_.report();
   }
@@ -253,42 +234,16 @@ class Trainer {
   /// Tells the decoder and the bits that every render shall carry; call before the first step.
   void set_watermark(typename R::MessageDecoder decoder,
                      std::span<const std::uint8_t> message) requires(present<typename R::MessageDecoder>) {
-    COMPMARK_ASSERT(static_cast<std::size_t>(decoder.bits()) == message.size(), "Trainer: message length");
-    auto& marks = pipeline_.marks();
-    auto& loss = marks.message_loss.settings;
-    loss.logit_scale = static_cast<Scalar>(settings_.mark.logit_scale);
-    if (settings_.mark.hinge_margin > 0) {
-      loss.rule = MessageRule::hinge;
-      loss.margin = static_cast<Scalar>(settings_.mark.hinge_margin);
-      loss.power = static_cast<Scalar>(settings_.mark.hinge_power);
-    }
-    marks.decoder = std::move(decoder);
-    marks.message.assign(message.begin(), message.end());
+    set_message(pipeline_.marks(), settings_.mark, std::move(decoder), message);
   }
-  /// Render of the last iteration, and its ground truth. Beside a host that does not train: a drawn view, marked and unmarked.
-  [[nodiscard]] ImageView<const Scalar> image() const {
-    if constexpr (marks_beside) {
-      if (drawn_.alone) return drawn_.image();
-    }
-    return context_.image;
-  }
-  [[nodiscard]] ImageView<const Scalar> target() const {
-    if constexpr (marks_beside) {
-      if (drawn_.alone) return drawn_.host();
-    }
-    return target_.image();
-  }
+  /// Render of the last iteration, and its ground truth.
+  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }
+  [[nodiscard]] ImageView<const Scalar> target() const { return target_.image(); }
   /// How much each of its pixels counts, [height, width]; empty if the recipe does not look.
-  [[nodiscard]] std::span<const Scalar> weight() const {
-    if constexpr (marks_beside) {
-      if (drawn_.alone) return {};
-    }
-    return target_.weight();
-  }
+  [[nodiscard]] std::span<const Scalar> weight() const { return target_.weight(); }
 
  private:
   using Drawn = DrawnReading<R>;
-  static constexpr bool marks_beside = Drawn::can_stand_beside;
 
   /// The noise of iteration t in what is decoded, and what the entropy model does in it.
   void noise(std::int64_t t) {
@@ -301,50 +256,9 @@ class Trainer {
     }
   }
 
-  /// The other half of an iteration beside the host: a reading, and a step of the residual alone.
-  template <class Views>
-  ForwardReport learn_residual(const Views& views, double rate, IterationReport& report) requires(marks_beside) {
-    Model<R>& model = state_.model;
-    const ForwardReport forward = drawn_.read(pipeline_, model, views, report.view, settings_.seed, report.iteration,
-                                              mark_phases_, context_, *executor_);
-    rates_.assign(rates_.size(), 0.0);
-    rates_[model.road.embedder.residual.index] = rate;
-    report.skipped_blocks +=
-        optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, StepOptions{.zero_gradients_after = true})
-            .skipped_blocks;
-    return forward;
-  }
-  /// An iteration beside a host that does not train: no photograph is looked at. The last one steps too: nothing was saved before it.
-  template <class Views>
-  IterationReport mark_alone(const Views& views, double rate, IterationReport report) requires(marks_beside) {
-    const double share = settings_.mark.draw_by_cost;
-    report.view = drawn_.roomy_view(views, settings_.seed, report.iteration, state_.costs, share);
-    noise(report.iteration);
-    if constexpr (reads_marked_ancestors<R>) hold_steps(report.iteration);
-    report.forward = learn_residual(views, rate, report);
-    if (share > 0) state_.costs.add(report.view, views.size(), drawn_.report().message);
-    report.loss.total = drawn_.report().total;
-    report.anchors = state_.model.anchor_count();
-    state_.iteration = report.iteration;
-    return report;
-  }
-
-  /// In the first reading, and in the first of every so many iterations.
-  void hold_steps(std::int64_t t) requires(reads_marked_ancestors<R>) {
-    const std::int64_t every = settings_.mark.hold_steps_every;
-    if (every <= 0 || !context_.road.rate.phase.context) return;
-    const std::int64_t before = t - std::max<std::int64_t>(1, settings_.mark.between_every);  // the reading before
-    if (!state_.steps.wanted.empty() && (t - 1) / every == (before - 1) / every) return;
-    const RateNumbers& rate = settings_.rate;
-    state_.steps.hold(pipeline_, context_.road.rate.phase, {rate.feature_step, rate.scaling_step, rate.offset_step},
-                      state_.model, context_, *executor_);
-  }
-
   void start(std::size_t rows) {
     set_schedules(state_.model, settings_);
     state_.iteration = 0;
-    state_.costs = {};
-    state_.steps = {};
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
     growth_.prepare(rows, state_.growth);
   }
