@@ -60,7 +60,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     info = std::move(model->info);
   }
   testing::put_bytes(path, bytes);
-  auto checkpoint = read_checkpoint<FuzzRecipe, SerialExecutor>(path, settings_of_run(), info);
+  auto checkpoint = read_checkpoint<Trainer<FuzzRecipe, SerialExecutor>>(path, settings_of_run(), info);
   if (!checkpoint) {
     testing::require_words(checkpoint.error());
     return 0;

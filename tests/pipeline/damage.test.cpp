@@ -44,6 +44,6 @@ TEST_CASE("pipeline/damage: of models and checkpoints no damage is accepted as a
   compmark::testing::check_tensor_damage(
       "a checkpoint", *read_file(path), [&](const SafetensorsFile& file, const FileBytes& bytes) {
         compmark::testing::put_raw(bad, bytes);
-        return file.metadata.contains("settings") && read_checkpoint<R, SerialExecutor>(bad, settings, info).ok();
+        return file.metadata.contains("settings") && read_checkpoint<Trainer<R, SerialExecutor>>(bad, settings, info).ok();
       });
 }
