@@ -141,6 +141,22 @@ Data flat_jpeg(unsigned side, unsigned interval, unsigned restarts, bool with_sc
   return file;
 }
 
+/// A JPEG without all of its segments of a kind; those that it has lie before the first scan.
+Data without_segments(const Data& file, unsigned marker) {
+  Data result(file.begin(), file.begin() + 2);
+  std::size_t i = 2;
+  while (file[i + 1] != std::byte{0xDA}) {
+    const std::size_t size =
+        2 + 256 * std::to_integer<std::size_t>(file[i + 2]) + std::to_integer<std::size_t>(file[i + 3]);
+    const auto begin = file.begin() + static_cast<std::ptrdiff_t>(i);
+    if (file[i + 1] != static_cast<std::byte>(marker))
+      result.insert(result.end(), begin, begin + static_cast<std::ptrdiff_t>(size));
+    i += size;
+  }
+  result.insert(result.end(), file.begin() + static_cast<std::ptrdiff_t>(i), file.end());
+  return result;
+}
+
 TEST_CASE(
     "io/image_limit: the smallest files of an image are read, 1032 bytes of rows a byte; of twice the height they "
     "promise too much") {
@@ -248,6 +264,17 @@ TEST_CASE(
   const auto empty = decode_image(flat_jpeg(64, 0, 0, false), "empty");
   REQUIRE(!empty.ok());
   CHECK(empty.error().problem.find("without data") != std::string::npos);
+  for (const bool baseline : {false, true}) {
+    Data whole = flat;
+    ImageBytes grey{16, 16, 3, std::vector<std::uint8_t>(16 * 16 * 3, 77)};
+    if (baseline) whole = encode_jpeg(grey, 90);
+    REQUIRE(decode_image(whole, "whole").ok());
+    for (const unsigned marker : {0xC4u, 0xDBu}) {  // tables that are not there are not those of another file
+      const auto lacks = decode_image(without_segments(whole, marker), "lacks");
+      REQUIRE(!lacks.ok());
+      CHECK(lacks.error().problem.find("table that is missing") != std::string::npos);
+    }
+  }
   const auto promise = decode_image(flat_jpeg(4096, 0, 0, false), "promise");
   REQUIRE(!promise.ok());
   CHECK(promise.error().kind == ErrorKind::truncated);

@@ -62,85 +62,134 @@ namespace detail {
   return nullptr;
 }
 
-/// What a JPEG's header says of its samples, as far as it tells how many units each scan has.
-struct JpegFrame {
-  unsigned width = 0, height = 0, widest = 1, tallest = 1;
-  std::array<std::array<unsigned, 2>, 256> sampling{};  ///< of the components by their numbers; 0: none
-
-  /// Of a scan of all (component -1) or one of the components.
-  [[nodiscard]] std::uint64_t units(int component) const {
-    const auto ceil = [](std::uint64_t n, std::uint64_t d) { return (n + d - 1) / d; };
-    if (component < 0) return ceil(width, 8 * widest) * ceil(height, 8 * tallest);
-    const auto& [across, down] = sampling[static_cast<std::size_t>(component)];
-    return ceil(ceil(std::uint64_t{width} * across, widest), 8) * ceil(ceil(std::uint64_t{height} * down, tallest), 8);
+/// What a JPEG has said so far, as far as it tells what a scan needs: stb_image decodes with tables that nobody has written, and to what lay in memory.
+class JpegTables {
+ public:
+  /// Each takes the contents of a segment, from `begin` to `end`; two of them say what is wrong, or nullptr.
+  const char* huffman(std::span<const std::byte> bytes, std::size_t begin, std::size_t end) {
+    // stb before its release 2.29 writes past its tables otherwise; behind the file's end it reads zeros.
+    for (std::size_t table = begin; table < end;) {
+      unsigned codes = 0;
+      for (std::size_t k = table + 1; k <= table + 16 && k < bytes.size(); ++k) codes += at(bytes, k);
+      if (codes > 256) return "an oversized Huffman table";
+      const unsigned name = at(bytes, table);
+      if (name < 32 && name % 16 < 4) coded_[name / 16][name % 16] = true;
+      table += 17 + codes;
+    }
+    return nullptr;
   }
+  void quantisation(std::span<const std::byte> bytes, std::size_t begin, std::size_t end) {
+    for (std::size_t table = begin; table < end;) {
+      const unsigned name = at(bytes, table);
+      if (name % 16 < 4) quantised_[name % 16] = true;
+      table += name < 16 ? 65 : 129;
+    }
+  }
+  void frame(std::span<const std::byte> bytes, std::size_t begin, std::size_t end, bool progressive) {
+    if (begin + 6 > end) return;  // what stb refuses itself, here and below
+    progressive_ = progressive;
+    height_ = 256 * at(bytes, begin + 1) + at(bytes, begin + 2);
+    width_ = 256 * at(bytes, begin + 3) + at(bytes, begin + 4);
+    for (std::size_t c = 0, entry = begin + 6; c < at(bytes, begin + 5) && entry + 2 < end; ++c, entry += 3) {
+      Component& component = components_[at(bytes, entry)];
+      component = {true, false, at(bytes, entry + 1) / 16, at(bytes, entry + 1) % 16, at(bytes, entry + 2)};
+      widest_ = std::max(widest_, component.across);
+      tallest_ = std::max(tallest_, component.down);
+    }
+  }
+  const char* scan(std::span<const std::byte> bytes, std::size_t begin, std::size_t end) {
+    restarts_wanted_ = 0;
+    if (begin >= end) return nullptr;
+    const std::size_t count = at(bytes, begin), behind = begin + 1 + 2 * count;
+    if (behind + 3 > end) return nullptr;
+    // The first scan of a component begins with coefficient 0 and all of its high bits; others of a progressive file add to it.
+    const bool constant = at(bytes, behind) == 0, first = constant && at(bytes, behind + 2) < 16;
+    for (std::size_t entry = begin + 1; entry < behind; entry += 2) {
+      Component& component = components_[at(bytes, entry)];
+      const unsigned tables = at(bytes, entry + 1);
+      if (!component.known || tables / 16 > 3 || tables % 16 > 3 || component.table > 3) return nullptr;
+      if ((!progressive_ || first) && !coded_[0][tables / 16]) return "a Huffman table that is missing";
+      if ((!progressive_ || !constant) && !coded_[1][tables % 16]) return "a Huffman table that is missing";
+      if (!quantised_[component.table]) return "a quantisation table that is missing";
+      component.scanned = component.scanned || first;
+    }
+    const std::uint64_t units = count == 1 ? units_of(components_[at(bytes, begin + 1)]) : units_of_all();
+    if (interval != 0 && units != 0) restarts_wanted_ = (units - 1) / interval;
+    return nullptr;
+  }
+  /// `restarts`: that the last scan had.
+  [[nodiscard]] const char* scan_end(std::uint64_t restarts) const {
+    return restarts < restarts_wanted_ ? "data that end early" : nullptr;
+  }
+  [[nodiscard]] const char* end() const {
+    const bool all = std::all_of(components_.begin(), components_.end(),
+                                 [](const Component& component) { return !component.known || component.scanned; });
+    return all ? nullptr : "a component without data";
+  }
+
+  std::uint64_t interval = 0;  ///< units between restarts
+
+ private:
+  struct Component {
+    bool known = false, scanned = false;
+    unsigned across = 0, down = 0, table = 0;
+  };
+  static unsigned at(std::span<const std::byte> bytes, std::size_t i) {
+    return i < bytes.size() ? std::to_integer<unsigned>(bytes[i]) : 0u;
+  }
+  [[nodiscard]] static std::uint64_t parts(std::uint64_t n, std::uint64_t size) { return (n + size - 1) / size; }
+  [[nodiscard]] std::uint64_t units_of_all() const { return parts(width_, 8 * widest_) * parts(height_, 8 * tallest_); }
+  [[nodiscard]] std::uint64_t units_of(const Component& c) const {
+    return parts(parts(std::uint64_t{width_} * c.across, widest_), 8) *
+           parts(parts(std::uint64_t{height_} * c.down, tallest_), 8);
+  }
+
+  unsigned width_ = 0, height_ = 0, widest_ = 1, tallest_ = 1;
+  bool progressive_ = false;
+  std::array<std::array<bool, 4>, 2> coded_{};  ///< of constants, of the other coefficients
+  std::array<bool, 4> quantised_{};
+  std::array<Component, 256> components_{};  ///< by their numbers
+  std::uint64_t restarts_wanted_ = 0;        ///< of the last scan
 };
 
-/// What is wrong with a JPEG (`header_only`: as far as its size is told) that stb_image would not say; nullptr if nothing is. Of a component without a scan, and of what is behind a restart that is
-/// missing, stb gives what lay in memory. Segments are walked as stb walks them; what is odd otherwise is left for stb to refuse.
+/// What is wrong with a JPEG (`header_only`: as far as its size is told) that stb_image would not say; nullptr if nothing is. Segments are walked as stb
+/// walks them; what is odd otherwise is left for stb to refuse.
 [[nodiscard]] inline const char* jpeg_damage(std::span<const std::byte> bytes, bool header_only = false) {
   const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(bytes[i]); };
   if (bytes.size() < 2 || at(0) != 0xFF) return nullptr;  // no JPEG; fill bytes may come first
-  JpegFrame frame;
-  std::array<bool, 256> scanned{};
-  std::uint64_t interval = 0, wanted = 0, restarts = 0;  // of the scan that is walked
+  JpegTables tables;
+  std::uint64_t restarts = 0;
   for (std::size_t i = 0; i + 3 < bytes.size();) {
-    if (at(i) != 0xFF) {
-      ++i;
-      continue;
-    }
-    const unsigned marker = at(i + 1);
-    if (marker == 0xFF) {
+    const unsigned marker = at(i) == 0xFF ? at(i + 1) : 0xFF;
+    if (marker == 0xFF) {  // data, or a fill byte
       ++i;
       continue;
     }
     if (marker < 0xC0 || (marker >= 0xD0 && marker <= 0xD8)) {  // a stuffed byte, a restart, the start: no contents
-      if (marker >= 0xD0 && marker <= 0xD7) ++restarts;
+      restarts += marker >= 0xD0 && marker <= 0xD7 ? 1 : 0;
       i += 2;
       continue;
     }
-    if (restarts < wanted) return "data that end early";
-    wanted = restarts = 0;
-    if (marker == 0xD9) break;
-    if (header_only && marker >= 0xC0 && marker <= 0xC2) return nullptr;
-    const std::size_t end = i + 2 + 256 * at(i + 2) + at(i + 3);
+    if (const char* damage = tables.scan_end(restarts); damage != nullptr) return damage;
+    if (marker == 0xD9) return tables.end();
+    const std::size_t begin = i + 4, end = i + 2 + 256 * at(i + 2) + at(i + 3);
     const std::size_t inside = std::min(end, bytes.size());
-    if (marker == 0xC4) {
-      // stb before its release 2.29 writes past its tables otherwise; behind the file's end it reads zeros.
-      for (std::size_t table = i + 4; table < inside;) {
-        unsigned codes = 0;
-        for (std::size_t k = table + 1; k <= table + 16 && k < bytes.size(); ++k) codes += at(k);
-        if (codes > 256) return "an oversized Huffman table";
-        table += 17 + codes;
-      }
-    } else if (marker >= 0xC0 && marker <= 0xC2 && i + 10 <= inside) {
-      frame.height = 256 * at(i + 5) + at(i + 6);
-      frame.width = 256 * at(i + 7) + at(i + 8);
-      for (std::size_t c = 0, entry = i + 10; c < at(i + 9) && entry + 1 < inside; ++c, entry += 3) {
-        const std::array<unsigned, 2> sampling{at(entry + 1) >> 4, at(entry + 1) & 15u};
-        if (sampling[0] == 0 || sampling[1] == 0) return nullptr;  // stb says so
-        frame.sampling[at(entry)] = sampling;
-        frame.widest = std::max(frame.widest, sampling[0]);
-        frame.tallest = std::max(frame.tallest, sampling[1]);
-      }
-    } else if (marker == 0xDD && i + 6 <= inside) {
-      interval = 256 * at(i + 4) + at(i + 5);
-    } else if (marker == 0xDA && i + 5 <= inside) {
-      const std::size_t list = i + 5, count = at(i + 4), behind = list + 2 * count;
-      if (behind + 3 > inside) return nullptr;  // stb says so
-      // The first scan of a component begins with coefficient 0 and all of its high bits; others add to it.
-      const bool first = at(behind) == 0 && at(behind + 2) >> 4 == 0;
-      for (std::size_t entry = list; first && entry < behind; entry += 2) scanned[at(entry)] = true;
-      const std::uint64_t units = frame.units(count == 1 ? static_cast<int>(at(list)) : -1);
-      if (interval != 0 && units != 0) wanted = (units - 1) / interval;
+    const bool frame = marker >= 0xC0 && marker <= 0xC2;
+    if (frame && header_only) return nullptr;
+    const char* damage = nullptr;
+    if (marker == 0xC4) damage = tables.huffman(bytes, begin, inside);
+    if (marker == 0xDB) tables.quantisation(bytes, begin, inside);
+    if (marker == 0xDD && begin + 2 <= inside) tables.interval = 256 * at(begin) + at(begin + 1);
+    if (frame) tables.frame(bytes, begin, inside, marker == 0xC2);
+    if (marker == 0xDA) {
+      damage = tables.scan(bytes, begin, inside);
+      restarts = 0;
     }
+    if (damage != nullptr) return damage;
     i = end;
   }
-  if (restarts < wanted) return "data that end early";
-  for (std::size_t c = 0; c < scanned.size(); ++c) {
-    if (frame.sampling[c][0] != 0 && !scanned[c]) return "a component without data";
-  }
-  return nullptr;
+  const char* damage = tables.scan_end(restarts);
+  return damage != nullptr || header_only ? damage : tables.end();
 }
 
 }  // namespace detail
