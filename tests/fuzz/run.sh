@@ -33,7 +33,7 @@ for name in "${targets[@]}"; do
   seeds=("$corpus/$name")
   [ "$name" = container ] && seeds+=(tests/golden/codec)
   # Readers that warn do so on stderr, which is the fuzzer's own: its lines stay.
-  TMPDIR=$scratch "$build/bin/fuzz_$name" -max_total_time="$each" -rss_limit_mb=512 -timeout=20 -max_len=8192 -close_fd_mask=1 -print_final_stats=1 \
+  TMPDIR=$scratch "$build/bin/fuzz_$name" -max_total_time="$each" -rss_limit_mb=512 -timeout=60 -max_len=8192 -close_fd_mask=1 -print_final_stats=1 \
     -dict=tests/fuzz/words.dict -artifact_prefix="$artifacts/$name-" "${seeds[@]}" >"$log/$name" 2>&1
   code=$?
   of() { sed -n "s/^stat::$1: *//p" "$log/$name" | tail -1; }

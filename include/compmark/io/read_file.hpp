@@ -76,21 +76,26 @@ class InputFile {
   /// Appends the next `count` bytes (at most those that are left) to `bytes`.
   [[nodiscard]] Result<Done> append(std::vector<std::byte>& bytes, std::uintmax_t count) {
     const std::size_t begin = bytes.size();
-    const std::size_t wanted = static_cast<std::size_t>(std::min(count, left()));
+    const std::size_t end = begin + static_cast<std::size_t>(std::min(count, left()));
     try {
-      bytes.resize(begin + wanted);
+      bytes.reserve(end);
     } catch (const std::bad_alloc&) {
       return no_memory();
     } catch (const std::length_error&) {
       return no_memory();
     }
-    errno = 0;
-    if (wanted != 0 && std::fread(bytes.data() + begin, 1, wanted, stream_.get()) != wanted) {
+    // In pieces that stay in the cache between the zeros of resize and the file's bytes: a pass over the memory less.
+    constexpr std::size_t piece = std::size_t{1} << 18;
+    while (bytes.size() != end) {
+      const std::size_t at = bytes.size(), wanted = std::min(piece, end - at);
+      bytes.resize(at + wanted);
+      errno = 0;
+      if (std::fread(bytes.data() + at, 1, wanted, stream_.get()) == wanted) continue;
       if (std::ferror(stream_.get()) != 0)
         return error(ErrorKind::unreadable, std::string("cannot be read: ") + std::strerror(errno), "copy it again");
       return error(ErrorKind::truncated, "ended before its " + std::to_string(size_) + " bytes", "copy it again");
     }
-    read_ += wanted;
+    read_ += end - begin;
     return Done{};
   }
   /// Appends all that is left; an error if the file has grown meanwhile.

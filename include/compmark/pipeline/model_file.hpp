@@ -15,6 +15,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -61,12 +62,14 @@ template <class T>
                                             static_cast<std::int64_t>(block.columns)};
     const Result<SafetensorsTensor> tensor = file.tensor(prefix + block.name, shape);
     if (!tensor) return tensor.error();
-    const Result<std::vector<T>> values = file.values<T>(prefix + block.name);
-    if (!values) return values.error();
-    for (const T value : *values) {
-      if (!std::isfinite(value)) return model_error(file, prefix + block.name, "holds a value that is not finite");
+    const std::span<T> values = arena.all_values().subspan(block.offset, block.size());
+    if (tensor->dtype != safetensors_dtype<T>()) {
+      return model_error(file, prefix + block.name,
+                         "has dtype " + tensor->dtype + ", expected " + std::string(safetensors_dtype<T>()));
     }
-    std::copy(values->begin(), values->end(), arena.all_values().begin() + static_cast<std::ptrdiff_t>(block.offset));
+    if (!values.empty()) std::memcpy(values.data(), tensor->data.data(), tensor->data.size());
+    if (!std::all_of(values.begin(), values.end(), [](T value) { return std::isfinite(value); }))
+      return model_error(file, prefix + block.name, "holds a value that is not finite");
   }
   return Done{};
 }
