@@ -54,7 +54,7 @@ Result<Done> read_planes(const fs::path& path, const ReadingOptions& options, Re
   read.planes = {};  // of the image before
   std::vector<std::uint8_t> planes;
   {
-    Result<std::vector<std::byte>> bytes = read_file(path, image_file_limit);
+    Result<std::vector<std::byte>> bytes = read_image_bytes(path);
     if (!bytes) return bytes.error();
     const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
     if (!info) return info.error();

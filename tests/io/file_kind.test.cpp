@@ -199,6 +199,14 @@ TEST_CASE(
     CHECK(error.kind == ErrorKind::malformed);
     CHECK(!error.remedy.empty());
   }
+  fs::resize_file(at("zeros"), std::uintmax_t{300} << 20);
+  const std::size_t before = testing::peak_memory();
+  for (const Error& error : {read_image(at("zeros")).error(), read_image_info(at("zeros")).error(),
+                             read_npy(at("zeros")).error(), read_json(at("zeros")).error()}) {
+    CHECK(error.kind == ErrorKind::malformed);
+    CHECK(!error.remedy.empty());
+  }
+  CHECK(testing::peak_memory() < before + (std::size_t{16} << 20));
 }
 
 }  // namespace

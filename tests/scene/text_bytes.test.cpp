@@ -127,3 +127,27 @@ TEST_CASE("scene/colmap_text: images without their second lines are all there; w
     CHECK(!read_colmap_text(folder.path()).ok());  // whether or not features are asked for
   }
 }
+
+TEST_CASE(
+    "scene/text_bytes: a large file that does not begin as a text is refused at its beginning, a large text is read") {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "transforms.json";
+  const auto grown = [&](const std::string& begin) {
+    put(path, begin);
+    std::filesystem::resize_file(path, std::uintmax_t{300} << 20);  // zeros behind it
+    return detail::read_text(path).error();
+  };
+  const std::size_t before = peak_memory();
+  CHECK(grown("").problem.find("unknown kind, not a text") != std::string::npos);
+  CHECK(grown("\x89PNG\r\n\x1a\n").problem.find("PNG image, not a text") != std::string::npos);
+  CHECK(grown("\xFF\xFE{").problem.find("UTF-16") != std::string::npos);
+  CHECK(peak_memory() < before + (std::size_t{16} << 20));
+  put(path, "{\"frames\": 1}");  // zeros behind a text are those of a file system
+  std::filesystem::resize_file(path, std::uintmax_t{1} << 20);
+  CHECK(detail::read_text(path)->size() == 13);
+  const std::string long_text(200000, 'a');
+  put(path, "\xEF\xBB\xBF" + long_text);
+  const auto read = detail::read_text(path);
+  REQUIRE(read.ok());
+  CHECK(read->size() == long_text.size());
+}

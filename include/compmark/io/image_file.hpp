@@ -158,24 +158,23 @@ namespace detail {
   return image;
 }
 
-namespace detail {
-[[nodiscard]] inline Result<std::vector<std::byte>> read_image_file(const std::filesystem::path& path) {
-  return read_file_of(path, image_file_limit, image_kinds, [](FileKind kind, std::span<const std::byte>) {
+/// The bytes of an image file, encoded; a file of another kind is not read whole.
+[[nodiscard]] inline Result<std::vector<std::byte>> read_image_bytes(const std::filesystem::path& path) {
+  return read_file_of(path, image_file_limit, detail::image_kinds, [](FileKind kind, std::span<const std::byte>) {
     return kind == FileKind::png || kind == FileKind::jpeg;
   });
 }
-}  // namespace detail
 
 /// Size and channels of a file. Reads the whole file: on a warm disk cache ~0.1 ms a megabyte.
 [[nodiscard]] inline Result<ImageInfo> read_image_info(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = detail::read_image_file(path);
+  const Result<std::vector<std::byte>> bytes = read_image_bytes(path);
   if (!bytes) return bytes.error();
   return decode_image_info(*bytes, path.string());
 }
 
 [[nodiscard]] inline Result<ImageBytes> read_image(const std::filesystem::path& path,
                                                    std::uint64_t memory_limit = image_memory_limit) {
-  const Result<std::vector<std::byte>> bytes = detail::read_image_file(path);
+  const Result<std::vector<std::byte>> bytes = read_image_bytes(path);
   if (!bytes) return bytes.error();
   return decode_image(*bytes, path.string(), memory_limit);
 }

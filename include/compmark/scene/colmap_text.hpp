@@ -75,9 +75,7 @@ class LineCursor {
 class LineReader {
  public:
   [[nodiscard]] static Result<LineReader> open(const std::filesystem::path& path) {
-    Result<std::vector<std::byte>> bytes = read_file(path);
-    if (!bytes) return bytes.error();
-    bytes = plain_text(std::move(*bytes), path.string());
+    Result<std::vector<std::byte>> bytes = read_text(path);
     if (!bytes) return bytes.error();
     LineReader reader;
     reader.name_ = path.string();

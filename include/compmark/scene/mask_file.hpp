@@ -42,7 +42,7 @@ struct MaskFile {
 
 /// Decodes a mask with all of its bits.
 [[nodiscard]] inline Result<MaskFile> read_mask_file(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path, image_file_limit);
+  const Result<std::vector<std::byte>> bytes = read_image_bytes(path);
   if (!bytes) return bytes.error();
   const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
   if (!info) return info.error();

@@ -6,11 +6,15 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/file_kind.hpp"
 
 namespace compmark::inline v0 {
 namespace detail {
@@ -26,6 +30,22 @@ namespace detail {
   while (!bytes.empty() && bytes.back() == std::byte{0}) bytes.pop_back();
   if (at(0) == 0xEF && at(1) == 0xBB && at(2) == 0xBF) bytes.erase(bytes.begin(), bytes.begin() + 3);
   return bytes;
+}
+
+/// The text of a file of at most `limit` bytes. A large one that does not begin as a text is refused before the rest of it is read.
+[[nodiscard]] inline Result<std::vector<std::byte>> read_text(const std::filesystem::path& path,
+                                                              std::uintmax_t limit = std::uintmax_t{1} << 40) {
+  Result<std::vector<std::byte>> bytes =
+      read_file(path, limit, file_kind_head, [&](std::span<const std::byte> head, std::uintmax_t size) {
+        const auto text = plain_text({head.begin(), head.end()}, path.string());  // without the zeros of a file system
+        if (!text) return Result<Done>(text.error());
+        const FileKind kind = text->empty() ? FileKind::unknown : identify_bytes(*text, size);
+        if (size <= file_kind_head || (kind >= FileKind::text && kind <= FileKind::owner_key))
+          return Result<Done>(Done{});
+        return Result<Done>(wrong_kind(kind, path.string(), "a text file"));
+      });
+  if (!bytes) return bytes;
+  return plain_text(std::move(*bytes), path.string());
 }
 
 }  // namespace detail

@@ -93,9 +93,7 @@ template <class Json = nlohmann::json>
 
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Json> read_transforms(const std::filesystem::path& path) {
-  Result<std::vector<std::byte>> bytes = read_file(path, std::uintmax_t{1} << 30);
-  if (!bytes) return bytes.error();
-  bytes = plain_text(std::move(*bytes), path.string());
+  const Result<std::vector<std::byte>> bytes = read_text(path, std::uintmax_t{1} << 30);
   if (!bytes) return bytes.error();
   return parse_transforms<Json>(*bytes, path.string());
 }
