@@ -1,10 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A training run on disk, exactly: parameters, Adam's moments and step counts, growth statistics, the iteration, what the
-// message cost near each view where cameras are drawn by that, and the steps that are held where a mark moves them. Random numbers and the order of photographs are functions of (seed, iteration) and need no
-// state. A run resumed from a checkpoint ends in the same bits.
-// The file is a model file with more tensors in it; its settings are stored and compared, field by field, before anything is believed.
+// A training run on disk, exactly: parameters, Adam's moments and step counts, growth statistics, the iteration, what the message cost near each view where cameras
+// are drawn by that, and the steps that are held where a mark moves them. Random numbers and the order of photographs are functions of (seed, iteration) and need
+// no state. A run resumed from a checkpoint ends in the same bits. The file is a model file with more tensors; its settings are compared before anything is believed.
 #pragma once
 
 #include <algorithm>
@@ -232,10 +231,8 @@ template <class Value>
 [[nodiscard]] Result<Done> read_column(const SafetensorsFile& file, const char* name, std::span<Value> column) {
   const Result<std::vector<Value>> values = file.values<Value>(name);
   if (!values) return values.error();
-  if (values->size() != column.size()) {
-    return other_run(file, name,
-                     "has " + std::to_string(values->size()) + " values, expected " + std::to_string(column.size()));
-  }
+  const std::string found = std::to_string(values->size()), wanted = std::to_string(column.size());
+  if (found != wanted) return other_run(file, name, "has " + found + " values, expected " + wanted);
   std::copy(values->begin(), values->end(), column.begin());
   return Done{};
 }
