@@ -8,7 +8,7 @@ set -eu
 optional=""
 needed="g++ cmake ninja-build pkg-config git libeigen3-dev libstb-dev nlohmann-json3-dev libnanoflann-dev libcli11-dev doctest-dev libbenchmark-dev"
 if [ "${1:-}" = ci ]; then
-  needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev libxtensor-dev ccache valgrind"
+  needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev libxtensor-dev ccache valgrind universal-ctags"
   optional="chromium-headless-shell" # Debian's; what needs it is skipped without
 fi
 

@@ -7,7 +7,7 @@
 
 #include <cstddef>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 // core
 template <class T>
@@ -53,4 +53,4 @@ template <class T>
 struct ScreenStatistics;
 struct RasterReport;
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

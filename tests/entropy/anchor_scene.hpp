@@ -17,7 +17,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/entropy/rate.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 inline constexpr int D = 13, K = 3;  ///< channels of a feature, offsets of an anchor
 
@@ -108,4 +108,4 @@ struct AnchorScene {
   }
 };
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -6,11 +6,11 @@
 
 #include "compmark/entropy/gaussian_tables.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 inline const GaussianTables& shared_tables() {
   static const GaussianTables tables;
   return tables;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -10,7 +10,7 @@
 
 #include "any_tensors.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Good files of two kinds of capture, which the targets put beside any bytes.
 inline const std::string capture_json =
@@ -67,4 +67,4 @@ inline void look_at_capture(const std::filesystem::path& folder, std::size_t cho
   }
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

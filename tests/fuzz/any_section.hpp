@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 class AnySection {
  public:
@@ -65,4 +65,4 @@ class AnySection {
   GaussianTables tables_;
 };
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

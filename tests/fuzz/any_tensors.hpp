@@ -21,7 +21,7 @@
 #include <utility>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// What the fuzzer gives, piece by piece; zeros at its end.
 class FuzzInput {
@@ -206,4 +206,4 @@ inline std::vector<std::byte> any_tensor_file(const std::vector<LooseTensors>& g
   return bytes;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -9,11 +9,11 @@
 #include <iterator>
 #include <string>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 [[nodiscard]] inline std::string text_of(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -10,10 +10,10 @@
 #include "compmark/core/random.hpp"
 #include "compmark/mark/message.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 [[nodiscard]] inline Message drawn_message(const Random& stream, std::uint64_t index, std::size_t bits) {
   return Message::from_words(stream.bits(2 * index), stream.bits(2 * index + 1), bits);
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -8,7 +8,7 @@
 
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 struct NoCodec {
   void operator()(ImageView<const float> image, int /*quality*/, ImageView<float> output) const {
@@ -16,4 +16,4 @@ struct NoCodec {
   }
 };
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

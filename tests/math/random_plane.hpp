@@ -10,7 +10,7 @@
 
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 template <class T>
 [[nodiscard]] std::vector<T> random_plane(int height, int width, std::uint64_t seed = 1) {
@@ -21,4 +21,4 @@ template <class T>
   return plane;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

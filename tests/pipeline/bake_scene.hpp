@@ -15,7 +15,7 @@
 #include "compmark/recipes/scaffold.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 using BakeRecipe = recipes::Scaffold;
 
@@ -84,4 +84,4 @@ inline std::vector<Camera<double>> orbit_cameras(std::size_t count, int size = 6
   return cameras;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

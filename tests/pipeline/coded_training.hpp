@@ -20,7 +20,7 @@
 #include "small_scene.hpp"
 #include "support/tool.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 struct SmallHac : recipes::Hac<SmallRecipe> {};
 struct SmallContextGs : recipes::ContextGs<SmallRecipe> {};
@@ -97,4 +97,4 @@ void check_reproducible() {
   }
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Eight waves of colour, a bit a wave: what a surface keeps from wherever it is seen (mark/lattice_decoder.hpp).
 inline LatticeDecoder<float> colours() {
@@ -24,4 +24,4 @@ inline LatticeDecoder<float> colours() {
   return {settings, weights};
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -41,9 +41,10 @@ TEST_CASE("pipeline/damage: of models and checkpoints no damage is accepted as a
       [](const SafetensorsFile& file, const FileBytes&) { return model_from<R>(file).ok(); });
   REQUIRE(write_checkpoint(path, trainer.state(), settings, info, 12.5).ok());
   const std::filesystem::path bad = folder.path / "bad.safetensors";
-  compmark::testing::check_tensor_damage(
-      "a checkpoint", *read_file(path), [&](const SafetensorsFile& file, const FileBytes& bytes) {
-        compmark::testing::put_raw(bad, bytes);
-        return file.metadata.contains("settings") && read_checkpoint<Trainer<R, SerialExecutor>>(bad, settings, info).ok();
-      });
+  compmark::testing::check_tensor_damage("a checkpoint", *read_file(path),
+                                         [&](const SafetensorsFile& file, const FileBytes& bytes) {
+                                           compmark::testing::put_raw(bad, bytes);
+                                           return file.metadata.contains("settings") &&
+                                                  read_checkpoint<Trainer<R, SerialExecutor>>(bad, settings, info).ok();
+                                         });
 }

@@ -16,7 +16,7 @@
 
 #include "small_scene.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Smooth everywhere: the cut-off is a ramp, nothing stops, nothing is clamped (numerics case BF4).
 inline constexpr Accuracy smooth_accuracy{
@@ -81,4 +81,4 @@ void check_directional_derivative(Model<R>& model, const Loss& loss, const Backw
   }
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

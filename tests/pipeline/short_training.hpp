@@ -15,6 +15,6 @@
 #define COMPMARK_SHORT_TRAININGS 0
 #endif
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 inline constexpr bool short_trainings = COMPMARK_SHORT_TRAININGS != 0;
 }

@@ -14,7 +14,7 @@
 #include <numbers>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 inline constexpr DecoderShape small_shape{.feature_dim = 8, .offsets = 3};
 struct SmallRecipe : DefaultRecipe<float, small_shape> {};
@@ -74,4 +74,4 @@ struct BlobViews {
   }
 };
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

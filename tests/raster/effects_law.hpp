@@ -23,7 +23,7 @@
 #include "compmark/testing/raster_laws.hpp"
 #include "support/raster.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Every Gaussian at every pixel, nothing clamped: sums over pixels then have closed forms.
 inline constexpr Accuracy uncut{.exp_degree = 0, .alpha_min = 0, .alpha_max = 1.0f, .transmittance_stop = 0};
@@ -114,4 +114,4 @@ void check_agreement_with_effects(double image, double gradient) {
   CHECK_MESSAGE(broken.empty(), broken);
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -17,7 +17,7 @@
 
 #include "support/scene_files.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 struct CubeCapture {
   std::vector<Camera<double>> cameras;
@@ -153,4 +153,4 @@ inline std::string cube_ply(const CubeCapture& capture) {
   return text;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

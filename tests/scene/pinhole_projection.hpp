@@ -6,7 +6,7 @@
 #include <compmark/scene/camera.hpp>
 #include <cstddef>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Where a pinhole sees a point, written independently of the code that is tested: column, row and depth.
 inline std::array<double, 3> project(const Camera<double>& camera, const std::array<double, 3>& point) {
@@ -18,4 +18,4 @@ inline std::array<double, 3> project(const Camera<double>& camera, const std::ar
   return {camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy, p[2]};
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -19,7 +19,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Bits, so that -0 is not 0.
 [[nodiscard]] inline bool same(const std::vector<float>& a, const std::vector<float>& b) {
@@ -186,4 +186,4 @@ inline void check_any_threads(const CodecModel& model) {
   }
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

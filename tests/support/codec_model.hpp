@@ -19,7 +19,7 @@
 #include "compmark/core/random.hpp"
 #include "support/context.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 struct CodecModelShape {
   std::size_t anchors = 300;
@@ -128,4 +128,4 @@ struct CodecModelShape {
   return model;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

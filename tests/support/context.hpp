@@ -17,7 +17,7 @@
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/entropy/integer_quantize.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 struct FloatContextModel {
   HashGridShape shape;
@@ -120,4 +120,4 @@ struct FloatContextModel {
   return model;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

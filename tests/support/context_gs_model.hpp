@@ -19,7 +19,7 @@
 #include "support/codec_model.hpp"
 #include "support/context.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// One network of so many inputs, as make_float_context has them.
 [[nodiscard]] inline TrainedContextGs::Network make_context_gs_network(std::uint64_t seed, std::size_t inputs,
@@ -125,4 +125,4 @@ namespace compmark::inline v0::testing {
   return model;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 using FileBytes = std::vector<std::byte>;
 
@@ -154,4 +154,4 @@ void check_tensor_damage(const std::string& kind, const FileBytes& good, const A
   CHECK(count.other > 20);
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -11,7 +11,7 @@
 #include <optional>
 #include <system_error>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// The data folder: environment variable COMPMARK_DATA_DIR, else ../shared/data of the working directory, which is the project's root in every test;
 /// nothing where there is none.
@@ -23,4 +23,4 @@ inline std::optional<std::filesystem::path> data_dir() {
   return path;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

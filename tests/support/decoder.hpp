@@ -12,7 +12,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/mark/decoder_weights.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Fills every layer (He scale, with normalisation) of `weights.layers`.
 inline void randomise_layers(DecoderWeights& weights, std::uint64_t seed = 1) {
@@ -65,4 +65,4 @@ template <class T>
   return image;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

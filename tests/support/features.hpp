@@ -11,7 +11,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/math/conv.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Uniform in (-1/2, 1/2).
 template <class T>
@@ -38,4 +38,4 @@ std::vector<T> values_of(FeatureView<const T> view) {
   return values;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

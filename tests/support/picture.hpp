@@ -9,7 +9,7 @@
 
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Smooth colours with texture, [3, side, side] in (0, 1); no two seeds alike.
 inline std::vector<float> textured_picture(std::size_t side, std::uint64_t seed) {
@@ -25,4 +25,4 @@ inline std::vector<float> textured_picture(std::size_t side, std::uint64_t seed)
   return pixels;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// A PNG of `bits` and `channels` (by PNG's colour type), uncompressed; `palette` of RGB triples where there is one.
 inline std::string png_text(int width, int height, int bits, int type,
@@ -56,4 +56,4 @@ inline std::string png_text(int width, int height, int bits, int type,
          chunk("IDAT", stream) + chunk("IEND", "");
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

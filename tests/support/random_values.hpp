@@ -11,7 +11,7 @@
 
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// Standard normal.
 template <class T>
@@ -22,4 +22,4 @@ template <class T>
   return values;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

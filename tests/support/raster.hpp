@@ -25,7 +25,7 @@
 #include "compmark/testing/gradient.hpp"
 #include "compmark/testing/raster_scene.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 inline constexpr Accuracy smooth{.exp_degree = 0, .transmittance_stop = 0, .cutoff = CutoffRule::smooth};
 inline constexpr Accuracy nearly_opaque{
@@ -256,4 +256,4 @@ void check_flat_color() {
   CHECK(*std::max_element(classic.begin(), classic.end()) > 1e-8f);  // negative control
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

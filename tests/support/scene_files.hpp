@@ -21,7 +21,7 @@
 #include <system_error>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// A new empty folder, removed with its contents at the end of the test.
 class TemporaryFolder {
@@ -212,4 +212,4 @@ inline std::size_t peak_memory() {
   return 0;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -17,7 +17,7 @@
 #include <system_error>
 #include <vector>
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 struct Outcome {
   int code = -1;
@@ -66,4 +66,4 @@ struct ScratchFolder {
   }
 };
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

@@ -205,8 +205,8 @@ TEST_CASE(
   done("decompress --model " + at("all.cmk") + " --out " + at("all.safetensors"));
   done(fit + at("all.safetensors") + quick + at("of-decompressed.safetensors"));
   CHECK(tensors(at("of-decompressed.safetensors")) == tensors(at("of-model.safetensors")));
-  const std::string embed = "embed --iterations 1200 --message-rate 0.01 --model " + at("run/model.safetensors") + data +
-                            " --key " + key + " --decoder " + decoder + " --out " + out;
+  const std::string embed = "embed --iterations 1200 --message-rate 0.01 --model " + at("run/model.safetensors") +
+                            data + " --key " + key + " --decoder " + decoder + " --out " + out;
   check_refused(tool(embed + " --fidelity 0"), {"--fidelity", "train --codec"});
   CHECK_FALSE(fs::exists(out));
   done(embed + " --fidelity 60");

@@ -16,7 +16,7 @@
 
 #include "scene/cube_dialects.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 constexpr int ring_side = 24;
 constexpr std::size_t photographs = 12;
@@ -60,4 +60,4 @@ inline ColmapModel ring_model(const Names& name) {
   return result;
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

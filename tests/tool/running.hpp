@@ -20,7 +20,7 @@
 
 #include "support/tool.hpp"
 
-namespace compmark::inline v0::testing {
+namespace compmark::testing {
 
 /// `before` and `after` are words of the shell around the command.
 inline Outcome tool(const std::string& arguments, const std::string& before = {}, const std::string& after = {}) {
@@ -103,4 +103,4 @@ inline LatticeDecoder<float> untrained_colours(int bits) {
   return {settings, weights};
 }
 
-}  // namespace compmark::inline v0::testing
+}  // namespace compmark::testing

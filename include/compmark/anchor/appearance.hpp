@@ -14,7 +14,7 @@
 #include "compmark/core/absent.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// No embedding: no table, no input, no work.
 struct NoAppearance : Absent<NoAppearance> {};
@@ -64,4 +64,4 @@ struct AppearanceEmbedding {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -15,7 +15,7 @@
 
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct Cell {
   std::int32_t x = 0, y = 0, z = 0;
@@ -74,4 +74,4 @@ class CellSet {
   std::vector<Cell> cells_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

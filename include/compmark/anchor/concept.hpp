@@ -20,7 +20,7 @@
 
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Views of the anchor table (or of its gradients). All four have the same number of rows.
 template <class T>
@@ -47,4 +47,4 @@ struct DecodedStatistics {
   std::span<const std::uint32_t> gaussian_slot;  ///< [P] anchor row * K + k of each Gaussian of the batch
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

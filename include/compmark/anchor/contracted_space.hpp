@@ -19,7 +19,7 @@
 #include "compmark/anchor/cells.hpp"
 #include "compmark/anchor/space.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ContractedSpace {
   std::array<double, 3> origin{0, 0, 0};  ///< centre of the cameras
@@ -78,4 +78,4 @@ struct ContractedSpace {
 };
 static_assert(Space<ContractedSpace>);
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

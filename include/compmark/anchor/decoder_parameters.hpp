@@ -18,7 +18,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Linear -> ReLU -> Linear: "NAME.0.weight" [D, in], "NAME.0.bias" [1, D], "NAME.2.weight" [out, D], "NAME.2.bias" [1,
 /// out].
@@ -150,4 +150,4 @@ template <DecoderShape shape, class T>
   return detail::decoder_views<T, shape>(handles, [&](BlockHandle handle) { return arena.gradients(handle); });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -8,7 +8,7 @@
 
 #include <cstddef>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Shape of an anchor and of its decoder. Defaults are those of Scaffold-GS (method sheet, sections 0 and 1.3).
 struct DecoderShape {
@@ -28,4 +28,4 @@ struct DecoderShape {
   friend constexpr bool operator==(const DecoderShape&, const DecoderShape&) = default;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

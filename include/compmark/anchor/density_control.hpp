@@ -28,7 +28,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/math/robust_ball.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What an adjustment needs to know beside the anchors and their statistics.
 struct AdaptContext {
@@ -90,4 +90,4 @@ concept DensityControl = requires(const D& control, ParameterArena<typename D::S
   { control.adapt(arena, handles, state, context, detail::AnyRowEditReceiver{}) } -> std::same_as<GrowthReport>;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -15,7 +15,7 @@
 #include "compmark/core/absent.hpp"
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The heads see the feature itself.
 struct NoFeatureBank : Absent<NoFeatureBank> {};
@@ -102,4 +102,4 @@ struct FeatureBank {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T, class Base = GradientGrowth<T>>
 class FrequencyGrowth {
@@ -91,4 +91,4 @@ class FrequencyGrowth {
 
 static_assert(DensityControl<FrequencyGrowth<float>>);
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

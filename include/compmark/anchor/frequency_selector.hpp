@@ -19,7 +19,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class PixelMapping {
   correct,  ///< the pixel the mean is on, brought to the map's resolution
@@ -169,4 +169,4 @@ class FrequencySelector {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -31,7 +31,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class GradientGrowth {
@@ -290,4 +290,4 @@ class GradientGrowth {
 
 static_assert(DensityControl<GradientGrowth<float>>);
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

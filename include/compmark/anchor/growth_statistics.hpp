@@ -17,7 +17,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Plain data; the four buffers are all a checkpoint has to save. Counts are whole numbers below 2^24, exact in float.
 template <class T>
@@ -94,4 +94,4 @@ struct GrowthStatistics {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -28,7 +28,7 @@
 #include "compmark/anchor/space.hpp"
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct InitialiseSettings {
   double voxel_size =
@@ -197,4 +197,4 @@ template <class T = float, Space S = EuclideanSpace>
   return anchors;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -22,7 +22,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Fused decoder. T: scalar; W: lanes. Nothing allocates once the Context has seen the largest view.
 /// Memory of the Context for n visible anchors and P Gaussians: 4.2 n K + 8 P bytes (float) and at most 64 partial
@@ -304,4 +304,4 @@ class MlpDecoder {
   Settings settings_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

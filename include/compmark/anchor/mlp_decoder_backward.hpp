@@ -19,7 +19,7 @@
 #include "compmark/anchor/mlp_decoder_layout.hpp"
 #include "compmark/core/gaussians.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// One worker's memory in the backward pass.
 template <class T, int W, DecoderShape shape>
@@ -374,4 +374,4 @@ struct BackwardKernels {
   }
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

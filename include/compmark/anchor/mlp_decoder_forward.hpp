@@ -17,7 +17,7 @@
 #include "compmark/anchor/mlp_decoder_layout.hpp"
 #include "compmark/core/gaussians.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// One worker's memory in the forward pass.
 template <class T, int W, DecoderShape shape>
@@ -297,4 +297,4 @@ struct ForwardKernels {
   static constexpr T quaternion_floor = T(2) * std::numeric_limits<T>::min();
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -19,7 +19,7 @@
 #include "compmark/math/dense.hpp"
 #include "compmark/math/functions.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Sizes that follow from the shape. A block (16 anchors) is the unit of the order of Gaussians, a panel (64) that of
 /// the products.
@@ -195,4 +195,4 @@ inline void gather_geometry(const AnchorColumns<const T>& anchors, const std::ui
   }
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -19,7 +19,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class Newborns {
@@ -86,4 +86,4 @@ class Newborns {
   std::size_t width_ = 0;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

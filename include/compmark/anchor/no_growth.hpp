@@ -8,7 +8,7 @@
 
 #include "compmark/core/absent.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct NoGrowth : Absent<NoGrowth> {
   constexpr NoGrowth(Settings /*settings*/ = {}) {
@@ -16,4 +16,4 @@ struct NoGrowth : Absent<NoGrowth> {
   static constexpr void prepare(std::size_t /*anchors*/, State& /*state*/) {}
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

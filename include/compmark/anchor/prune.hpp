@@ -16,7 +16,7 @@
 #include "compmark/anchor/space.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct PruneSettings {
   double more_visits_than = 80;  ///< an anchor is judged after more visits than this (strictly)
@@ -78,4 +78,4 @@ void limit_base_scale(MatrixView<T> scaling, MatrixView<const T> position, const
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

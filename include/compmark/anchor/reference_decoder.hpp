@@ -22,7 +22,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -327,4 +327,4 @@ class ReferenceDecoder {
   Settings settings_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

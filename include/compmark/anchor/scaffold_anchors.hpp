@@ -10,7 +10,7 @@
 
 #include "compmark/anchor/decoder_shape.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T = float, DecoderShape decoder_shape = DecoderShape{}>
 struct ScaffoldAnchors {
@@ -24,4 +24,4 @@ concept AnchorModel = requires {
 }
 &&std::is_same_v<std::remove_cvref_t<decltype(A::shape)>, DecoderShape>;
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/anchor/cells.hpp"
 #include "compmark/core/absent.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class S>
 concept Space = requires(const S& space, const double* position, double size, Cell& cell) {
@@ -47,4 +47,4 @@ struct EuclideanSpace : Absent<EuclideanSpace> {
 };
 static_assert(Space<EuclideanSpace>);
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 #include "compmark/anchor/decoder_shape.hpp"
 #include "compmark/core/parameters.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The four blocks of one anchor table in its arena; they stay valid through row edits.
 struct AnchorHandles {
@@ -70,4 +70,4 @@ template <class T>
   return layout.block(handles.position).rows;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

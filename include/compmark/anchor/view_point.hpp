@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <type_traits>
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// center = high + low, three coordinates each; an anchor nearer than min_distance has no direction (numerics case
 /// PR9). The high part is the double with its last 29 bits cleared. The obvious
@@ -37,4 +37,4 @@ struct ViewPoint {
   ViewPoint() : ViewPoint({0, 0, 0}, 0) {}
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

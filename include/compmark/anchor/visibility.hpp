@@ -26,7 +26,7 @@
 #include "compmark/scene/lens_policy.hpp"
 #include "compmark/scene/lens_rays.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct VisibilitySettings {
   double near_plane = 0.2;  ///< camera z at or below which nothing is visible, world units
@@ -253,4 +253,4 @@ void visible_anchors(const AnchorColumns<const T>& anchors, const Camera<T>& cam
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

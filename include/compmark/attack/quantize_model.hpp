@@ -19,7 +19,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct QuantizeModelSettings {
   BlockHandle kept;  ///< a block that stays as it is: the positions (AnchorHandles), where they are not to be rounded
@@ -77,4 +77,4 @@ template <class T, class AnchorQuantizer, class NetworkQuantizer>
   return report;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

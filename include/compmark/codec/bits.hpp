@@ -16,7 +16,7 @@
 
 #include "compmark/entropy/adaptive_binary.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 [[nodiscard]] inline std::span<const std::uint8_t> octets(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
@@ -94,4 +94,4 @@ template <class Bits>
   return static_cast<std::uint32_t>(result - 1);
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

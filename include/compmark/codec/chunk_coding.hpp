@@ -26,7 +26,7 @@
 #include "compmark/entropy/integer_context.hpp"
 #include "compmark/entropy/symbol_coder.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -215,4 +215,4 @@ template <class Predictor>
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

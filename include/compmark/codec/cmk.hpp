@@ -19,7 +19,7 @@
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/file_kind.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The name of a codec, as recipes begin with it.
 [[nodiscard]] inline const char* codec_name(ContainerProfile profile) {
@@ -63,4 +63,4 @@ template <Executor E>
   return decode_cmk(*bytes, path.string(), settings, executor);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/entropy/integer_quantize.hpp"
 #include "compmark/math/morton.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// How a tensor of the rendering networks is stored: as float, as half, or as integers of some bits with a power of two a row. Values that the
 /// chosen form cannot hold are stored in the next wider one.
@@ -197,4 +197,4 @@ namespace detail {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

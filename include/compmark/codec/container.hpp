@@ -24,7 +24,7 @@
 #include "compmark/io/bytes.hpp"
 #include "compmark/io/crc32c.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Four characters as the number they are stored as.
 [[nodiscard]] constexpr std::uint32_t four_characters(const char (&text)[5]) {
@@ -280,4 +280,4 @@ class Container {
   return container;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 [[nodiscard]] inline Error no_context_gs(std::string problem) {
   return {ErrorKind::invalid, "", "context", std::move(problem), "train it with recipe context_gs"};
@@ -172,4 +172,4 @@ template <Executor E>
   return Done{};
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

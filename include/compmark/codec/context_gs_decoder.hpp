@@ -20,7 +20,7 @@
 #include "compmark/codec/decoding.hpp"
 #include "compmark/codec/geometry.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// `path` is for messages.
 template <Executor E>
@@ -103,4 +103,4 @@ template <Executor E>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/codec/context_gs_format.hpp"
 #include "compmark/codec/encoding.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <Executor E>
 [[nodiscard]] Result<CodecEncoded> encode_context_gs(const CodecModel& model, const CodecEncodeSettings& settings,
@@ -79,4 +79,4 @@ template <Executor E>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

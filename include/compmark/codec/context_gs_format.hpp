@@ -25,7 +25,7 @@
 #include "compmark/entropy/symbol_coder.hpp"
 #include "compmark/io/bytes.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ContextGsFormat : CodecFormat {
   static constexpr std::uint32_t levels = four_characters("LVLS"), prior = four_characters("PRIO"),
@@ -193,4 +193,4 @@ template <class Cells>
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/codec/network_coding.hpp"
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct CodecDecodeSettings {
   bool salvage = false;  ///< leave out the anchors of damaged chunks instead of refusing the file
@@ -297,4 +297,4 @@ class FileReader {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

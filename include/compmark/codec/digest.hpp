@@ -21,7 +21,7 @@
 #include "compmark/io/bytes.hpp"
 #include "compmark/io/sha256.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 using Sha256Bytes = std::array<std::byte, 32>;
 
@@ -106,4 +106,4 @@ struct CodecDigests {
   return ByteReader(digest).get<std::uint64_t>();
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

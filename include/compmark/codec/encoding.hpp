@@ -27,7 +27,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/integer_quantize.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct CodecEncodeSettings {
   /// Of the context's networks, when they come from training. None: those that make the smallest file.
@@ -275,4 +275,4 @@ class FileWriter {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -24,7 +24,7 @@
 #include "compmark/entropy/integer_functions.hpp"
 #include "compmark/io/bytes.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct CodecFormat {
   static constexpr std::uint32_t numeric_spec = 1;  ///< of everything that decides a symbol
@@ -185,4 +185,4 @@ namespace detail {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

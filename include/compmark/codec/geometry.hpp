@@ -26,7 +26,7 @@
 #include "compmark/io/bytes.hpp"
 #include "compmark/math/morton.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -252,4 +252,4 @@ class Octree {
   return voxels;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Asks for the voxels of a chunk; learns nothing of what is coded.
 class HacPredictor : public ContextEvaluator {
@@ -107,4 +107,4 @@ template <Executor E>
   return context;
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

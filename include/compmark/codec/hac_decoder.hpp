@@ -18,7 +18,7 @@
 #include "compmark/codec/hac_context.hpp"
 #include "compmark/codec/hac_format.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// `path` is for messages.
 template <Executor E>
@@ -70,4 +70,4 @@ template <Executor E>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/codec/hac_context.hpp"
 #include "compmark/codec/hac_format.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <Executor E>
 [[nodiscard]] Result<CodecEncoded> encode_hac(const CodecModel& model, const CodecEncodeSettings& settings,
@@ -64,4 +64,4 @@ template <Executor E>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

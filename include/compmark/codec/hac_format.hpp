@@ -19,7 +19,7 @@
 #include "compmark/entropy/integer_hash_grid.hpp"
 #include "compmark/io/bytes.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct HacFormat : CodecFormat {
   static constexpr std::uint32_t hash = four_characters("HASH");
@@ -116,4 +116,4 @@ template <Executor E>
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/codec/hac_format.hpp"
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct CodecInfo {
   ContainerHeader header;
@@ -88,4 +88,4 @@ template <class Info = CodecInfo>  // a template, so that who does not call it d
   return info;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/codec/bits.hpp"
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -62,4 +62,4 @@ void code_masks(Bits& bits, int count, std::span<std::uint32_t> masks) {
   return Done{};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -24,7 +24,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/integer_quantize.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Anchors and what the network reads of them, panel by panel.
 struct NetworkSample {
@@ -192,4 +192,4 @@ template <Executor E>
   return chosen;
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

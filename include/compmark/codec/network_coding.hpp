@@ -26,7 +26,7 @@
 #include "compmark/io/bytes.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -287,4 +287,4 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
   return tensors;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -7,7 +7,7 @@
 
 #include <type_traits>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Base of every No… policy: Self is the derived type, which makes the bases of two absent stages distinct types too.
 template <class Self>
@@ -29,4 +29,4 @@ inline constexpr bool present = [] {
   }
 }();
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 
 #include "compmark/core/huge_pages.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// 64-byte aligned storage of trivial values, grow-only. The capacity is padded by one cache line, so that a kernel may load or
 /// store a whole 64-byte pack that starts at any element of the buffer.
@@ -100,4 +100,4 @@ class Buffer {
   std::size_t capacity_ = 0;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include <cstddef>
 #include <span>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 struct AnyChunkBody {
@@ -54,4 +54,4 @@ template <class Sum, Executor E, class Map>
   return sum;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -11,7 +11,7 @@
 
 #include "compmark/core/buffer.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Structure of arrays; each column is 64-byte aligned and may be read and written up to the next multiple of 16 rows.
 ///   mean      world coordinates                      scale     standard deviations along the local axes, world units, >= 0, not log
@@ -72,4 +72,4 @@ class GaussianBatch {
   std::size_t stride_ = 0;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -5,11 +5,11 @@
 // first stage of a road may set, which saves clearing the memory before and reading it back: 112 bytes a Gaussian in projection's way back.
 #pragma once
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class GradientMode {
   add,  ///< gradient += ...
   set,  ///< gradient = ..., every element is written
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include <sys/mman.h>
 #endif
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Asks for large pages inside [begin, begin + bytes) if that is 4 MiB or more.
 inline void prefer_huge_pages([[maybe_unused]] void* begin, [[maybe_unused]] std::size_t bytes) {
@@ -25,4 +25,4 @@ inline void prefer_huge_pages([[maybe_unused]] void* begin, [[maybe_unused]] std
 #endif
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -17,7 +17,7 @@
 
 #include "compmark/core/executor.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// An exception may not leave an OpenMP region: the first one is kept and thrown again after the region; chunks not yet begun are
 /// dropped. A loop started inside a body runs serially in place, as in ThreadExecutor: loops do not nest.
@@ -62,4 +62,4 @@ class OpenMpExecutor {
   std::size_t concurrency_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

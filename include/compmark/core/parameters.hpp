@@ -19,7 +19,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Whether a block's rows are anchors (edited by growing and pruning) or fixed (a network's weights).
 enum class RowKind : std::uint8_t { anchor, fixed };
@@ -195,4 +195,4 @@ class ParameterArena {
   Buffer<T> spare_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include <numbers>
 #include <string_view>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Names a consumer of random numbers: FNV-1a of its name, so that two stages never share a stream by accident.
 [[nodiscard]] constexpr std::uint64_t random_stage(std::string_view name) {
@@ -60,4 +60,4 @@ class Random {
   std::uint64_t key_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Why an operation on outside data failed.
 enum class ErrorKind {
@@ -123,4 +123,4 @@ class [[nodiscard]] Result {
   bool ok_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 
 #include "compmark/core/executor.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The worker id is the thread's slot in the arena, which no two running threads share. A body may start another loop: it is isolated,
 /// so a waiting thread takes no chunk of the outer loop and its scratch stays its own.
@@ -46,4 +46,4 @@ class TbbExecutor {
   tbb::task_arena arena_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Persistent pool; the calling thread is worker 0. One loop runs at a time; loops do not nest (a nested call runs serially in place).
 /// Workers spin for a few microseconds before they sleep, because the loops of one training iteration follow each other closely.
@@ -141,4 +141,4 @@ class ThreadExecutor {
   std::exception_ptr failure_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

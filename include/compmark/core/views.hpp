@@ -11,7 +11,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Row-major matrix view, rows contiguous: element (i, j) is data[i * columns + j].
 template <class T>
@@ -56,4 +56,4 @@ struct ImageView {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/effect/concept.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct L1AlphaLoss {
@@ -59,4 +59,4 @@ struct L1AlphaLoss {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

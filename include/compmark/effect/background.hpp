@@ -13,7 +13,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/effect/concept.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct RandomBackground {
   static constexpr bool is_absent = false;
@@ -30,4 +30,4 @@ struct RandomBackground {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -22,7 +22,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Index of a photograph that was not trained on. The rules for it are fixed: exposure is the gauge (no change), appearance is the mean of
 /// the trained embeddings.
@@ -82,4 +82,4 @@ concept PixelWeights = W::is_absent || requires(ImageView<typename W::Scalar> im
   W::apply(image, weight, context, executor);
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/effect/concept.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class AffineExposure {
@@ -135,4 +135,4 @@ class AffineExposure {
   static constexpr T identity(std::size_t c) { return c % 5 == 0 ? T(1) : T(0); }  // 0, 5 and 10 are the diagonal of M
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

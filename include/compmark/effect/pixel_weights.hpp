@@ -14,7 +14,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/effect/concept.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct MaskedPixels {
@@ -73,4 +73,4 @@ struct MaskedPixels {
   static constexpr std::size_t grain = 16384;  // pixels
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

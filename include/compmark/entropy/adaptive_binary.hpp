@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -202,4 +202,4 @@ class BinaryDecoder {
   bool overrun_ = false;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -15,7 +15,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/entropy/anchor_levels.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct AnchorCellSettings {
   std::uint64_t ratio = 20, tolerance = 1;  ///< heads of a hundred anchors
@@ -79,4 +79,4 @@ namespace detail {
   return cells;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

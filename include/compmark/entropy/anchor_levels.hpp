@@ -26,7 +26,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/math/morton.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Edges of cells in voxels.
 struct AnchorCells {
@@ -123,4 +123,4 @@ class AnchorLevels {
   std::array<std::size_t, levels> counts_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

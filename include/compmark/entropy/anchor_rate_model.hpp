@@ -25,7 +25,7 @@
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/entropy/rate.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct AnchorRateSettings {
   double lambda = 0.001;
@@ -246,4 +246,4 @@ class AnchorRateModel {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

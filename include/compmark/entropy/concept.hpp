@@ -7,7 +7,7 @@
 
 #include "compmark/core/absent.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// No rate in the loss, and nothing that could be coded: what a plain training has.
 struct NoEntropyModel : Absent<NoEntropyModel> {};
@@ -17,4 +17,4 @@ concept EntropyModel = E::is_absent || requires {
   typename E::Settings;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

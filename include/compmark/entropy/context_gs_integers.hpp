@@ -26,7 +26,7 @@
 #include "compmark/entropy/integer_functions.hpp"
 #include "compmark/entropy/integer_network.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// (value - mean) / deviation of a channel, for symbols: mean in units of 2^-12 Q0; factor 2^-shift is 2^-14 Q0 / deviation.
 struct SeenScale {
@@ -203,4 +203,4 @@ class ContextGsEvaluator : public PanelModels {
   std::size_t level_, begin_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/entropy/anchor_levels.hpp"
 #include "compmark/entropy/offset_mask.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The voxel of a position, round(x / size) in double; what is not finite or does not fit ends at the border.
 template <class T>
@@ -86,4 +86,4 @@ class ContextGsLevels {
   AnchorLevels levels_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

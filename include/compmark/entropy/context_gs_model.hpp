@@ -39,7 +39,7 @@
 #include "compmark/entropy/mask_penalty.hpp"
 #include "compmark/entropy/rate.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T, int feature_dim = 50, int offsets = 10, int hyper_dim = 12>
 class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGsHandles> {
@@ -544,4 +544,4 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
   Settings settings_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -32,7 +32,7 @@
 #include "compmark/entropy/hac_parameters.hpp"
 #include "compmark/entropy/offset_mask.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ContextGsHandles {
   struct Network {
@@ -146,4 +146,4 @@ void begin_context_gs(ParameterArena<T>& arena, const ContextGsHandles& handles,
   choose_context_gs_cells(arena, handles, position);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

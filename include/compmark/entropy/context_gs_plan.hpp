@@ -18,7 +18,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/entropy/anchor_levels.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ContextGsPlan {
   static constexpr std::size_t panel = 64;
@@ -138,4 +138,4 @@ struct ContextGsPlan {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

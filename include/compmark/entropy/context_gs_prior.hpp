@@ -18,7 +18,7 @@
 #include "compmark/entropy/gaussian_tables.hpp"
 #include "compmark/entropy/slot_tables.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct HyperpriorFormat {
   static constexpr int window = 15;  ///< symbols in +-15 have slots
@@ -74,4 +74,4 @@ class HyperpriorTables : private SlotTables {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

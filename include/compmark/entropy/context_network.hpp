@@ -16,7 +16,7 @@
 #include "compmark/math/dense.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T, int input_count, int hidden_count, int output_count, int tail_count>
 struct ContextNetwork {
@@ -155,4 +155,4 @@ struct ContextNetwork {
   };
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

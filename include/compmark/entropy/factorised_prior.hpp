@@ -21,7 +21,7 @@
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Symbols of z that a table holds lie in +- this; the others escape.
 inline constexpr int hyperprior_window = 15;
@@ -171,4 +171,4 @@ struct FactorisedPrior {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

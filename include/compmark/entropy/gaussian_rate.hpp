@@ -17,7 +17,7 @@
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 inline constexpr double coder_floor = 0x1p-16;  ///< probability of the rarest symbol
 inline constexpr double coder_window = 5;       ///< standard deviations a table reaches
@@ -167,4 +167,4 @@ template <bool floored = true, class T>
   return {r.bits.lane(0), r.d_value.lane(0), r.d_sigma.lane(0), r.d_step.lane(0)};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

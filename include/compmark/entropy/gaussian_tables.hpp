@@ -21,7 +21,7 @@
 #include "compmark/entropy/normal_integral.hpp"
 #include "compmark/entropy/slot_tables.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Where a symbol is expected: a deviation of 2^((sigma_index + GaussianTables::least_level) / 8) bins and a mean in 1/32 bin.
 struct SymbolModel {
@@ -146,4 +146,4 @@ class GaussianTables : private SlotTables {
   std::array<Level, levels> levels_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

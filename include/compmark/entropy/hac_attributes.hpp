@@ -24,7 +24,7 @@
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T, int feature_dim, int offset_count>
 struct HacAttributes {
@@ -270,4 +270,4 @@ struct HacAttributes {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

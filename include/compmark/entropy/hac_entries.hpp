@@ -20,7 +20,7 @@
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/entropy/rate.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct HacSample {
   double share = 0;         ///< of the candidates; 0: nobody
@@ -94,4 +94,4 @@ struct HacEntries {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

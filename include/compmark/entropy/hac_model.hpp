@@ -36,7 +36,7 @@
 #include "compmark/entropy/mask_penalty.hpp"
 #include "compmark/entropy/rate.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T, int feature_dim = 50, int offsets = 10, HashGridShape grid_shape = HashGridShape{}>
 class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
@@ -376,4 +376,4 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
   Settings settings_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

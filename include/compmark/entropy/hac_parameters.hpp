@@ -19,7 +19,7 @@
 #include "compmark/entropy/offset_mask.hpp"
 #include "compmark/math/robust_ball.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct HacHandles {
   BlockHandle mask;                      ///< "anchor.mask"          [N, K]           logit - 1
@@ -137,4 +137,4 @@ void begin_hac_context(ParameterArena<T>& arena, const HacHandles& handles, Matr
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

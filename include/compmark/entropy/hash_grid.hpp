@@ -26,7 +26,7 @@
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T, HashGridShape shape = HashGridShape{}>
 class HashGrid {
@@ -258,4 +258,4 @@ class HashGrid {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

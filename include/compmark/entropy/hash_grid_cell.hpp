@@ -11,7 +11,7 @@
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Where a position lies in a level: two neighbours an axis and their weights.
 template <class T, int dimensions>
@@ -58,4 +58,4 @@ struct GridCell {
   }
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -14,7 +14,7 @@
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 template <class T>
 inline constexpr bool has_grid_lanes = std::is_same_v<T, float>&& native_width<T> == 16;
@@ -135,4 +135,4 @@ struct GridLanes {
   }
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

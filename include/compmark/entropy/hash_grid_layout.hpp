@@ -12,7 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// One level of one grid.
 struct HashGridLevel {
@@ -113,4 +113,4 @@ inline constexpr auto hash_grid_levels = [] {
   return levels;
 }();
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

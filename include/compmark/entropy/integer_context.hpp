@@ -19,7 +19,7 @@
 #include "compmark/entropy/integer_hash_grid.hpp"
 #include "compmark/entropy/integer_network.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What a file stores of its context.
 struct IntegerContext {
@@ -117,4 +117,4 @@ class ContextEvaluator : public PanelModels {
   const IntegerNetwork::Packed* packed_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

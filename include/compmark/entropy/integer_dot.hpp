@@ -14,7 +14,7 @@
 #include <immintrin.h>
 #endif
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Anchors that go through the integer network together.
 inline constexpr int integer_panel = 16;
@@ -93,4 +93,4 @@ inline void integer_dot(const std::int16_t* weight, std::size_t stride, const st
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// x / 2^shift to the nearest, halves up; a negative shift multiplies. |x| < 2^62 / 2^-shift is the caller's to keep.
 [[nodiscard]] constexpr std::int64_t round_shift(std::int64_t x, int shift) {
@@ -140,4 +140,4 @@ inline constexpr std::int32_t greatest_symbol = (1 << 23) - 1;
   return hash;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

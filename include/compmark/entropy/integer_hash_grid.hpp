@@ -18,7 +18,7 @@
 #include "compmark/entropy/hash_grid_layout.hpp"
 #include "compmark/entropy/integer_dot.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// From a voxel to the place in the context's box: t = (scale v + offset) 2^-fraction, of which [0, 1] is used.
 struct VoxelBox {
@@ -173,4 +173,4 @@ class IntegerHashGrid {
   std::vector<std::uint8_t> entries_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/entropy/integer_functions.hpp"
 #include "compmark/entropy/integer_hash_grid.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// y = round((W x + b) / 2^shift), a shift a row.
 struct IntegerLayer {
@@ -182,4 +182,4 @@ class IntegerNetwork {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

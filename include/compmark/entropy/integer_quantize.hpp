@@ -19,7 +19,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/entropy/integer_network.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The float network: inputs -> hidden -> 2 (D + 6 + 3 K) + 3, row-major [out][in], and the constants [2][D + 6 + 3 K] (means, deviations).
 struct FloatContext {
@@ -210,4 +210,4 @@ struct FloatNetwork {
   return floats;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 /// body(index, sigmoid of the logits from there, lanes that exist); the others, and those of a NaN, are 0.
@@ -56,4 +56,4 @@ void mask_penalty_backward(MatrixView<const T> mask, double weight, MatrixView<T
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -9,7 +9,7 @@
 #include <array>
 #include <cstdint>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Phi(z) in fixed point. Some 200 nodes, 30 us to make, 15 ns a value.
 class NormalIntegral {
@@ -75,4 +75,4 @@ class NormalIntegral {
   std::array<Node, nodes> nodes_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

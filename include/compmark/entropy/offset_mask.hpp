@@ -16,7 +16,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// How fast the logits train (compression sheet, 1.11).
 inline constexpr LearningSchedule offset_mask_schedule{0.01, 0.0001, RateUnit::scene_extent};
@@ -67,4 +67,4 @@ void mask_opacity_backward(MatrixView<const T> mask, std::span<const std::uint32
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

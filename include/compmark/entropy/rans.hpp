@@ -7,7 +7,7 @@
 
 #include <cstdint>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Between symbols every state is in [least, 2^32 least).
 inline constexpr std::uint64_t least_rans_state = std::uint64_t{1} << 31;
@@ -33,4 +33,4 @@ inline void rans_put(std::uint64_t& state, std::uint32_t*& words, std::uint32_t 
   return frequency * (state >> 16) + (state & 0xffff) - start;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

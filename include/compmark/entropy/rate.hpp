@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What the model does in one iteration. All false: nothing.
 struct RatePhase {
@@ -32,4 +32,4 @@ struct RateReport {
   std::size_t sampled = 0;                                     ///< anchors
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include <span>
 #include <vector>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 class SlotTables {
  public:
@@ -90,4 +90,4 @@ class SlotTables {
   std::vector<std::uint16_t> numbers_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -35,7 +35,7 @@
 #include "compmark/entropy/slot_tables.hpp"
 #include "compmark/entropy/varint.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Distinguishes sequences of symbols: 128 bits that change with any symbol and with their order. Eight sums, 0.3 ns a symbol.
 struct SymbolDigest {
@@ -278,4 +278,4 @@ template <class Tables>
   return Done{};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

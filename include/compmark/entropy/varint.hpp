@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// 0, -1, 1, -2, ... to 0, 1, 2, 3, ...
 [[nodiscard]] constexpr std::uint64_t zigzag(std::int64_t value) {
@@ -48,4 +48,4 @@ inline void put_varint(std::vector<std::uint8_t>& bytes, std::uint64_t value) {
   return std::nullopt;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/io/ply.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// An anchor table read from a file, in the library's order of columns.
 struct AnchorPly {
@@ -125,4 +125,4 @@ inline constexpr float published_anchor_opacity = -2.1972246f;
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -24,7 +24,7 @@
 #include "compmark/io/output_target.hpp"
 #include "compmark/io/read_file.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// One file being written. Nothing is visible under `path` before commit(); destroyed without commit, it leaves no trace. A stream
 /// (a device, a pipe, a descriptor) sees the bytes as they are written.
@@ -183,4 +183,4 @@ class AtomicFile {
   return Done{};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 class ByteWriter {
  public:
@@ -109,4 +109,4 @@ class ByteReader {
   return true;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 
 #include "compmark/io/xxh64.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 inline constexpr std::string_view checksum_key = "checksum";
 inline constexpr std::string_view checksum_prefix = "xxh64:";
@@ -60,4 +60,4 @@ class TensorsChecksum {
   Xxh64 hash_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <span>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -52,4 +52,4 @@ inline constexpr Crc32cTables crc32c_tables = make_crc32c_tables();
   return ~crc;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// Orientation in a TIFF block (what follows "Exif\0\0"), 1 if there is none.
@@ -57,4 +57,4 @@ namespace detail {
   return 1;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

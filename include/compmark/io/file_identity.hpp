@@ -16,7 +16,7 @@
 
 #include "compmark/io/output_target.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -99,4 +99,4 @@ enum class Identity { same, different, unknown };
   return false;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/io/read_file.hpp"
 #include "compmark/io/utf8.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// As many first bytes of a file are looked at.
 inline constexpr std::size_t file_kind_head = std::size_t{1} << 16;
@@ -269,4 +269,4 @@ template <class Fits>
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

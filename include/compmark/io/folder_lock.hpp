@@ -18,7 +18,7 @@
 #include "compmark/io/detail/output_stream.hpp"
 #include "compmark/io/output_target.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Held while it lives. Movable; one that was moved from, or default-constructed, holds nothing.
 class FolderLock {
@@ -101,4 +101,4 @@ class FolderLock {
   int descriptor_ = -1;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/io/sha256.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 using Digest256 = std::array<std::byte, 32>;
 using ByteSpan = std::span<const std::byte>;
@@ -95,4 +95,4 @@ inline void hkdf_sha256(ByteSpan secret, ByteSpan salt, ByteSpan info, std::span
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

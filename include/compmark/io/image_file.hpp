@@ -24,7 +24,7 @@
 #include "compmark/io/file_kind.hpp"
 #include "compmark/io/image_limit.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What the header of an image file says.
 struct ImageInfo {
@@ -233,4 +233,4 @@ template <class T>
   return write_png(path, to_bytes(image));
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <span>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Larger images are refused: a header of a few bytes must not make us allocate gigabytes.
 inline constexpr std::int64_t image_pixel_limit = std::int64_t{1} << 28;
@@ -194,4 +194,4 @@ class JpegTables {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include "compmark/io/file_kind.hpp"
 #include "compmark/io/json_shape.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Parses a whole JSON file (at most 1 GiB). The error names line and column, or what the file is instead of `expected`.
 template <class Json = nlohmann::json>
@@ -89,4 +89,4 @@ template <class T, class Json>
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include <string>
 #include <string_view>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// More nesting than any file of ours or of a capture has; a parser's memory for brackets alone stays small.
 inline constexpr std::size_t json_depth_limit = 100;
@@ -57,4 +57,4 @@ template <class Json = nlohmann::json>
   return Json::parse(text.data(), text.data() + text.size(), nullptr, false);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/file_kind.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// An array of any rank, the last index running fastest.
 struct NpyArray {
@@ -135,4 +135,4 @@ void npy_values(std::span<const std::byte> bytes, std::vector<double>& values) {
   return parse_npy(*bytes, path.string());
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

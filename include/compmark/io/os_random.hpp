@@ -20,7 +20,7 @@
 
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Fills `bytes` from a device file.
 [[nodiscard]] inline Result<Done> device_random(std::span<std::byte> bytes,
@@ -57,4 +57,4 @@ namespace compmark::inline v0 {
 #endif
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

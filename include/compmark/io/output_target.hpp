@@ -17,7 +17,7 @@
 
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Where the bytes of an output go.
 struct OutputTarget {
@@ -109,4 +109,4 @@ namespace detail {
   return type == std::filesystem::file_type::socket || type == std::filesystem::file_type::block;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/json_file.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct OwnerKey {
   static constexpr std::string_view format = "compmark-key";
@@ -233,4 +233,4 @@ template <class Json = nlohmann::json>
   return status || (mode & (perms::group_all | perms::others_all)) == perms::none;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -26,7 +26,7 @@
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/file_kind.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 static_assert(std::endian::native == std::endian::little, "io/ply.hpp assumes a little-endian machine");
 
@@ -372,4 +372,4 @@ struct PlyFloatColumn {
   return file->commit();
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -27,7 +27,7 @@
 
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// A regular file that is read from its begin to its end.
 class InputFile {
@@ -144,4 +144,4 @@ template <class Check>
   return read_file(path, limit, 0, [](std::span<const std::byte>, std::uintmax_t) { return Result<Done>(Done{}); });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <type_traits>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 static_assert(std::endian::native == std::endian::little, "safetensors data are little-endian and are used in place");
 
@@ -50,4 +50,4 @@ namespace detail {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -27,7 +27,7 @@
 #include "compmark/io/json_shape.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// One tensor of a file; `data` points into the file's blob.
 struct SafetensorsTensor {
@@ -297,4 +297,4 @@ template <class Json = nlohmann::json>
   return file;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

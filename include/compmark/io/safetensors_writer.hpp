@@ -23,7 +23,7 @@
 #include "compmark/io/checksum.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Collects tensors and writes them, with a checksum of their content in the metadata (checksum.hpp). Same content, same bytes: tensors lie in the order (element size descending, name), which aligns all of them.
 class SafetensorsWriter {
@@ -122,4 +122,4 @@ class SafetensorsWriter {
   std::vector<Entry> entries_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include <span>
 #include <string>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 class Sha256 {
  public:
@@ -90,4 +90,4 @@ class Sha256 {
   std::uint64_t length_ = 0;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

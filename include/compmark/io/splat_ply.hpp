@@ -23,7 +23,7 @@
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/scene/splat_table.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// A file read, and what had to be left out of it.
 struct SplatPly {
@@ -155,4 +155,4 @@ void for_each_splat_column(Table& table, const F& f) {
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

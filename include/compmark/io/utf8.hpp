@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <string_view>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Whether a text is well-formed UTF-8 (Unicode 15, table 3-7): no overlong form, no surrogate, nothing beyond U+10FFFF, nothing cut off.
 [[nodiscard]] inline bool is_utf8(std::string_view text) {
@@ -32,4 +32,4 @@ namespace compmark::inline v0 {
   return true;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -24,7 +24,7 @@
 
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The elements of a view as an xtensor expression of shape [channels, height, width]; the view's memory must outlive it.
 template <class T>
@@ -50,4 +50,4 @@ template <class Array>
                                                                   static_cast<int>(array.shape(2))};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include <span>
 #include <string_view>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Takes bytes in pieces; the pieces' borders don't matter.
 class Xxh64 {
@@ -94,4 +94,4 @@ class Xxh64 {
   std::uint64_t total_ = 0;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

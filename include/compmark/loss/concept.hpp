@@ -18,7 +18,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class L>
 concept ImageLoss = requires(const L& loss, ImageView<const typename L::Scalar> rendered,
@@ -37,4 +37,4 @@ struct NoHsvLoss : Absent<NoHsvLoss> {};
 /// Frequencies are not compared.
 struct NoFrequencyLoss : Absent<NoFrequencyLoss> {};
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

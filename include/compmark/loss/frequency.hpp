@@ -26,7 +26,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/resize_adjoint.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct FrequencyReport {
   double loss = 0;  ///< mean of E, in [0, 2]
@@ -222,4 +222,4 @@ class FrequencyLoss {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -10,7 +10,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class FrequencyBand {
   ring_notch,  ///< 1 - exp(-(d - radius)^2 / (2 spread^2)), as published
@@ -29,4 +29,4 @@ struct FrequencyGain {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

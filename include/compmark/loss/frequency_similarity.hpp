@@ -17,7 +17,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 template <class T>
 class SimilarityMap {
@@ -195,4 +195,4 @@ class SimilarityMap {
   }
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -17,7 +17,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Which hues belong to a colour.
 enum class HueThirds {
@@ -196,4 +196,4 @@ class HsvLoss {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct L1Report {
   double loss = 0;
@@ -77,4 +77,4 @@ class L1Loss {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class MessageRule {
   cross_entropy,
@@ -113,4 +113,4 @@ class MessageLoss {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

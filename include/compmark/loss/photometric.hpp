@@ -21,7 +21,7 @@
 #include "compmark/loss/ssim.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What one evaluation found; `loss` = (1 - lambda) l1 + lambda (1 - ssim), without the caller's weight.
 struct PhotometricReport {
@@ -273,4 +273,4 @@ class PhotometricLoss {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -11,7 +11,7 @@
 
 #include "compmark/loss/ssim.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 template <class T, int Step>
 struct PhotometricScratch {
@@ -54,4 +54,4 @@ struct PhotometricScratch {
   [[nodiscard]] T* at(int row) const { return base + margin + static_cast<std::size_t>(row) * stride; }
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -15,7 +15,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/gaussian_window.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Result of reference_ssim: the mean over all channels and pixels, and the map in the layout of the images.
 template <class T>
@@ -101,4 +101,4 @@ template <class T>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ScaleVolumeReport {
   double loss = 0;  ///< the mean, without weight; 0 for no Gaussians
@@ -93,4 +93,4 @@ class ScaleVolumeLoss {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

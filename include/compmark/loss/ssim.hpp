@@ -19,7 +19,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// The window as packs, centre first.
@@ -106,4 +106,4 @@ template <class P>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/mark/hidden_decoder.hpp"
 #include "compmark/mark/strided_decoder.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T = float, template <class> class Kernel = DirectConvolution>
 class AnyDecoder {
@@ -79,4 +79,4 @@ class AnyDecoder {
   std::variant<Hidden, Strided, Carrier> held_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

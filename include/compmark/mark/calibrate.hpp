@@ -25,7 +25,7 @@
 #include "compmark/mark/verify.hpp"
 #include "compmark/math/binomial.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct CalibrationSettings {
   std::size_t keys = 10000;
@@ -218,4 +218,4 @@ template <class Json>
          " images say as much as " + number(c.images_worth) + " independent ones\n";
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

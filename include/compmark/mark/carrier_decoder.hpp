@@ -24,7 +24,7 @@
 #include "compmark/mark/decoder_whitening.hpp"
 #include "compmark/mark/network_decoder.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T = float, template <class> class Kernel = DirectConvolution>
 class CarrierDecoder : public NetworkDecoder<T, Kernel> {
@@ -156,4 +156,4 @@ template <class Images, Executor E>
   return whitening.dimension > 0;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -15,7 +15,7 @@
 
 #include "compmark/mark/carriers.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Sixteen words of the key stream for sixteen words of state.
 [[nodiscard]] inline std::array<std::uint32_t, 16> chacha20_block(const std::array<std::uint32_t, 16>& state) {
@@ -60,4 +60,4 @@ inline void chacha20_stream(const std::array<std::uint64_t, 4>& seed, std::span<
   return make_carriers(std::span<const std::byte>(bytes), bits, dimension);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

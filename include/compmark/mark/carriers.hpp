@@ -15,7 +15,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Bytes that make_carriers() takes.
 [[nodiscard]] constexpr std::size_t carrier_bytes(int bits, int dimension) {
@@ -54,4 +54,4 @@ namespace compmark::inline v0 {
   return carriers;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

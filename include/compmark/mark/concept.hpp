@@ -23,7 +23,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The anchor feature goes to the decoder as it is.
 struct NoEmbedder : Absent<NoEmbedder> {};
@@ -45,4 +45,4 @@ concept Embedder = D::is_absent || requires {
   typename D::Settings;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 #include "compmark/math/conv.hpp"
 #include "compmark/math/conv_backward.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class DirectConvolution {
@@ -53,4 +53,4 @@ class DirectConvolution {
   ConvInputGradient<T> gradient_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/conv.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// means[c] of every channel.
 template <class T, Executor E>
@@ -87,4 +87,4 @@ void max_pool_adjoint(FeatureView<const T> d_output, const Buffer<std::uint8_t>&
                       });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

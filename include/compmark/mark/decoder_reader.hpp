@@ -23,7 +23,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/mark/decoder_weights.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -133,7 +133,8 @@ template <class Reader>
   const std::string text = reader.text("layers");
   const auto bad = [&] {
     reader.fail(ErrorKind::invalid, "__metadata__.layers",
-                "\"" + text.substr(0, 40) + "\" is not a list of kernel/stride/padding that an image fits", Reader::remedy);
+                "\"" + text.substr(0, 40) + "\" is not a list of kernel/stride/padding that an image fits",
+                Reader::remedy);
     return std::vector<DecoderLayer>();
   };
   std::vector<DecoderLayer> layers;
@@ -296,4 +297,4 @@ template <class TensorFile>
   return weights;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/conv.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 [[nodiscard]] constexpr int stem_size(int n, int stem) { return (n + stem - 1) / stem; }
 
@@ -55,4 +55,4 @@ void depth_to_space(FeatureView<const T> d_maps, int stem, ImageView<T> d_image,
                       });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/mark/input_convention.hpp"
 #include "compmark/math/conv.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Metadata "format" and "format_version" of a decoder file.
 inline constexpr std::string_view decoder_format = "compmark decoder";
@@ -185,4 +185,4 @@ namespace detail {
 }
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

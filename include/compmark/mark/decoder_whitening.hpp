@@ -16,7 +16,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/math/eigen_pairs.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Mean and covariance of rows of features, in one pass and in double (Welford, with the row as given order).
 class FeatureStatistics {
@@ -79,4 +79,4 @@ struct Whitening {
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

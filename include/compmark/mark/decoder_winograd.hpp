@@ -13,7 +13,7 @@
 #include "compmark/mark/decoder_convolution.hpp"
 #include "compmark/math/winograd.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class WinogradOrDirect {
@@ -64,4 +64,4 @@ class WinogradOrDirect {
   WinogradInputGradient<T> backward_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/mark/decoder_weights.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 [[nodiscard]] inline std::string exact_text(double value) {
@@ -92,4 +92,4 @@ template <class Writer, class Path>
   return writer.write(path);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

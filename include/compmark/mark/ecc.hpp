@@ -21,7 +21,7 @@
 #include "compmark/mark/message.hpp"
 #include "compmark/math/binomial.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 class BchCode {
  public:
@@ -255,4 +255,4 @@ struct PayloadCode {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

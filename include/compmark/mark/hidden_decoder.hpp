@@ -14,7 +14,7 @@
 #include "compmark/mark/decoder_weights.hpp"
 #include "compmark/mark/network_decoder.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -58,4 +58,4 @@ class HiddenDecoder : public NetworkDecoder<T, Kernel> {
   explicit HiddenDecoder(const DecoderWeights& weights) : NetworkDecoder<T, Kernel>(weights, hidden_head(weights)) {}
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct HostPrediction {
@@ -75,4 +75,4 @@ struct HostPrediction {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/math/area_resize.hpp"
 #include "compmark/math/haar.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The numbers of a convention; the default is that of the published files.
 struct InputConvention {
@@ -141,4 +141,4 @@ class DecoderInput {
   InputConvention convention_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

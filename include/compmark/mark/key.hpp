@@ -21,7 +21,7 @@
 #include "compmark/mark/ecc.hpp"
 #include "compmark/mark/message.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class K>
 concept SecretKey = requires(const K& key, std::string_view label, std::span<std::byte> out) {
@@ -111,4 +111,4 @@ template <SecretKey K>
   return seed;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -31,7 +31,7 @@
 #include "compmark/mark/lattice_kernel.hpp"
 #include "compmark/mark/lattice_positions.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// All that trains; row-major. Frequencies and phases are in turns.
 template <class T>
@@ -274,4 +274,4 @@ class LatticeDecoder {
   LatticeWeights<T> weights_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

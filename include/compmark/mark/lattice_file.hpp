@@ -23,7 +23,7 @@
 #include "compmark/mark/decoder_writer.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Of files with a host prediction, and of those with limited regions; all others are version 1, which older programs read.
 inline constexpr int lattice_host_format_version = 2, lattice_limit_format_version = 3;
@@ -177,4 +177,4 @@ template <class Writer, class Path>
   return writer.write(path);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 template <class P>
@@ -156,4 +156,4 @@ struct LatticeWaves {
 };
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

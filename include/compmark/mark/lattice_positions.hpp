@@ -24,7 +24,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/separable_map.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Contrast of logarithms does not see a change of brightness, but a surface seen from elsewhere has another one. Colour is that of the surface
 /// from wherever it is seen, and turns with every change of brightness.
@@ -250,4 +250,4 @@ struct LatticePositions {
   Buffer<T> d_level_, d_finer_, row_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

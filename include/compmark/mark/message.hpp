@@ -17,7 +17,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/result.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Lengths a message can have.
 inline constexpr std::size_t message_bits_limit = 128;
@@ -211,4 +211,4 @@ template <class T>
   return count;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -26,7 +26,7 @@
 #include "compmark/mark/input_convention.hpp"
 #include "compmark/math/gelu.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 struct GeluActivation {
@@ -297,4 +297,4 @@ class NetworkDecoder {
   std::vector<Layer> layers_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include "compmark/mark/decoder_weights.hpp"
 #include "compmark/math/gelu.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -166,4 +166,4 @@ template <class S>
   return weights.whiten_bias.empty() ? logits : apply(weights.whiten_weight, weights.whiten_bias, logits);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/mark/message.hpp"
 #include "compmark/mark/verify.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What a decoder reads from an RGB image in [0, 1]; round renders to 8 bits before, as that is what others have. `name` is for the report.
 template <MessageDecoder D, Executor E>
@@ -202,4 +202,4 @@ template <class Json>
                      : "INCONCLUSIVE: no number of matches could decide at this rate. Use a longer message\n");
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The attribute of an anchor that carries the watermark. Scaling is the stored logarithm; offsets are in units of the base scale.
 enum class MarkTarget : std::uint8_t { feature, position, scaling, offset };
@@ -106,4 +106,4 @@ struct BoundedResidual {
 template <class T>
 using ResidualFeature = BoundedResidual<T, MarkTarget::feature>;
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/mark/decoder_reader.hpp"
 #include "compmark/mark/lattice_file.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T = float, template <class> class Kernel = DirectConvolution>
 class StoredDecoder {
@@ -83,4 +83,4 @@ class StoredDecoder {
   std::variant<Network, Lattice> held_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include "compmark/mark/hidden_decoder.hpp"
 #include "compmark/mark/network_decoder.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Sizes given as template arguments are checked when the weights are; 0 takes the file's.
 template <int Bits = 0, int Width = 0, int Depth = 0, int Stem = 0, class T = float,
@@ -35,4 +35,4 @@ class StridedDecoder : public NetworkDecoder<T, Kernel> {
   explicit StridedDecoder(const DecoderWeights& weights) : NetworkDecoder<T, Kernel>(weights, hidden_head(weights)) {}
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct Tone {
@@ -52,4 +52,4 @@ void apply_tone(const Tone<T>& tone, ImageView<const T> image, ImageView<T> tone
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

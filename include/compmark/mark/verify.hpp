@@ -21,7 +21,7 @@
 #include "compmark/mark/message.hpp"
 #include "compmark/math/binomial.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// How logits of several views become one logit a bit. None of them looks at the key.
 enum class FusionRule : std::uint8_t {
@@ -175,4 +175,4 @@ inline void fuse_logits(std::span<const ViewLogits> views, FusionRule rule, std:
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Smallest step in units of Q0.
 inline constexpr double least_relative_step = 0x1p-10;
@@ -36,4 +36,4 @@ template <class T>
   return r >= T(0) ? 2 * e / (1 + e) : 2 / (1 + e);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

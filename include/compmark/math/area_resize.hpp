@@ -15,7 +15,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Which input values an output value covers along one axis, and with what weight.
 template <class T>
@@ -137,4 +137,4 @@ struct AreaResize {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

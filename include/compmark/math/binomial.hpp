@@ -16,7 +16,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -100,4 +100,4 @@ struct Interval {
   return {lower(hits), 1 - lower(trials - hits)};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

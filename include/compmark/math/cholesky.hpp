@@ -15,7 +15,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The lower factor of a symmetric matrix [n, n], row-major, in its place; what is above the diagonal is neither read nor written. False, with the matrix
 /// spoilt, where it is not positive definite to rounding: a pivot of 1e-14 of what stood on the diagonal, or not a number.
@@ -103,4 +103,4 @@ void solve_lower_transposed(std::span<const double> lower, std::size_t n, double
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/math/fft.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class CircularFilter {
@@ -215,4 +215,4 @@ class CircularFilter {
   T constant_gain_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Planar maps [channels, height, width] whose rows and planes may lie apart.
 template <class T>
@@ -393,4 +393,4 @@ void max_pool_3x3_stride_2(FeatureView<const T> input, bool ceil, FeatureMaps<T>
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -22,7 +22,7 @@
 #include "compmark/math/conv.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The transposed linear map of a convolution (its bias plays no part).
 template <class T>
@@ -271,4 +271,4 @@ void convolution_weight_gradient(const ConvShape& shape, const ConvInput<T>& inp
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

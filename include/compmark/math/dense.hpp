@@ -22,7 +22,7 @@
 #endif
 #endif
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// C[rows, columns] += sum over steps of A[row, step] B[step, column]; columns is a multiple of the pack width.
 ///   A(row, step) = a[row * a_row + step * a_step],  B(step, column) = b[step * b_step + column],  C(row, column) = c[row * c_row + column]
@@ -189,4 +189,4 @@ COMPMARK_INLINE void transpose(Pack<T, W> (&rows)[W]) {
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/cholesky.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Eigenvalues (descending) and eigenvectors (rows of `vectors`) of a symmetric matrix [n, n], which is destroyed.
 inline void symmetric_eigen(std::vector<double>& matrix, std::size_t n, std::vector<double>& values,
@@ -100,4 +100,4 @@ struct EigenPairs {
   return pairs;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -22,7 +22,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Signals side by side: sample k of signal `lane` is re[k * lanes + lane] + i im[k * lanes + lane].
 template <class T>
@@ -277,4 +277,4 @@ ComplexLanes<T> Fft<T>::forward(ComplexLanes<T> data, ComplexLanes<T> spare) con
   return data;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -9,7 +9,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 template <class P>
 struct FftParts {
@@ -58,4 +58,4 @@ COMPMARK_INLINE void fft_butterfly(const typename P::Scalar* roots, const FftPar
   }
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

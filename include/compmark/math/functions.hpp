@@ -8,7 +8,7 @@
 
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -122,4 +122,4 @@ template <class T, int W>
   return e * r * r;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

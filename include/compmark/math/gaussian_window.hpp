@@ -8,7 +8,7 @@
 #include <array>
 #include <cmath>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 inline constexpr int ssim_radius = 5;
 inline constexpr int ssim_taps = 2 * ssim_radius + 1;
@@ -35,4 +35,4 @@ template <class T>
   return weights;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include "compmark/math/functions.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Value and slope of an activation.
 template <class P>
@@ -66,4 +66,4 @@ template <class T, int W>
   return gelu_with_slope(x).value;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

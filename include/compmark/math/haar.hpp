@@ -14,7 +14,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Values of a band over n pixels.
 [[nodiscard]] constexpr int haar_size(int n) { return (n + 1) / 2; }
@@ -65,4 +65,4 @@ void haar_low_adjoint(ImageView<const T> d_low, ImageView<T> d_image, E& executo
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/cholesky.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct KernelRidge {
   std::vector<double> coefficient;     ///< [points, targets]
@@ -107,4 +107,4 @@ template <Executor E>
   return fit;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

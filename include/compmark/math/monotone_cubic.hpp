@@ -14,7 +14,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class MonotoneCubic {
@@ -84,4 +84,4 @@ class MonotoneCubic {
   std::vector<T> x_, y_, slope_, area_;  ///< the area is that under the curve from the first point
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

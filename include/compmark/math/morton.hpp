@@ -15,7 +15,7 @@
 #include <span>
 #include <vector>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 using Voxel = std::array<std::int32_t, 3>;
 
@@ -113,4 +113,4 @@ struct VoxelRange {
   return order;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

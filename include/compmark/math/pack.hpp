@@ -21,7 +21,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Lanes of the widest register of this build; 1 for scalars without SIMD (long double).
 template <class T>
@@ -565,4 +565,4 @@ template <class T, int W>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// One axis: output i is the sum of weights[taps[i].weights + k] input[taps[i].first + k], k < taps[i].count.
@@ -148,4 +148,4 @@ class TriangleResize {
   Axis vertical_, horizontal_, vertical_back_, horizontal_back_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include <span>
 #include <vector>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct RobustBall {
   std::array<double, 3> center{0, 0, 0};  ///< the median along each axis
@@ -101,4 +101,4 @@ template <class Place>
   return count;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// [rows, rows]: inner products of the rows of a [rows, columns] table, in double. Chunks of columns in parallel, added in their order. Cost: rows^2
 /// columns multiply-adds.
@@ -61,4 +61,4 @@ template <class T, Executor E>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// out[i] = sum_t weight[i * taps + t] in[first[i] + t], every run inside the input.
 template <class T>
@@ -176,4 +176,4 @@ struct SeparableMap {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -10,7 +10,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 inline constexpr int max_sh_degree = 3;
 
@@ -49,4 +49,4 @@ template <class T>
           T(-0.5900435899266435) * x * (xx - T(3) * yy)};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Place of (i, j), j <= i, in a packed lower triangle.
 [[nodiscard]] constexpr std::size_t packed_index(std::size_t i, std::size_t j) { return i * (i + 1) / 2 + j; }
@@ -96,4 +96,4 @@ template <std::size_t N>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

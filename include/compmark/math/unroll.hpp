@@ -9,7 +9,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// f(integral_constant 0), …, f(integral_constant N - 1).
@@ -22,4 +22,4 @@ COMPMARK_INLINE void unroll(const F& f) {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/math/unroll.hpp"
 #include "compmark/math/winograd_transform.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Scratch of a Winograd convolution, grow-only: about n^2 (in + out) 48 scalars a worker.
 template <class T>
@@ -358,4 +358,4 @@ class WinogradInputGradient {
   WinogradConvolution<T, Tile, Points> convolution_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -15,7 +15,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The positive interpolation points of F(Tile x Tile, 3 x 3).
 template <int Tile>
@@ -121,4 +121,4 @@ struct WinogradTransform {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

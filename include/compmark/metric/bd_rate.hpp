@@ -18,7 +18,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/math/monotone_cubic.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// A point of a rate-distortion curve.
 struct RatePoint {
@@ -114,4 +114,4 @@ template <class X, class Y>
   return found;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/metric/psnr.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// out = matrix in + offset on RGB in [0, 1]; row-major.
 struct ColourMap {
@@ -96,4 +96,4 @@ template <class Sum = double>
   return n == 0 ? std::nan("") : psnr_from_mse(squares / (3 * static_cast<double>(n)));
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

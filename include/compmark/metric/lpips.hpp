@@ -24,7 +24,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/conv.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class LpipsNetwork { alex, squeeze };
 enum class LpipsRange {
@@ -249,4 +249,4 @@ class Lpips {
   std::vector<std::vector<float>> linear_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

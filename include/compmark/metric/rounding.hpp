@@ -12,7 +12,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Nearest 8-bit level of a colour value; below 0 and NaN give 0, above 1 gives 255.
 template <class T>
@@ -36,4 +36,4 @@ void round_to_8bit(ImageView<const T> image, ImageView<T> rounded) {
   for (std::size_t i = 0; i < image.size(); ++i) rounded.data[i] = static_cast<T>(to_8bit(image.data[i])) / T(255);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/gaussian_window.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// SSIM of two images in [0, 1] of one shape, any size. 1 for identical images.
 [[nodiscard]] inline double ssim(ImageView<const float> image, ImageView<const float> reference) {
@@ -78,4 +78,4 @@ namespace compmark::inline v0 {
   return 1 - sum / static_cast<double>(image.size());
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

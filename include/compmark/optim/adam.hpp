@@ -34,7 +34,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/optim/concept.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 using AdamReport = OptimizerReport;
 
@@ -250,4 +250,4 @@ class Adam {
   Settings settings_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

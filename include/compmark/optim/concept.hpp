@@ -22,7 +22,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What one step did.
 struct OptimizerReport {
@@ -48,4 +48,4 @@ concept Optimizer = requires(const O& optimizer, ParameterArena<typename O::Scal
   optimizer.edit_rows(edit, layout, layout, state);
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Length of the runs whose iterations the published numbers name.
 inline constexpr std::int64_t published_iterations = 30000;
@@ -74,4 +74,4 @@ struct DensityPhases {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

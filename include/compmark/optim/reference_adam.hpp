@@ -13,7 +13,7 @@
 
 #include "compmark/optim/adam.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 class ReferenceAdam {
@@ -81,4 +81,4 @@ class ReferenceAdam {
   Settings settings_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

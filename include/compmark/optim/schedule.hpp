@@ -11,7 +11,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Anything that gives a rate for an iteration.
 template <class S>
@@ -42,4 +42,4 @@ struct LogLinear {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -24,7 +24,7 @@
 #include "compmark/pipeline/coded_model.hpp"
 #include "compmark/pipeline/model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -133,4 +133,4 @@ inline void keep_context(const CodecModel& file, CodecModel& coded) {
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

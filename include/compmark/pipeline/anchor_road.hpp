@@ -30,7 +30,7 @@
 #include "compmark/quant/concept.hpp"
 #include "compmark/quant/distortion.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 /// Blocks of a stage in the arena; an empty type of its own where the stage is absent.
@@ -315,4 +315,4 @@ class AnchorRoad {
   [[no_unique_address]] Rate rate_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -22,7 +22,7 @@
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/splat_table.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The Gaussians that the decoder gives for this camera, colours as degree 0: rendered from here the table is the model. `view` chooses
 /// the appearance row, if the recipe has one. Cost: one decode.
@@ -147,4 +147,4 @@ template <Recipe R, class Targets, Executor E>
       model, [&](std::size_t) -> const SplatTable& { return table; }, cameras, targets, appearance_view, executor);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

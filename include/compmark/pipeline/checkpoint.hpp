@@ -30,7 +30,7 @@
 #include "compmark/pipeline/settings_json.hpp"
 #include "compmark/pipeline/view_costs.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Of a run of `Loop`: Trainer<R, E> or PosthocEmbedding<R, E>.
 template <class Loop>
@@ -297,4 +297,4 @@ template <class Loop, class Json = nlohmann::json>
   return checkpoint;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/safetensors.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 [[nodiscard]] inline Error no_state(const SafetensorsFile& file, std::string field, std::string problem) {
   return Error{ErrorKind::malformed, file.path, std::move(field), std::move(problem),
@@ -50,4 +50,4 @@ template <class State>
   return Done{};
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -19,7 +19,7 @@
 #include "compmark/pipeline/coded_views.hpp"
 #include "compmark/pipeline/model.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 template <class T>
 [[nodiscard]] std::vector<float> coded_floats(MatrixView<const T> values) {
@@ -107,4 +107,4 @@ template <Recipe R>
   return Done{};
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -26,7 +26,7 @@
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/model_file.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct CodedModelSettings {
   TensorStorage networks = TensorStorage::half;
@@ -261,4 +261,4 @@ template <Recipe R>
   return loaded;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -22,7 +22,7 @@
 #include "compmark/pipeline/view_row.hpp"
 #include "compmark/scene/lens_model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Which of the model's cameras a file keeps.
 enum class StoredCameras : std::uint8_t { none, test, all };
@@ -115,4 +115,4 @@ template <class Json = nlohmann::json>
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

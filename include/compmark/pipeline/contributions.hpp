@@ -19,7 +19,7 @@
 #include "compmark/pipeline/pipeline.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The slots (anchor row * K + k) that contribute to one view, ascending, with their contributions in pixels.
 struct ViewContributions {
@@ -61,4 +61,4 @@ class ContributionMeter {
   typename Pipeline<R>::Context context_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

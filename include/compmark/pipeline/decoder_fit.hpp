@@ -38,7 +38,7 @@
 #include "compmark/pipeline/quiet_waves.hpp"
 #include "compmark/pipeline/wave_statistics.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct DecoderFit {
@@ -173,4 +173,4 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   return fit;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/mark/pretrain/augmentation.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What befalls an image between its render and who reads it, short of an attack.
 [[nodiscard]] inline AugmentationSettings gentle_edits() {
@@ -76,4 +76,4 @@ struct NoFitObserver {
   constexpr bool on_progress(std::size_t /*done*/, std::size_t /*total*/) const { return true; }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

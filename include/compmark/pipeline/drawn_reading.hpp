@@ -23,7 +23,7 @@
 #include "compmark/pipeline/view_costs.hpp"
 #include "compmark/scene/between.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// For recipes with a MessageDecoder.
 template <Recipe R>
@@ -125,4 +125,4 @@ class DrawnReading {
       distance_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The host alone, without the stages of R: of a mark that was learned post hoc, the unmarked model.
 template <Recipe R>
@@ -50,4 +50,4 @@ template <Recipe R>
   return model;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

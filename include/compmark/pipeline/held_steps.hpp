@@ -24,7 +24,7 @@
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/pipeline.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// For recipes whose entropy model reads ancestors, beside an Embedder.
 template <class R>
@@ -108,4 +108,4 @@ class HeldSteps {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Learning rate of a block of this schedule in iteration t (from 1) of a run of `iterations`.
 [[nodiscard]] inline double learning_rate(const LearningSchedule& schedule, std::int64_t iterations,
@@ -104,4 +104,4 @@ void set_schedules(Model<R>& model, const TrainSettings& settings) {
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/loss/message.hpp"
 #include "compmark/mark/concept.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Weights of one iteration; see MarkPhases.
 struct MarkWeights {
@@ -114,4 +114,4 @@ class MarkLosses {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

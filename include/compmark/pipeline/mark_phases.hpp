@@ -15,7 +15,7 @@
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/quant/distortion.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Which weights and amplitudes hold in which iteration of a run of `total`.
 class MarkPhases {
@@ -96,4 +96,4 @@ class MarkPhases {
   std::int64_t hsv_after_ = 0, frequency_after_ = 0, noise_after_ = 0, adaptive_after_ = 0;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

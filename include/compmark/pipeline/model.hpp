@@ -14,7 +14,7 @@
 #include "compmark/pipeline/anchor_road.hpp"
 #include "compmark/pipeline/recipe.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Numbers of the render that were fixed in training; stored in the model file.
 struct RenderSettings {
@@ -52,4 +52,4 @@ struct Model {
   [[nodiscard]] AnchorColumns<const Scalar> columns() const { return anchor_values(arena, anchors); }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

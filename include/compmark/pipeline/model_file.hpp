@@ -27,7 +27,7 @@
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/model_info.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <Recipe R>
 struct LoadedModel {
@@ -122,4 +122,4 @@ template <Recipe R>
   return model_from<R>(*file);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

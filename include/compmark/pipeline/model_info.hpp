@@ -26,7 +26,7 @@
 #include "compmark/pipeline/view_row.hpp"
 #include "compmark/scene/lens_model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Where a model comes from.
 struct ModelInfo {
@@ -239,4 +239,4 @@ template <class Json = nlohmann::json>
   return json["recipe"].template get<std::string>();
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -11,7 +11,7 @@
 
 #include "compmark/pipeline/pipeline.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct IterationReport {
   std::int64_t iteration = 0;  ///< 1-based, the one just finished
@@ -41,4 +41,4 @@ struct NoObserver {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -32,7 +32,7 @@
 #include "compmark/raster/outputs.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Weights of the base losses (method sheet, section 3.1).
 struct LossWeights {
@@ -360,4 +360,4 @@ class Pipeline {
   [[no_unique_address]] std::conditional_t<Marks::is_absent, detail::Nothing<Marks>, Marks> marks_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -35,7 +35,7 @@
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/pipeline/view_costs.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// `settings.mark` and `settings.rate` say all; the other learning rates have no meaning here. Views need camera(i) and size() alone.
 template <Recipe R, Executor E>
@@ -184,4 +184,4 @@ class PosthocEmbedding {
   std::vector<double> rates_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/pipeline/decoder_fit_settings.hpp"
 #include "compmark/pipeline/wave_statistics.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -133,4 +133,4 @@ template <Executor E>
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

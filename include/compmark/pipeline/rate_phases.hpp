@@ -14,7 +14,7 @@
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 class RatePhases {
  public:
@@ -89,4 +89,4 @@ template <Recipe R>
   return typename R::EntropyModel(settings);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -41,7 +41,7 @@
 #include "compmark/raster/concept.hpp"
 #include "compmark/scene/lens_camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class R>
 concept Recipe = requires {
@@ -166,4 +166,4 @@ consteval void check_recipe() {
                 "Recipe: an EntropyModel draws the noise of its own step, so a DistortionLayer would distort twice");
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -9,7 +9,7 @@
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 [[nodiscard]] inline DensityPhases density_phases(const TrainSettings& run) {
   return {open_window(run.statistics_after, run.grow_until, run.iterations),
@@ -79,4 +79,4 @@ template <Recipe R>
   return typename R::DistortionLayer(settings);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

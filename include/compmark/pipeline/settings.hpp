@@ -12,7 +12,7 @@
 #include <string>
 #include <string_view>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Initial and final learning rate; equal means constant. Log-linear in between (method sheet, section 3.2).
 struct LearningRate {
@@ -209,4 +209,4 @@ struct TrainSettings {
   return std::nullopt;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -9,7 +9,7 @@
 
 #include "compmark/pipeline/settings.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Every number that changes what a run computes. Two runs with equal objects continue each other.
 template <class Json = nlohmann::json>
@@ -111,4 +111,4 @@ template <class Json = nlohmann::json>
   return json;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

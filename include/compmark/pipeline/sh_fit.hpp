@@ -35,7 +35,7 @@
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/splat_table.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ShFitSettings {
   int degree = 3;
@@ -257,4 +257,4 @@ template <Recipe R, Executor E>
   return table;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/loss/scale_volume.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// `Offsets` is the number of Gaussians that an anchor may have.
 template <class T, Space S, int Offsets>
@@ -75,4 +75,4 @@ class SpaceVolumeLoss {
   static constexpr std::size_t grain = 8192;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

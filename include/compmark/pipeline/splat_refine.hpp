@@ -25,7 +25,7 @@
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/splat_table.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Learning rates fall log-linearly to `final_rate` times these.
 struct SplatRefineSettings {
@@ -165,4 +165,4 @@ template <Recipe R, Executor E>
     return report;
   }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -37,7 +37,7 @@
 #include "compmark/pipeline/training_views.hpp"
 #include "compmark/scene/image_point.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <Recipe R, Executor E>
 class Trainer {
@@ -350,4 +350,4 @@ class Trainer {
   [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, Drawn, detail::Nothing<Drawn>> drawn_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

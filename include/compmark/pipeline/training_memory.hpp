@@ -18,7 +18,7 @@
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What there is, and what a training is asked beside its anchors.
 struct MemoryBudget {
@@ -127,4 +127,4 @@ template <Recipe R>
                "thin the point cloud out"};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

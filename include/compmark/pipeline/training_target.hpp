@@ -18,7 +18,7 @@
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/training_views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <Recipe R>
 class TrainingTarget {
@@ -80,4 +80,4 @@ class TrainingTarget {
   [[no_unique_address]] std::conditional_t<needs_planes, Planes, NoPlanes> planes_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class V, class T>
 concept TrainingViews = requires(V& views, std::size_t i, ImageView<T> image) {
@@ -70,4 +70,4 @@ class ViewOrder {
   std::size_t epoch_ = static_cast<std::size_t>(-1);
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

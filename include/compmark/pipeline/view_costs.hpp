@@ -13,7 +13,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 class ViewCosts {
  public:
@@ -49,4 +49,4 @@ class ViewCosts {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

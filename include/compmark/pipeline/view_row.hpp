@@ -15,7 +15,7 @@
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens_model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// A view that the model knows: enough to render it again without the dataset.
 struct StoredView {
@@ -76,4 +76,4 @@ inline void append_lens_row(const Lens& lens, std::vector<double>& table) {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

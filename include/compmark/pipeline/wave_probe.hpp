@@ -29,7 +29,7 @@
 #include "compmark/pipeline/pipeline.hpp"
 #include "compmark/scene/between.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -202,4 +202,4 @@ class WaveProbe {
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/pipeline/decoder_fit_settings.hpp"
 #include "compmark/pipeline/wave_probe.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -134,4 +134,4 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -9,7 +9,7 @@
 
 #include "compmark/quant/step.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct AdaptiveQuantizer {
@@ -38,4 +38,4 @@ struct AdaptiveQuantizer {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

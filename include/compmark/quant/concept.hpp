@@ -8,7 +8,7 @@
 
 #include "compmark/core/absent.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// No noise in training: costs nothing and leaves no trace.
 struct NoDistortion : Absent<NoDistortion> {};
@@ -24,4 +24,4 @@ concept DistortionLayer = D::is_absent || requires {
   typename D::Settings;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/quant/adaptive_quantizer.hpp"
 #include "compmark/quant/concept.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What the layer does in one iteration; resolved from the run's phases by the trainer. All zero: it is not called.
 struct DistortionPhase {
@@ -356,4 +356,4 @@ class QuantizationNoise {
   Settings settings_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -28,7 +28,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/quant/uniform_quantizer.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class Int8Scheme : std::uint8_t { affine, symmetric };
 /// What shares a scale.
@@ -257,4 +257,4 @@ class Int8Quantizer {
   Settings settings_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

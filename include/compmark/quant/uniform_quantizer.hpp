@@ -20,7 +20,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/quant/adaptive_quantizer.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -129,4 +129,4 @@ class UniformQuantizer {
   T step_ = 1;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

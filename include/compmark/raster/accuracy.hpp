@@ -5,7 +5,7 @@
 // price and error benchmarks/accuracy_vs_time measures. "exact" and "spec" are references (use them with Scalar = double).
 #pragma once
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class FootprintRule : unsigned char {
   square_three_sigma,  ///< the published rule: a square of radius ceil(3 sqrt(lambda_max)) in whole tiles; not opacity-aware
@@ -53,4 +53,4 @@ inline constexpr Accuracy fast{.exp_degree = 4, .alpha_min = 1.0f / 128.0f, .tra
 inline constexpr Accuracy draft{.exp_degree = 3, .alpha_min = 1.0f / 64.0f, .transmittance_stop = 1e-2f};
 }  // namespace accuracy
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/raster/splat.hpp"
 #include "compmark/raster/tile_hits.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct BinSettings {
   /// Most (splat, tile) pairs one view may have; beyond it bin() reports an error instead of running out of memory (numerics case TB6).
@@ -244,4 +244,4 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
   return Done{};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -25,7 +25,7 @@
 #include "compmark/core/gradient_mode.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct Camera;
@@ -68,4 +68,4 @@ concept GradientSettingRasterizer = Rasterizer<R> &&
                                                   executor);
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

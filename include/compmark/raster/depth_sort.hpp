@@ -18,7 +18,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 using DepthKey = std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>;
@@ -103,4 +103,4 @@ std::size_t depth_sort(DepthSortWorkspace<T>& workspace, std::size_t chunks, std
   return total;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/scene/lens_policy.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The blur of the footprint is all there is: a splat below a pixel keeps its opacity over an area that has grown, and is drawn too bright.
 struct NoFilter {
@@ -93,4 +93,4 @@ struct RasterEffects {
 
 using NoRasterEffects = RasterEffects<>;
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/raster/lens_view.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Run-time numbers of projection.
 template <class T, class Lens = PinholeLens>
@@ -183,4 +183,4 @@ template <FootprintRule rule, int tile_size, class T>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

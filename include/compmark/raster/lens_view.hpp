@@ -15,7 +15,7 @@
 #include "compmark/scene/lens_policy.hpp"
 #include "compmark/scene/lens_rays.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -163,4 +163,4 @@ template <class T, int W, class Lens, class Bent = NoLensPoint>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

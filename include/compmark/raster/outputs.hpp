@@ -8,7 +8,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Structural, so that it can be a template argument.
 struct RasterOutputs {
@@ -47,4 +47,4 @@ struct NoGradientNorms {};
 
 }  // namespace detail
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -30,7 +30,7 @@
 #include "compmark/raster/transpose.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Scratch of project(); grow-only.
 template <class T>
@@ -269,4 +269,4 @@ RasterReport project(GaussianColumns<const T> gaussians, const Camera<T>& camera
   return report;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

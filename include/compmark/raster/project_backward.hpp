@@ -26,7 +26,7 @@
 #include "compmark/raster/transpose.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -247,4 +247,4 @@ void project_backward(GaussianColumns<const T> gaussians, const Camera<T>& camer
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include "compmark/raster/accuracy.hpp"
 #include "compmark/raster/splat.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The visible splats of one view. `splats[0 .. count)` is in depth order, front to back, ties by index of the input Gaussian.
 template <class T>
@@ -68,4 +68,4 @@ template <class T>
   return {alpha * x * x * (3 - 2 * x), x * x * (3 - 2 * x) + alpha * 6 * x * (1 - x) / width};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -31,7 +31,7 @@
 #include "compmark/raster/projected.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -598,4 +598,4 @@ class ReferenceRasterizer {
   Settings settings_{};
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

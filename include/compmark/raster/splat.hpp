@@ -11,7 +11,7 @@
 
 #include <cstdint>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct alignas(16 * sizeof(T)) Splat {
@@ -41,4 +41,4 @@ struct alignas(16 * sizeof(T)) SplatGradient {
   T unused[6];
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -31,7 +31,7 @@
 #include "compmark/raster/tile_forward.hpp"
 #include "compmark/raster/tile_hits.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// See raster/concept.hpp. `W` is the pack width; other widths than the native one are for tests. `Effects` is a RasterEffects.
 template <class T, Accuracy accuracy = accuracy::standard, RasterOutputs outputs = RasterOutputs{},
@@ -295,4 +295,4 @@ class TileRasterizer {
 template <class T, class Effects, Accuracy accuracy = accuracy::standard, RasterOutputs outputs = RasterOutputs{}>
 using EffectTileRasterizer = TileRasterizer<T, accuracy, outputs, detail::block_width<T>, Effects>;
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 
 #include "compmark/raster/tile_forward.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Scratch of one worker, ~0.6 MB in float: stays in the second-level cache.
 template <Accuracy accuracy, class T>
@@ -284,4 +284,4 @@ inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const
   if (streaming) streaming_fence();
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

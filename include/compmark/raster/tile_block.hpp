@@ -25,7 +25,7 @@
 #include "compmark/raster/tile_cell.hpp"
 #include "compmark/raster/transpose.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Units of sigma: 1 with std::exp, 1 / ln 2 with a polynomial of 2^f.
 template <Accuracy accuracy, class T>
@@ -266,4 +266,4 @@ template <Accuracy accuracy, bool want_chain, class T, int W>
   return result;
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

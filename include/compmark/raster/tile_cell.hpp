@@ -14,7 +14,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 inline constexpr int cell_side = 16;     ///< pixels
 inline constexpr int block_side = 4;     ///< pixels
@@ -132,4 +132,4 @@ inline void store_cell(const T (&from)[cell_blocks][block_pixels], const CellPla
       });
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -17,7 +17,7 @@
 #include "compmark/raster/tile_cell.hpp"
 #include "compmark/raster/tile_reach.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// Scratch of one worker, ~40 KB in float.
 template <class T>
@@ -188,4 +188,4 @@ inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span
   return chunk;
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -18,7 +18,7 @@
 #include "compmark/raster/transpose.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// A rectangle of tiles.
 struct TileBox {
@@ -206,4 +206,4 @@ struct NoPackVisitor {
                                   const PackedSplats<P>& /*splats*/) const {}
 };
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -14,7 +14,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/raster/tile_cell.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 inline constexpr std::size_t chunk_splats = 256;  ///< splats of a tile's list that are worked on together
 inline constexpr std::size_t chunk_words = chunk_splats / 64;
@@ -108,4 +108,4 @@ struct BlockList {
   return (length + chunk_splats - 1) / chunk_splats;
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

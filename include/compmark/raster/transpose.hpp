@@ -11,7 +11,7 @@
 
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 /// One butterfly round: exchanges the blocks of `half` lanes that lie off the diagonal, between rows i and i + half.
 template <std::size_t half, class P, std::size_t... lane>
@@ -73,4 +73,4 @@ template <class P>
   return fields;
 }
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

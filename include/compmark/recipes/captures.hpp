@@ -14,7 +14,7 @@
 #include "compmark/raster/tile.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace recipes {
 
@@ -71,4 +71,4 @@ struct ScaffoldExposureMasked : ScaffoldMasked {
 
 }  // namespace recipes
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -14,7 +14,7 @@
 #include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
-namespace compmark::inline v0::recipes {
+namespace compmark::recipes {
 
 template <class HostRecipe>
 struct ContextGs : HostRecipe {
@@ -32,4 +32,4 @@ struct ContextGsFitted : Fitted<ContextGs<Scaffold>> {};
 struct ContextGsFittedMasked : Fitted<ContextGs<ScaffoldMasked>> {};
 struct ContextGsFittedExposure : Fitted<ContextGs<ScaffoldExposure>> {};
 
-}  // namespace compmark::inline v0::recipes
+}  // namespace compmark::recipes

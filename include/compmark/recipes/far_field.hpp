@@ -9,7 +9,7 @@
 #include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace recipes {
 
@@ -22,4 +22,4 @@ struct ScaffoldFarFieldExposure : ScaffoldExposure {
 
 }  // namespace recipes
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

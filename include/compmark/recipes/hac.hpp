@@ -13,7 +13,7 @@
 #include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
-namespace compmark::inline v0::recipes {
+namespace compmark::recipes {
 
 /// `grid`: levels of the context's hash grid; the published one has 1.77 million entries of one bit, 216 KB before coding.
 template <class HostRecipe, HashGridShape grid = HashGridShape{}>
@@ -45,4 +45,4 @@ struct HacFitted : Fitted<Hac<Scaffold>> {};
 struct HacFittedMasked : Fitted<Hac<ScaffoldMasked>> {};
 struct HacFittedExposure : Fitted<Hac<ScaffoldExposure>> {};
 
-}  // namespace compmark::inline v0::recipes
+}  // namespace compmark::recipes

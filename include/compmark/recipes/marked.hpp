@@ -16,7 +16,7 @@
 #include "compmark/quant/distortion.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace recipes {
 
@@ -47,4 +47,4 @@ template <Recipe R>
   return host_alone(baked);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

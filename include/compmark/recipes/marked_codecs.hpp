@@ -19,7 +19,7 @@
 #include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/marked.hpp"
 
-namespace compmark::inline v0::recipes {
+namespace compmark::recipes {
 
 /// A marked recipe with the frequency loss and the growing that looks at it.
 template <class MarkedRecipe>
@@ -40,4 +40,4 @@ struct MarkedHac : WithFrequency<Marked<HostRecipe, Decoder>> {};
 template <class Decoder, class HostRecipe = ContextGsScaffold>
 struct MarkedContextGs : WithFrequency<Marked<HostRecipe, Decoder>> {};
 
-}  // namespace compmark::inline v0::recipes
+}  // namespace compmark::recipes

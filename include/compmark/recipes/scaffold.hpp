@@ -17,7 +17,7 @@
 #include "compmark/quant/concept.hpp"
 #include "compmark/raster/tile.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The tile rasterizer that also collects what growing reads.
 template <class T = float, Accuracy raster_accuracy = accuracy::standard>
@@ -70,4 +70,4 @@ struct CompMarkPaperHost : DefaultRecipe<float, DecoderShape{.feature_dim = 50, 
 
 }  // namespace recipes
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// `from` moved towards `to` by `fraction` in [0, 1]: at 0 it is `from` to the bit, at 1 it stands and looks as `to` does. Works on
 /// LensCamera too; the lens stays.
@@ -235,4 +235,4 @@ template <class Cameras>
   return camera_turned(camera, most_roll * (2 * random.uniform(4) - 1), std::pow(most_zoom, 2 * random.uniform(5) - 1));
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

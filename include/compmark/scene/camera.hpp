@@ -11,7 +11,7 @@
 #include <cmath>
 #include <cstddef>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Where in a pixel its ray goes through (numerics case PR6). The only place that says so.
 template <class T>
@@ -65,4 +65,4 @@ struct Camera {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

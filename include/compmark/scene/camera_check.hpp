@@ -15,7 +15,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/repeated.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// Whether a place is in front of a camera and on its image; a lens bends rays, so half an image beside it counts too.
@@ -62,4 +62,4 @@ inline void say_strange_cameras(Dataset& dataset) {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/image_store.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -94,4 +94,4 @@ namespace detail {
                                 "make white what counts, or remove the masks");
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -33,7 +33,7 @@
 #include "compmark/scene/repeated.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -201,4 +201,4 @@ namespace detail {
   return dataset;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/scene/colmap_model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -202,4 +202,4 @@ template <class Record>
   return parse_colmap_binary(contents[0], contents[1], contents[2], folder, settings);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -26,7 +26,7 @@
 #include "compmark/scene/lens_model.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 [[nodiscard]] inline bool has_binary(const std::filesystem::path& folder) {
@@ -149,4 +149,4 @@ struct ColmapIntrinsics {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

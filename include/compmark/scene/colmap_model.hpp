@@ -15,7 +15,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ColmapCamera {
   int model = 0;  ///< index into colmap_models
@@ -88,4 +88,4 @@ struct ColmapReadSettings {
   bool observations = false;  ///< keep the 2-D features of each image
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include "compmark/scene/colmap_model.hpp"
 #include "compmark/scene/text_bytes.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -239,4 +239,4 @@ class LineReader {
   return model;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

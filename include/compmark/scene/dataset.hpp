@@ -15,7 +15,7 @@
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens_model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class Split { train, test };
 
@@ -123,4 +123,4 @@ struct DatasetSettings {
   bool masks = true;  ///< take masks (mask_path of a frame, folder masks) where there are any
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

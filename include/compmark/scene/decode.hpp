@@ -25,7 +25,7 @@
 #include "compmark/scene/turn.hpp"
 #include "compmark/scene/undistort.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct DecodeSettings {
   std::array<float, 3> background{0, 0, 0};
@@ -130,4 +130,4 @@ inline Result<Done> check_size(const View& view, const ImageBytes& file) {
   return small;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

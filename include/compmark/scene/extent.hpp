@@ -18,7 +18,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/random_points.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct SceneExtent {
   std::array<double, 3> center{0, 0, 0};  ///< mean of the training cameras' centres
@@ -95,4 +95,4 @@ template <class Points>
   return extent;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

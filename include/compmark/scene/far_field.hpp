@@ -11,7 +11,7 @@
 #include "compmark/scene/extent.hpp"
 #include "compmark/scene/random_points.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// The ball of the training cameras. Cameras that stand in one place have one of half the distance to what they look at.
 struct CameraBall {
@@ -24,4 +24,4 @@ struct CameraBall {
   return {extent.center, radius > 0 ? radius : 1};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

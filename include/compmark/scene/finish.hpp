@@ -28,7 +28,7 @@
 #include "compmark/scene/random_points.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 [[nodiscard]] inline std::vector<std::size_t> all_views(const Dataset& dataset) {
@@ -234,4 +234,4 @@ inline void finish_dataset(Dataset& dataset, PrecisePoints points, const Dataset
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include "compmark/math/pack.hpp"
 #include "compmark/scene/lens_policy.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -66,4 +66,4 @@ template <int W>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/scene/path_key.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// A capture that is not read: told by a name in the folder and by what the file of that name says near its beginning.
 struct ForeignCapture {
@@ -107,4 +107,4 @@ namespace detail {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -15,7 +15,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// How a composited value becomes a byte. The published code truncates, which darkens by half a level on average; nearest does not.
 enum class AlphaRounding { truncate, nearest };
@@ -70,4 +70,4 @@ inline void composite(std::span<const std::uint8_t> pixels, int channels, const 
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/scene/path_key.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// True for the name of a PNG or JPEG in any capitals. What a system left beside the photographs (._a.png, .hidden.png) is none.
@@ -112,4 +112,4 @@ namespace detail {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

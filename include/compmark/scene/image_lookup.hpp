@@ -18,7 +18,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// "./a\\b.png" as "a/b.png": the one spelling of a path relative to a file of cameras.
@@ -120,4 +120,4 @@ struct FoundImage {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -15,7 +15,7 @@
 #include "compmark/scene/pairing.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 struct FoundImages {
@@ -83,4 +83,4 @@ inline void pair_the_missing(const std::vector<std::string>& names, const std::v
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -9,7 +9,7 @@
 
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// {u, v} in the image frame of camera.hpp, pixels. Of a point in the plane of the camera it is not finite, behind it that of its mirror image.
 template <class T>
@@ -23,4 +23,4 @@ template <class T>
           static_cast<T>(camera.fy * seen[1] / seen[2] + camera.cy)};
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

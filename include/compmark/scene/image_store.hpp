@@ -25,7 +25,7 @@
 #include "compmark/scene/image.hpp"
 #include "compmark/scene/resize.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ImageStoreSettings {
   std::size_t memory_budget_bytes = std::size_t{768} << 20;  ///< of decoded images; one image is always kept
@@ -174,4 +174,4 @@ class ImageStore {
   ImageStoreStatistics statistics_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

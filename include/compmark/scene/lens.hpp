@@ -19,7 +19,7 @@
 #include "compmark/scene/lens_model.hpp"
 #include "compmark/scene/lens_radial.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -180,4 +180,4 @@ struct Undistorted {
   return largest;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens_policy.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Made of a camera alone it has the ideal lens of its family: a pinhole for RadialTangentialLens, d = theta for FisheyeLens. That is what a
 /// viewer that knows no lens shows.
@@ -64,4 +64,4 @@ template <class LensPolicy>
 template <class LensPolicy>
 inline constexpr const char* lens_family = detail::LensConversion<LensPolicy>::family;
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/scene/lens_fisheye.hpp"
 #include "compmark/scene/lens_model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 [[nodiscard]] constexpr bool has_closed_inverse(LensModel model) {
@@ -80,4 +80,4 @@ template <class V>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -7,7 +7,7 @@
 
 #include <cmath>
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 template <class T>
@@ -53,4 +53,4 @@ template <class T>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

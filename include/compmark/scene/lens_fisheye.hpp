@@ -14,7 +14,7 @@
 #include "compmark/scene/lens_model.hpp"
 #include "compmark/scene/lens_radial.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// atan(sqrt(q)) / sqrt(q) for q >= 0. Series of 13 terms below 1/16, where the first one left out is 1e-17.
@@ -83,4 +83,4 @@ template <class V>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// COLMAP's model ids. 17 (EQUIRECTANGULAR) has no pinhole to return to and is refused by the readers.
 enum class LensModel : std::uint8_t {
@@ -84,4 +84,4 @@ struct Lens {
                      [](double v) { return v == 0; });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

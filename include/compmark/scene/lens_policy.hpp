@@ -17,7 +17,7 @@
 
 #include "compmark/scene/lens.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// A map of the plane at one point: value, Jacobian and second derivatives. The Jacobian is symmetric for every lens here.
 template <class V>
@@ -247,4 +247,4 @@ template <class T>
   return policy;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -10,7 +10,7 @@
 
 #include "compmark/scene/lens_model.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// The tangential part, shared with the fisheye that has one.
@@ -36,4 +36,4 @@ template <class V>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

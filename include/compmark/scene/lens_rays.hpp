@@ -14,7 +14,7 @@
 
 #include "compmark/scene/lens_policy.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -88,4 +88,4 @@ template <class T, class Lens>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

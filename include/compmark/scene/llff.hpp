@@ -28,7 +28,7 @@
 #include "compmark/scene/repeated.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// True if the folder holds a dataset of this kind.
 [[nodiscard]] inline bool is_llff(const std::filesystem::path& folder) {
@@ -146,4 +146,4 @@ namespace detail {
   return dataset;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/io/image_file.hpp"
 #include "compmark/scene/dataset.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct MaskFile {
   int width = 0, height = 0, channels = 0;
@@ -93,4 +93,4 @@ namespace detail {
   return weights;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -24,7 +24,7 @@
 #include "compmark/scene/pairing.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// The mask of the image `root`/<folder>/<rest>: masks/<folder>/<rest>, then masks/<rest>, with the image's name and ".png", its stem and
@@ -261,4 +261,4 @@ inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include "compmark/scene/mask_file.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// A mask that is nowhere brighter, as a share of white, is no soft one: it holds labels, or 0 and 1.
@@ -206,4 +206,4 @@ struct MaskDecision {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

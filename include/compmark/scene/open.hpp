@@ -26,7 +26,7 @@
 #include "compmark/scene/repeated.hpp"
 #include "compmark/scene/transforms.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -171,4 +171,4 @@ template <class Json = nlohmann::json>
   return dataset;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -31,7 +31,7 @@
 
 #include "compmark/scene/path_key.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 inline constexpr std::size_t no_file = static_cast<std::size_t>(-1);
 
@@ -278,4 +278,4 @@ class NamePairs {
   return detail::NamePairs(names, files).pair(settings);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

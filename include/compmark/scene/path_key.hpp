@@ -14,7 +14,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// Small letters, accents apart from their letters: ASCII, Latin-1, Greek and Cyrillic as UTF-8; anything else stays. (Systems differ in whether
@@ -163,4 +163,4 @@ struct PathKey {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/io/ply.hpp"
 #include "compmark/scene/dataset.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Points before they are rounded to float, so that a scene far from the origin can be moved to it first (numerics case PR7).
 struct PrecisePoints {
@@ -82,4 +82,4 @@ struct PrecisePoints {
   return points;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

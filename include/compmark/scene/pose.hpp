@@ -13,7 +13,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Row-major 3 x 3.
 using Matrix3 = std::array<double, 9>;
@@ -110,4 +110,4 @@ struct NearestRotation {
   return pose;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

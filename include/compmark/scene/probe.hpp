@@ -22,7 +22,7 @@
 #include "compmark/scene/probe_sightings.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class SceneEffect {
   alpha,                ///< transparent photographs: a background of our choice, random while training
@@ -213,4 +213,4 @@ struct GeometryEvidence {
   return effects;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -18,7 +18,7 @@
 #include "compmark/scene/probe_sightings.hpp"
 #include "compmark/scene/turn.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// The q-th quantile of a list that is not empty; reorders it.
@@ -161,4 +161,4 @@ struct PointBrightness {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

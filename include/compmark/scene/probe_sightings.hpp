@@ -16,7 +16,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/random_points.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 struct Sighting {
@@ -105,4 +105,4 @@ struct Sightings {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

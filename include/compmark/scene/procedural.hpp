@@ -20,7 +20,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/scene/solid.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// What a surface point looks like.
 enum class Texture { plain, checker, stripes, marble, turntable, chart, wood, bands };
@@ -276,4 +276,4 @@ inline Vector3 ProceduralScene::color(const SceneObject& object, const SceneHit&
   return m.first;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -31,7 +31,7 @@
 #include "compmark/scene/lens.hpp"
 #include "compmark/scene/procedural.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ProceduralSettings {
   int views_train = 100;
@@ -250,4 +250,4 @@ template <class Threads = ThreadExecutor>
   return write_procedural_scene(folder, settings, executor);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/pose.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// `count` points uniform in the cube [-half_size, half_size]^3, grey. The i-th point depends on (seed, i) alone.
 [[nodiscard]] inline PointCloud random_points(std::size_t count, double half_size, std::uint64_t seed) {
@@ -100,4 +100,4 @@ inline constexpr double published_cube = 1.3, published_reach = published_cube /
   return points;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

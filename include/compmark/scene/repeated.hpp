@@ -21,7 +21,7 @@
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/scene/dataset.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// Whether two views stand in one place and look one way, up to the rounding of a float.
@@ -109,4 +109,4 @@ inline void say_copies(Dataset& dataset) {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 
 #include "compmark/core/config.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class ResizeFilter { bicubic, area };
 
@@ -135,4 +135,4 @@ inline void resize_plane(std::span<const std::uint8_t> input, ImageSize from, st
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -12,7 +12,7 @@
 #include <optional>
 #include <utility>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Three doubles with the arithmetic of vectors; products are component by component.
 struct Vector3 {
@@ -165,4 +165,4 @@ class Solid {
   double inner_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include "compmark/core/gaussians.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Structure of arrays, every column `count` floats. Cost: 4 (11 + 3 (degree + 1)^2) bytes a Gaussian.
 struct SplatTable {
@@ -161,4 +161,4 @@ template <class T>
   return table;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

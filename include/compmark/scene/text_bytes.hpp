@@ -16,7 +16,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/file_kind.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// The bytes of a text without the byte order mark of UTF-8 and without zero bytes at the end; UTF-16 and UTF-32 are an Error that names them.
@@ -49,4 +49,4 @@ namespace detail {
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

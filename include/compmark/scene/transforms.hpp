@@ -39,7 +39,7 @@
 #include "compmark/scene/transforms_split.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -250,4 +250,4 @@ template <class Json = nlohmann::json>
   return dataset;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -23,7 +23,7 @@
 #include "compmark/scene/transforms_json.hpp"
 #include "compmark/scene/view_reader.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// Looks a key up in a frame, then in the file; remembers the first value that is there and of no use.
@@ -206,4 +206,4 @@ template <class Json>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/transforms_json.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class FieldUse {
   used,      ///< by the reader
@@ -210,4 +210,4 @@ template <class Json>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/scene/image_lookup.hpp"
 #include "compmark/scene/image_pairing.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// The file_path of every frame, "" where there is none.
@@ -83,4 +83,4 @@ template <class Json>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

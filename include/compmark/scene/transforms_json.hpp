@@ -23,7 +23,7 @@
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/scene/text_bytes.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// Python writes NaN and Infinity, which JSON does not have: outside strings they become null, so that the field that holds one can be
@@ -159,4 +159,4 @@ template <class Json>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -19,7 +19,7 @@
 #include "compmark/scene/transforms_camera.hpp"
 #include "compmark/scene/transforms_json.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// Nothing if the file asks for no lens that only other programs know: instant-ngp's f-theta polynomial and its maps of the sphere.
@@ -135,4 +135,4 @@ template <class Json>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -17,7 +17,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/image_lookup.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 /// The splits of nerfstudio: train_filenames, val_filenames, test_filenames. False if the file has none.
@@ -81,4 +81,4 @@ template <class Json>
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -10,7 +10,7 @@
 
 #include "compmark/io/image_file.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// True if rows and columns change places.
 [[nodiscard]] constexpr bool exchanges_sides(int orientation) { return orientation >= 5 && orientation <= 8; }
@@ -40,4 +40,4 @@ namespace compmark::inline v0 {
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

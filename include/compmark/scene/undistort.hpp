@@ -18,7 +18,7 @@
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Planar 8-bit samples [channels, height, width] and which pixels are valid: 255 or 0, empty where all are.
 struct UndistortedPlanes {
@@ -72,4 +72,4 @@ struct UndistortedPlanes {
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

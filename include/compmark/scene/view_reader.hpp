@@ -25,7 +25,7 @@
 #include "compmark/scene/resize.hpp"
 #include "compmark/scene/turn.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace detail {
 
 [[nodiscard]] inline bool file_exists(const std::filesystem::path& path) {
@@ -205,4 +205,4 @@ inline void say_notes(const ReaderNotes& notes, const std::string& source, LensT
 }
 
 }  // namespace detail
-}  // namespace compmark::inline v0
+}  // namespace compmark

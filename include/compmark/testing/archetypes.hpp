@@ -20,7 +20,7 @@
 #include "compmark/raster/concept.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace testing {
 
 /// Executor: one worker, the calling thread.
@@ -139,4 +139,4 @@ struct MessageDecoderArchetype {
 };
 
 }  // namespace testing
-}  // namespace compmark::inline v0
+}  // namespace compmark

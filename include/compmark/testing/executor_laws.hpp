@@ -19,7 +19,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/testing/violations.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace testing {
 
 namespace detail {
@@ -131,4 +131,4 @@ template <class Make>
 }
 
 }  // namespace testing
-}  // namespace compmark::inline v0
+}  // namespace compmark

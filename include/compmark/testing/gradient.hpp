@@ -17,7 +17,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/testing/violations.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace testing {
 
 /// d loss / d x[i] by a central difference; x is restored.
@@ -93,4 +93,4 @@ template <class Loss>
 }
 
 }  // namespace testing
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/testing/gradient.hpp"
 #include "compmark/testing/violations.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace testing {
 
 /// D1 to D6 at one image size. `decoder` computes in double; `samples` pixels are tried for D1.
@@ -84,4 +84,4 @@ template <MessageDecoder D>
 }
 
 }  // namespace testing
-}  // namespace compmark::inline v0
+}  // namespace compmark

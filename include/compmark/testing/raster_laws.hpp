@@ -23,7 +23,7 @@
 #include "compmark/testing/raster_scene.hpp"
 #include "compmark/testing/violations.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace testing {
 
 /// Image [3, height, width] and gradients of one forward and one backward.
@@ -226,4 +226,4 @@ template <Rasterizer R, Rasterizer Reference>
 }
 
 }  // namespace testing
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -13,7 +13,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/scene/camera.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace testing {
 
 template <class T>
@@ -102,4 +102,4 @@ template <class U, class T>
 }
 
 }  // namespace testing
-}  // namespace compmark::inline v0
+}  // namespace compmark

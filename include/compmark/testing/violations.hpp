@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-namespace compmark::inline v0 {
+namespace compmark {
 namespace testing {
 
 /// Collects violations as lines of text.
@@ -24,4 +24,4 @@ class Violations {
 };
 
 }  // namespace testing
-}  // namespace compmark::inline v0
+}  // namespace compmark

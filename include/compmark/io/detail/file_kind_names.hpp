@@ -6,7 +6,7 @@
 
 #include <string_view>
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class FileKind {
   unknown,
@@ -188,4 +188,4 @@ enum class FileKind {
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

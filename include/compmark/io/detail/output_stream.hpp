@@ -24,7 +24,7 @@
 #include <unistd.h>
 #endif
 
-namespace compmark::inline v0::detail {
+namespace compmark::detail {
 
 #if defined(COMPMARK_POSIX_FILES)
 
@@ -221,4 +221,4 @@ class OutputStream {
 
 #endif
 
-}  // namespace compmark::inline v0::detail
+}  // namespace compmark::detail

@@ -101,10 +101,10 @@
 #pragma GCC diagnostic ignored "-Wpedantic"
 #endif
 
-namespace compmark::inline v0::detail::stb {
+namespace compmark::detail::stb {
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
-}  // namespace compmark::inline v0::detail::stb
+}  // namespace compmark::detail::stb
 
 #pragma GCC diagnostic pop
 

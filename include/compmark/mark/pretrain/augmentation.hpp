@@ -23,7 +23,7 @@
 #include "compmark/mark/pretrain/rotation.hpp"
 #include "compmark/math/separable_map.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 enum class Augmentation : std::uint8_t { none, crop, resize, rotation, blur, noise, brightness, jpeg };
 inline constexpr std::size_t augmentation_count = 8;
@@ -190,4 +190,4 @@ class Augmenter {
   int width_ = 0;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

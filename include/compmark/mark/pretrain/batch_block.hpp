@@ -21,7 +21,7 @@
 #include "compmark/math/gelu.hpp"
 #include "compmark/math/pack.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Views of one block's weights or gradients.
 template <class T>
@@ -180,4 +180,4 @@ class BatchBlock {
   double momentum_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -27,7 +27,7 @@
 #include "compmark/mark/input_convention.hpp"
 #include "compmark/mark/pretrain/batch_block.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct ConvNetworkSettings {
   int bits = 48;
@@ -256,4 +256,4 @@ class ConvNetwork {
   BlockHandle linear_, offset_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/separable_map.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -126,4 +126,4 @@ inline void dead_leaves_image(std::uint64_t seed, std::uint64_t index, ImageView
   for (float& value : image.flat()) value = std::clamp(value, 0.0f, 1.0f);
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

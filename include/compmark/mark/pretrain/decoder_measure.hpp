@@ -21,7 +21,7 @@
 #include "compmark/mark/pretrain/augmentation.hpp"
 #include "compmark/mark/pretrain/pixel_embedding.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct MeasuredDistortion {
   std::string_view name;
@@ -112,4 +112,4 @@ template <class Decoder, class Images, class Jpeg, Executor E>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -21,7 +21,7 @@
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/pretrain/whitening.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// Frequencies of length 1 / period in a random direction, uniform phases, no head yet (lattice_head). One period an octave of contrast, or a
 /// blur of colour; with a `spread` above 0 a wave's periods are all longer or shorter by up to so many octaves.
@@ -139,4 +139,4 @@ void lattice_head(LatticeDecoder<T>& decoder, std::span<const double> features, 
   whitened_head(rows, whitening, std::span<T>(decoder.weights().head), std::span<T>(decoder.weights().bias));
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

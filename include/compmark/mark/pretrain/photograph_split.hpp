@@ -18,7 +18,7 @@
 
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// "kitchen_0.jpg" and "kitchen_12.jpg" are of "kitchen"; "kitchen.jpg" too, and "0001.jpg" of "0001".
 [[nodiscard]] inline std::string photograph_group(std::string_view file_name) {
@@ -43,4 +43,4 @@ namespace compmark::inline v0 {
   return out;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

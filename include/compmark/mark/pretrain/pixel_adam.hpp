@@ -13,7 +13,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 template <class T>
 struct PixelChange {
@@ -55,4 +55,4 @@ struct PixelChange {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -20,7 +20,7 @@
 #include "compmark/mark/pretrain/augmentation.hpp"
 #include "compmark/mark/pretrain/pixel_adam.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// d/dz of softplus(-temperature s z), s = +-1.
 template <class T>
@@ -76,4 +76,4 @@ struct PixelEmbedding {
   }
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

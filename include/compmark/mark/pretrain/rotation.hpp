@@ -11,7 +11,7 @@
 
 #include "compmark/core/views.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 namespace detail {
 
@@ -54,4 +54,4 @@ void add_rotation_transposed(ImageView<const T> gradient, double radians, ImageV
   });
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

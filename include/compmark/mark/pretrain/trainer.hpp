@@ -28,7 +28,7 @@
 #include "compmark/mark/pretrain/pixel_adam.hpp"
 #include "compmark/mark/pretrain/pixel_embedding.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 struct PretrainSettings {
   std::int64_t steps = 4000;
@@ -236,4 +236,4 @@ class Pretrainer {
   PretrainSettings settings_;
 };
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

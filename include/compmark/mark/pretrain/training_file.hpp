@@ -17,7 +17,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/mark/pretrain/trainer.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 inline constexpr const char* pretrain_format = "compmark decoder training";
 
@@ -108,4 +108,4 @@ template <class TensorFile, class OptimizerState>
   return result;
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark

@@ -16,7 +16,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/random.hpp"
 
-namespace compmark::inline v0 {
+namespace compmark {
 
 /// z = weight (y - mean), weight lower triangular [size, size].
 struct TriangularWhitening {
@@ -128,4 +128,4 @@ void whiten_head(const TriangularWhitening& whitening, std::span<T> head, std::s
   }
 }
 
-}  // namespace compmark::inline v0
+}  // namespace compmark
