@@ -5,6 +5,14 @@
 // them. The entropy model's is in rate_phases.hpp. Cost: none.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+#include "compmark/core/config.hpp"
+#include "compmark/loss/message.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
