@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdlib>
 #include <span>
 #include <string>
 #include <vector>
@@ -212,6 +213,38 @@ TEST_CASE("io/image_limit: a PNG whose chunk says that it has a gigabyte is dama
   REQUIRE(!image.ok());
   CHECK(image.error().problem.find("longer than the file") != std::string::npos);
   CHECK(testing::peak_memory() < before + (std::size_t{8} << 20));
+}
+
+TEST_CASE("io/image_limit: a pixel beyond its palette is black, not what lay in memory") {
+  const auto picture = [](std::size_t colours) {
+    Data file;
+    const auto chunk = [&](const char* name, std::span<const std::byte> data) {
+      put_number(file, static_cast<std::uint32_t>(data.size()), 4);
+      for (int i = 0; i < 4; ++i) file.push_back(static_cast<std::byte>(name[i]));
+      file.insert(file.end(), data.begin(), data.end());
+      put_number(file, 0, 4);
+    };
+    put_number(file, 0x89504E47u, 4);
+    put_number(file, 0x0D0A1A0Au, 4);
+    Data header;
+    for (const std::uint32_t side : {4u, 1u}) put_number(header, side, 4);
+    put_number(header, 0x08030000u, 4);
+    put_number(header, 0, 1);
+    chunk("IHDR", header);
+    chunk("PLTE", Data(3 * colours, std::byte{200}));
+    std::vector<unsigned char> row{0, 0, 1, 2, 255};
+    int size = 0;
+    unsigned char* const packed = detail::stb::stbi_zlib_compress(row.data(), static_cast<int>(row.size()), &size, 8);
+    chunk("IDAT", std::as_bytes(std::span<const unsigned char>(packed, static_cast<std::size_t>(size))));
+    std::free(packed);
+    chunk("IEND", {});
+    const auto image = decode_image(file, "palette");
+    REQUIRE_MESSAGE(image.ok(), (image.ok() ? "" : image.error().line()));
+    return image->pixels;
+  };
+  CHECK(picture(256) == std::vector<std::uint8_t>(12, 200));
+  CHECK(picture(3) == std::vector<std::uint8_t>{200, 200, 200, 200, 200, 200, 200, 200, 200, 0, 0, 0});
+  CHECK(picture(1) == std::vector<std::uint8_t>{200, 200, 200, 0, 0, 0, 0, 0, 0, 0, 0, 0});
 }
 
 TEST_CASE("io/image_limit: who says how much memory there is gets an error or an image within it") {

@@ -136,6 +136,8 @@ namespace detail {
   const Result<ImageInfo> info = decode_image_info(bytes, name);
   if (!info) return info.error();
   if (const Result<Done> fits = detail::check_image(bytes, *info, name, memory_limit); !fits) return fits.error();
+  const std::vector<std::byte> palette = detail::with_whole_palette(bytes);
+  if (!palette.empty()) bytes = palette;
   int width = 0;
   int height = 0;
   int channels = 0;

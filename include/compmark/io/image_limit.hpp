@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <cstring>
 #include <span>
+#include <vector>
 
 namespace compmark {
 
@@ -60,6 +61,31 @@ namespace detail {
     at += 12 + static_cast<std::size_t>(length);
   }
   return nullptr;
+}
+
+/// A PNG whose palette has all of its 256 colours, those that it lacks black; empty where nothing is to be done. stb takes what a pixel names beyond the
+/// palette from the stack.
+[[nodiscard]] inline std::vector<std::byte> with_whole_palette(std::span<const std::byte> bytes) {
+  constexpr std::size_t type = 25, whole = 3 * 256;
+  if (!is_png(bytes) || bytes.size() <= type || bytes[type] != std::byte{3} || png_damage(bytes) != nullptr ||
+      bytes.size() > image_file_limit - 2 * whole)
+    return {};
+  for (std::size_t at = 8; bytes.size() >= at + 8;) {
+    std::size_t length = 0;
+    for (std::size_t i = 0; i < 4; ++i) length = 256 * length + std::to_integer<std::size_t>(bytes[at + i]);
+    if (std::memcmp(bytes.data() + at + 4, "PLTE", 4) == 0) {
+      if (length >= whole || length % 3 != 0) return {};
+      std::vector<std::byte> file(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(at + 8 + length));
+      file[at + 2] = std::byte{whole >> 8};
+      file[at + 3] = std::byte{whole & 255u};
+      file.resize(at + 8 + whole);
+      file.insert(file.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at + 8 + length), bytes.end());
+      return file;
+    }
+    if (std::memcmp(bytes.data() + at + 4, "IDAT", 4) == 0 || std::memcmp(bytes.data() + at + 4, "IEND", 4) == 0) break;
+    at += 12 + length;
+  }
+  return {};
 }
 
 /// What a JPEG has said so far, as far as it tells what a scan needs: stb_image decodes with tables that nobody has written, and to what lay in memory.
