@@ -89,7 +89,7 @@ struct TrainObserver {
                      " parameter blocks had a gradient that is not finite; their step was skipped");
     }
     // Opacities of zero and less get no gradient, so that what nobody sees stays so: the hours that are left would train nothing.
-    empty_renders = report.forward.gaussians == 0 ? empty_renders + 1 : 0;
+    if (report.rendered) empty_renders = report.forward.gaussians == 0 ? empty_renders + 1 : 0;
     if (empty_renders > patience) {
       failure = Error{ErrorKind::invalid,
                       {},

@@ -390,6 +390,22 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   TrainSettings late = frozen;
   late.mark.residual_after = 30000;
   CHECK(same(baked_host(finished_model(late, again)), plain.model()));
+  // An iteration that does not read looks at no view, and changes nothing.
+  {
+    TrainSettings seldom = frozen;
+    seldom.mark.between_every = 3;
+    Embedding embedding(seldom, executor);
+    embedding.set_watermark(colours(), message);
+    embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
+    for (const bool reads : {false, false, true, false}) {
+      const Model<Host> before = baked_host(embedding.model());
+      const Result<IterationReport> report = embedding.step(views);
+      REQUIRE(report.ok());
+      CHECK(report->rendered == reads);
+      CHECK((report->forward.gaussians > 0) == reads);
+      CHECK(same(baked_host(embedding.model()), before) == !reads);
+    }
+  }
   // Cameras drawn by what the message cost there: another run, whose state is in its checkpoint.
   TrainSettings by_cost = frozen;
   by_cost.mark.draw_by_cost = 1;

@@ -17,6 +17,8 @@ struct IterationReport {
   std::int64_t iteration = 0;  ///< 1-based, the one just finished
   std::int64_t total = 0;
   std::size_t view = 0;  ///< which training view was rendered
+  bool rendered =
+      true;  ///< false: no view was looked at, and nothing was learned (post-hoc embedding that reads now and then)
   LossReport loss;
   ForwardReport forward;
   std::size_t anchors = 0;  ///< after growing and pruning

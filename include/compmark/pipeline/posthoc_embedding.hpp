@@ -99,7 +99,8 @@ class PosthocEmbedding {
     report.total = settings_.iterations;
     report.anchors = state_.model.anchor_count();
     set_noise(report.iteration);
-    if (phases_.reads_between(report.iteration)) read(views, report);
+    report.rendered = phases_.reads_between(report.iteration);
+    if (report.rendered) read(views, report);
     state_.iteration = report.iteration;
     return report;
   }
