@@ -14,10 +14,10 @@ using namespace compmark;
 using namespace compmark::testing;
 
 TEST_CASE("scene/transforms_images: names of frames, whatever the frames are") {
-  using Names = std::vector<std::string>;
+  using FileNames = std::vector<std::string>;
   const auto names_of = [](const char* text) { return detail::frame_names(nlohmann::json::parse(text)); };
   CHECK(names_of(R"({"frames": [{"file_path": "a"}, {}, 3, {"file_path": 4}, {"file_path": "b"}]})") ==
-        Names{"a", "", "", "", "b"});
+        FileNames{"a", "", "", "", "b"});
   CHECK(names_of(R"({"frames": 3})").empty());
   CHECK(names_of("[]").empty());
 }
