@@ -39,10 +39,11 @@ work=$PWD
 RANDOM=$seed
 passed=0 failed=0 skipped=0 mounted=''
 finish() {
-  [ -z "$mounted" ] || umount "$mounted" 2>/dev/null
+  [ -z "$mounted" ] || umount "$mounted" 2>/dev/null || umount -l "$mounted" 2>/dev/null # a tool may still write there
   mounted=''
 }
 trap finish EXIT
+trap "exit 2" HUP INT TERM
 
 # --- what is run ------------------------------------------------------------------------------------------------------------------------------------
 
