@@ -216,7 +216,7 @@ TEST_CASE("io/image_limit: a PNG whose chunk says that it has a gigabyte is dama
 }
 
 TEST_CASE("io/image_limit: a pixel beyond its palette is black, not what lay in memory") {
-  const auto picture = [](std::size_t colours) {
+  const auto palette_picture = [](std::size_t colours) {
     Data file;
     const auto chunk = [&](const char* name, std::span<const std::byte> data) {
       put_number(file, static_cast<std::uint32_t>(data.size()), 4);
@@ -242,9 +242,9 @@ TEST_CASE("io/image_limit: a pixel beyond its palette is black, not what lay in 
     REQUIRE_MESSAGE(image.ok(), (image.ok() ? "" : image.error().line()));
     return image->pixels;
   };
-  CHECK(picture(256) == std::vector<std::uint8_t>(12, 200));
-  CHECK(picture(3) == std::vector<std::uint8_t>{200, 200, 200, 200, 200, 200, 200, 200, 200, 0, 0, 0});
-  CHECK(picture(1) == std::vector<std::uint8_t>{200, 200, 200, 0, 0, 0, 0, 0, 0, 0, 0, 0});
+  CHECK(palette_picture(256) == std::vector<std::uint8_t>(12, 200));
+  CHECK(palette_picture(3) == std::vector<std::uint8_t>{200, 200, 200, 200, 200, 200, 200, 200, 200, 0, 0, 0});
+  CHECK(palette_picture(1) == std::vector<std::uint8_t>{200, 200, 200, 0, 0, 0, 0, 0, 0, 0, 0, 0});
 }
 
 TEST_CASE("io/image_limit: who says how much memory there is gets an error or an image within it") {
