@@ -2,9 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <array>
 #include <compmark/io/sha256.hpp>
+#include <cstddef>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace {
 std::string digest(std::string_view text, std::size_t piece = 1000000) {
@@ -31,4 +34,33 @@ TEST_CASE("io/sha256: pieces do not matter, one bit does") {
   const std::string before = digest(text);
   text[500] = static_cast<char>(text[500] ^ 1);
   CHECK(digest(text) != before);
+}
+
+#if defined(__SHA__) && defined(__SSSE3__) && defined(__SSE4_1__)
+TEST_CASE("io/sha256: the processor's instructions give what plain arithmetic gives") {
+  std::vector<std::byte> data(64 * 37 + 1);
+  std::uint32_t value = 1;
+  for (std::byte& byte : data) byte = static_cast<std::byte>((value = value * 1664525u + 1013904223u) >> 24);
+  for (const std::size_t blocks : {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{37}}) {
+    for (const std::size_t begin : {std::size_t{0}, std::size_t{1}}) {  // the second is not aligned
+      compmark::detail::Sha256State portable{1, 2, 3, 4, 5, 6, 7, 0xfffffff8};
+      compmark::detail::Sha256State instructions = portable;
+      compmark::detail::sha256_portable(portable, data.data() + begin, blocks);
+      compmark::detail::sha256_instructions(instructions, data.data() + begin, blocks);
+      CHECK(portable == instructions);
+    }
+  }
+}
+#endif
+
+TEST_CASE("io/sha256: plain arithmetic gives the vector of FIPS 180-4, whatever this program was built for") {
+  std::array<std::byte, 64> block{};
+  for (std::size_t i = 0; i < 3; ++i) block[i] = static_cast<std::byte>("abc"[i]);
+  block[3] = std::byte{0x80};
+  block[63] = std::byte{24};
+  compmark::detail::Sha256State state{0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+                                      0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+  compmark::detail::sha256_portable(state, block.data(), 1);
+  CHECK(state == compmark::detail::Sha256State{0xba7816bf, 0x8f01cfea, 0x414140de, 0x5dae2223, 0xb00361a3, 0x96177a9c,
+                                               0xb410ff61, 0xf20015ad});
 }
