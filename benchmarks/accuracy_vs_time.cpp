@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What accuracy costs in time. Renders one trained model (or a synthetic scene) from a few views with every accuracy preset and with every
-// single knob turned away from `standard`, and compares image and gradient with two references in double, never mixed (numerics sheet,
-// section 2):  exact (no cut-offs)  and  spec (the published constants).
+// What accuracy costs in time. Renders one trained model (or a synthetic scene) from a few views with every accuracy
+// preset and with every single knob turned away from `standard`, and compares image and gradient with two references in
+// double, never mixed: exact (no cut-offs) and spec (the published constants).
 //
 //   accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json FILE] [--html FILE] [--svg FILE] [--splats N] [--size N]
 //
@@ -69,7 +69,7 @@ void finish_view(BenchView& view) {
   }
 }
 
-/// Views of the sheet's K-table scene: log-normal anisotropic footprints, white background.
+/// Views of a scene of splats alone: log-normal anisotropic footprints, white background.
 std::vector<BenchView> synthetic_views(std::size_t splats, int size) {
   scene.background = {1, 1, 1};
   const Random random(1, 0, random_stage("accuracy_vs_time scene"));

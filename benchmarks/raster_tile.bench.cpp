@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Binning and the pixel loop on random splats (performance sheet 2.1: 50,000 at 800 x 800 are 33 million blended pairs), each part and
-// bin + forward + backward together; beside them the reference rasterizer on a scene that it can bear. Arguments: Gaussians, image size, threads.
+// Binning and the pixel loop on random splats (50,000 at 800 x 800 are 33 million blended pairs), each part and bin +
+// forward + backward together; beside them the reference rasterizer on a scene that it can bear. Arguments: Gaussians,
+// image size, threads.
 //
 // Operations are counted by lane, a multiply-add as two, on the lanes that are evaluated (16 a block and splat that reaches it):
 //   forward 36:  w 4, b 2, sigma 3, exp 13, opacity 1, clamp 1, two comparisons 2, weight 1, transmittance 2, colour 6, block test 1

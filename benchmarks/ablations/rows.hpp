@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The rows of the paper's ablation tables (method sheet, 6: T3 to T6) as configurations of one training, and what the paper measured for
-// each. Rows that are the same configuration are one: "full" stands in every table. Cost: none.
+// The rows of the paper's ablation tables (docs/spec/method.md, 6: T3 to T6) as configurations of one training, and
+// what the paper measured for each. Rows that are the same configuration are one: "full" stands in every table. Cost:
+// none.
 #pragma once
 
 #include <cstdint>

@@ -23,8 +23,8 @@ TrainSettings training_settings(std::int64_t iterations, std::uint64_t seed) {
   settings.gradient_threshold = 0.0007;  // as released: anchors for an image of 96 pixels a side, not for one of 800
   settings.grow_interval = 50;           // every training view once, and several adjustments in the window of FAG
   settings.rate.sample = 0.2;
-  // As released: the message joins at two thirds of the run. From the first iteration on, as the paper has it (trap A1), a run of 800 iterations
-  // lost 2 to 5 dB instead of up to 2, and read no more.
+  // As released: the message joins at two thirds of the run. From the first iteration on, as the paper has it
+  // (docs/spec/method.md, 7.1), a run of 800 iterations lost 2 to 5 dB instead of up to 2, and read no more.
   settings.mark = MarkNumbers{};
   return settings;
 }

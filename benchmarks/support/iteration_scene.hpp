@@ -20,7 +20,7 @@ struct Workload {
   double opacity_shift = 0;  ///< of the opacity head's bias, so that half of the offsets are positive
 };
 
-/// (a) and (b) of the performance sheet, section 6: 150,000 and 500,000 Gaussians.
+/// (a) and (b): 150,000 and 500,000 Gaussians.
 inline constexpr Workload workload_a{30000, 400, 1.27, 0.071}, workload_b{100000, 800, 1.36, 0.071};
 
 /// Anchors in a ball in front of the camera; the opacity head is biased so that half of the offsets are positive.

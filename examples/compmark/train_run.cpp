@@ -91,7 +91,7 @@ Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, TrainSett
   }
   for (const std::string& warning : dataset.warnings) std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
   if (dataset.kind == "blender")
-    settings.init_factor = 4;  // as all published scripts do for these scenes (method sheet, section 3.5)
+    settings.init_factor = 4;  // as all published scripts do for these scenes (docs/spec/method.md, 3.5)
   run->folder = options.folder;
   if (!run->folder) {
     Result<std::shared_ptr<const void>> held = hold_folder(options.out);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The embedding as a bias against the concatenated input it stands for (method sheet, 1.3).
+// The embedding as a bias against the concatenated input it stands for (docs/spec/method.md, 1.3).
 #include "compmark/anchor/appearance.hpp"
 
 #include <doctest/doctest.h>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cells: rounding (numerics case AN1), full comparison (AN3, with the packed key that merges cells as negative control).
+// Cells: rounding (docs/spec/numerics.md, AN1), full comparison (AN3, with the packed key that merges cells as negative
+// control).
 #include "compmark/anchor/cells.hpp"
 
 #include <doctest/doctest.h>

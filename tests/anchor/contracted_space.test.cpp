@@ -92,7 +92,7 @@ TEST_CASE(
     CHECK(radial == doctest::Approx(outside ? 1 / (radii * radii) : 1).epsilon(1e-4));
     CHECK(tangential == doctest::Approx(outside ? (2 - 1 / radii) / radii : 1).epsilon(1e-6));
     CHECK(space.stretch(p.data()) == doctest::Approx(1 / tangential).epsilon(1e-6));
-    CHECK(radial >= 0.999e-6);  // numerics sheet, section 3: at the farthest place that is given
+    CHECK(radial >= 0.999e-6);  // docs/spec/effects.md, 4: at the farthest place that is given
   }
 }
 

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The feature bank against the published slicing feature[::4], feature[::2], feature (method sheet, 1.3), and its gradients.
+// The feature bank against the published slicing feature[::4], feature[::2], feature (docs/spec/method.md, 1.3), and
+// its gradients.
 #include "compmark/anchor/feature_bank.hpp"
 
 #include <doctest/doctest.h>

@@ -37,7 +37,7 @@ struct Selection {
   }
 };
 
-TEST_CASE("anchor/frequency_selector: the median is the lower middle value, exactly, for any distribution (B13)") {
+TEST_CASE("anchor/frequency_selector: the median is the lower middle value, exactly, for any distribution") {
   const Random random(3, 0, random_stage("test"));
   for (const std::size_t n : {1u, 2u, 3u, 4u, 99u, 100u, 4096u, 5001u}) {
     for (const int kind : {0, 1, 2, 3, 4}) {

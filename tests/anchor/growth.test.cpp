@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Growing and pruning against the published numbers (method sheet, sections 4 and 8), against a plain O(M N) implementation of the published
-// loop with its own containers, and the laws of anchor/density_control.hpp.
+// Growing and pruning against the published numbers (docs/spec/method.md, 4 and 9), against a plain O(M N)
+// implementation of the published loop with its own containers, and the laws of anchor/density_control.hpp.
 #include "compmark/anchor/growth.hpp"
 
 #include <doctest/doctest.h>
@@ -257,7 +257,7 @@ TEST_CASE(
       CHECK(s.visits[a] == visits);  // not judged: goes on counting
       for (std::size_t k = 0; k < K; ++k) {
         const bool judged_before = (2 * a * K + k) % 2 == 1;
-        CHECK(s.gradient_count[a * K + k] == (judged_before ? 0.0f : views));  // case B20: the others are never reset
+        CHECK(s.gradient_count[a * K + k] == (judged_before ? 0.0f : views));  // docs/spec/method.md, 7.15
         CHECK((s.gradient_sum[a * K + k] == 0) == judged_before);
       }
     }
@@ -307,9 +307,7 @@ TEST_CASE("anchor/growth: thresholds are tau, 2 tau and 4 tau, reached inclusive
   CHECK(within_five_sigma(three - two, n, 0.875));
 }
 
-TEST_CASE(
-    "anchor/growth: cells are voxel x 16, 4, 1, and with an initial factor of 4 the third level is left out (case "
-    "B9)") {
+TEST_CASE("anchor/growth: cells are voxel x 16, 4, 1, and with an initial factor of 4 the third level is left out") {
   for (const int init_factor : {16, 4}) {
     World<double> world = random_world<double>(400, 3);
     world.settings.init_factor = init_factor;
@@ -438,7 +436,7 @@ TEST_CASE("anchor/growth: laws D1 and D2, kept rows, networks and moments keep e
 
 TEST_CASE(
     "anchor/growth: the base scale is limited to log 0.05 on all rows, at each adjustment, and not at a limit of "
-    "infinity (case B8)") {
+    "infinity") {
   World<float> world(5);
   for (float& s : world.arena.values(world.handles.scaling).flat()) s = 0.3f;
   World<float> unlimited = world;
@@ -703,7 +701,7 @@ TEST_CASE("anchor/growth: observing adds the published statistics, with the same
   CHECK(same_bits<float>(results[0], results[2]));
 }
 
-TEST_CASE("anchor/growth: a view of nothing changes nothing (case B19)") {
+TEST_CASE("anchor/growth: a view of nothing changes nothing") {
   World<float> world(3);
   SerialExecutor executor;
   GradientGrowth<float>(world.settings).observe(DecodedStatistics<float>{}, {}, {}, world.state, executor);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// First anchors: against brute force, and the cases AN1-AN4 of the numerics sheet with their negative controls.
+// First anchors: against brute force, and the cases AN1 to AN4 of docs/spec/numerics.md with their negative controls.
 #include "compmark/anchor/initialise.hpp"
 
 #include <doctest/doctest.h>

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // MlpDecoder against ReferenceDecoder (float, double, one lane and many), both against central differences for every
-// parameter block and option, the laws A1-A4 of anchor/concept.hpp, and the cases PR7, PR9, QU1, QU2, ML4 of the
-// numerics sheet with their negative controls. More than 300 lines: the fixture is shared by all cases.
+// parameter block and option, the laws A1-A4 of anchor/concept.hpp, and the cases PR7, PR9, QU1, QU2, ML4 of
+// docs/spec/numerics.md with their negative controls. More than 300 lines: the fixture is shared by all cases.
 #include "compmark/anchor/mlp_decoder.hpp"
 
 #include <doctest/doctest.h>

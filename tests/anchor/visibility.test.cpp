@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The prefilter against the published formulas in plain double, and the cases PR1, PR2, PR4, PR7 of the numerics sheet.
+// The prefilter against the published formulas in plain double, and the cases PR1, PR2, PR4, PR7 of
+// docs/spec/numerics.md.
 #include "compmark/anchor/visibility.hpp"
 
 #include <doctest/doctest.h>
@@ -63,8 +64,8 @@ Camera<T> test_camera() {
   return camera;
 }
 
-/// The published test of one anchor, literally (method sheet, 2.1), identity rotation; principal point at the image
-/// centre.
+/// The published test of one anchor, literally (docs/spec/method.md, 2.1), identity rotation; principal point at the
+/// image centre.
 bool published_visible(const Camera<double>& camera, const double* position, const double* log_scale,
                        double near_plane) {
   double t[3] = {};

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the codec does with ContextGS files that are not as they were written (compression sheet, 6.6, case by case): as hac_damage.test.cpp has
-// them, and what is its own: levels that are not those of the anchors, a prior without an escape, chunks whose parents are lost.
+// What the codec does with ContextGS files that are not as they were written (docs/spec/compression.md, 4.4, case by
+// case): as hac_damage.test.cpp has them, and what is its own: levels that are not those of the anchors, a prior
+// without an escape, chunks whose parents are lost.
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the codec does with files that are not as they were written (compression sheet, 6.6, case by case).
+// What the codec does with files that are not as they were written (docs/spec/compression.md, 4.4, case by case).
 #include <doctest/doctest.h>
 
 #include <cstdint>

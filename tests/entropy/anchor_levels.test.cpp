@@ -192,8 +192,7 @@ TEST_CASE("entropy/anchor_levels: no anchors, one anchor, one voxel, one cell") 
   CHECK(levels.counts()[0] + levels.counts()[1] + levels.counts()[2] == 3);
 }
 
-TEST_CASE(
-    "entropy/anchor_levels: negative control: rows in the published order have other anchors' parents (sheet 2.3)") {
+TEST_CASE("entropy/anchor_levels: negative control: rows in the published order have other anchors' parents") {
   const std::vector<Voxel> voxels = surface(20000, 150);
   const AnchorCells cells = choose_anchor_cells(voxels);
   AnchorLevels levels;

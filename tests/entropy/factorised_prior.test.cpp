@@ -16,7 +16,7 @@ using namespace compmark;
 constexpr int prior_channels = 3;
 constexpr std::size_t prior_anchors = 16;
 
-/// c(z) of a channel as the sheet writes it, from the raw scalars.
+/// c(z) of a channel as docs/spec/compression.md, 2.2, writes it, from the raw scalars.
 long double cumulative_logit(const double* raw, long double z) {
   const auto softplus = [](double x) { return std::log1p(std::exp(static_cast<long double>(x))); };
   std::vector<long double> x{z};

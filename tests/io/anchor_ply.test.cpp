@@ -68,7 +68,7 @@ TEST_CASE("io/anchor_ply: the published layout: 97 floats at D = 50, K = 10, off
   REQUIRE(write_anchor_ply(path, anchors.columns()).ok());
   const std::string text = text_of(path);
   const std::size_t start = text.find("end_header\n") + 11;
-  REQUIRE(text.size() == start + 2 * 388);  // method sheet, section 1.7
+  REQUIRE(text.size() == start + 2 * 388);  // docs/spec/formats.md, 2
   const auto value = [&](std::size_t row, std::size_t column) {
     float result = 0;
     std::memcpy(&result, text.data() + start + row * 388 + column * 4, 4);

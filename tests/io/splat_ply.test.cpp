@@ -94,7 +94,7 @@ TEST_CASE("io/splat_ply: the layout is the published one, byte for byte") {
                     "rot_2\nproperty float rot_3\n"
                     "end_header\n") != std::string::npos);
   CHECK(header.find("comment") == std::string::npos);
-  REQUIRE(text.size() == header.size() + 2 * 248);  // 62 floats a row (ecosystem sheet, 2.1)
+  REQUIRE(text.size() == header.size() + 2 * 248);  // 62 floats a row (docs/spec/formats.md, 1)
   const auto value = [&](std::size_t row, std::size_t column) {
     float result = 0;
     std::memcpy(&result, text.data() + header.size() + row * 248 + column * 4, 4);

@@ -92,7 +92,7 @@ std::vector<long double> plain_response(ImageView<const double> image, const Fre
 }
 
 TEST_CASE(
-    "loss/frequency: published gains in closed form (method sheet 8); the ring lets the mean through, the high pass "
+    "loss/frequency: published gains in closed form; the ring lets the mean through, the high pass "
     "does not (FR1)") {
   const FrequencyGain ring;
   CHECK(1 - ring(0, 0) == doctest::Approx(1.523e-8).epsilon(1e-3));

@@ -31,7 +31,7 @@ T naive_cross_entropy(T x, bool one) {
   return -(one ? T(1) : T(0)) * std::log(p) - (one ? T(0) : T(1)) * std::log(T(1) - p);
 }
 
-TEST_CASE("loss/message: ln 2 a bit at z = 0 and a gradient of 5 / L a bit, whatever the message (method sheet 8)") {
+TEST_CASE("loss/message: ln 2 a bit at z = 0 and a gradient of 5 / L a bit, whatever the message") {
   for (const std::size_t n : {1u, 16u, 48u, 64u}) {
     const std::vector<double> z(n, 0.0);
     for (const bool inverted : {false, true}) {

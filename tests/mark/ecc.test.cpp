@@ -33,7 +33,7 @@ TEST_CASE("mark/ecc: payload sizes are those of the published tables") {
   struct Size {
     std::size_t length, correctable, payload;
   };
-  // BCH(15), (31), (63), (127) in full (Lin and Costello, appendix), and shortened as in the watermark sheet, section 6
+  // BCH(15), (31), (63), (127) in full (Lin and Costello, appendix), and shortened as in docs/spec/watermark.md, 5
   for (const Size& s :
        {Size{15, 1, 11},   Size{15, 2, 7},    Size{15, 3, 5},    Size{31, 3, 16},  Size{31, 5, 11},  Size{31, 7, 6},
         Size{63, 3, 45},   Size{63, 5, 36},   Size{63, 7, 24},   Size{63, 10, 18}, Size{63, 11, 16}, Size{63, 13, 10},

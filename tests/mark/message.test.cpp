@@ -14,7 +14,7 @@
 
 using namespace compmark;
 
-// The published strings, method sheet section 5.4.
+// The published strings: docs/spec/method.md, 5.4.
 TEST_CASE("mark/message: published seeds give the published messages") {
   const std::vector<std::pair<std::uint32_t, std::string>> published{
       {42, "1110100001000001100101111111010100011010010001000011010001010101"},

@@ -27,7 +27,7 @@ ViewLogits view_of(const Message& message, std::size_t wrong, double scale = 1) 
 
 }  // namespace
 
-TEST_CASE("mark/verify: the table of thresholds (watermark sheet, section 6)") {
+TEST_CASE("mark/verify: the table of thresholds (docs/spec/watermark.md, 5)") {
   struct Row {
     std::size_t bits;
     int at[6];  // 1e-2 1e-3 1e-4 1e-6 1e-9 1e-12; 0: impossible
@@ -58,7 +58,7 @@ TEST_CASE("mark/verify: the table of thresholds (watermark sheet, section 6)") {
   CHECK(match_threshold(64, rate_per_try(1e-6, 1000000000)) == 62);
 }
 
-TEST_CASE("mark/verify: power and the gain of views (watermark sheet, section 6)") {
+TEST_CASE("mark/verify: power and the gain of views (docs/spec/watermark.md, 5)") {
   const auto power = [](std::size_t bits, double accuracy) { return detection_power(bits, accuracy, 1e-6); };
   CHECK(power(48, 0.80) == doctest::Approx(0.23).epsilon(0.03));
   CHECK(power(48, 0.85) == doctest::Approx(0.57).epsilon(0.01));

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Adam against its formula in long double, against the published transients (method sheet, section 8), and its laws (optim/concept.hpp).
+// Adam against its formula in long double, against the published transients (docs/spec/method.md, 9), and its laws
+// (optim/concept.hpp).
 #include "compmark/optim/adam.hpp"
 
 #include <doctest/doctest.h>

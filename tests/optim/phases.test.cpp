@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Windows of a run: at 30,000 iterations exactly the published ones (method sheet, section 4.2), counted by the published conditions.
+// Windows of a run: at 30,000 iterations exactly the published ones (docs/spec/method.md, 4.2), counted by the
+// published conditions.
 #include "compmark/optim/phases.hpp"
 
 #include <doctest/doctest.h>

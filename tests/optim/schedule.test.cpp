@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Schedules against the published numbers (method sheet, section 8) and against the float formula that drifts (numerics case OP5).
+// Schedules against the published numbers (docs/spec/method.md, 9) and against the float formula that drifts
+// (docs/spec/numerics.md, OP5).
 #include "compmark/optim/schedule.hpp"
 
 #include <doctest/doctest.h>
@@ -49,7 +50,7 @@ TEST_CASE("optim/schedule: equal steps change the rate by equal factors, and a s
 TEST_CASE("optim/schedule: negative control, the float power drifts (numerics OP5)") {
   const float power = std::pow(0.999f, 30000.0f);
   const double exact = std::exp(30000 * std::log(0.999));
-  CHECK(std::abs(static_cast<double>(power) / exact - 1) > 1e-4);  // sheet: 4e-4
+  CHECK(std::abs(static_cast<double>(power) / exact - 1) > 1e-4);  // measured: 4e-4
   const LogLinear schedule{1, exact, 30000};
   CHECK(std::abs(schedule.value(29999) * 0.999 / exact - 1) < 1e-13);
 }

@@ -65,7 +65,8 @@ TEST_CASE("pipeline/checkpoint_state: numbers that no run can have are refused b
   CHECK(refused([](auto& state) { state.iteration = -1; }) == "iteration");
   CHECK(refused([](auto& state) { state.iteration = 301; }) == "iteration");
   for (const double seconds : {-1.0, std::numeric_limits<double>::infinity()}) CHECK(!refused(none, seconds).empty());
-  // A sum that is no number is growing's to drop (numerics case AN5), and the greatest counts of this run are its own.
+  // A sum that is no number is growing's to drop (docs/spec/numerics.md, AN5), and the greatest counts of this run are
+  // its own.
   CHECK(refused([&](auto& state) { state.growth.statistics.gradient_sum[3] = nan; }).empty());
   CHECK(refused([](auto& state) {
           state.optimizer.steps[1] = 8;

@@ -18,7 +18,7 @@
 
 namespace compmark::testing {
 
-/// Smooth everywhere: the cut-off is a ramp, nothing stops, nothing is clamped (numerics case BF4).
+/// Smooth everywhere: the cut-off is a ramp, nothing stops, nothing is clamped (docs/spec/numerics.md, BF4).
 inline constexpr Accuracy smooth_accuracy{
     .exp_degree = 0, .alpha_max = 1.0f, .transmittance_stop = 0.0f, .cutoff = CutoffRule::smooth};
 
@@ -64,8 +64,7 @@ void check_directional_derivative(Model<R>& model, const Loss& loss, const Backw
     double analytic = 0;
     for (std::size_t i = 0; i < start.size(); ++i) analytic += direction[i] * model.arena.all_gradients()[i];
     double best = 1;
-    for (const double h :
-         {3e-5, 1e-5, 3e-6, 1e-6}) {  // best of a sweep: truncation against rounding (numerics sheet, section 4)
+    for (const double h : {3e-5, 1e-5, 3e-6, 1e-6}) {  // best of a sweep: truncation against rounding
       const auto at = [&](double step) {
         for (std::size_t i = 0; i < start.size(); ++i) model.arena.all_values()[i] = start[i] + step * direction[i];
         typename Pipeline<R>::Context fresh;

@@ -105,7 +105,7 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
     double analytic = 0;
     for (std::size_t i = 0; i < start.size(); ++i) analytic += found[i] * random.normal(i);
     double best = 1;
-    for (const double h : {1e-4, 3e-5, 1e-5, 3e-6}) {  // the best of a sweep (numerics sheet, section 4)
+    for (const double h : {1e-4, 3e-5, 1e-5, 3e-6}) {  // the best of a sweep
       double at[2] = {};
       for (const int side : {0, 1}) {
         for (std::size_t i = 0; i < start.size(); ++i)

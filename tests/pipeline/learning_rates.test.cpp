@@ -49,7 +49,7 @@ struct OwnMarked : recipes::Scaffold {
 
 TEST_CASE("pipeline/learning_rates: log-linear between the published ends, offsets and masks in units of the extent") {
   const Rates<recipes::HacScaffold> rate({}, 3);
-  // Method sheet, 3.2: 0.01 to 0.0001 times the extent; half-way in log space is the geometric mean.
+  // docs/spec/method.md, 3.2: 0.01 to 0.0001 times the extent; half-way in log space is the geometric mean.
   CHECK(rate("anchor.offset", 1) == doctest::Approx(0.03).epsilon(1e-3));
   CHECK(rate("anchor.offset", 15000) == doctest::Approx(0.003));
   CHECK(rate("anchor.offset", 30000) == doctest::Approx(0.0003));

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Poison fuzz over every parameter slot (numerics sheet, section 4 habit 8; cases TB1, BF9, ML4, OP6): one bad value is planted in a
-// model of every optional stage, one view goes forward, through the loss, backward and into an optimizer step, then the slot is healed.
-// Every weight of every network is a slot, and every column of one visible anchor. The sanitized build runs this for its reports.
+// Poison fuzz over every parameter slot (docs/spec/numerics.md, TB1, BF9, ML4 and OP6): one bad value is planted in a
+// model of every optional stage, one view goes forward, through the loss, backward and into an optimizer step, then the
+// slot is healed. Every weight of every network is a slot, and every column of one visible anchor. The sanitized build
+// runs this for its reports.
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -48,7 +48,7 @@ TEST_CASE("pipeline/wave_probe: a wave's gradient is that of its mean") {
     probe.wave_gradient(k, gradient);
     analytic.push_back(dot(gradient, direction));
   }
-  // The best of a sweep: truncation against rounding (numerics sheet, section 4).
+  // The best of a sweep: truncation against rounding.
   std::vector<double> best(6, 1.0);
   for (const double h : {1e-4, 3e-5, 1e-5, 3e-6}) {
     std::vector<double> ahead, behind;

@@ -212,8 +212,7 @@ TEST_CASE("quant/distortion: same bits at any thread count") {
 }
 
 TEST_CASE(
-    "quant/distortion: noise on an extent smaller than itself keeps it positive, where the naive logarithm is NaN "
-    "(7-B5)") {
+    "quant/distortion: noise on an extent smaller than itself keeps it positive, where the naive logarithm is NaN") {
   Layer<float> layer;
   layer.phase.adaptive = false;
   layer.phase.scaling = 0.001;

@@ -190,7 +190,7 @@ TEST_CASE("raster/bin: the same lists at any thread count; structure holds at ev
         1e-4 * static_cast<double>(expected.lists.pairs));
 }
 
-TEST_CASE("raster/bin: the published square in whole tiles (method sheet 2.1, step 8)") {
+TEST_CASE("raster/bin: the published square in whole tiles (docs/spec/method.md, 2.1, step 8)") {
   SerialExecutor serial;
   const auto got = run<accuracy::inria>(raster_scene<double>(7, 300, 200, 120), serial);
   check_structure(got);

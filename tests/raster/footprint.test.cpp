@@ -25,7 +25,7 @@ struct Sample {
   std::array<float, 4> rotation;
 };
 
-/// Scales 1e-7 … 3 and depths 0.3 … 30, both log-uniform: the range of numerics case CV1.
+/// Scales 1e-7 … 3 and depths 0.3 … 30, both log-uniform: the range of docs/spec/numerics.md, CV1.
 Sample sample(std::uint64_t i) {
   const Random random(3, 0, random_stage("test/footprint"));
   const auto uniform = [&](std::uint64_t k) { return random.uniform(16 * i + k); };
@@ -83,7 +83,7 @@ TEST_CASE("raster/footprint: the determinant keeps its digits where a c - b^2 lo
     if (!(f.determinant.native > 0)) ++not_positive;
   }
   MESSAGE("largest relative error: robust ", robust, ", a c - b^2 ", naive);
-  CHECK(robust <= 5e-4);  // measured 3.7e-5; the sheet bounds it by 5e-4
+  CHECK(robust <= 5e-4);  // measured 3.7e-5
   CHECK(not_positive == 0);
   CHECK(naive > 1e-2);  // negative control
 }
@@ -131,7 +131,7 @@ TEST_CASE(
   MESSAGE("largest error of alpha: conditional ", robust, ", conic ", naive);
   CHECK(robust <= 1e-4);  // measured 3.6e-5; what the rounding of dx and of the slope leaves
   CHECK(negative == 0);
-  CHECK(naive > 1e-2);  // negative control: the sheet measured 3.2e-2
+  CHECK(naive > 1e-2);  // negative control: measured 3.2e-2
 }
 
 TEST_CASE("raster/footprint: rank-deficient Gaussians have the determinants of the closed form (CV7)") {

@@ -312,7 +312,7 @@ TEST_CASE("raster/project: no Gaussian, and none visible (TB10)") {
   CHECK(run(scene).splats.count == 0);
 }
 
-TEST_CASE("raster/project: the published radius (method sheet 2.1, step 7)") {
+TEST_CASE("raster/project: the published radius (docs/spec/method.md, 2.1, step 7)") {
   const RasterScene<double> scene = raster_scene<double>(9, 200, 128, 96);
   const auto got = run<accuracy::inria>(scene);
   for (std::size_t i = 0; i < got.splats.count; ++i) {

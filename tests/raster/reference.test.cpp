@@ -38,7 +38,7 @@ T at(const RasterScene<T>& scene, const std::vector<T>& image, int c, int y, int
 
 }  // namespace
 
-TEST_CASE("raster/reference: one Gaussian on a pixel centre (method sheet 8)") {
+TEST_CASE("raster/reference: one Gaussian on a pixel centre (docs/spec/method.md, 9)") {
   for (const auto& [opacity, factor] : {std::pair{0.5, 0.5}, std::pair{1.0, 0.99}, std::pair{0.0039, 0.0}}) {
     RasterScene<double> scene = stack<double>(1, opacity);
     scene.background = {};

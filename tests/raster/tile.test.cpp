@@ -209,7 +209,8 @@ TEST_CASE("raster/tile: an image of any size is the corner of a larger one, bit 
   for (const int width : sizes) {
     for (const int height : sizes) {
       RasterScene<float> corner = scene;
-      // The Jacobian's clamp follows the frame (numerics case PR4), so the crop happens after projection: same camera, smaller lists.
+      // The Jacobian's clamp follows the frame (docs/spec/numerics.md, PR4), so the crop happens after projection: same
+      // camera, smaller lists.
       corner.camera = scene.camera.cropped(0, 0, width, height);
       TileRasterizer<float>::Context context;
       SerialExecutor serial;

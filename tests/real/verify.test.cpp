@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The p-value on photographs, with the published HiDDeN decoder, which is biased on its input (watermark sheet, section 1.6): 10,000 random keys against
-// unmarked photographs and against one that is marked in its pixels, and the wrong key on the marked one.
+// The p-value on photographs, with the published HiDDeN decoder, which is biased on its input (docs/spec/watermark.md,
+// 1.4): 10,000 random keys against unmarked photographs and against one that is marked in its pixels, and the wrong key
+// on the marked one.
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -154,7 +154,7 @@ TEST_CASE("scene/image_store: what it delivers has the size of the camera; a fil
 }
 
 TEST_CASE("scene/resize: sizes of the published datasets") {
-  // Method sheet, section 3.4; sizes of the originals as published with them.
+  // docs/spec/method.md, 3.4; sizes of the originals as published with them.
   CHECK(scaled_size(4032, 3024, 1, 1600) == ImageSize{1600, 1200});
   CHECK(scaled_size(4946, 3286, 1, 1600) == ImageSize{1600, 1063});
   CHECK(scaled_size(3118, 2078, 1, 1600) == ImageSize{1600, 1066});

@@ -417,7 +417,8 @@ TEST_CASE("scene/probe: the limit of the far field parts a family of bounded sce
   }
   bounded("a sphere from inside", inside);
   bounded("a street, seen across", street);
-  // One wrong match in two hundred, far away: no far field. Largest distance over radius (the sheet's evidence) would say 12.
+  // One wrong match in two hundred, far away: no far field. Largest distance over radius (the evidence that is not
+  // used) would say 12.
   bounded("a subject and wrong matches", S{}.subject(0.3, 3000).around(12, 15));
 
   for (const double r : {2.5, 4.0, 10.0, 100.0, 1e4}) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A context as training could leave it, for the tests and benchmarks of the coding side: hash grid values, network and statistics from a
-// counter, and the float forward pass in double to compare with, written from the formulas (compression sheet, 1.3 to 1.5).
+// A context as training could leave it, for the tests and benchmarks of the coding side: hash grid values, network and
+// statistics from a counter, and the float forward pass in double to compare with, written from the formulas
+// (docs/spec/compression.md, 1.1 to 1.3).
 #pragma once
 
 #include <algorithm>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the tests of both rasterizers share: stacks of Gaussians on one pixel, one call for a picture or its gradient, the gradient law
-// with the alpha and depth planes, and the table of blending gradients (numerics case BB1). Only for tests: it calls doctest.
+// What the tests of both rasterizers share: stacks of Gaussians on one pixel, one call for a picture or its gradient,
+// the gradient law with the alpha and depth planes, and the table of blending gradients (docs/spec/numerics.md, BB1).
+// Only for tests: it calls doctest.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -214,8 +215,8 @@ struct BlendError {
   [[nodiscard]] double relative() const { return std::sqrt(squares / all_squares); }
 };
 
-/// The table of BB1: seven patterns, 300 pixels each, against long double. Bounds: twice what the sheet measured (1.2e-6 of the largest
-/// gradient, relative L2 6e-7).
+/// The table of BB1: seven patterns, 300 pixels each, against long double. Bounds: twice what was measured first
+/// (1.2e-6 of the largest gradient, relative L2 6e-7).
 template <class R>
 void check_blend_table() {
   for (const BlendPattern& pattern : blend_patterns) {

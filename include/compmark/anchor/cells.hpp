@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cells of a cubic grid, and a set of them. A cell is three 32-bit integers, compared in full: packed 64-bit keys of 21 bits an axis merge
-// far points of real scenes (numerics case AN3). Finding one costs a hash and about one probe.
+// Cells of a cubic grid, and a set of them. A cell is three 32-bit integers, compared in full: packed 64-bit keys of 21
+// bits an axis merge far points of real scenes (docs/spec/numerics.md, AN3). Finding one costs a hash and about one
+// probe.
 #pragma once
 
 #include <bit>
@@ -22,8 +23,9 @@ struct Cell {
   friend constexpr auto operator<=>(const Cell&, const Cell&) = default;
 };
 
-/// The cell of a point: each coordinate divided by the cell size, rounded to nearest, ties to even (numerics case AN1). False if a
-/// coordinate is not finite or 2^31 cells away. In double, whatever T, so that a quotient above 2^24 still names one cell.
+/// The cell of a point: each coordinate divided by the cell size, rounded to nearest, ties to even
+/// (docs/spec/numerics.md, AN1). False if a coordinate is not finite or 2^31 cells away. In double, whatever T, so that
+/// a quotient above 2^24 still names one cell.
 template <class T>
 [[nodiscard]] bool cell_of(const T* position, double size, Cell& cell) {
   double rounded[3];

@@ -39,7 +39,7 @@ struct AnchorColumns {
   }
 };
 
-/// What growth needs to know of one rendered view (published statistics, Scaffold-GS section 4.1 of the method sheet).
+/// What growth needs to know of one rendered view (the published statistics: docs/spec/method.md, 4.1).
 template <class T>
 struct DecodedStatistics {
   std::span<const std::uint32_t> visible;        ///< anchor rows that were decoded, n of them

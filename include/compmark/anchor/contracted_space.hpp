@@ -3,12 +3,13 @@
 //
 // Space of an unbounded scene: the contraction of mip-NeRF 360 (arXiv 2111.12077, equation 10) about the cameras,
 //   c(x) = x where |x| <= 1, (2 - 1 / |x|) x / |x| beyond,
-// in units of the cameras' radius about their centre. Cells are cubes of contracted space: inside the ball they are the cells of the world, to
-// the bit; at r radii they are r / (2 - 1 / r) times as wide across the line of sight and r^2 times as long along it, so that they look about
-// as large from the cameras wherever they are, and there are 8 (radius / size)^3 at most, however far the scene goes. Anchors are born as wide
-// as their cell is across, not as long: cameras inside the ball hardly see the depth, and see a long Gaussian from the side as a streak.
-// Points beyond 1,000 radii count as 1,000 radii away where cells have to be given a place (Jacobian 1e-6: numerics sheet, section 3).
-// Cost: a square root and a division for a point outside the ball, at initialisation and at each adjustment of the anchors.
+// in units of the cameras' radius about their centre. Cells are cubes of contracted space: inside the ball they are the
+// cells of the world, to the bit; at r radii they are r / (2 - 1 / r) times as wide across the line of sight and r^2
+// times as long along it, so that they look about as large from the cameras wherever they are, and there are 8 (radius
+// / size)^3 at most, however far the scene goes. Anchors are born as wide as their cell is across, not as long: cameras
+// inside the ball hardly see the depth, and see a long Gaussian from the side as a streak. Points beyond 1,000 radii
+// count as 1,000 radii away where cells have to be given a place (Jacobian 1e-6: docs/spec/effects.md, 4). Cost: a
+// square root and a division for a point outside the ball, at initialisation and at each adjustment of the anchors.
 #pragma once
 
 #include <algorithm>

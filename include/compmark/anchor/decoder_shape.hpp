@@ -10,7 +10,7 @@
 
 namespace compmark {
 
-/// Shape of an anchor and of its decoder. Defaults are those of Scaffold-GS (method sheet, sections 0 and 1.3).
+/// Shape of an anchor and of its decoder. Defaults are those of Scaffold-GS (docs/spec/method.md, 1.3 and 8).
 struct DecoderShape {
   int feature_dim = 32;       ///< D, also the hidden width of every head
   int offsets = 10;           ///< K, candidate Gaussians of an anchor

@@ -54,7 +54,8 @@ struct GrowthReport {
   std::size_t pruned = 0;             ///< anchors removed
   std::size_t candidates = 0;         ///< Gaussians that asked for an anchor, summed over the levels
   std::size_t dropped_by_budget = 0;  ///< anchors that would have been added but for the limit
-  std::size_t non_finite = 0;         ///< statistics that were NaN or infinite: not used, and reset (numerics case AN5)
+  /// statistics that were NaN or infinite: not used, and reset (docs/spec/numerics.md, AN5)
+  std::size_t non_finite = 0;
   /// Candidates that are put nowhere: not finite, 2^31 cells away, or beyond AdaptContext::reach.
   std::size_t out_of_range = 0;
   bool kept_last = false;  ///< every anchor was to go: the one of highest opacity was kept

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Feature bank (method sheet, 1.3; off in every published script): the heads see a mixture of the feature at three
-// resolutions whose weights depend on the view. With (w0, w1, w2) = softmax of a network of (direction, distance), 4 ->
-// D ReLU -> 3, and q = D / 4, h = D / 2:
+// Feature bank (docs/spec/method.md, 1.3; off in every published script): the heads see a mixture of the feature at
+// three resolutions whose weights depend on the view. With (w0, w1, w2) = softmax of a network of (direction,
+// distance), 4 -> D ReLU -> 3, and q = D / 4, h = D / 2:
 //   mixed[c] = w0 f[4 (c mod q)] + w1 f[2 (c mod h)] + w2 f[c]
 // One anchor at a time, in plain loops of known length; about 25 D operations an anchor forward and twice that
 // backward.

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Frequency-aware growing (method sheet 5.5, step 7): a DensityControl around another one. In a window of the run only the Gaussians that
-// FrequencySelector picks add to the gradient statistics, and an adjustment uses the window's thresholds; opacities and visits are gathered as
-// ever. Outside the window it is the other policy. Counts gathered before the window stay, as published (trap B20).
-// Cost: that of the selection.
+// Frequency-aware growing (docs/spec/method.md, 5.5, step 7): a DensityControl around another one. In a window of the
+// run only the Gaussians that FrequencySelector picks add to the gradient statistics, and an adjustment uses the
+// window's thresholds; opacities and visits are gathered as ever. Outside the window it is the other policy. Counts
+// gathered before the window stay, as published (docs/spec/method.md, 7.15). Cost: that of the selection.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +26,8 @@ class FrequencyGrowth {
  public:
   using Scalar = T;
 
-  /// Thresholds of the window, as released. 0.15 is thirty times the opacity that the rest of the run asks for (trap B21).
+  /// Thresholds of the window, as released. 0.15 is thirty times the opacity that the rest of the run asks for
+  /// (docs/spec/method.md, 7.16).
   struct WindowSettings {
     double gradient_threshold = 0.00015;
     double success_threshold = 0.6;

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which Gaussians frequency-aware growing looks at (method sheet 5.5, steps 5 and 6): those whose mean falls on a pixel where the error map E of
-// the frequency loss lies in a band about its median. The median is the lower of the two middle values and exact: a histogram finds its bin,
-// the bin's values are sorted out. Pixels are found by floor and then tested as integers, so that no mean is read out of bounds, NaN included
-// (numerics case AN6). Cost: three passes over E and one look-up a Gaussian.
+// Which Gaussians frequency-aware growing looks at (docs/spec/method.md, 5.5, steps 5 and 6): those whose mean falls on
+// a pixel where the error map E of the frequency loss lies in a band about its median. The median is the lower of the
+// two middle values and exact: a histogram finds its bin, the bin's values are sorted out. Pixels are found by floor
+// and then tested as integers, so that no mean is read out of bounds, NaN included (docs/spec/numerics.md, AN6). Cost:
+// three passes over E and one look-up a Gaussian.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +24,9 @@ namespace compmark {
 
 enum class PixelMapping {
   correct,  ///< the pixel the mean is on, brought to the map's resolution
-  published,  ///< row = x, column = y, both rounded half to even in image pixels, not brought to the map's resolution (trap A8)
+  /// row = x, column = y, both rounded half to even in image pixels, not brought to the map's resolution
+  /// (docs/spec/method.md, 7.8)
+  published,
 };
 
 struct FrequencyBandSettings {
@@ -31,11 +34,13 @@ struct FrequencyBandSettings {
   double highest = 0.3;
   PixelMapping mapping = PixelMapping::correct;
 
-  /// |E - median| <= 0.3: selects nearly everything that is well reconstructed (trap A7, numerics case AN7).
+  /// |E - median| <= 0.3: selects nearly everything that is well reconstructed (docs/spec/method.md, 7.7;
+  /// docs/spec/numerics.md, AN7).
   [[nodiscard]] static constexpr FrequencyBandSettings paper() { return {-0.3, 0.3, PixelMapping::correct}; }
 };
 
-/// What a selection found; a coverage of a half and more says that the band selects flat regions (numerics case AN7).
+/// What a selection found; a coverage of a half and more says that the band selects flat regions
+/// (docs/spec/numerics.md, AN7).
 struct FrequencySelection {
   double median = 0;
   double coverage = 0;         ///< fraction of the pixels in the band

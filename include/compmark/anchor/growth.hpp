@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// DensityControl of Scaffold-GS (method sheet, sections 4.1 - 4.4): where the screen-space gradient of a Gaussian stays high, an anchor is put
-// into its cell; anchors whose Gaussians stay transparent go. Three levels of cells, coarse to fine, with thresholds and keep probabilities
-// rising. Deterministic: random numbers are keyed by (seed, iteration, level, slot), new anchors are ordered by level and then by cell.
+// DensityControl of Scaffold-GS (docs/spec/method.md, 4.1 to 4.4): where the screen-space gradient of a Gaussian stays
+// high, an anchor is put into its cell; anchors whose Gaussians stay transparent go. Three levels of cells, coarse to
+// fine, with thresholds and keep probabilities rising. Deterministic: random numbers are keyed by (seed, iteration,
+// level, slot), new anchors are ordered by level and then by cell.
 //
 // Growing and pruning are one row edit (the published loop makes one for each level and one more): every decision reads the old rows, as it
 // does there, because pruning judges old anchors only. Cost: a few nanoseconds an anchor and level, once in 100 iterations.

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// First anchors from a point cloud (method sheet, 1.2): one anchor at the centre of every occupied voxel, all six log
-// scales the root mean square distance to the three nearest other anchors. Neighbours are exact (nanoflann). Four
-// deliberate differences from the published code, each a case of the numerics sheet:
+// First anchors from a point cloud (docs/spec/method.md, 1.2): one anchor at the centre of every occupied voxel, all
+// six log scales the root mean square distance to the three nearest other anchors. Neighbours are exact (nanoflann).
+// Four deliberate differences from the published code (docs/spec/method.md, 7.17; docs/spec/numerics.md, AN1 to AN4):
 //   automatic voxel size   the square root is taken, so that it is a length (published: a squared length; `auto_voxel_squared` restores it)
 //   AN1, AN3               cells are rounded half to even in double and compared as three integers, so that far cells neither merge nor tear
 //   AN2                    the automatic size never falls below 1e-6 of the cloud's extent: duplicated points give one anchor, not none

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Backward kernels of the fused decoder (method sheet, 1.6). Per block, lanes are anchors: gradients of Gaussians
-// become gradients of the heads' outputs and of offset, scaling and position. Anchors that received any gradient are
-// packed into panels of 64 rows (an occluded or culled anchor costs nothing from there on), and per panel, lanes are
-// hidden units: five products recompute the hidden layer and give the gradients of weights and inputs. Weight gradients
-// belong to a fixed chunk of blocks and are added in chunk order. Cost an anchor with gradient: 2 (2 (D + 4) 3 D + D 3
-// D + 2 D 11 K) operations (33 k for D = 32, K = 10), a fifth of them recomputation of the hidden layer, so that no
-// memory of 3 D values an anchor grows with the view (docs/concepts/GaussianDecoder.md has the figures). Longer than
-// 300 lines: the five products share one panel and its layout, and are read side by side.
+// Backward kernels of the fused decoder (docs/spec/method.md, 1.6). Per block, lanes are anchors: gradients of
+// Gaussians become gradients of the heads' outputs and of offset, scaling and position. Anchors that received any
+// gradient are packed into panels of 64 rows (an occluded or culled anchor costs nothing from there on), and per panel,
+// lanes are hidden units: five products recompute the hidden layer and give the gradients of weights and inputs. Weight
+// gradients belong to a fixed chunk of blocks and are added in chunk order. Cost an anchor with gradient: 2 (2 (D + 4)
+// 3 D + D 3 D + 2 D 11 K) operations (33 k for D = 32, K = 10), a fifth of them recomputation of the hidden layer, so
+// that no memory of 3 D values an anchor grows with the view (docs/concepts/GaussianDecoder.md has the figures). Longer
+// than 300 lines: the five products share one panel and its layout, and are read side by side.
 #pragma once
 
 #include <cstddef>

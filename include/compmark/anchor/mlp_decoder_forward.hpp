@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Forward kernels of the fused decoder (method sheet, 1.5). Lanes are anchors. Pass 1 runs the opacity head and finds which Gaussians exist;
-// after a prefix sum over blocks, pass 2 runs the covariance and colour heads and writes each Gaussian to its final row. Cost an anchor:
-// 2 (D + 3) 3 D + 2 D 11 K operations (13.8 k for D = 32, K = 10), 14 K exponentials; reads 71 floats (the feature twice).
+// Forward kernels of the fused decoder (docs/spec/method.md, 1.5). Lanes are anchors. Pass 1 runs the opacity head and
+// finds which Gaussians exist; after a prefix sum pass 2 runs the other heads and writes each Gaussian to its final
+// row. Cost an anchor: 2 (D + 3) 3 D + 2 D 11 K operations (13.8 k for D = 32, K = 10), 14 K exponentials.
 #pragma once
 
 #include <algorithm>
@@ -136,7 +136,7 @@ struct ForwardKernels {
     std::uint32_t gaussians = 0;
     std::uint32_t bad = 0;
     for (int lane = 0; lane < 16; lane += W) {
-      // An anchor with a non-finite input gives no Gaussians and is counted, before an activation could hide it (numerics case ML4).
+      // An input that is not finite gives no Gaussians and is counted (docs/spec/numerics.md, ML4).
       P zero(T{});
       for (int i = 0; i < L::inputs; ++i) zero = fma(P::load(s.input + i * L::panel + slot * 16 + lane), P(T{}), zero);
       const M real = M::first(valid - lane);

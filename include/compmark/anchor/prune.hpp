@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pruning by opacity (method sheet, section 4.3): an anchor that was visited often enough to be judged goes if its opacities, summed over its
-// K Gaussians and averaged over its visits, stay below a floor. The floor bounds the sum over K, not the mean (case B21). O(N).
+// Pruning by opacity (docs/spec/method.md, 4.3): an anchor that was visited often enough to be judged goes if its
+// opacities, summed over its K Gaussians and averaged over its visits, stay below a floor. The floor bounds the sum
+// over K, not the mean (docs/spec/method.md, 7.16). O(N).
 #pragma once
 
 #include <cmath>
@@ -55,8 +56,9 @@ template <class T>
   return best;
 }
 
-/// Columns 3 … 5 of the log scaling (the base scale) are limited from above. The published code does so at each pruning with 0.05, a value
-/// that looks as if meant for linear scales (case B8); infinity leaves it out. NaN stays NaN.
+/// Columns 3 … 5 of the log scaling (the base scale) are limited from above. The published code does so at each pruning
+/// with 0.05, a value that looks as if meant for linear scales (docs/spec/method.md, 7.13); infinity leaves it out. NaN
+/// stays NaN.
 template <class T>
 void limit_base_scale(MatrixView<T> scaling, double log_limit) {
   const T limit = static_cast<T>(log_limit);

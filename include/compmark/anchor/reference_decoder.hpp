@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ReferenceDecoder: MlpDecoder's interface and order of Gaussians in plain loops over one anchor at a time, for any
-// scalar, on one thread whatever the executor. It is written from the formulas (method sheet, 1.3, 1.5, 1.6) and shares
-// no kernel with the fast one, optional inputs included; tests hold the two against each other and both against central
-// differences. Kept for ever. Cost: about 30 times that of MlpDecoder in float on one core.
-// Longer than 300 lines: the whole road, both ways, is meant to be read in one place.
+// scalar, on one thread whatever the executor. It is written from the formulas (docs/spec/method.md, 1.3, 1.5, 1.6) and
+// shares no kernel with the fast one, optional inputs included; tests hold the two against each other and both against
+// central differences. Kept for ever. Cost: about 30 times that of MlpDecoder in float on one core. Longer than 300
+// lines: the whole road, both ways, is meant to be read in one place.
 #pragma once
 
 #include <algorithm>
@@ -278,7 +278,8 @@ class ReferenceDecoder {
 
   void decode(const AnchorColumns<const T>& table, std::size_t row, const std::array<double, 3>& center,
               [[maybe_unused]] std::size_t view_index, const ParamsOf<const T>& params, Anchor& anchor) const {
-    // In the wider of T and double, so that the subtraction keeps its digits far from the origin (numerics case PR7).
+    // In the wider of T and double, so that the subtraction keeps its digits far from the origin
+    // (docs/spec/numerics.md, PR7).
     using Wide = decltype(T{} + double{});
     std::array<Wide, 3> v{};
     for (std::size_t i = 0; i < 3; ++i) v[i] = static_cast<Wide>(table.position(row, i)) - static_cast<Wide>(center[i]);

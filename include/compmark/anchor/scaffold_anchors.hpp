@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // AnchorModel policy of Scaffold-GS: per anchor a position, K offsets, a log scaling of six and a feature of D numbers
-// (method sheet, section 1.1). The published rotation and opacity of an anchor never receive a gradient and are not stored.
-// Cost: 4 (9 + 3 K + D) bytes an anchor, 284 at K = 10, D = 32; twice that again for the gradient, three times with Adam's moments.
+// (docs/spec/method.md, 1.1). The published rotation and opacity of an anchor never receive a gradient and are not
+// stored. Cost: 4 (9 + 3 K + D) bytes an anchor, 284 at K = 10, D = 32; twice that again for the gradient, three times
+// with Adam's moments.
 #pragma once
 
 #include <type_traits>

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The camera centre as two scalars a coordinate, so that (position - high) - low keeps its digits far from the origin
-// (numerics case PR7): the first difference is exact or as exact as the result, the second adds what rounding the
-// centre to float would have lost.
+// (docs/spec/numerics.md, PR7): the first difference is exact or as exact as the result, the second adds what rounding
+// the centre to float would have lost.
 #pragma once
 
 #include <array>
@@ -14,8 +14,8 @@
 
 namespace compmark::detail {
 
-/// center = high + low, three coordinates each; an anchor nearer than min_distance has no direction (numerics case
-/// PR9). The high part is the double with its last 29 bits cleared. The obvious
+/// center = high + low, three coordinates each; an anchor nearer than min_distance has no direction
+/// (docs/spec/numerics.md, PR9). The high part is the double with its last 29 bits cleared. The obvious
 /// static_cast<double>(static_cast<float>(c)) is not used: g++ 12 drops the rounding when it vectorises such casts of
 /// neighbouring elements (-O2, any instruction set), and the low part becomes zero.
 template <class T>

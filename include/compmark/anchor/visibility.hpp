@@ -1,14 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which anchors a view may see (method sheet, 1.4; no gradient): each anchor is taken as one Gaussian with scales
-// exp(S[0:3]) along the world axes and projected as the rasterizer does; it is visible if it lies beyond the near plane
-// and the square of its published radius meets a tile of the image. Opacity plays no role. The projection goes through
-// V = J R diag(s), never through the 3-D covariance, and its entries are bounded, so that a giant is visible (numerics
-// case PR2) and a NaN is not (PR1). Lanes are anchors. Cost: about 110 operations and 36 bytes an anchor.
-// Through a lens the same test is made where the lens puts the anchor, and errs on the side of seeing it: the footprint is the larger of the
-// lens's and the pinhole's, and an anchor beyond the rays that the lens maps one-to-one is looked for at the last of them if its footprint
-// reaches there, because its Gaussians may lie inside. Cost: 60 operations more, and what scene/lens_policy.hpp says.
+// Which anchors a view may see (docs/spec/method.md, 1.4; no gradient): each anchor is taken as one Gaussian with
+// scales exp(S[0:3]) along the world axes and projected as the rasterizer does; it is visible if it lies beyond the
+// near plane and the square of its published radius meets a tile of the image. Opacity plays no role. The projection
+// goes through V = J R diag(s), never through the 3-D covariance, and its entries are bounded, so that a giant is
+// visible (docs/spec/numerics.md, PR2) and a NaN is not (PR1). Lanes are anchors. Cost: about 110 operations and 36
+// bytes an anchor. Through a lens the same test is made where the lens puts the anchor, and errs on the side of seeing
+// it: the footprint is the larger of the lens's and the pinhole's, and an anchor beyond the rays that the lens maps
+// one-to-one is looked for at the last of them if its footprint reaches there, because its Gaussians may lie inside.
+// Cost: 60 operations more, and what scene/lens_policy.hpp says.
 #pragma once
 
 #include <array>
@@ -47,7 +48,7 @@ struct VisibilityCamera {
   ViewPoint<T> from;
   T rotation[9];
   T fx, fy, cx, cy;
-  T least_x, most_x, least_y, most_y;  // limits of x/z and y/z in the Jacobian (numerics case PR4)
+  T least_x, most_x, least_y, most_y;  // limits of x/z and y/z in the Jacobian (docs/spec/numerics.md, PR4)
   T tiles_x, tiles_y;
   T near_plane, blur;
   [[no_unique_address]] Lens lens;

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The container of compressed models, `.cmk` (compression sheet, 6; docs/container.md has every byte): a header of 64 bytes, a table of
-// contents, and sections that tile the rest of the file. Every byte is covered by exactly one CRC-32C, which is checked before what it
-// covers is parsed. This file knows nothing of what is inside a section. Reading costs one pass over the bytes; nothing is copied. The table of
-// contents comes first, so that the beginning of a file says what of it has arrived.
+// The container of compressed models, `.cmk` (docs/spec/compression.md, 4; docs/container.md has every byte): a header
+// of 64 bytes, a table of contents, and sections that tile the rest of the file. Every byte is covered by exactly one
+// CRC-32C, which is checked before what it covers is parsed. This file knows nothing of what is inside a section.
+// Reading costs one pass over the bytes; nothing is copied. The table of contents comes first, so that the beginning of
+// a file says what of it has arrived.
 #pragma once
 
 #include <algorithm>

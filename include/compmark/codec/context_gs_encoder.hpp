@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model with a trained ContextGS context to the bytes of its file (NeurIPS 2024; compression sheet, 2.5 and 3.8), which decode without anything
-// else. Besides the bytes it returns the model as every decoder will have it, to the last bit: anchors of level 2 first, then 1, then 0.
-// Levels follow one another, because children read what their parents were rounded to; the chunks of a level are encoded in parallel and
-// joined in order: same bytes at any thread count. Cost: ~6 us an anchor and core, and 0.5 s for the bits of the networks' weights.
+// A model with a trained ContextGS context to the bytes of its file (NeurIPS 2024; docs/spec/compression.md, 2.5 and
+// 3.2), which decode without anything else. Besides the bytes it returns the model as every decoder will have it, to
+// the last bit: anchors of level 2 first, then 1, then 0. Levels follow one another, because children read what their
+// parents were rounded to; the chunks of a level are encoded in parallel and joined in order: same bytes at any thread
+// count. Cost: ~6 us an anchor and core, and 0.5 s for the bits of the networks' weights.
 #pragma once
 
 #include <cstddef>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// DIGS, what decoding must have arrived at (compression sheet, 6.5): checksums say that the bytes survived, these that this decoder made the same
-// model of them. A hash of symbols and masks for each chunk, and one SHA-256 over everything that the file decodes to.
+// DIGS, what decoding must have arrived at (docs/spec/compression.md, 4.3): checksums say that the bytes survived,
+// these that this decoder made the same model of them. A hash of symbols and masks for each chunk, and one SHA-256 over
+// everything that the file decodes to.
 #pragma once
 
 #include <algorithm>

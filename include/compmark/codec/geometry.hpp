@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Anchors' voxels, lossless, as an octree coded bit by bit, level by level from the root (compression sheet, 6.4; HAC stores 48 raw bits an
-// anchor and is lossy). A node says whether it holds one anchor; if so the rest of that anchor's digits follow at once, else which of its
-// eight children hold anything. Contexts: the level, which of the neighbours of the node exist (all of a level are known before the
-// next) and which of the child's, what the node has said so far, and how many digits just above are zero on all axes: growing places anchors
-// on grids of 4 and 16 voxels, and those digits give them away. Voxels that hold several anchors say how many. Measured on trained scenes:
-// 9.5 (lego, 51,263 anchors) to 13.7 bits an anchor (11,306). Cost: ~0.5 us an anchor.
+// Anchors' voxels, lossless, as an octree coded bit by bit, level by level from the root (docs/spec/compression.md,
+// 4.2; HAC stores 48 raw bits an anchor and is lossy). A node says whether it holds one anchor; if so the rest of that
+// anchor's digits follow at once, else which of its eight children hold anything. Contexts: the level, which of the
+// neighbours of the node exist (all of a level are known before the next) and which of the child's, what the node has
+// said so far, and how many digits just above are zero on all axes: growing places anchors on grids of 4 and 16 voxels,
+// and those digits give them away. Voxels that hold several anchors say how many. Measured on trained scenes: 9.5
+// (lego, 51,263 anchors) to 13.7 bits an anchor (11,306). Cost: ~0.5 us an anchor.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model with a trained context to the bytes of a HAC file (ECCV 2024; compression sheet, 1.13 and 3.8), which decode without anything else.
-// Besides the bytes it returns the model as every decoder will have it, to the last bit, and a report of what took how many bytes. Chunks
-// are encoded in parallel and joined in order: same bytes at any thread count. Cost: ~5 us an anchor and core, and 0.25 s for
-// finding how many bits the context's weights need (none when they are given, or when the context is that of a file).
+// A model with a trained context to the bytes of a HAC file (ECCV 2024; docs/spec/compression.md, 1.9 and 3.2), which
+// decode without anything else. Besides the bytes it returns the model as every decoder will have it, to the last bit,
+// and a report of what took how many bytes. Chunks are encoded in parallel and joined in order: same bytes at any
+// thread count. Cost: ~5 us an anchor and core, and 0.25 s for finding how many bits the context's weights need (none
+// when they are given, or when the context is that of a file).
 #pragma once
 
 #include <algorithm>

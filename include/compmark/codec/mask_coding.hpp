@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Offset masks, K bits an anchor, by adaptive bits (compression sheet, 1.7 and 6.4; HAC stores them at one common probability). The context of a
-// bit is its place, how many before it in the anchor are live, and how full the anchors before were; the last bit of an anchor that has
-// none yet is not written, because an anchor without live offsets does not exist. One chunk is one stream and decodes alone.
+// Offset masks, K bits an anchor, by adaptive bits (docs/spec/compression.md, 1.5 and 4.2; HAC stores them at one
+// common probability). The context of a bit is its place, how many before it in the anchor are live, and how full the
+// anchors before were; the last bit of an anchor that has none yet is not written, because an anchor without live
+// offsets does not exist. One chunk is one stream and decodes alone.
 #pragma once
 
 #include <algorithm>

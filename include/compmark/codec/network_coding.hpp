@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The networks of a file: NETC, the integer context network, and NETR, the tensors that render (compression sheet, 6.4). Numbers are split into
-// what is predictable (sign and size: adaptive bits) and what is not (the low digits: one bit each), which takes a seventh off half precision
-// and a twelfth off weights that are integers already. Every count is checked against the payload before memory is taken.
+// The networks of a file: NETC, the integer context network, and NETR, the tensors that render
+// (docs/spec/compression.md, 4.2). Numbers are split into what is predictable (sign and size: adaptive bits) and what
+// is not (the low digits: one bit each), which takes a seventh off half precision and a twelfth off weights that are
+// integers already. Every count is checked against the payload before memory is taken.
 #pragma once
 
 #include <algorithm>

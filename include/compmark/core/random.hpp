@@ -41,7 +41,7 @@ class Random {
   [[nodiscard]] constexpr double uniform(std::uint64_t index) const {
     return (static_cast<double>(bits(index) >> 12) + 0.5) * 0x1p-52;
   }
-  /// Uniform in the open interval (-1/2, 1/2), every value exact in float (23 bits; numerics case QD3).
+  /// Uniform in the open interval (-1/2, 1/2), every value exact in float (23 bits; docs/spec/numerics.md, QD3).
   [[nodiscard]] constexpr float centered(std::uint64_t index) const {
     return (static_cast<float>(bits(index) >> 41) + 0.5f) * 0x1p-23f - 0.5f;
   }

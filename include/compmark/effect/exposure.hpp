@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Exposure of a photograph: its colours are an affine map of the scene's, C' = M C + t with M [3, 3] and t [3] per training view (numerics
-// sheet, section 3: "appearance embedding / exposure"). The scene's own brightness is free as long as every view may undo it, so the gauge
-// is fixed after each step: the mean of the maps over the training views is the identity. A photograph that was not trained on is rendered
-// in the gauge. Cost: 9 multiply-adds a pixel forward, 18 backward, 48 bytes of parameters a view in float.
+// Exposure of a photograph: its colours are an affine map of the scene's, C' = M C + t with M [3, 3] and t [3] per
+// training view (docs/spec/effects.md, 2). The scene's own brightness is free as long as every view may undo it, so the
+// gauge is fixed after each step: the mean of the maps over the training views is the identity. A photograph that was
+// not trained on is rendered in the gauge. Cost: 9 multiply-adds a pixel forward, 18 backward, 48 bytes of parameters a
+// view in float.
 #pragma once
 
 #include <algorithm>

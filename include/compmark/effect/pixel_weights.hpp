@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pixels that do not count, or count in part: the loss sees x' = w x + (1 - w) y instead of the render x, so that where the weight w is 0 the
-// render agrees with the target y by definition, also in the windows of SSIM that reach in from outside, and no gradient comes back. The
-// loss is divided by the mean weight (numerics sheet, section 3: "normalise by the sum of the mask, 0-safe"): an image that is masked
-// altogether gives the loss 0 and no gradient. Cost: one pass over the image before the loss, one after.
+// Pixels that do not count, or count in part: the loss sees x' = w x + (1 - w) y instead of the render x, so that where
+// the weight w is 0 the render agrees with the target y by definition, also in the windows of SSIM that reach in from
+// outside, and no gradient comes back. The loss is divided by the mean weight (docs/spec/effects.md, 3): an image that
+// is masked altogether gives the loss 0 and no gradient. Cost: one pass over the image before the loss, one after.
 #pragma once
 
 #include <cstddef>

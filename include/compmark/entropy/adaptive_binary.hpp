@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Adaptive binary coder for masks, hash bits and octree occupancy: a range coder of 32 bits whose carries wait in a cached byte and a count
-// (written bytes are never edited: numerics sheet, EN9), with contexts that learn the probability of a one from the bits themselves. Whole
-// numbers only. The first bits of a context count (rate 1/(n + 1.5): a prior of a quarter bit each way), later ones age at 1/256; the
-// estimate has 32 bits and the coder 16 of them, so that a constant bit costs 2e-5 bits (CO1). A stream ends with the lower end of its last
-// interval: a decoder that took another road ends elsewhere, which `valid` sees with a probability of at least 1 - 2^-16.
+// Adaptive binary coder for masks, hash bits and octree occupancy: a range coder of 32 bits whose carries wait in a
+// cached byte and a count (written bytes are never edited: docs/spec/numerics.md, EN9), with contexts that learn the
+// probability of a one from the bits themselves. Whole numbers only. The first bits of a context count (rate 1/(n +
+// 1.5): a prior of a quarter bit each way), later ones age at 1/256; the estimate has 32 bits and the coder 16 of them,
+// so that a constant bit costs 2e-5 bits (CO1). A stream ends with the lower end of its last interval: a decoder that
+// took another road ends elsewhere, which `valid` sees with a probability of at least 1 - 2^-16.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which cells make levels of the wanted sizes (ContextGS; compression sheet, 2.1): edges such that a fifth of the anchors are heads of fine
-// cells, and a fifth of those of coarse ones, by bisection over whole edges with ratios as fractions. A file carries the edges; this is the
-// encoder's choice and no decoder repeats it. Cost: a sort of all anchors for each of some ten steps.
+// Which cells make levels of the wanted sizes (ContextGS; docs/spec/compression.md, 2.1): edges such that a fifth of
+// the anchors are heads of fine cells, and a fifth of those of coarse ones, by bisection over whole edges with ratios
+// as fractions. A file carries the edges; this is the encoder's choice and no decoder repeats it. Cost: a sort of all
+// anchors for each of some ten steps.
 #pragma once
 
 #include <algorithm>

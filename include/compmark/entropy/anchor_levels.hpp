@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The three levels of anchors of ContextGS (Wang et al., NeurIPS 2024, section 3.2; compression sheet, 2.1): a coarse anchor predicts the
-// anchors of its cell, so that an anchor's best context is another anchor. Everything here is whole numbers, and training and coding share
-// it (sheet 5, item 26: the published split hangs on a division by a float). With v the voxel of an anchor, v = round(position / voxel size):
+// The three levels of anchors of ContextGS (Wang et al., NeurIPS 2024, section 3.2; docs/spec/compression.md, 2.1): a
+// coarse anchor predicts the anchors of its cell, so that an anchor's best context is another anchor. Everything here
+// is whole numbers, and training and coding share it (docs/spec/compression.md, 5.8: the published split hangs on a
+// division by a float). With v the voxel of an anchor, v = round(position / voxel size):
 //
 //   cell(v, kappa) = floor(v / kappa), an axis at a time, from voxel 0; kappa fine < coarse, both whole
 //   head of a set of anchors = the first along the Morton curve (x in the lowest bit, signed coordinates in their order), then in row order
@@ -11,9 +12,10 @@
 //   level 2: head of a coarse cell; no parent           level 1: another head; parent: the head of its coarse cell, of level 2
 //   level 0: the others; parent: the head of the fine cell, of level 1 or 2
 //
-// Dead anchors do not exist: with or without them in the list, the others get the same levels and parents. The published code codes level 1
-// with the parents of other rows (sheet 2.3); here a parent is the parent. Anchors of levels 2, 1, 0 may be coded in this order, each level in
-// any order. Cost: sort() three sorts, when voxels or cells change; assign() two walks, when an anchor dies or revives.
+// Dead anchors do not exist: with or without them in the list, the others get the same levels and parents. The
+// published code codes level 1 with the parents of other rows (docs/spec/compression.md, 5.9); here a parent is the
+// parent. Anchors of levels 2, 1, 0 may be coded in this order, each level in any order. Cost: sort() three sorts, when
+// voxels or cells change; assign() two walks, when an anchor dies or revives.
 #pragma once
 
 #include <algorithm>

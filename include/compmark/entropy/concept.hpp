@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the entropy room: an EntropyModel says how probable the symbols of an anchor are, in floating point while training and in whole
-// numbers while coding. Everything that decides a symbol of a file is an integer (numerics sheet, EN6); floats only choose which one.
+// Concepts of the entropy room: an EntropyModel says how probable the symbols of an anchor are, in floating point while
+// training and in whole numbers while coding. Everything that decides a symbol of a file is an integer
+// (docs/spec/numerics.md, EN6); floats only choose which one.
 #pragma once
 
 #include "compmark/core/absent.hpp"

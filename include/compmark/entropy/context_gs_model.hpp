@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// ContextGsModel, the entropy model of ContextGS while training (Wang et al., NeurIPS 2024; compression sheet, 2): no hash grid; what an
-// anchor's attributes are likely to be, and how finely they are quantized, a network says from the anchor that was coded before it in its
-// cell (anchor_levels.hpp) and from a hyperprior z of 12 numbers an anchor, which is coded first, under a factorised prior. Inputs and
-// outputs: context_gs_parameters.hpp. Parents are seen as a decoder sees them: with the noise of their own steps, or rounded. The loss is
+// ContextGsModel, the entropy model of ContextGS while training (Wang et al., NeurIPS 2024; docs/spec/compression.md,
+// 2): no hash grid; what an anchor's attributes are likely to be, and how finely they are quantized, a network says
+// from the anchor that was coded before it in its cell (anchor_levels.hpp) and from a hyperprior z of 12 numbers an
+// anchor, which is coded first, under a factorised prior. Inputs and outputs: context_gs_parameters.hpp. Parents are
+// seen as a decoder sees them: with the noise of their own steps, or rounded. The loss is
 //   lambda (bits of f, l, o and z) / scalars of f, l, o + 5e-4 mean(sigmoid(mask logits)),
 // estimated on a random 15 % of all anchors, of which dead ones cost nothing, as HacModel has it with `anchor_mask` (published: of the live
 // ones, times their share); z counts for every live anchor. Gradients reach parents through what their children read of them.

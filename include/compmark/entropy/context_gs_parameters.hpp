@@ -9,8 +9,9 @@
 //   z                    its symbol is the nearest whole number, half to even, coded before all else; 0 for NaN and beyond 1e6
 //   decoded              k q of the parent's symbols and steps; extents as they come, 0 too, not held above any least
 //   outputs              as HAC's: mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o (hac_attributes.hpp)
-// The published inputs are raw world coordinates of the parent, whose scale is the scene's (compression sheet, 2.3 and 5, item 30): where in its
-// parent's cell an anchor lies, they do not say. Newborn rows have z = 0 (published: the largest of the merged parents'); a mask's 0 is logit 1.
+// The published inputs are raw world coordinates of the parent, whose scale is the scene's (docs/spec/compression.md,
+// 2.3 and 5.13): where in its parent's cell an anchor lies, they do not say. Newborn rows have z = 0 (published: the
+// largest of the merged parents'); a mask's 0 is logit 1.
 #pragma once
 
 #include <algorithm>
@@ -115,7 +116,8 @@ template <class T>
   return static_cast<double>(block(0, 2)) + static_cast<double>(block(0, 3));
 }
 
-/// Cells for the live anchors as they are; the voxel size stays. Call it again when growing has ended (sheet 5, item 27).
+/// Cells for the live anchors as they are; the voxel size stays. Call it again when growing has ended
+/// (docs/spec/compression.md, 5.11).
 template <class T>
 void choose_context_gs_cells(ParameterArena<T>& arena, const ContextGsHandles& handles, MatrixView<const T> position) {
   const MatrixView<T> cells = arena.values(handles.cells);

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Frequencies of the hyperprior's symbols as a file holds them, 31 a channel of z and one of the escape, of 2^16 (compression sheet, 6.4: not the
-// network that they come from, factorised_prior.hpp), and tables of the same make as the Gaussian ones, so that one symbol coder serves
-// both: SymbolModel::sigma_index is the channel, the mean has no meaning. Symbols beyond +-15 escape. Cost: 2 KB of tables a channel.
+// Frequencies of the hyperprior's symbols as a file holds them, 31 a channel of z and one of the escape, of 2^16
+// (docs/spec/compression.md, 4.2: not the network that they come from, factorised_prior.hpp), and tables of the same
+// make as the Gaussian ones, so that one symbol coder serves both: SymbolModel::sigma_index is the channel, the mean
+// has no meaning. Symbols beyond +-15 escape. Cost: 2 KB of tables a channel.
 #pragma once
 
 #include <algorithm>

@@ -1,14 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The factorised prior of the hyperprior z (Balle et al., ICLR 2018, appendix 6.1; compression sheet, 2.2): every channel has a cumulative of
-// its own, sigmoid(c(z)), where c is five affine layers 1-3-3-3-3-1 with positive matrices softplus(H), each but the last followed by
-// x + tanh(a) tanh(x). A symbol k costs
+// The factorised prior of the hyperprior z (Balle et al., ICLR 2018, appendix 6.1; docs/spec/compression.md, 2.2):
+// every channel has a cumulative of its own, sigmoid(c(z)), where c is five affine layers 1-3-3-3-3-1 with positive
+// matrices softplus(H), each but the last followed by x + tanh(a) tanh(x). A symbol k costs
 //   bits = -log2((1 - 4 e) P + e / (1 + d)^2),  P = sigmoid(c(k + 1/2)) - sigmoid(c(k - 1/2)),  e = 2^-16,
-// d = t^2 / (1 + t), t = |k| - 15 > 0: no symbol is rarer than e, and beyond +-15 the coder escapes (the published tails are never trained,
-// sheet 5, item 25). With a, b the two logits P = sigmoid(a) sigmoid(-b) (1 - exp(b - a)), a product without cancellation at any distance.
-// A channel's 58 scalars, as the arena and a file hold them: layer by layer matrix [out, in], bias [out], factor [out]; the last has no factor.
-// Medians are 0. Lanes are anchors. Cost of a scalar with its derivatives: 24 tanh, 5 exp and some 250 multiply-adds.
+// d = t^2 / (1 + t), t = |k| - 15 > 0: no symbol is rarer than e, and beyond +-15 the coder escapes (the published
+// tails are never trained: docs/spec/compression.md, 5.10). With a, b the two logits P = sigmoid(a) sigmoid(-b) (1 -
+// exp(b - a)), a product without cancellation at any distance. A channel's 58 scalars, as the arena and a file hold
+// them: layer by layer matrix [out, in], bias [out], factor [out]; the last has no factor. Medians are 0. Lanes are
+// anchors. Cost of a scalar with its derivatives: 24 tanh, 5 exp and some 250 multiply-adds.
 #pragma once
 
 #include <cmath>

@@ -1,13 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bits that a coder spends on the interval [x - q/2, x + q/2] under a Gaussian, with their derivatives (HAC eq. 7; compression sheet, 1.6),
+// Bits that a coder spends on the interval [x - q/2, x + q/2] under a Gaussian, with their derivatives (HAC eq. 7;
+// docs/spec/compression.md, 1.4),
 //   bits = -log2((1 - 4 e) P + e / (1 + d)^2),  P = Phi(u) - Phi(l),  u, l = (+-q/2 - |x - m|) / s,  e = 2^-16,  s >= 0.11 q.
-// The second term is what the coder does: no symbol is rarer than e, and beyond 5 s it escapes, at two bits more for every doubling of the
-// distance d = t^2 / (1 + t), t = (|x - m| - 5 s) / q > 0 (numerics case EN4). P is never a difference of two numbers near 1: with Mills'
-// ratio M(x) = (1 - Phi(x)) / phi(x) and E = phi(l) / phi(u) = exp(-|x - m| q / s^2), P = phi(u) (M(-u) - E M(-l)) outside the central
-// bin, whatever the distance, and every derivative is a quotient without phi (case EN1). Where s is held at 0.11 q, a gradient that pulls s
-// up passes (case EN2). Cost in packs: 2 exp, 2 Mills, 1 log, about 90 operations.
+// The second term is what the coder does: no symbol is rarer than e, and beyond 5 s it escapes, at two bits more for
+// every doubling of the distance d = t^2 / (1 + t), t = (|x - m| - 5 s) / q > 0 (docs/spec/numerics.md, EN4). P is
+// never a difference of two numbers near 1: with Mills' ratio M(x) = (1 - Phi(x)) / phi(x) and E = phi(l) / phi(u) =
+// exp(-|x - m| q / s^2), P = phi(u) (M(-u) - E M(-l)) outside the central bin, whatever the distance, and every
+// derivative is a quotient without phi (case EN1). Where s is held at 0.11 q, a gradient that pulls s up passes (case
+// EN2). Cost in packs: 2 exp, 2 Mills, 1 log, about 90 operations.
 #pragma once
 
 #include <cmath>
@@ -22,7 +24,7 @@ namespace compmark {
 inline constexpr double coder_floor = 0x1p-16;  ///< probability of the rarest symbol
 inline constexpr double coder_window = 5;       ///< standard deviations a table reaches
 inline constexpr double least_relative_sigma =
-    0.11;  ///< in steps; below, an integer table cannot follow (compression sheet, 3.8)
+    0.11;  ///< in steps; below, an integer table cannot follow (docs/spec/compression.md, 3.2)
 
 /// Bits and their derivatives; that by the mean is -d_value.
 template <class P>

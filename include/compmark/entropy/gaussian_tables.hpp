@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The coding tables of Gaussians on whole numbers: cumulative frequencies of 16 bits for every standard deviation 2^(s / 8) bins, s = -25..56
-// (0.115 to 128), and every position of the mean within its bin: in 1/32 bin below a deviation of 1, then coarser, to 1/4 from 4 on. The grids
-// cost 0.0008 to 0.0009 bits a symbol, the frequencies 0.0001 to 0.0006 (entropy_coder.bench). Slots are the window of +-(ceil(5 sigma) + 1)
-// bins around the mean's, each with a frequency of (2^16 - slots) p + 1 (numerics sheet, EN4), and a last one of frequency 1, the escape (EN5);
-// their sum is exactly 2^16 (EN7). Built from whole numbers (normal_integral.hpp), hence equal everywhere; 1 ms, 0.27 MB, handed around.
+// The coding tables of Gaussians on whole numbers: cumulative frequencies of 16 bits for every standard deviation 2^(s
+// / 8) bins, s = -25..56 (0.115 to 128), and every position of the mean within its bin: in 1/32 bin below a deviation
+// of 1, then coarser, to 1/4 from 4 on. The grids cost 0.0008 to 0.0009 bits a symbol, the frequencies 0.0001 to 0.0006
+// (entropy_coder.bench). Slots are the window of +-(ceil(5 sigma) + 1) bins around the mean's, each with a frequency of
+// (2^16 - slots) p + 1 (docs/spec/numerics.md, EN4), and a last one of frequency 1, the escape (EN5); their sum is
+// exactly 2^16 (EN7). Built from whole numbers (normal_integral.hpp), hence equal everywhere; 1 ms, 0.27 MB, handed
+// around.
 #pragma once
 
 #include <algorithm>

@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What HacModel does with the scalars of one anchor: feature [D], extent l = exp(scaling) [6], offset [3 K], each group with a step q of its
-// own (compression sheet, 1.5, 1.6). Distortion x~ = x + q u, u uniform in (-1/2, 1/2) or, where training rounds, the error of rounding to
-// whole steps (those of the file then, below); l~ stays above a small positive least, and its table holds the logarithm. The rate predicts
-// each scalar by a Gaussian of mean m + d mu and deviation d 2^s, where (m, d) are the mean and deviation of that scalar over all anchors and
-// (mu, s) the network's outputs: HAC takes both raw, so that a negative deviation has no gradient and channels ask for outputs of very
-// different size.
-// Cost an anchor: D + 6 + 3 K random numbers, exponentials and logarithms of 6; where its rate counts, the bits of all scalars.
+// What HacModel does with the scalars of one anchor: feature [D], extent l = exp(scaling) [6], offset [3 K], each group
+// with a step q of its own (docs/spec/compression.md, 1.3, 1.4). Distortion x~ = x + q u, u uniform in (-1/2, 1/2) or,
+// where training rounds, the error of rounding to whole steps (those of the file then, below); l~ stays above a small
+// positive least, and its table holds the logarithm. The rate predicts each scalar by a Gaussian of mean m + d mu and
+// deviation d 2^s, where (m, d) are the mean and deviation of that scalar over all anchors and (mu, s) the network's
+// outputs: HAC takes both raw, so that a negative deviation has no gradient and channels ask for outputs of very
+// different size. Cost an anchor: D + 6 + 3 K random numbers, exponentials and logarithms of 6; where its rate counts,
+// the bits of all scalars.
 #pragma once
 
 #include <algorithm>

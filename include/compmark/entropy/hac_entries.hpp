@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which anchors HacModel deals with in an iteration, and who of them counts in the rate. An entry is an anchor: first those that need steps
-// alone ("light"), then, from the next whole panel on, those whose rate is counted ("full"). The sample is drawn row by row, keyed by seed
-// and iteration: of all rows of the table, or of the listed ones; with masks of anchors it takes the dead along, else live ones only
-// (compression sheet, 1.10; HAC++). Cost: one pass over the rows, 2 ns a random number.
+// Which anchors HacModel deals with in an iteration, and who of them counts in the rate. An entry is an anchor: first
+// those that need steps alone ("light"), then, from the next whole panel on, those whose rate is counted ("full"). The
+// sample is drawn row by row, keyed by seed and iteration: of all rows of the table, or of the listed ones; with masks
+// of anchors it takes the dead along, else live ones only (docs/spec/compression.md, 1.7; HAC++). Cost: one pass over
+// the rows, 2 ns a random number.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// HacModel, the entropy model of HAC while training (Chen et al., ECCV 2024; compression sheet, 1): a binary hash grid says where an anchor is, a
-// network what its attributes are likely to be and how finely they are quantized, q = Q0 (1 + tanh r); the attributes carry the noise of
-// these steps, and the bits they would take are a loss,
+// HacModel, the entropy model of HAC while training (Chen et al., ECCV 2024; docs/spec/compression.md, 1): a binary
+// hash grid says where an anchor is, a network what its attributes are likely to be and how finely they are quantized,
+// q = Q0 (1 + tanh r); the attributes carry the noise of these steps, and the bits they would take are a loss,
 //   lambda (bits / scalar + bits of the grid / (N (D + 6 + 3 K))) + 5e-4 mean(sigmoid(mask logits)),
 // estimated on a random twentieth of all anchors (HAC++; HAC itself: of the visible live ones, times their live share). Before the context
 // begins the noise is that of Q0. Anchors whose rate is not counted in an iteration need only their steps, 3 of 175 outputs.

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Blocks of HAC's entropy model in the arena, their first values, and what is made up from all anchors when its context begins: the box that
-// the hash grid covers (compression sheet, 1.3: a fifth beyond the outermost anchors of the core, away from the origin or towards it) and the mean and
-// deviation of every scalar, which the network's outputs count in. Sums in double, in row order. Cost of begin: one read of the table.
+// Blocks of HAC's entropy model in the arena, their first values, and what is made up from all anchors when its context
+// begins: the box that the hash grid covers (docs/spec/compression.md, 1.1: a fifth beyond the outermost anchors of the
+// core, away from the origin or towards it) and the mean and deviation of every scalar, which the network's outputs
+// count in. Sums in double, in row order. Cost of begin: one read of the table.
 #pragma once
 
 #include <algorithm>
@@ -33,7 +34,8 @@ struct HacHandles {
   BlockHandle feature, scaling, offset;  ///< of the anchor table, where the arena has one
 };
 
-/// Of an entropy model's networks and grid: from the iteration on in which the rate counts (compression sheet, 1.11).
+/// Of an entropy model's networks and grid: from the iteration on in which the rate counts (docs/spec/compression.md,
+/// 1.8).
 inline constexpr LearningSchedule context_schedule{0.005, 0.00001, RateUnit::one, 10000};
 
 template <class T, class Network, class Attributes, HashGridShape shape>

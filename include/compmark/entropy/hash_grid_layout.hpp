@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where the entries of the mixed hash grid lie (HAC, ECCV 2024, section 4.2; compression sheet, 1.3): one 3-D grid of 12 levels and three
-// planes xy, xz, yz of 4 levels each, 4 features an entry, one table of all levels in that order, entry-major. A level of resolution R maps
-// the box [0, 1] to p = t (R - 2) + 1/2; the vertices 0 and R - 1 do not exist, neighbours are clamped to 1 … R - 2 (the reference skips
-// them and divides by the remaining weights, which is the same). Entries: dense while R^d fits the cap, else the XOR of coordinates times
-// primes, modulo the cap. Shared by the training side in floats and the coding side in integers, so that they cannot differ.
+// Where the entries of the mixed hash grid lie (HAC, ECCV 2024, section 4.2; docs/spec/compression.md, 1.1): one 3-D
+// grid of 12 levels and three planes xy, xz, yz of 4 levels each, 4 features an entry, one table of all levels in that
+// order, entry-major. A level of resolution R maps the box [0, 1] to p = t (R - 2) + 1/2; the vertices 0 and R - 1 do
+// not exist, neighbours are clamped to 1 … R - 2 (the reference skips them and divides by the remaining weights, which
+// is the same). Entries: dense while R^d fits the cap, else the XOR of coordinates times primes, modulo the cap. Shared
+// by the training side in floats and the coding side in integers, so that they cannot differ.
 #pragma once
 
 #include <array>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The whole context of an anchor in whole numbers, from its voxel to the step and the Gaussian of each scalar, as the symbol coder takes them
-// (compression sheet, 3.8, points 1 to 5): voxel -> hash grid -> network -> step index of each attribute group, deviation in eighths of
-// an octave of bins, mean in 1/32 bins. Encoder and decoder both ask this and nothing else. Cost: ~1.2 us an anchor.
+// The whole context of an anchor in whole numbers, from its voxel to the step and the Gaussian of each scalar, as the
+// symbol coder takes them (docs/spec/compression.md, 3.2, points 1 to 5): voxel -> hash grid -> network -> step index
+// of each attribute group, deviation in eighths of an octave of bins, mean in 1/32 bins. Encoder and decoder both ask
+// this and nothing else. Cost: ~1.2 us an anchor.
 #pragma once
 
 #include <algorithm>

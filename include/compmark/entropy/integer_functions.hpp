@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The functions that the coding side needs, in whole numbers: shifts that round, the step q / Q0 = 1 + tanh r on a grid of sixteen steps an
-// octave (compression sheet, 3.8, point 4), its value and its reciprocal. Tables come from integer square roots and squarings that the
-// compiler runs: no float, no libm, the same bits on every machine. They are part of the numeric specification of a file: a change of one
-// entry is another decoder, which a hash in the tests and in each file (TABL) sees.
+// The functions that the coding side needs, in whole numbers: shifts that round, the step q / Q0 = 1 + tanh r on a grid
+// of sixteen steps an octave (docs/spec/compression.md, 3.2, point 4), its value and its reciprocal. Tables come from
+// integer square roots and squarings that the compiler runs: no float, no libm, the same bits on every machine. They
+// are part of the numeric specification of a file: a change of one entry is another decoder, which a hash in the tests
+// and in each file (TABL) sees.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The mixed hash grid in whole numbers (compression sheet, 3.8, points 1 and 2): voxel to box coordinate by one 64-bit product (32-bit scale and 64-bit offset an axis stand in the file), to a level's
-// coordinate by another, fractions of 8 bits, +-1 at the vertices, activations of +-4096 with one rounding. Same entries, neighbours and
-// clamping as the float grid of training (hash_grid_layout.hpp); it differs by the rounding of the fraction, at most 2^-9 of a cell an axis.
-// A voxel outside the box on an axis that a grid uses gets zeros from it, as in training. Cost: 0.2-0.3 us an anchor.
+// The mixed hash grid in whole numbers (docs/spec/compression.md, 3.2, points 1 and 2): voxel to box coordinate by one
+// 64-bit product (32-bit scale and 64-bit offset an axis stand in the file), to a level's coordinate by another,
+// fractions of 8 bits, +-1 at the vertices, activations of +-4096 with one rounding. Same entries, neighbours and
+// clamping as the float grid of training (hash_grid_layout.hpp); it differs by the rounding of the fraction, at most
+// 2^-9 of a cell an axis. A voxel outside the box on an axis that a grid uses gets zeros from it, as in training. Cost:
+// 0.2-0.3 us an anchor.
 #pragma once
 
 #include <algorithm>

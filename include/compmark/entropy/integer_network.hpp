@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context network in whole numbers (compression sheet, 3.8, point 3): activations and weights of 16 bits, sums of 32, a shift for every row
-// so that each row uses its bits, ReLU, shifts that round. A network is asked once, at load, whether any input could overflow a sum; then
-// no order of summation, thread count or compiler can change a bit of what it says. Outputs an anchor: means in units of Q0 (Q12),
-// 8 log2(sigma / Q0) (Q8), r (Q16). Cost: 0.5-1 us an anchor for 96 -> 100 -> 175.
+// The context network in whole numbers (docs/spec/compression.md, 3.2, point 3): activations and weights of 16 bits,
+// sums of 32, a shift for every row so that each row uses its bits, ReLU, shifts that round. A network is asked once,
+// at load, whether any input could overflow a sum; then no order of summation, thread count or compiler can change a
+// bit of what it says. Outputs an anchor: means in units of Q0 (Q12), 8 log2(sigma / Q0) (Q8), r (Q16). Cost: 0.5-1 us
+// an anchor for 96 -> 100 -> 175.
 #pragma once
 
 #include <algorithm>

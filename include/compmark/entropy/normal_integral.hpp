@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The distribution function of the normal distribution in whole numbers only, for coding tables that every compiler builds alike (numerics
-// sheet, EN6): no floating point, no library function. Phi and its density at the nodes j / 32 come from the series of exp(-z^2/2) and its
-// integral in 128 bits; between them a Taylor expansion of five terms. Error below 2^-44, measured; a table of 16 bits rounds at 2^-17.
+// The distribution function of the normal distribution in whole numbers only, for coding tables that every compiler
+// builds alike (docs/spec/numerics.md, EN6): no floating point, no library function. Phi and its density at the nodes j
+// / 32 come from the series of exp(-z^2/2) and its integral in 128 bits; between them a Taylor expansion of five terms.
+// Error below 2^-44, measured; a table of 16 bits rounds at 2^-17.
 #pragma once
 
 #include <array>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Masks of offsets (HAC; compression sheet, 1.7): offset k of an anchor lives while sigmoid(logit) > 0.01, with gradients straight through to
-// sigmoid(logit). A dead offset is neither rendered (its Gaussian's opacity is set to 0, which the rasterizer drops) nor coded, and an anchor
-// without a live offset is not coded at all. The table holds logit - 1, so that the zeros of a newborn row are the initial logit 1.
-// Cost: a few operations a Gaussian.
+// Masks of offsets (HAC; docs/spec/compression.md, 1.5): offset k of an anchor lives while sigmoid(logit) > 0.01, with
+// gradients straight through to sigmoid(logit). A dead offset is neither rendered (its Gaussian's opacity is set to 0,
+// which the rasterizer drops) nor coded, and an anchor without a live offset is not coded at all. The table holds logit
+// - 1, so that the zeros of a newborn row are the initial logit 1. Cost: a few operations a Gaussian.
 #pragma once
 
 #include <cmath>
@@ -18,7 +18,7 @@
 
 namespace compmark {
 
-/// How fast the logits train (compression sheet, 1.11).
+/// How fast the logits train (docs/spec/compression.md, 1.8).
 inline constexpr LearningSchedule offset_mask_schedule{0.01, 0.0001, RateUnit::scene_extent};
 
 /// ln(0.01 / 0.99) - 1: a stored logit above it is alive. Compared in double, so that training and coding agree.

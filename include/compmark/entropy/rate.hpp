@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What an entropy model is told in an iteration of training, and what it reports: shared by the codecs, so that one schedule drives them
-// all (compression sheet, 1.9). Cost: none.
+// What an entropy model is told in an iteration of training, and what it reports: shared by the codecs, so that one
+// schedule drives them all (docs/spec/compression.md, 1.6). Cost: none.
 #pragma once
 
 #include <cstddef>

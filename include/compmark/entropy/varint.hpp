@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whole numbers of any size in seven bits a byte, lowest first, the top bit set on all bytes but the last: escapes and counts (numerics sheet,
-// EN8). One number has one spelling: a reader refuses needless zeros and what does not fit 64 bits. Signs by zig-zag, total on int64.
+// Whole numbers of any size in seven bits a byte, lowest first, the top bit set on all bytes but the last: escapes and
+// counts (docs/spec/numerics.md, EN8). One number has one spelling: a reader refuses needless zeros and what does not
+// fit 64 bits. Signs by zig-zag, total on int64.
 #pragma once
 
 #include <cstddef>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Numbers as little-endian bytes of stated width, whatever the machine (numerics case CO2): ByteWriter appends, ByteReader takes. Floats travel
-// as their bits. A reader past its end delivers zeros and remembers it, so that a parser asks once at the end of a record, and gives a
-// count only when as many elements can follow: no allocation is larger than the bytes that announce it.
+// Numbers as little-endian bytes of stated width, whatever the machine (docs/spec/numerics.md, CO2): ByteWriter
+// appends, ByteReader takes. Floats travel as their bits. A reader past its end delivers zeros and remembers it, so
+// that a parser asks once at the end of a record, and gives a count only when as many elements can follow: no
+// allocation is larger than the bytes that announce it.
 #pragma once
 
 #include <bit>

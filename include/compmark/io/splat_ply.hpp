@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The standard 3DGS PLY, which viewers open (ecosystem sheet, section 2.1): one element `vertex`, floats,
+// The standard 3DGS PLY, which viewers open (docs/spec/formats.md, 1): one element `vertex`, floats,
 //   x y z nx ny nz f_dc_0..2 f_rest_0..(3 K - 1) opacity scale_0..2 rot_0..3        K = 0, 3, 8, 15 for degree 0 … 3
 // f_rest is planar by channel (all red coefficients first), opacity a logit, scale a natural logarithm, rot w x y z.
 // Writing is strict (that order, zero normals, no NaN, no comments unless asked for); reading goes by property name and takes any order,

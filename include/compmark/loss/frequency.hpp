@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Frequency loss (method sheet 5.5): the mean of E = 1 - SSIM between the filtered grey planes of render and target, and E itself, which
-// frequency-aware growing looks at. Backward: through the SSIM, the sign of the filter's response where its modulus is taken, the filter (its own
-// adjoint), the resizing and the three grey weights. Cost at native resolution: three real transforms there and back (two when the
-// caller keeps the target's filtered plane) and the SSIM of one channel; 1024 x 1024 costs that of a megapixel, whatever the image.
+// Frequency loss (docs/spec/method.md, 5.5): the mean of E = 1 - SSIM between the filtered grey planes of render and
+// target, and E itself, which frequency-aware growing looks at. Backward: through the SSIM, the sign of the filter's
+// response where its modulus is taken, the filter (its own adjoint), the resizing and the three grey weights. Cost at
+// native resolution: three real transforms there and back (two when the caller keeps the target's filtered plane) and
+// the SSIM of one channel; 1024 x 1024 costs that of a megapixel, whatever the image.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Gains of the frequency loss. Distances d are in whole cycles over the side of the image, sqrt(ky^2 + kx^2), the index distance of a
-// transform: resampling an image keeps them, so that 30 is the same band at any resolution, the published 1024 x 1024 included.
-// The published filter is a ring notch, not a high pass: it lets the mean and everything below d = 20 through (numerics case FR1).
+// Gains of the frequency loss. Distances d are in whole cycles over the side of the image, sqrt(ky^2 + kx^2), the index
+// distance of a transform: resampling an image keeps them, so that 30 is the same band at any resolution, the published
+// 1024 x 1024 included. The published filter is a ring notch, not a high pass: it lets the mean and everything below d
+// = 20 through (docs/spec/numerics.md, FR1).
 #pragma once
 
 #include <cmath>

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// HSV loss (method sheet 5.6): the squared error on the saturated, bright pixels of the red, the green and the blue third of the hue circle,
-// mean over the three. No hue is computed: a hue lies in the third of colour c when channel c is the largest, which comparisons decide
-// exactly where angles in float misplace 0.19 % of 8-bit colours (numerics case LS5); saturation is compared without division. Masks carry no
-// gradient: dI = 2 (I - I_gt) times the sum over the masks of 1 / (9 |Omega|). Cost: one pass, 24 bytes a pixel read, 24 more with the gradient.
+// HSV loss (docs/spec/method.md, 5.6): the squared error on the saturated, bright pixels of the red, the green and the
+// blue third of the hue circle, mean over the three. No hue is computed: a hue lies in the third of colour c when
+// channel c is the largest, which comparisons decide exactly where angles in float misplace 0.19 % of 8-bit colours
+// (docs/spec/numerics.md, LS5); saturation is compared without division. Masks carry no gradient: dI = 2 (I - I_gt)
+// times the sum over the masks of 1 / (9 |Omega|). Cost: one pass, 24 bytes a pixel read, 24 more with the gradient.
 #pragma once
 
 #include <algorithm>
@@ -29,7 +30,7 @@ enum class HueSource { rendered, target, either };
 /// |Omega|: what a colour's squared error is divided by.
 enum class HueNorm {
   image,  ///< all pixels, as released
-  mask,   ///< the pixels of the colour; no such pixel: 0 (numerics case LS7)
+  mask,   ///< the pixels of the colour; no such pixel: 0 (docs/spec/numerics.md, LS7)
 };
 
 struct HsvReport {
@@ -51,8 +52,8 @@ class HsvLoss {
     std::array<T, 3> saturation{T(0.2), T(0.2), T(0.2)};  ///< a pixel counts from here on; grey never does
     std::array<T, 3> value{T(0.2), T(0.2), T(0.2)};       ///< of the largest channel
 
-    /// The paper's text. Its value threshold of red is 0, where rounding noise of a black pixel decides (numerics case LS6): here the smallest
-    /// 8-bit step.
+    /// The paper's text. Its value threshold of red is 0, where rounding noise of a black pixel decides
+    /// (docs/spec/numerics.md, LS6): here the smallest 8-bit step.
     [[nodiscard]] static Settings paper() {
       Settings settings;
       settings.thirds = HueThirds::half_open;

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Mean absolute difference and its subgradient, sign(0) = 0 (numerics case LS9: copysign would push identical images apart).
-// Cost: one pass, 12 bytes a sample forward and 16 with the gradient. Training uses the fused PhotometricLoss; this is for L1 alone.
+// Mean absolute difference and its subgradient, sign(0) = 0 (docs/spec/numerics.md, LS9: copysign would push identical
+// images apart). Cost: one pass, 12 bytes a sample forward and 16 with the gradient. Training uses the fused
+// PhotometricLoss; this is for L1 alone.
 #pragma once
 
 #include <cstddef>

@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Message loss: what the logits z of a MessageDecoder cost when the bits m are expected, and the gradient (method sheet 5.4). With x = scale z
-// and s = +1 for a one, -1 for a zero:  cross entropy softplus(-s x), derivative -s scale sigmoid(-s x);  hinge max(0, margin - s x) (Fernandez
-// et al., ICASSP 2022), or a power of it: margin (max(0, margin - s x) / margin)^power, which pulls a bit the more the wronger it is. Both are
-// written in the sign that does not cancel: full relative digits where a bit is safely right, and no infinity at |x| = 1e4 but that of a power
-// which is one (numerics case LS8).
-// Mean over the bits as released, plain sum as in the paper. Cost: two transcendentals a bit.
+// Message loss: what the logits z of a MessageDecoder cost when the bits m are expected, and the gradient
+// (docs/spec/method.md, 5.4). With x = scale z and s = +1 for a one, -1 for a zero: cross entropy softplus(-s x),
+// derivative -s scale sigmoid(-s x); hinge max(0, margin - s x) (Fernandez et al., ICASSP 2022), or a power of it:
+// margin (max(0, margin - s x) / margin)^power, which pulls a bit the more the wronger it is. Both are written in the
+// sign that does not cancel: full relative digits where a bit is safely right, and no infinity at |x| = 1e4 but that of
+// a power which is one (docs/spec/numerics.md, LS8). Mean over the bits as released, plain sum as in the paper. Cost:
+// two transcendentals a bit.
 #pragma once
 
 #include <cmath>
@@ -43,8 +44,8 @@ class MessageLoss {
  public:
   using Scalar = T;
   struct Settings {
-    /// The published decoders give logits of about +-0.1, which 10 brings into the soft part of the loss (trap B1 of the method sheet). A
-    /// decoder of another scale wants scale * deviation = 0.5 ... 1.
+    /// The published decoders give logits of about +-0.1, which 10 brings into the soft part of the loss
+    /// (docs/spec/method.md, 7.10). A decoder of another scale wants scale * deviation = 0.5 ... 1.
     T logit_scale = T(10);
     MessageRule rule = MessageRule::cross_entropy;
     MessageReduction reduction = MessageReduction::mean;

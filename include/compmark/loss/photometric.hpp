@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// (1 - lambda) mean |x - y| + lambda (1 - SSIM(x, y)) and its gradient in one pass over bands of rows (method sheet 3.1; Scaffold-GS
-// eq. 9). A band is a fixed chunk: it recomputes the ten rows of halo it shares with its neighbours instead of storing three maps of the
-// whole image, keeps its maps in a ring of 18 rows inside the second-level cache, and adds up its own rows in double.
-// Cost per sample: 330 flop and (1 + 10 / band) times 94 more for the halo; bytes: x and y read, d read and written once (16 a sample).
+// (1 - lambda) mean |x - y| + lambda (1 - SSIM(x, y)) and its gradient in one pass over bands of rows
+// (docs/spec/method.md, 3.1; Scaffold-GS eq. 9). A band is a fixed chunk: it recomputes the ten rows of halo it shares
+// with its neighbours instead of storing three maps of the whole image, keeps its maps in a ring of 18 rows inside the
+// second-level cache, and adds up its own rows in double. Cost per sample: 330 flop and (1 + 10 / band) times 94 more
+// for the halo; bytes: x and y read, d read and written once (16 a sample).
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The structural similarity and its gradient in the plainest form, for any scalar: the published formulas (method sheet 3.1) with the
-// two-dimensional window, variances as central moments about the local mean. Kept for ever as the reference of the fast kernels.
-// Cost: 121 taps a pixel, about 2 us; not for training.
+// The structural similarity and its gradient in the plainest form, for any scalar: the published formulas
+// (docs/spec/method.md, 3.1) with the two-dimensional window, variances as central moments about the local mean. Kept
+// for ever as the reference of the fast kernels. Cost: 121 taps a pixel, about 2 us; not for training.
 #pragma once
 
 #include <array>
@@ -24,8 +24,8 @@ struct ReferenceSsim {
   std::vector<T> map;
 };
 
-/// Similarity of two images of one shape; outside the image both are 0, as published ("zero padding 5"). With `d_x` the gradient of the mean
-/// times `weight` is added to it: dL/dx = G*(u) + 2 x G*(r) + y G*(p) of the method sheet.
+/// Similarity of two images of one shape; outside the image both are 0, as published ("zero padding 5"). With `d_x` the
+/// gradient of the mean times `weight` is added to it: dL/dx = G*(u) + 2 x G*(r) + y G*(p) (docs/spec/method.md, 3.1).
 template <class T>
 [[nodiscard]] ReferenceSsim<T> reference_ssim(ImageView<const T> x, ImageView<const T> y, T weight = T(0),
                                               ImageView<T> d_x = {}) {

@@ -3,9 +3,10 @@
 //
 // Kernels of the structural similarity on packs. The published formula S = A1 A2 / (B1 B2) is rewritten in the difference d = x - y:
 //   e1 = B1 - A1 = mean(d)^2,   e2 = B2 - A2 = var(d) = G*(d^2) - mean(d)^2,   1 - S = (A1 e2 + e1 B2) / (B1 B2),
-// which needs four blurs (x, d, x y, d^2) instead of five and has no cancellation near S = 1: identical images give 1 - S = 0 and a gradient
-// of exact zeros (numerics case LS9). x and y enter x y minus 1/2, so that E[xy] - E[x]E[y] keeps its digits on bright images (case LS1).
-// Gradient of S (method sheet 3.1 in the same variables), X = x - 1/2, mu unshifted, M shifted means:
+// which needs four blurs (x, d, x y, d^2) instead of five and has no cancellation near S = 1: identical images give 1 -
+// S = 0 and a gradient of exact zeros (docs/spec/numerics.md, LS9). x and y enter x y minus 1/2, so that E[xy] -
+// E[x]E[y] keeps its digits on bright images (case LS1). Gradient of S (docs/spec/method.md, 3.1 in the same
+// variables), X = x - 1/2, mu unshifted, M shifted means:
 //   p = 2 A1 / (B1 B2),  q = p e2 / B2,  u = 2 A2 (mu_y e1 - mu_d A1) / (B1^2 B2) - M_x q + mu_d p,   dS/dx = G*u + X G*q - d G*p.
 #pragma once
 

@@ -3,9 +3,10 @@
 //
 // The decoder that nobody trains: means of a frozen network's features, whitened on ordinary images, read along secret orthonormal carriers,
 //   logits = C W (f(image) - mean)
-// (Fernandez et al., "Watermarking images in self-supervised latent spaces", ICASSP 2022). On ordinary images the logits are uncorrelated with
-// variance 1, so their signs are fair coins. Networks: random convolutions whose first kernels have mean zero, so that they see texture and not
-// colour (without: 84 instead of 96 % of the bits, watermark sheet 1.8), or the AlexNet of LPIPS. Cost: 12 k multiply-adds a pixel for the first.
+// (Fernandez et al., "Watermarking images in self-supervised latent spaces", ICASSP 2022). On ordinary images the
+// logits are uncorrelated with variance 1, so their signs are fair coins. Networks: random convolutions whose first
+// kernels have mean zero, so that they see texture and not colour (without: 84 instead of 96 % of the bits,
+// docs/spec/watermark.md, 1.6), or the AlexNet of LPIPS. Cost: 12 k multiply-adds a pixel for the first.
 #pragma once
 
 #include <algorithm>

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Decoder weights from a tensor file (safetensors). Tensors: blocks.N.conv.{weight,bias}, blocks.N.bn.{weight,bias,running_mean,running_var},
-// linear.*, whiten.*, OIHW. Metadata: format "compmark decoder", format_version, kind (hidden, strided, carrier), bits, width, depth, stem,
-// activation, layers (carrier: "kernel/stride/padding" each, m: max pool before, t: tap behind), norm_epsilon, logit_scale, and the input convention.
-// Files without a format are the published HiDDeN decoders (watermark sheet section 0): sizes come from their tensors, and the convention is the
-// one they were used with, the raw Haar LL (method sheet 5.3). No number is believed before its tensor has that shape. `TensorFile` is
-// SafetensorsFile or anything with path, metadata, tensors, has() and floats(); `Writer` is SafetensorsWriter or its like: io is not included.
+// Decoder weights from a safetensors file: the tensors of docs/spec/watermark.md, 1.2, and as metadata format "compmark
+// decoder", format_version, kind (hidden, strided, carrier), bits, width, depth, stem, activation, layers (carrier:
+// "kernel/stride/padding" each, m: max pool before, t: tap behind), norm_epsilon, logit_scale, and the input
+// convention. Files without a format are the published HiDDeN decoders: sizes come from their tensors, the convention
+// is the raw Haar LL (docs/spec/method.md, 5.3). No number is believed before its tensor has that shape. `TensorFile`
+// is anything with path, metadata, tensors, has() and floats(): io is not included.
 #pragma once
 
 #include <charconv>

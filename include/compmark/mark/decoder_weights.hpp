@@ -3,9 +3,10 @@
 //
 // The weights of a message decoder as plain tables: what a file holds, what training makes, what a decoder is built from. A network is a chain of
 //   [max pool 3 x 3, stride 2] -> convolution -> [batch normalisation, frozen] -> activation
-// on the input of its convention, behind a space-to-depth stem; layers marked `tap` are averaged over all positions, and the averages, one after
-// another, are the features. hidden and strided: logits = whiten(linear(features)) (Stable Signature's HiDDeN, watermark sheet 1.1, 1.5).
-// carrier: logits = carriers * whiten(features), with carriers that come from a secret (watermark sheet 2).
+// on the input of its convention, behind a space-to-depth stem; layers marked `tap` are averaged over all positions,
+// and the averages, one after another, are the features. hidden and strided: logits = whiten(linear(features)) (Stable
+// Signature's HiDDeN, docs/spec/watermark.md, 1.1, 1.3). carrier: logits = carriers * whiten(features), with carriers
+// that come from a secret (docs/spec/watermark.md, 2).
 #pragma once
 
 #include <algorithm>
@@ -50,8 +51,8 @@ struct DecoderWeights {
   int stem = 1;   ///< space to depth: stem^2 pixels become channels (channel, row, column); 1: none
   DecoderActivation activation = DecoderActivation::gelu;
   double norm_epsilon = 1e-3;
-  double logit_scale =
-      10;  ///< what a message loss multiplies the logits by; 10 suits the published whitening (watermark sheet 1.5)
+  /// what a message loss multiplies the logits by; 10 suits the published whitening (docs/spec/watermark.md, 1.3)
+  double logit_scale = 10;
   InputConvention input;
   std::vector<DecoderLayer> layers;
   std::vector<float> linear_weight;  ///< [bits, features]; carrier: empty
@@ -150,7 +151,8 @@ struct DecoderHead {
                       {weights.whiten_bias.begin(), weights.whiten_bias.end()});
 }
 
-/// The first `bits` outputs of a longer decoder: whitened outputs are uncorrelated, so a part of them is a decoder too (watermark sheet 1.8).
+/// The first `bits` outputs of a longer decoder: whitened outputs are uncorrelated, so a part of them is a decoder too
+/// (docs/spec/watermark.md, 1.6).
 [[nodiscard]] inline DecoderWeights keep_bits(DecoderWeights weights, int bits) {
   if (weights.kind == DecoderKind::carrier || bits >= weights.bits) return weights;
   const DecoderHead head = hidden_head(weights);

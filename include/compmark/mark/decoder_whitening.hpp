@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whitening: z = W (f - mean) has mean 0 and the identity as covariance over the samples, W = diag(e^-1/2) V^T from the eigenvectors of the
-// covariance, largest first. The covariance is divided by n - 1: the published decoders use the sum instead and a factor sqrt(bits), which leaves
-// outputs of 0.07 and needs a logit scale of 10 (watermark sheet 1.5). Directions whose variance is below 1e-9 of the largest are left out: they
-// would amplify rounding. Eigenvectors by cyclic Jacobi rotations, whose small eigenvalues are accurate. Cost: ~50 n^3 flop, once.
+// Whitening: z = W (f - mean) has mean 0 and the identity as covariance over the samples, W = diag(e^-1/2) V^T from the
+// eigenvectors of the covariance, largest first. The covariance is divided by n - 1: the published decoders use the sum
+// instead and a factor sqrt(bits), which leaves outputs of 0.07 and needs a logit scale of 10 (docs/spec/watermark.md,
+// 1.3). Directions whose variance is below 1e-9 of the largest are left out: they would amplify rounding. Eigenvectors
+// by cyclic Jacobi rotations, whose small eigenvalues are accurate. Cost: ~50 n^3 flop, once.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The HiDDeN decoder in the form of Stable Signature (Zhu et al., ECCV 2018; Fernandez et al., ICCV 2023): `depth` blocks of 3 x 3 convolution, batch
-// normalisation (eps 1e-3) and exact GELU at full resolution, one more block to the features, mean over positions, linear, whitening (watermark
-// sheet 1.1, 1.5). Cost at 64 x 8 and 48 bits: 0.29 M multiply-adds a position forward, the same backward.
+// The HiDDeN decoder in the form of Stable Signature (Zhu et al., ECCV 2018; Fernandez et al., ICCV 2023): `depth`
+// blocks of 3 x 3 convolution, batch normalisation (eps 1e-3) and exact GELU at full resolution, one more block to the
+// features, mean over positions, linear, whitening (docs/spec/watermark.md, 1.1, 1.3). Cost at 64 x 8 and 48 bits: 0.29
+// M multiply-adds a position forward, the same backward.
 #pragma once
 
 #include <string>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The bits that are hidden: 1 to 128 of them, with the texts they are written in and the ways they are drawn. A logit z reads as the bit
-// z > 0 (method sheet, section 5.4). A message for real use is drawn from an owner's key (key.hpp); the published seeds are here to compare
-// with published models, their messages are public and prove nothing (watermark sheet, section 9, item 21). 24 bytes, no allocation.
+// The bits that are hidden: 1 to 128 of them, with the texts they are written in and the ways they are drawn. A logit z
+// reads as the bit z > 0 (docs/spec/method.md, 5.4). A message for real use is drawn from an owner's key (key.hpp); the
+// published seeds are here to compare with published models, their messages are public and prove nothing
+// (docs/spec/watermark.md, 8.1). 24 bytes, no allocation.
 #pragma once
 
 #include <array>
@@ -128,9 +129,10 @@ class Message {
     for (std::size_t i = 0; i < logits.size(); ++i) message.set(i, logits[i] > T(0));
     return message;
   }
-  /// The message of published models: the signs of the first normal numbers of their framework's generator after manual_seed(seed)
-  /// (method sheet, section 5.4). MT19937, groups of 16 uniforms of 24 bits, Box and Muller with the angle in the second eight. Signs
-  /// of cos and sin are read off the quadrant; at the borders they are those of the angle rounded to float.
+  /// The message of published models: the signs of the first normal numbers of their framework's generator after
+  /// manual_seed(seed) (docs/spec/method.md, 5.4). MT19937, groups of 16 uniforms of 24 bits, Box and Muller with the
+  /// angle in the second eight. Signs of cos and sin are read off the quadrant; at the borders they are those of the
+  /// angle rounded to float.
   [[nodiscard]] static Message from_published_seed(std::uint32_t seed, std::size_t bits) {
     constexpr std::uint32_t quarter = 1u << 22;
     detail::PublishedGenerator generator(seed);

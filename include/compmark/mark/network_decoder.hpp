@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The network that all message decoders are: input convention, stem, blocks of convolution and activation, means over positions, one linear map
-// (watermark sheet 1.1). Batch normalisation is frozen and folded into the convolutions, linear and whitening into one matrix, both in double.
-// forward() keeps the slope of every activation, 4 bytes a channel and position in float, so that backward() is one convolution a layer and nothing
-// is computed twice. Any height and width: the mean takes them all. Cost: 2 multiply-adds a weight and position forward, the same backward.
+// The network of the convolutional message decoders: input convention, stem, blocks of convolution and activation,
+// means over positions, one linear map (docs/spec/watermark.md, 1.1). Normalisation is folded into the convolutions,
+// linear and whitening into one matrix, in double. forward() keeps the slope of every activation, so that backward() is
+// one convolution a layer. Cost: 2 multiply-adds a weight and position forward, the same backward.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Embedder: the watermark lives in a bounded residual that is added to one attribute of the anchors, x^w = x + tanh x' (method sheet, 5.1,
-// eq. "watermarked feature"; the ablation over attributes is the paper's). x' is a block of its own, zero in the beginning, and receives
-// gradients from every loss; its slope is taken from x' (math/functions.hpp, tanh_slope), so that a saturated residual comes back. Baking adds tanh x' to the attribute and is exact: a baked model renders the same bits. Cost: one tanh and one
-// addition an element of a visible anchor; 4 bytes an element, and as much again for the gradient and Adam's moments.
+// Embedder: the watermark lives in a bounded residual that is added to one attribute of the anchors, x^w = x + tanh x'
+// (docs/spec/method.md, 5.1, eq. "watermarked feature"; the ablation over attributes is the paper's). x' is a block of
+// its own, zero in the beginning, and receives gradients from every loss; its slope is taken from x'
+// (math/functions.hpp, tanh_slope), so that a saturated residual comes back. Baking adds tanh x' to the attribute and
+// is exact: a baked model renders the same bits. Cost: one tanh and one addition an element of a visible anchor; 4
+// bytes an element, and as much again for the gradient and Adam's moments.
 #pragma once
 
 #include <cmath>

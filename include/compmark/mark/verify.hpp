@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Is this message in these images? Null hypothesis: the key was drawn at random and independently of the images. Then the number of matching
-// bits is Binomial(n, 1/2) exactly, whatever the decoder's bias and correlations, because the randomness is in the key (watermark sheet,
-// section 6). Views of one scene are not independent, so their p-values are never multiplied: logits are fused without looking at the key,
-// then one test of n bits decides. Trying many keys or crops multiplies the error (Bonferroni). Cost: O(views * bits).
+// Is this message in these images? Null hypothesis: the key was drawn at random and independently of the images. Then
+// the number of matching bits is Binomial(n, 1/2) exactly, whatever the decoder's bias and correlations, because the
+// randomness is in the key (docs/spec/watermark.md, 5). Views of one scene are not independent, so their p-values are
+// never multiplied: logits are fused without looking at the key, then one test of n bits decides. Trying many keys or
+// crops multiplies the error (Bonferroni). Cost: O(views * bits).
 #pragma once
 
 #include <cmath>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The step of adaptive quantization, q = Q0 (1 + tanh r) (HAC eq. 5; method sheet, 5.2), in the form that keeps its digits: 2 Q0 sigmoid(2 r).
-// The published form is exactly 0 in float from r = -9.01 on, and a division by it follows (numerics case QD1). Rooms quant and entropy share it.
+// The step of adaptive quantization, q = Q0 (1 + tanh r) (HAC eq. 5; docs/spec/method.md, 5.2), in the form that keeps
+// its digits: 2 Q0 sigmoid(2 r). The published form is exactly 0 in float from r = -9.01 on, and a division by it
+// follows (docs/spec/numerics.md, QD1). Rooms quant and entropy share it.
 #pragma once
 
 #include <algorithm>

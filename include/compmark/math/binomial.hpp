@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tails of the binomial distribution. The fair coin, on which the evidence of a watermark rests, is summed in whole numbers up to 128 tosses:
-// the result is the true probability rounded once, also where it is 1e-38 (watermark sheet, section 6); 1 - CDF in double is lost from 1e-16 on.
-// Other probabilities are summed from the tail's largest term outwards, all terms positive (relative error ~1e-12 below 1000 tosses, 1e-9
-// at a million), and give the exact interval of Clopper and Pearson. Cost: O(n) for the coin, some standard deviations of terms for the rest.
+// Tails of the binomial distribution. The fair coin, on which the evidence of a watermark rests, is summed in whole
+// numbers up to 128 tosses: the result is the true probability rounded once, also where it is 1e-38
+// (docs/spec/watermark.md, 5); 1 - CDF in double is lost from 1e-16 on. Other probabilities are summed from the tail's
+// largest term outwards, all terms positive (relative error ~1e-12 below 1000 tosses, 1e-9 at a million), and give the
+// exact interval of Clopper and Pearson. Cost: O(n) for the coin, some standard deviations of terms for the rest.
 #pragma once
 
 #include <cmath>

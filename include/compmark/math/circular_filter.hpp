@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// y = F^-1 G F x of a real plane of any size, where the gain G is real and even in both frequencies: a symmetric circular convolution, so
-// that the filter is its own adjoint (numerics cases FR2, FR6: frequencies are signed, nothing is shifted). Two rows make one complex signal,
-// half the spectrum is transformed along the columns, forth and back in one visit. The plane's mean goes around the transform: it would
-// cost its digits (case FR3). Cost: 2.5 n log2 n operations each way for n pixels and 16 bytes a pixel of scratch; measured on one core
-// with AVX-512: 0.45 ms at 400 x 400, 2.2 ms at 800 x 800; a side of 1063, a prime, costs six times as much a pixel.
+// y = F^-1 G F x of a real plane of any size, where the gain G is real and even in both frequencies: a symmetric
+// circular convolution, so that the filter is its own adjoint (docs/spec/numerics.md, FR2, FR6: frequencies are signed,
+// nothing is shifted). Two rows make one complex signal, half the spectrum is transformed along the columns, forth and
+// back in one visit. The plane's mean goes around the transform: it would cost its digits (case FR3). Cost: 2.5 n log2
+// n operations each way for n pixels and 16 bytes a pixel of scratch; measured on one core with AVX-512: 0.45 ms at 400
+// x 400, 2.2 ms at 800 x 800; a side of 1063, a prime, costs six times as much a pixel.
 #pragma once
 
 #include <algorithm>

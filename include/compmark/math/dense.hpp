@@ -155,7 +155,7 @@ template <class T, int W>
 struct FinishLinear {
   COMPMARK_INLINE Pack<T, W> operator()(int /*row*/, int /*column*/, Pack<T, W> sum) const { return sum; }
 };
-/// x < 0 ? 0 : x. A NaN stays a NaN (numerics case ML4).
+/// x < 0 ? 0 : x. A NaN stays a NaN (docs/spec/numerics.md, ML4).
 template <class T, int W>
 struct FinishRelu {
   COMPMARK_INLINE Pack<T, W> operator()(int /*row*/, int /*column*/, Pack<T, W> sum) const {

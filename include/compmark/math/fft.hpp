@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Discrete Fourier transform of any length, many signals at a time: the lanes of a pack are separate signals, so every step is a plain pack
-// operation. Mixed radix (4, 2, 3, 5, then primes up to 31) without reordering (Stockham's order); a length with a larger prime factor becomes
-// a circular convolution of a smooth length (Bluestein). Twiddle factors come from a table computed in long double, never from a recurrence
-// (numerics cases FR4, FR5). Cost: about 5 n log2 n operations a signal, one pass over the scratch a factor; Bluestein six times that. 400 transforms
-// of length 400: 0.11 ms on one core with AVX-512, where the packaged header-only transform (Eigen's port of kissfft) takes 0.74.
+// Discrete Fourier transform of any length, many signals at a time: the lanes of a pack are separate signals, so every
+// step is a plain pack operation. Mixed radix (4, 2, 3, 5, then primes up to 31) without reordering (Stockham's order);
+// a length with a larger prime factor becomes a circular convolution of a smooth length (Bluestein). Twiddle factors
+// come from a table computed in long double, never from a recurrence (docs/spec/numerics.md, FR4, FR5). Cost: about 5 n
+// log2 n operations a signal, one pass over the scratch a factor; Bluestein six times that. 400 transforms of length
+// 400: 0.11 ms on one core with AVX-512, where the packaged header-only transform (Eigen's port of kissfft) takes 0.74.
 #pragma once
 
 #include <array>

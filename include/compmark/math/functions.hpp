@@ -12,9 +12,9 @@ namespace compmark {
 
 namespace detail {
 
-/// 2^f for f in [-1/2, 1/2], minimax in relative error with p(0) = 1 exactly (numerics sheet, appendix A; case BF5).
-/// Written out, not looped: a loop over a coefficient array stopped g++ 12 from vectorising (case SY3).
-/// P is a Pack, or any type with its arithmetic (several packs in step).
+/// 2^f for f in [-1/2, 1/2], minimax in relative error with p(0) = 1 exactly (docs/spec/numerics.md, BF5). Written out,
+/// not looped: a loop over a coefficient array stopped g++ 12 from vectorising (case SY3). P is a Pack, or any type
+/// with its arithmetic (several packs in step).
 template <int Degree, class P>
 [[nodiscard]] COMPMARK_INLINE P exp2_fraction(P f) {
   using T = typename P::Scalar;
@@ -60,9 +60,10 @@ template <int Degree, class T, int W>
   }
 }
 
-/// exp(x) for x in [-87, 88] (clamped to it): two-constant reduction, degree 6, relative error 1.2e-7 in float. A NaN stays one, and so it
-/// does in sigmoid and tanh (numerics case ML4): it is the second operand of max and min, and only its share of the exponent is zero.
-/// Scalars other than float use std::exp, so that double and long double references are exact to 1 ulp.
+/// exp(x) for x in [-87, 88] (clamped to it): two-constant reduction, degree 6, relative error 1.2e-7 in float. A NaN
+/// stays one, and so it does in sigmoid and tanh (docs/spec/numerics.md, ML4): it is the second operand of max and min,
+/// and only its share of the exponent is zero. Scalars other than float use std::exp, so that double and long double
+/// references are exact to 1 ulp.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> exp(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -80,7 +81,7 @@ template <class T, int W>
   }
 }
 
-/// 1 / (1 + exp(-x)) without overflow (numerics case ML1); relative error 2.4e-7 in float for |x| <= 80.
+/// 1 / (1 + exp(-x)) without overflow (docs/spec/numerics.md, ML1); relative error 2.4e-7 in float for |x| <= 80.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> sigmoid(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -112,8 +113,9 @@ template <class T, int W>
   }
 }
 
-/// The slope of tanh at x, 1 / cosh^2(x) = 4 e / (1 + e)^2 with e = exp(-2 |x|). From x and not from tanh(x), of which 1 - tanh^2 is 0 from |x| = 9 on in
-/// float, so that what lies there never moves again (numerics case ML2). Relative error 4e-7 in float for |x| <= 43; above, it stays that of 43.5.
+/// The slope of tanh at x, 1 / cosh^2(x) = 4 e / (1 + e)^2 with e = exp(-2 |x|). From x and not from tanh(x), of which
+/// 1 - tanh^2 is 0 from |x| = 9 on in float, so that what lies there never moves again (docs/spec/numerics.md, ML2).
+/// Relative error 4e-7 in float for |x| <= 43; above, it stays that of 43.5.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> tanh_slope(Pack<T, W> x) {
   using P = Pack<T, W>;

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The low-low band of the orthonormal Haar transform: LL(i, j) = (x(2i, 2j) + x(2i, 2j+1) + x(2i+1, 2j) + x(2i+1, 2j+1)) / 2, so a constant c
-// becomes 2 c a level and the range [0, 1] becomes [0, 2]. An odd size repeats its last row or column once (symmetric extension), so a band has
-// ceil(n / 2) values; a mean instead of this sum, or a dropped last row, is another input for a decoder trained on this one (numerics sheet,
-// case FR7; method sheet 5.3). Cost: one addition a pixel.
+// The low-low band of the orthonormal Haar transform: LL(i, j) = (x(2i, 2j) + x(2i, 2j+1) + x(2i+1, 2j) + x(2i+1,
+// 2j+1)) / 2, so a constant c becomes 2 c a level and the range [0, 1] becomes [0, 2]. An odd size repeats its last row
+// or column once (symmetric extension), so a band has ceil(n / 2) values; a mean instead of this sum, or a dropped last
+// row, is another input for a decoder trained on this one (docs/spec/numerics.md, FR7; docs/spec/method.md, 5.3). Cost:
+// one addition a pixel.
 #pragma once
 
 #include <algorithm>

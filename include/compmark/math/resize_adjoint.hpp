@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Resizing of one plane with the triangle filter, and its adjoint: half-pixel centres, bilinear when a side grows, support widened by the scale
-// when it shrinks (antialiasing), weights that leave the plane are dropped and the others brought to sum one (method sheet, trap B15).
-// Separable; the adjoint is the same pass over the transposed table, so that both run over their outputs and nothing is scattered.
-// Cost: height of the input x width of the output and output pixels, times 2 max(1, scale) multiply-adds each.
+// Resizing of one plane with the triangle filter, and its adjoint: half-pixel centres, bilinear when a side grows,
+// support widened by the scale when it shrinks (antialiasing), weights that leave the plane are dropped and the others
+// brought to sum one (docs/spec/method.md, 7.14). Separable; the adjoint is the same pass over the transposed table, so
+// that both run over their outputs and nothing is scattered. Cost: height of the input x width of the output and output
+// pixels, times 2 max(1, scale) multiply-adds each.
 #pragma once
 
 #include <algorithm>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Real spherical harmonics of degree 0 to 3 in the order and with the signs of the 3DGS file format (ecosystem sheet, section 2.1; numerics
-// case SH2): index l^2 + l + m, m = -l … l, Condon-Shortley phase. They are orthonormal over the unit sphere. Cost: ~40 flops for all 16.
+// Real spherical harmonics of degree 0 to 3 in the order and with the signs of the 3DGS file format
+// (docs/spec/formats.md, 1; docs/spec/numerics.md, SH2): index l^2 + l + m, m = -l … l, Condon-Shortley phase. They are
+// orthonormal over the unit sphere. Cost: ~40 flops for all 16.
 #pragma once
 
 #include <array>

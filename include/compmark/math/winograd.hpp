@@ -4,13 +4,14 @@
 // Winograd's convolution F(m x m, 3 x 3) (Lavin and Gray 2016), a policy beside Convolution<T> for 3 x 3 kernels at stride 1. A tile of m x m
 // outputs reads n x n inputs, n = m + 2, and costs n^2 multiplications a channel pair in place of 9 m^2 (m = 4: 36 for 144, a quarter):
 //   Y = A^T [ sum_c (G g_c G^T) . (B^T d_c B) ] A      (the matrices: math/winograd_transform.hpp).
-// From planar maps to planar maps, with nothing else in memory: 48 tiles at a time go through all the steps in the second-level cache. Per
-// channel their rows are split by column modulo m, so that lanes are tiles, and transformed; then n^2 products [out x in] [in x 48] run in
-// registers; per output channel the sums are transformed back and joined to rows. Tiles are numbered along the rows, one unused behind each.
-// Rounding grows with the tile (numerics sheet K15; tests/math/winograd.test.cpp has the figures): F(2) is as exact as the direct sum,
-// F(4) loses a factor of two, F(6) of seven. Cost: n^2 / m^2 multiplications an output and channel pair, a fifth more for the rest at
-// 64 channels (benchmarks/math_convolution.bench.cpp). Scratch grows with in + out: beyond 128 channels it leaves the cache.
-// Longer than 300 lines: the steps share one layout of the block.
+// From planar maps to planar maps, with nothing else in memory: 48 tiles at a time go through all the steps in the
+// second-level cache. Per channel their rows are split by column modulo m, so that lanes are tiles, and transformed;
+// then n^2 products [out x in] [in x 48] run in registers; per output channel the sums are transformed back and joined
+// to rows. Tiles are numbered along the rows, one unused behind each. Rounding grows with the tile
+// (tests/math/winograd.test.cpp has the figures): F(2) is as exact as the direct sum, F(4) loses a factor of two, F(6)
+// of seven. Cost: n^2 / m^2 multiplications an output and channel pair, a fifth more for the rest at 64 channels
+// (benchmarks/math_convolution.bench.cpp). Scratch grows with in + out: beyond 128 channels it leaves the cache. Longer
+// than 300 lines: the steps share one layout of the block.
 #pragma once
 
 #include <algorithm>

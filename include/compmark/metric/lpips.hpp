@@ -3,9 +3,10 @@
 //
 // Learned perceptual image patch similarity, v0.1 (Zhang et al., CVPR 2018), with the AlexNet or SqueezeNet 1.1 backbone:
 //   d(x, y) = sum over layers of mean over pixels of sum_c w_c (fx_c / (|fx| + 1e-10) - fy_c / (|fy| + 1e-10))^2.
-// Weights come from a tensor file the user gives; none are shipped. Networks see (2 v - 1 - shift) / scale for v in [0, 1]; the splatting
-// family passes v itself where 2 v - 1 belongs, which InputRange::family_unit reproduces (watermark sheet section 7). Figures of different
-// backbones are not comparable. Cost: 9.1 GMAC an image of 800 x 800 for AlexNet.
+// Weights come from a tensor file the user gives; none are shipped. Networks see (2 v - 1 - shift) / scale for v in [0,
+// 1]; the splatting family passes v itself where 2 v - 1 belongs, which InputRange::family_unit reproduces
+// (docs/spec/watermark.md, 6). Figures of different backbones are not comparable. Cost: 9.1 GMAC an image of 800 x 800
+// for AlexNet.
 #pragma once
 
 #include <algorithm>

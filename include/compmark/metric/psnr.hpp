@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Peak signal-to-noise ratio for a peak of 1: -10 log10(MSE) over all channels and pixels, squares added in double (numerics case ME1: a
-// float sum is off by decibels). A data set's figure is the mean of its views' PSNRs, not the PSNR of their mean error (case ME2).
+// Peak signal-to-noise ratio for a peak of 1: -10 log10(MSE) over all channels and pixels, squares added in double
+// (docs/spec/numerics.md, ME1: a float sum is off by decibels). A data set's figure is the mean of its views' PSNRs,
+// not the PSNR of their mean error (case ME2).
 #pragma once
 
 #include <cmath>

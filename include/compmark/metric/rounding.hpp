@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a viewer gets is an 8-bit image, so that is what metrics look at: floor(255 clamp(v) + 1/2) (numerics case SH4).
+// What a viewer gets is an 8-bit image, so that is what metrics look at: floor(255 clamp(v) + 1/2)
+// (docs/spec/numerics.md, SH4).
 #pragma once
 
 #include <cmath>

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Structural similarity as a figure of merit: 11 x 11 Gaussian window, sigma 1.5, zeros outside the image, data range 1, mean over all
-// channels and pixels (the splatting family's convention, watermark sheet section 8). Everything in double; its own code, independent of
-// the training loss. Evaluated as 1 - (A1 e2 + e1 B2) / (B1 B2) with e1 = B1 - A1 = (mean difference)^2 and e2 = B2 - A2 = variance of the
-// difference: the published S = A1 A2 / (B1 B2) without its cancellation, so identical images give exactly 1.
-// Cost: 88 multiply-adds in double a sample.
+// Structural similarity as a figure of merit: 11 x 11 Gaussian window, sigma 1.5, zeros outside the image, data range
+// 1, mean over all channels and pixels (the splatting family's convention, docs/spec/watermark.md, 7). Everything in
+// double; its own code, independent of the training loss. Evaluated as 1 - (A1 e2 + e1 B2) / (B1 B2) with e1 = B1 - A1
+// = (mean difference)^2 and e2 = B2 - A2 = variance of the difference: the published S = A1 A2 / (B1 B2) without its
+// cancellation, so identical images give exactly 1. Cost: 88 multiply-adds in double a sample.
 #pragma once
 
 #include <algorithm>

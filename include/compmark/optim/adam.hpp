@@ -4,9 +4,10 @@
 // Adam (Kingma and Ba, arXiv 1412.6980) with the conventions of PyTorch, in one pass over memory. With t the step count of the block,
 //     m += (1 - beta1) (g - m)        v = beta2 v + (1 - beta2) g^2
 //     p -= lr / (1 - beta1^t)  *  m / (sqrt(v) / sqrt(1 - beta2^t) + epsilon)
-// epsilon = 1e-15 as in the published recipes: a constant gradient of 1e-12 still moves a parameter by lr (numerics case OP1). The bias
-// corrections are doubles from expm1 (OP3), one step count a block, which growing does not reset (method sheet, section 3.2). Dense: a row
-// without gradient drifts by its old momentum, as published (B6, OP4); one that never had a gradient keeps its bits, 0 / (0 + 1e-15).
+// epsilon = 1e-15 as in the published recipes: a constant gradient of 1e-12 still moves a parameter by lr
+// (docs/spec/numerics.md, OP1). The bias corrections are doubles from expm1 (OP3), one step count a block, which
+// growing does not reset (docs/spec/method.md, 3.2). Dense: a row without gradient drifts by its old momentum, as
+// published (docs/spec/numerics.md, OP4); one that never had a gradient keeps its bits, 0 / (0 + 1e-15).
 //
 // Guard (OP6): a block with a gradient whose square is not finite (NaN, infinity, |g| > 1.8e19) is left out of this step and counted; its
 // step count stays. Hence moments are always finite. The price is one read of the gradients first.

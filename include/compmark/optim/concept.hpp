@@ -9,9 +9,9 @@
 //   o.step(arena, rates, state, executor)         one update of every block b with rates[b] > 0; returns an OptimizerReport  O(arena)
 //   o.edit_rows(edit, old, now, state)            follows a row edit of the arena: rows kept move, new rows start fresh      O(arena)
 //
-// Laws: O1 a block with rate 0 changes no bit of its values and of its state; O2 a block whose gradient is not finite is left as it was,
-// and counted (numerics case OP6); O3 rows that never had a gradient keep their bits; O4 edit_rows moves the state of a kept row bit for
-// bit; O5 same bits at any thread count.
+// Laws: O1 a block with rate 0 changes no bit of its values and of its state; O2 a block whose gradient is not finite
+// is left as it was, and counted (docs/spec/numerics.md, OP6); O3 rows that never had a gradient keep their bits; O4
+// edit_rows moves the state of a kept row bit for bit; O5 same bits at any thread count.
 #pragma once
 
 #include <concepts>

@@ -47,7 +47,7 @@ struct Window {
   return {scale_iteration(from, total), scale_iteration(until, total)};
 }
 
-/// When growing looks and when it acts (method sheet, section 4.2).
+/// When growing looks and when it acts (docs/spec/method.md, 4.2).
 struct DensityPhases {
   Window statistics;            ///< iterations whose statistics are kept
   Window growing;               ///< iterations in which adjustments may fall

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Learning rates as functions of the iteration: lr(t) = exp((1 - u) ln initial + u ln final), u = clip(t / steps, 0, 1), t counted from 1
-// (method sheet, section 3.2). Always double: in float the rate drifts by 4e-4 over a run (numerics case OP5). Cost: two logs and an exp.
+// Learning rates as functions of the iteration: lr(t) = exp((1 - u) ln initial + u ln final), u = clip(t / steps, 0,
+// 1), t counted from 1 (docs/spec/method.md, 3.2). Always double: in float the rate drifts by 4e-4 over a run
+// (docs/spec/numerics.md, OP5). Cost: two logs and an exp.
 #pragma once
 
 #include <cmath>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Quantizer with a step of its own for every value: x^ = q round(x / q), ties to even (compression sheet, 1; numerics cases QU1 on). Training
-// passes gradients straight through. Its base steps Q0 are those of HAC: 1 for features, 0.001 for exp(scaling), 0.2 for offsets.
+// Quantizer with a step of its own for every value: x^ = q round(x / q), ties to even (docs/spec/compression.md, 1.3;
+// docs/spec/numerics.md, QZ1 and QZ2). Training passes gradients straight through. Its base steps Q0 are those of HAC:
+// 1 for features, 0.001 for exp(scaling), 0.2 for offsets.
 #pragma once
 
 #include <cmath>

@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Quantization distortion layer (method sheet, 5.2): while training, the anchors' attributes carry the noise that rounding will add later,
+// Quantization distortion layer (docs/spec/method.md, 5.2): while training, the anchors' attributes carry the noise
+// that rounding will add later,
 //   f~ = f + q u,  u ~ U(-1/2, 1/2),  q = Q0 (1 + tanh MLP_q(f)),   exp(s)~ = exp(s) + a_s u,   o~ = o + a_o u,
-// or, in an iteration of hard rounding, the rounding itself: u = round(f / q) - f / q, with gradients straight through. One q a channel (the
-// published code) or an anchor (the paper). Nothing in the published losses rewards a large q, so it collapses (numerics case QD2); three
-// measures, each off by itself: a least step, a rate term -w log2(q / Q0), and q without gradient. Random numbers are keyed by (seed,
-// iteration, row, channel). Cost an anchor: 4 D^2 flop forward, 12 D^2 backward; 2 ns a random number.
-// Longer than 300 lines: forward and backward share one panel layout.
+// or, in an iteration of hard rounding, the rounding itself: u = round(f / q) - f / q, with gradients straight through.
+// One q a channel (the published code) or an anchor (the paper). Nothing in the published losses rewards a large q, so
+// it collapses (docs/spec/numerics.md, QD2); three measures, each off by itself: a least step, a rate term -w log2(q /
+// Q0), and q without gradient. Random numbers are keyed by (seed, iteration, row, channel). Cost an anchor: 4 D^2 flop
+// forward, 12 D^2 backward; 2 ns a random number. Longer than 300 lines: forward and backward share one panel layout.
 #pragma once
 
 #include <algorithm>
@@ -65,7 +66,7 @@ class QuantizationNoise {
     double base_step = 1;        ///< Q0 of features
     double least_step = 0;       ///< in units of Q0; the quantizer's own floor of 2^-10 holds always
     double rate_weight = 0;      ///< of -log2(q / Q0), mean over visible anchors and steps
-    double least_extent = 1e-6;  ///< exp(scaling) stays above this, world units (method sheet, 7-B5)
+    double least_extent = 1e-6;  ///< exp(scaling) stays above this, world units (docs/spec/method.md, 7.12)
   };
   struct Handles {
     BlockHandle weight1, bias1, weight2, bias2;  ///< "distortion.0.weight" [D, D], "distortion.2.weight" [steps, D], …

@@ -10,17 +10,17 @@ namespace compmark {
 enum class FootprintRule : unsigned char {
   square_three_sigma,  ///< the published rule: a square of radius ceil(3 sqrt(lambda_max)) in whole tiles; not opacity-aware
   opacity_box,         ///< per-axis box where alpha can reach alpha_min
-  exact_tiles,         ///< opacity_box, then each tile tested against the ellipse (numerics case TB3)
+  exact_tiles,         ///< opacity_box, then each tile tested against the ellipse (docs/spec/numerics.md, TB3)
 };
 
 enum class StopRule : unsigned char {
-  inclusive,  ///< blend, then stop when the transmittance fell below the threshold (numerics case BF1)
+  inclusive,  ///< blend, then stop when the transmittance fell below the threshold (docs/spec/numerics.md, BF1)
   exclusive,  ///< the published rule: the Gaussian that would cross the threshold is dropped
 };
 
 enum class CutoffRule : unsigned char {
   step,    ///< alpha below alpha_min is skipped
-  smooth,  ///< a C1 ramp of width 1e-3 around alpha_min: for finite-difference tests only (numerics case BF4)
+  smooth,  ///< a C1 ramp of width 1e-3 around alpha_min: for finite-difference tests only (docs/spec/numerics.md, BF4)
 };
 
 /// Structural, so that it can be a template argument. exp_degree 0 is the standard library's exp.

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Binning: for each tile the splats that can reach one of its pixel centres, front to back. The tile test runs once a splat and its answer
-// is kept as bits (numerics case TB2: a count and a write pass that decide twice may decide differently); boxes of more than 64 tiles ask
-// the same out-of-line function again. Counting sort over fixed chunks of the depth order; the lists do not depend on the chunks.
-// Cost: that of tile_hits.hpp, then 8 bytes written a pair.
+// Binning: for each tile the splats that can reach one of its pixel centres, front to back. The tile test runs once a
+// splat and its answer is kept as bits (docs/spec/numerics.md, TB2: a count and a write pass that decide twice may
+// decide differently); boxes of more than 64 tiles ask the same out-of-line function again. Counting sort over fixed
+// chunks of the depth order; the lists do not depend on the chunks. Cost: that of tile_hits.hpp, then 8 bytes written a
+// pair.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +29,8 @@
 namespace compmark {
 
 struct BinSettings {
-  /// Most (splat, tile) pairs one view may have; beyond it bin() reports an error instead of running out of memory (numerics case TB6).
+  /// Most (splat, tile) pairs one view may have; beyond it bin() reports an error instead of running out of memory
+  /// (docs/spec/numerics.md, TB6).
   std::size_t pair_budget = std::size_t{1} << 28;
 };
 

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Stable radix sort of (depth, index) pairs. Depths are positive (numerics case PR1), so their bits compare as unsigned integers; the
-// smallest key is subtracted and only the bits that differ are sorted: two or three passes of at most 12 bits for one scene in float.
-// A stable sort has one result, whatever the number of threads: ties stay in input order (numerics case TB4). All bits take part (TB5).
+// Stable radix sort of (depth, index) pairs. Depths are positive (docs/spec/numerics.md, PR1), so their bits compare as
+// unsigned integers; the smallest key is subtracted and only the bits that differ are sorted: two or three passes of at
+// most 12 bits for one scene in float. A stable sort has one result, whatever the number of threads: ties stay in input
+// order (docs/spec/numerics.md, TB4). All bits take part (TB5).
 #pragma once
 
 #include <algorithm>

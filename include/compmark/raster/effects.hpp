@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a rasterizer simulates between a Gaussian and its splat, as one compile-time policy: the lens, and the filter of what is smaller than
-// a pixel. An effect that is not named has no member, no branch and no instruction. Cost of the mip filter (numerics case CV6): ~12 flop and
-// a square root a Gaussian forward, ~40 flop backward; nothing per pixel.
+// What a rasterizer simulates between a Gaussian and its splat, as one compile-time policy: the lens, and the filter of
+// what is smaller than a pixel. An effect that is not named has no member, no branch and no instruction. Cost of the
+// mip filter (docs/spec/numerics.md, CV6): ~12 flop and a square root a Gaussian forward, ~40 flop backward; nothing
+// per pixel.
 #pragma once
 
 #include <array>
@@ -35,7 +36,8 @@ template <class P>
   return fma(x, x, fma(y, y, z * z));
 }
 
-/// rho^2 is not taken below this: a flat splat keeps 1/200 of its opacity, and a gradient there would point nowhere (numerics case CV6).
+/// rho^2 is not taken below this: a flat splat keeps 1/200 of its opacity, and a gradient there would point nowhere
+/// (docs/spec/numerics.md, CV6).
 inline constexpr double mip_floor = 2.5e-5;
 
 }  // namespace detail

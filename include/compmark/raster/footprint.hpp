@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The footprint of one Gaussian on the screen (method sheet section 2.1, in the robust form of the numerics sheet): from
-// V = J W R(q) diag(s), 2 x 3, without ever forming a 3D covariance, a conic or a difference that cancels (cases CV1, CV2). Written on
-// packs, one Gaussian a lane, ~190 flop; projection and its backward call the same functions.
+// The footprint of one Gaussian on the screen (docs/spec/method.md, 2.1, in the robust form of docs/spec/numerics.md,
+// CV1 and CV2): from V = J W R(q) diag(s), 2 x 3, without ever forming a 3D covariance, a conic or a difference that
+// cancels (cases CV1, CV2). Written on packs, one Gaussian a lane, ~190 flop; projection and its backward call the same
+// functions.
 #pragma once
 
 #include <array>
@@ -30,11 +31,11 @@ struct ProjectionSettings {
 
 namespace detail {
 
-/// Largest element of V: sqrt of what keeps det = |V0 x V1|^2 finite in float (numerics case PR2).
+/// Largest element of V: sqrt of what keeps det = |V0 x V1|^2 finite in float (docs/spec/numerics.md, PR2).
 inline constexpr double footprint_limit = 1e9;
 /// Scales above are taken as this, so that V itself cannot overflow before it is limited.
 inline constexpr double scale_limit = 1e25;
-/// Colours are scrubbed to this magnitude (numerics case BF9).
+/// Colours are scrubbed to this magnitude (docs/spec/numerics.md, BF9).
 inline constexpr double color_limit = 100;
 
 /// ln x for positive normal x: Cephes' split at sqrt(1/2) and degree 8 in float, 1 ulp; std::log for the other scalars.
@@ -113,7 +114,8 @@ template <class P>
 template <class P>
 struct Footprint {
   P variance_x, covariance, variance_y;
-  P determinant;  // > 0 always: a sum of squares and products of positives (Cauchy and Binet, numerics case CV1)
+  // > 0 always: a sum of squares and products of positives (Cauchy and Binet, docs/spec/numerics.md, CV1)
+  P determinant;
   typename P::MaskType pivot_x;
   P slope, major, minor;
 };
@@ -145,7 +147,8 @@ template <class P>
   return f;
 }
 
-/// x as an index in [0, limit]; NaN goes to 0. The only cast from float to int of the rasterizer (numerics case TB1).
+/// x as an index in [0, limit]; NaN goes to 0. The only cast from float to int of the rasterizer
+/// (docs/spec/numerics.md, TB1).
 template <class T>
 [[nodiscard]] inline int clamp_to_index(T x, int limit) {
   const T above = x > T(0) ? x : T(0);  // two steps without a branch
@@ -159,8 +162,9 @@ struct TileRectangle {
   [[nodiscard]] bool empty() const { return x_begin >= x_end || y_begin >= y_end; }
 };
 
-/// Tiles with a pixel centre in the box (u +- extent_x, v +- extent_y); under the published rule the square's whole tiles, with the
-/// published rounding (method sheet 2.1, step 8; its pixel centres are integers, hence the half).
+/// Tiles with a pixel centre in the box (u +- extent_x, v +- extent_y); under the published rule the square's whole
+/// tiles, with the published rounding (docs/spec/method.md, 2.1, step 8; its pixel centres are integers, hence the
+/// half).
 template <FootprintRule rule, int tile_size, class T>
 [[nodiscard]] inline TileRectangle tile_rectangle(T u, T v, T extent_x, T extent_y, int width, int height) {
   const int tiles_x = (width + tile_size - 1) / tile_size, tiles_y = (height + tile_size - 1) / tile_size;

@@ -22,7 +22,7 @@ namespace detail {
 template <class T, class LensPolicy>
 struct LensView {
   std::array<T, 9> rotation;
-  std::array<T, 3> center, center_rest;  // center + center_rest is the centre in double (numerics case PR7)
+  std::array<T, 3> center, center_rest;  // center + center_rest is the centre in double (docs/spec/numerics.md, PR7)
   T fx, fy, cx, cy;
   T x_low, x_high, y_low, y_high;  // of x/z and y/z
   T width, height;
@@ -67,7 +67,7 @@ template <class P>
 struct CameraPoint {
   std::array<P, 3> point;  // x, y, z; z is 1 in lanes that are culled
   typename P::MaskType
-      in_front;  // z > near, false for NaN (numerics case PR1), and within what the lens maps one-to-one
+      in_front;  // z > near, false for NaN (docs/spec/numerics.md, PR1), and within what the lens maps one-to-one
   P inverse_z, x_over_z, y_over_z;
   P clamped_x, clamped_y;  // x/z and y/z within the limits of the Jacobian
 };

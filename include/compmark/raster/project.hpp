@@ -100,7 +100,7 @@ template <Accuracy accuracy, class T, int W, class Effects = NoRasterEffects>
   s.u = mean.u;
   s.v = mean.v;
   s.opacity = Effects::Filter::opacity(g.opacity, axes.v, s.footprint.determinant);
-  // "opacity >= floor" comes before the logarithm, and NaN fails it (numerics case TB8).
+  // "opacity >= floor" comes before the logarithm, and NaN fails it (docs/spec/numerics.md, TB8).
   const auto opaque = (s.opacity > P(T(0))) & (s.opacity >= P(floor));
   s.sigma_max = P(std::numeric_limits<T>::infinity());
   if constexpr (floor > T(0))
@@ -122,7 +122,8 @@ template <Accuracy accuracy, class T, int W, class Effects = NoRasterEffects>
     s.extent_y = s.extent_x;
     s.visible = valid & (s.opacity > P(T(0))) & Mask<T, W>::from_bits(hit);
   } else {
-    // The marginal variances give the box, no eigenvalue needed (numerics case CV5); the slack is that of the tile test (TB3).
+    // The marginal variances give the box, no eigenvalue needed (docs/spec/numerics.md, CV5); the slack is that of the
+    // tile test (TB3).
     const P reach = fma(s.sigma_max, P(T(2) * T(1.0001)), P(T(2e-5)));
     s.extent_x = sqrt(reach * s.footprint.variance_x);
     s.extent_y = sqrt(reach * s.footprint.variance_y);
@@ -203,7 +204,8 @@ void write_splats(const GaussianColumns<const T>& gaussians, const LensView<T, t
     for (std::size_t k = 0; k < 3; ++k) {
       const P c = P::load(gaussians.color[k] + i);
       color[k] = keep(c - c == P(T(0)),
-                      min(max(c, -limit), limit));  // infinite and NaN become 0, large is clamped (numerics case BF9)
+                      // infinite and NaN become 0, large is clamped (docs/spec/numerics.md, BF9)
+                      min(max(c, -limit), limit));
     }
     const P zero(T(0));
     const P pivot = select(s.footprint.pivot_x, P(T(1)), zero);

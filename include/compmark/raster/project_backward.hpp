@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Backward of projection: from the eight sums a splat collected over its pixels to the 14 columns of its Gaussian. Nothing is inverted
-// (numerics case CV3): with v = dsigma/dd and g = -dL/dsigma, dL/dmean2D = sum g v and dL/dV = [sum g v v^T] V. What forward knew is
-// computed again (~190 flop) rather than stored. Cost: ~450 flop; reads 44 + 64 bytes, reads and writes 56 bytes a Gaussian.
+// Backward of projection: from the eight sums a splat collected over its pixels to the 14 columns of its Gaussian.
+// Nothing is inverted (docs/spec/numerics.md, CV3): with v = dsigma/dd and g = -dL/dsigma, dL/dmean2D = sum g v and
+// dL/dV = [sum g v v^T] V. What forward knew is computed again (~190 flop) rather than stored. Cost: ~450 flop; reads
+// 44 + 64 bytes, reads and writes 56 bytes a Gaussian.
 #pragma once
 
 #include <algorithm>
@@ -47,8 +48,8 @@ template <class P>
   return {select(f.pivot_x, b, a), select(f.pivot_x, a, b), select(f.pivot_x, bb, aa), ab, select(f.pivot_x, aa, bb)};
 }
 
-/// dL/dM (2 x 3) to the camera point, through M = J W. `clamped` lanes: the Jacobian saw the limit instead of x/z (numerics case PR3);
-/// the published backward keeps the factor 2 of the unclamped term there.
+/// dL/dM (2 x 3) to the camera point, through M = J W. `clamped` lanes: the Jacobian saw the limit instead of x/z
+/// (docs/spec/numerics.md, PR3); the published backward keeps the factor 2 of the unclamped term there.
 template <bool published, class T, int W>
 COMPMARK_INLINE void add_jacobian_gradient(const PinholeView<T>& view, const CameraPoint<Pack<T, W>>& at,
                                            const std::array<Pack<T, W>, 6>& d_m, std::array<Pack<T, W>, 3>& d_point) {
@@ -100,7 +101,8 @@ COMPMARK_INLINE void add_lens_gradient(const LensView<T, Lens>& view, const Came
   d_point[2] -= at.inverse_z * fma(d_a, at.x_over_z, fma(d_b, at.y_over_z, d_inverse_z * at.inverse_z));
 }
 
-/// dL/dR (3 x 3) to the components of the quaternion as used (method sheet 2.4; no normalisation is differentiated here).
+/// dL/dR (3 x 3) to the components of the quaternion as used (docs/spec/method.md, 2.4; no normalisation is
+/// differentiated here).
 template <class P>
 [[nodiscard]] COMPMARK_INLINE std::array<P, 4> quaternion_gradient(const std::array<P, 4>& q,
                                                                    const std::array<P, 9>& d) {

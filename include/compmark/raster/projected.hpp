@@ -52,8 +52,9 @@ template <class T>
   return floor > 0 ? static_cast<T>(floor) : T(0);
 }
 
-/// alpha after the smooth cut-off, and its derivative by alpha: alpha * s(x), s(x) = x^2 (3 - 2 x), x = (alpha - floor) / width in [0, 1].
-/// Scalars only: finite-difference tests (numerics case BF4). Identity where alpha_min is 0.
+/// alpha after the smooth cut-off, and its derivative by alpha: alpha * s(x), s(x) = x^2 (3 - 2 x), x = (alpha - floor)
+/// / width in [0, 1]. Scalars only: finite-difference tests (docs/spec/numerics.md, BF4). Identity where alpha_min is
+/// 0.
 template <class T>
 struct SmoothCutoff {
   T value, derivative;

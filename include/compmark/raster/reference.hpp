@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// ReferenceRasterizer: the specification as code. Every pixel looks at every Gaussian in depth order, in plain scalar loops, for any
-// scalar up to long double; nothing is tiled, approximated or vectorised. Method sheet sections 2.1 to 2.4 in the robust formulas of the
-// numerics sheet (CV1-CV3, BF1-BF3, BB1); with accuracy::inria the published behaviour: square of whole tiles, exclusive stop, clamps that
-// are not differentiated. (The published conic backward divides by det^2 + 1e-7; this bias is not reproduced.)
-// Cost: width * height * Gaussians evaluations of exp, each way. Longer than 300 lines: the whole road, both ways, is meant to be read in
-// one place.
+// ReferenceRasterizer: the specification as code. Every pixel looks at every Gaussian in depth order, in plain scalar
+// loops, for any scalar up to long double; nothing is tiled, approximated or vectorised. docs/spec/method.md, 2.1 to
+// 2.4, in the robust formulas of docs/spec/numerics.md, CV1 to CV3, BF1 to BF3 and BB1; with accuracy::inria the
+// published behaviour: square of whole tiles, exclusive stop, clamps that are not differentiated. (The published conic
+// backward divides by det^2 + 1e-7; this bias is not reproduced.) Cost: width * height * Gaussians evaluations of exp,
+// each way. Longer than 300 lines: the whole road, both ways, is meant to be read in one place.
 #pragma once
 
 #include <algorithm>
@@ -50,7 +50,7 @@ struct ReferenceGeometry {
   Matrix33<T> rotation;           // R(q)
   Matrix23<T> m, unit, v;         // J W, J W R, J W R diag(s)
   std::array<T, 3> scale;
-  T shrink;  // v was multiplied by this to stay in range (numerics case PR2)
+  T shrink;  // v was multiplied by this to stay in range (docs/spec/numerics.md, PR2)
 };
 
 /// One Gaussian on the screen.
@@ -120,7 +120,8 @@ class ReferenceRasterizer {
     }
     ctx.splats.resize(report.visible);
     std::sort(ctx.splats.begin(), ctx.splats.end(), [](const auto& a, const auto& b) {
-      return a.depth < b.depth || (a.depth == b.depth && a.source < b.source);  // a total order (numerics case TB4)
+      // a total order (docs/spec/numerics.md, TB4)
+      return a.depth < b.depth || (a.depth == b.depth && a.source < b.source);
     });
     ctx.alpha.resize(image.plane_size());
     ctx.depth.resize(image.plane_size());
@@ -233,9 +234,9 @@ class ReferenceRasterizer {
         for (int c = 0; c < 3; ++c) d_color[static_cast<std::size_t>(c)] = d_image(c, y, x);
         const T d_alpha_plane = d_planes.alpha.data != nullptr ? d_planes.alpha(0, y, x) : T(0);
         const T d_depth_plane = d_planes.depth.data != nullptr ? d_planes.depth(0, y, x) : T(0);
-        // Back to front. `behind` is what the viewer would see behind this splat: it starts as the background, and no division by
-        // 1 - alpha and no separate background term is needed (numerics case BB1). Alpha is a channel of ones before zeros, depth a
-        // channel of z before zeros.
+        // Back to front. `behind` is what the viewer would see behind this splat: it starts as the background, and no
+        // division by 1 - alpha and no separate background term is needed (docs/spec/numerics.md, BB1). Alpha is a
+        // channel of ones before zeros, depth a channel of z before zeros.
         std::array<T, 3> behind = background;
         T alpha_behind = 0, depth_behind = 0;
         for (std::size_t k = list.size(); k-- > 0;) {
@@ -286,14 +287,14 @@ class ReferenceRasterizer {
       }
       detail::ReferenceContribution<T> item = evaluate(splat, x, y);
       if (!(item.alpha > T(0))) continue;
-      const T next = std::fma(-item.alpha, transmittance, transmittance);  // one rounding (numerics case BF2)
+      const T next = std::fma(-item.alpha, transmittance, transmittance);  // one rounding (docs/spec/numerics.md, BF2)
       constexpr T stop = static_cast<T>(accuracy.transmittance_stop);
       if (accuracy.stop == StopRule::exclusive && next < stop) break;
       item.splat = i;
       item.transmittance = transmittance;
       list[n++] = item;
       transmittance = next;
-      if (accuracy.stop == StopRule::inclusive && next < stop) break;  // blend, then stop (numerics case BF1)
+      if (accuracy.stop == StopRule::inclusive && next < stop) break;  // blend, then stop (docs/spec/numerics.md, BF1)
     }
     return {{list, n}, transmittance};
   }
@@ -304,10 +305,11 @@ class ReferenceRasterizer {
     const T dx = static_cast<T>(x) + pixel_center<T> - splat.u, dy = static_cast<T>(y) + pixel_center<T> - splat.v;
     const T d_a = splat.pivot_x ? dy : dx, d_b = splat.pivot_x ? dx : dy;
     const T w = d_a - splat.slope * d_b;
-    const T sigma = splat.major * w * w + splat.minor * d_b * d_b;  // >= 0 whatever the rounding (numerics case CV2)
+    // >= 0 whatever the rounding (docs/spec/numerics.md, CV2)
+    const T sigma = splat.major * w * w + splat.minor * d_b * d_b;
     detail::ReferenceContribution<T> item{};
     item.raw = splat.opacity * std::exp(-sigma);
-    const bool clamped = !(item.raw < alpha_max);  // strict (numerics case BF3)
+    const bool clamped = !(item.raw < alpha_max);  // strict (docs/spec/numerics.md, BF3)
     item.alpha = clamped ? alpha_max : item.raw;
     item.slope = clamped && !accuracy.published_backward ? T(0) : T(1);
     if constexpr (accuracy.cutoff == CutoffRule::smooth) {
@@ -335,12 +337,13 @@ class ReferenceRasterizer {
     for (std::size_t k = 0; k < 3; ++k) d[k] = subtract(gaussians.mean[k][i], camera.center_world[k]);
     for (std::size_t k = 0; k < 3; ++k) g.point[k] = g.world[k][0] * d[0] + g.world[k][1] * d[1] + g.world[k][2] * d[2];
     const T z = g.point[2];
-    if (!(z > settings_.near_plane)) return false;  // NaN is culled as well (numerics case PR1)
+    if (!(z > settings_.near_plane)) return false;  // NaN is culled as well (docs/spec/numerics.md, PR1)
     g.focal = {camera.fx, camera.fy};
     const std::array<T, 2> size{static_cast<T>(camera.width), static_cast<T>(camera.height)},
         principal{camera.cx, camera.cy};
     for (std::size_t axis = 0; axis < 2; ++axis) {
-      const T margin = T(0.3L) * size[axis] / (2 * g.focal[axis]);  // numerics case PR4; published: 1.3 tan(fov/2)
+      // docs/spec/numerics.md, PR4; published: 1.3 tan(fov/2)
+      const T margin = T(0.3L) * size[axis] / (2 * g.focal[axis]);
       const T low = -(principal[axis] / g.focal[axis] + margin),
               high = (size[axis] - principal[axis]) / g.focal[axis] + margin;
       g.ratio[axis] = g.point[axis] / z;
@@ -426,8 +429,9 @@ class ReferenceRasterizer {
     d_point[2] += shape[2];
   }
 
-  /// Mip filter: rho of a footprint, and by how much ln rho grows with V (numerics case CV6): half the derivatives of
-  /// ln det(V V^T) - ln det(V V^T + e I), each as dlog det S = tr(S^-1 dS). Plain inverses, unlike the fast path; 0 at the floor.
+  /// Mip filter: rho of a footprint, and by how much ln rho grows with V (docs/spec/numerics.md, CV6): half the
+  /// derivatives of ln det(V V^T) - ln det(V V^T + e I), each as dlog det S = tr(S^-1 dS). Plain inverses, unlike the
+  /// fast path; 0 at the floor.
   struct Filter {
     T rho;
     detail::Matrix23<T> d_log;
@@ -453,7 +457,7 @@ class ReferenceRasterizer {
     return result;
   }
 
-  /// mean - centre in double or better, then rounded (numerics case PR7).
+  /// mean - centre in double or better, then rounded (docs/spec/numerics.md, PR7).
   [[nodiscard]] static T subtract(T mean, double center) {
     if constexpr (sizeof(T) < sizeof(double)) {
       return static_cast<T>(static_cast<double>(mean) - center);
@@ -468,7 +472,7 @@ class ReferenceRasterizer {
     for (std::size_t k = 0; k < 3; ++k)
       finite = finite && std::isfinite(gaussians.mean[k][i]) && std::isfinite(gaussians.scale[k][i]);
     for (std::size_t k = 0; k < 4; ++k) finite = finite && std::isfinite(gaussians.rotation[k][i]);
-    for (std::size_t k = 0; k < 3; ++k) {  // numerics case BF9
+    for (std::size_t k = 0; k < 3; ++k) {  // docs/spec/numerics.md, BF9
       const T limit = static_cast<T>(detail::color_limit), c = gaussians.color[k][i];
       sane = sane && std::abs(c) <= limit;
       splat.color[k] = std::isfinite(c) ? std::min(std::max(c, -limit), limit) : T(0);
@@ -513,7 +517,7 @@ class ReferenceRasterizer {
       return radius > T(0) && !splat.tiles.empty();
     } else {
       constexpr T floor = cutoff_floor<T>(accuracy);
-      if (!(splat.opacity >= floor)) return false;  // numerics case TB8
+      if (!(splat.opacity >= floor)) return false;  // docs/spec/numerics.md, TB8
       const T sigma_max = floor > T(0) ? std::log(splat.opacity / floor) : std::numeric_limits<T>::infinity();
       const T reach =
           sigma_max * (2 * T(1.0001)) + T(2e-5);  // the same slack as the fast path: "visible" must mean the same
@@ -537,7 +541,7 @@ class ReferenceRasterizer {
     ctx.gradient_norm[i] =
         std::hypot(static_cast<T>(camera.width) / 2 * sum.gx, static_cast<T>(camera.height) / 2 * sum.gy);
 
-    // dL/dV = [sum g v v^T] V (numerics case CV3); V = B diag(s); B = M R; M = J W.
+    // dL/dV = [sum g v v^T] V (docs/spec/numerics.md, CV3); V = B diag(s); B = M R; M = J W.
     detail::Matrix23<T> d_v, d_m{};
     for (std::size_t j = 0; j < 3; ++j) {
       d_v[0][j] = g.shrink * (sum.gxx * g.v[0][j] + sum.gxy * g.v[1][j]);

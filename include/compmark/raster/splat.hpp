@@ -3,8 +3,8 @@
 //
 // What projection leaves for the pixel loop, and what the pixel loop hands back: one cache line of floats each.
 //
-// The exponent of a splat is kept in conditional form (numerics case CV2): with d = pixel centre - mean and the pivot axis b the one of
-// larger variance (y if c >= a), a the other,
+// The exponent of a splat is kept in conditional form (docs/spec/numerics.md, CV2): with d = pixel centre - mean and
+// the pivot axis b the one of larger variance (y if c >= a), a the other,
 //     w = d_a - slope * d_b,     sigma = major * w^2 + minor * d_b^2  >= 0,     alpha = opacity * exp(-sigma).
 // No conic is formed, nothing cancels, and no "power > 0" test is needed.
 #pragma once
@@ -28,8 +28,9 @@ struct alignas(16 * sizeof(T)) Splat {
   T unused[2];
 };
 
-/// Sums over pixels of one (splat, tile) pair, and after reduction of one splat, with g = -dL/dsigma = alpha dL/dalpha (zero where alpha
-/// was clamped):  from them follow all gradients without forming an inverse (numerics case CV3):
+/// Sums over pixels of one (splat, tile) pair, and after reduction of one splat, with g = -dL/dsigma = alpha dL/dalpha
+/// (zero where alpha was clamped): from them follow all gradients without forming an inverse (docs/spec/numerics.md,
+/// CV3):
 ///   dsigma/dd_a = 2 major w,  dsigma/dd_b = 2 minor d_b - slope * 2 major w.
 template <class T>
 struct alignas(16 * sizeof(T)) SplatGradient {

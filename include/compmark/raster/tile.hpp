@@ -256,7 +256,8 @@ class TileRasterizer {
     return ctx.chunks.data() + ctx.first_chunk[tile] * cells + cell * length;
   }
 
-  /// Ordered sum over the pairs of splat i, 32 at a time (numerics case BB3), and from whitened units to pixels.
+  /// Ordered sum over the pairs of splat i, 32 at a time (docs/spec/numerics.md, BB3), and from whitened units to
+  /// pixels.
   static void sum_pairs(Context& ctx, std::size_t i) {
     using P = Pack<T, W>;
     constexpr std::size_t packs = 16 / W;

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The gradient of blending (numerics case BB1), one cell of 16 x 16 pixels at a time, chunks of 256 splats from the back:
+// The gradient of blending (docs/spec/numerics.md, BB1), one cell of 16 x 16 pixels at a time, chunks of 256 splats
+// from the back:
 //   1. front to back, each block recomputes alpha and the blend weight w of the splats that blended in it and keeps both in scratch;
 //   2. back to front, splat by splat: with d = dot(colour, dL/dC) and A = dot(what lies behind, dL/dC), one scalar a pixel,
 //        dL/dalpha = T (d - A),  dlnalpha: g = w (d - A),  A <- A + alpha (d - A),  A starts with the background.

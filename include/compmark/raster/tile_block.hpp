@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a splat does to a block of pixels: the one function that says what alpha it has at a pixel, and the one that blends it
-// (numerics case BF6: forward and backward call both, so they cannot disagree).
+// What a splat does to a block of pixels: the one function that says what alpha it has at a pixel, and the one that
+// blends it (docs/spec/numerics.md, BF6: forward and backward call both, so they cannot disagree).
 //
-// A splat is evaluated in whitened coordinates, w = wx dx + wy dy and b = bx dx + by dy, where sigma = w^2 + b^2 whatever its pivot axis
-// (numerics case CV2; one of bx, by is zero). When the exponential is a polynomial, sigma is kept in units of ln 2.
+// A splat is evaluated in whitened coordinates, w = wx dx + wy dy and b = bx dx + by dy, where sigma = w^2 + b^2
+// whatever its pivot axis (docs/spec/numerics.md, CV2; one of bx, by is zero). When the exponential is a polynomial,
+// sigma is kept in units of ln 2.
 #pragma once
 
 #include <array>
@@ -36,7 +37,7 @@ template <class T>
 struct alignas(16 * sizeof(T)) WhiteSplat {
   T u, v;
   T wx, wy, bx, by;  // w = wx dx + wy dy, b = bx dx + by dy
-  T reach;           // sigma beyond which alpha is cut off, with the margin of numerics case TB3
+  T reach;           // sigma beyond which alpha is cut off, with the margin of docs/spec/numerics.md, TB3
   T opacity;
   T y_per_x, x_per_y;  // along a line of constant dx, sigma is least at dy = y_per_x dx; and the other way round
   T red, green, blue;
@@ -237,7 +238,7 @@ template <Accuracy accuracy, bool want_chain, class T, int W>
   // Skipped lanes get alpha 0 before the transmittance comes in: the chain from splat to splat is one comparison and one multiply-add.
   alpha = keep(met, alpha);
   const P before = transmittance;
-  const P after = fma(-alpha, before, before);  // one rounding (numerics case BF2)
+  const P after = fma(-alpha, before, before);  // one rounding (docs/spec/numerics.md, BF2)
   typename P::MaskType blended;
   if constexpr (accuracy.stop == StopRule::exclusive) {
     const typename P::MaskType open = unfinished<accuracy>(before);

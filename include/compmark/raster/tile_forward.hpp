@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Blending front to back (method sheet 2.3), one cell of 16 x 16 pixels at a time. The list is worked on in chunks of 256 splats: first
-// every splat is tested against the 16 blocks of the cell, then each block walks the splats that reach it with transmittance and colour in
-// registers: ~22 instructions per block and splat, no branch but the loop's. A block stops when all its pixels are finished.
+// Blending front to back (docs/spec/method.md, 2.3), one cell of 16 x 16 pixels at a time. The list is worked on in
+// chunks of 256 splats: first every splat is tested against the 16 blocks of the cell, then each block walks the splats
+// that reach it with transmittance and colour in registers: ~22 instructions per block and splat, no branch but the
+// loop's. A block stops when all its pixels are finished.
 //
 // Backward finds in the context the transmittance at the start of each chunk (4 bytes a pair) and which splats did blend in which block
 // (2 bits a pair): it neither tests nor searches again.

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which tiles a splat can reach, in two forms of one test: the least sigma over the rectangle of a tile's pixel centres, with the slack of
-// numerics case TB3. Small boxes are tested with the splats as lanes, because most are two or three tiles wide and a test whose lanes are the
-// tiles of one splat leaves most lanes idle; larger ones with their tiles as lanes. Cost: ~22 instructions a pack and tile of its largest
-// box; ~40 flop a splat and group of W tiles.
+// Which tiles a splat can reach, in two forms of one test: the least sigma over the rectangle of a tile's pixel
+// centres, with the slack of docs/spec/numerics.md, TB3. Small boxes are tested with the splats as lanes, because most
+// are two or three tiles wide and a test whose lanes are the tiles of one splat leaves most lanes idle; larger ones
+// with their tiles as lanes. Cost: ~22 instructions a pack and tile of its largest box; ~40 flop a splat and group of W
+// tiles.
 #pragma once
 
 #include <algorithm>
@@ -141,9 +142,9 @@ struct LaneGrid {
 template <class T, int W>
 inline constexpr LaneGrid<T, W> lane_grid{};
 
-/// Tests the tiles (first_column + column, first_row + row) of the grid that the lanes stand for: bit i is set if the smallest sigma over
-/// the tile's pixel centres, a convex minimum over a rectangle, is within sigma_max plus a slack for rounding (numerics case TB3).
-/// No square root, no false negative. `columns` <= W tiles wide.
+/// Tests the tiles (first_column + column, first_row + row) of the grid that the lanes stand for: bit i is set if the
+/// smallest sigma over the tile's pixel centres, a convex minimum over a rectangle, is within sigma_max plus a slack
+/// for rounding (docs/spec/numerics.md, TB3). No square root, no false negative. `columns` <= W tiles wide.
 template <int tile_size, class T, int W>
 [[gnu::noinline]] inline unsigned tiles_hit(const Splat<T>& splat, int first_column, int first_row, int columns,
                                             int width, int height) {

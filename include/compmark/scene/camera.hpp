@@ -13,12 +13,12 @@
 
 namespace compmark {
 
-/// Where in a pixel its ray goes through (numerics case PR6). The only place that says so.
+/// Where in a pixel its ray goes through (docs/spec/numerics.md, PR6). The only place that says so.
 template <class T>
 inline constexpr T pixel_center = T(0.5);
 
-/// Pinhole with full intrinsics. The centre is kept in double and subtracted before rotating, so that a scene far from the origin
-/// keeps its digits (numerics case PR7).
+/// Pinhole with full intrinsics. The centre is kept in double and subtracted before rotating, so that a scene far from
+/// the origin keeps its digits (docs/spec/numerics.md, PR7).
 template <class T>
 struct Camera {
   int width = 0;                                                      ///< pixels
@@ -28,7 +28,8 @@ struct Camera {
   std::array<T, 9> rotation_camera_world{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< world to camera, row-major
   std::array<double, 3> center_world{0, 0, 0};                        ///< camera centre, world units
 
-  /// The same camera over an image resized to new_width x new_height: intrinsics scale by the true ratios (numerics case CA1).
+  /// The same camera over an image resized to new_width x new_height: intrinsics scale by the true ratios
+  /// (docs/spec/numerics.md, CA1).
   [[nodiscard]] Camera resized(int new_width, int new_height) const {
     Camera camera = *this;
     const T sx = static_cast<T>(static_cast<double>(new_width) / width);

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// COLMAP datasets: a sparse model (binary before text; the largest below sparse, sparse, or the folder itself) and a folder of images.
-// Files of rigs and frames are not needed: images have their poses. Views are sorted by the image's base name up to its first dot and every
-// n-th is a test view, as published (method sheet, section 3.5). Each image keeps the intrinsics of its own camera, scaled by the true
-// ratio of sizes where the files are smaller than what COLMAP saw (case CA1). A model without a file of points is read without points.
+// COLMAP datasets: a sparse model (binary before text; the largest below sparse, sparse, or the folder itself) and a
+// folder of images. Files of rigs and frames are not needed: images have their poses. Views are sorted by the image's
+// base name up to its first dot and every n-th is a test view, as published (docs/spec/method.md, 3.5). Each image
+// keeps the intrinsics of its own camera, scaled by the true ratio of sizes where the files are smaller than what
+// COLMAP saw (case CA1). A model without a file of points is read without points.
 #pragma once
 
 #include <algorithm>

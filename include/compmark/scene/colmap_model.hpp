@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A COLMAP sparse model in memory, as its files have it, and the table of COLMAP's camera models (ecosystem sheet, section 2.3).
+// A COLMAP sparse model in memory, as its files have it, and the table of COLMAP's camera models (docs/spec/formats.md,
+// 3).
 #pragma once
 
 #include <array>

@@ -110,7 +110,8 @@ inline void move_origin(Dataset& dataset, const std::array<double, 3>& origin) {
   dataset.origin = origin;
 }
 
-/// How to open a dataset. The defaults are the published ones (method sheet, sections 3.4 and 3.5), but for the lens, which they ignore.
+/// How to open a dataset. The defaults are the published ones (docs/spec/method.md, 3.4 and 3.5), but for the lens,
+/// which they ignore.
 struct DatasetSettings {
   double downscale = 1;                      ///< divides width and height, rounded; intrinsics follow the true ratio
   std::array<float, 3> background{0, 0, 0};  ///< behind transparent images

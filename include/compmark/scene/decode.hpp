@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From the files of a view to the image that ImageStore delivers. Order: decode, turn, composite over the background at full size, take
-// the lens out, then resize the 8-bit planes (method sheet, section 3.4, which has no lens). The mask goes the same way and is the least of
-// what there is: a mask file (black = ignore), the alpha channel if asked for, the pixels a photograph without its lens does not have.
+// From the files of a view to the image that ImageStore delivers. Order: decode, turn, composite over the background at
+// full size, take the lens out, then resize the 8-bit planes (docs/spec/method.md, 3.4, which has no lens). The mask
+// goes the same way and is the least of what there is: a mask file (black = ignore), the alpha channel if asked for,
+// the pixels a photograph without its lens does not have.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How large the scene is, as its training cameras see it: the scale of position learning rates and growing thresholds in the published
-// family (ecosystem sheet, section 2.2). Test cameras do not count. That rule gives 0 for one training camera, or several in one place, and no
-// offset would ever move; there the extent is what cameras around what is seen from that place would have. A camera that was registered far away is
-// no part of it: offsets would learn as many times faster as it stands away. Cost: O(cameras + points).
+// How large the scene is, as its training cameras see it: the scale of position learning rates and growing thresholds
+// in the published family (docs/spec/formats.md, 6). Test cameras do not count. That rule gives 0 for one training
+// camera, or several in one place, and no offset would ever move; there the extent is what cameras around what is seen
+// from that place would have. A camera that was registered far away is no part of it: offsets would learn as many times
+// faster as it stands away. Cost: O(cameras + points).
 #pragma once
 
 #include <algorithm>

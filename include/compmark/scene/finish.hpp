@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The last steps of every reader. A scene far from the origin of its coordinates is moved to it in double, before points become floats
-// (numerics case PR7). A very small or very large one is counted in another unit (case PR8): near plane, voxel size, volume loss and learning
-// rates of the published training are lengths of scenes whose cameras stand about 4 from what they see. Points that are not finite, lie in
-// the centre of a camera (a failed triangulation, and no direction to look along: case PR9) or beyond the reach of the scene (math/robust_ball.hpp) are dropped, and
-// a camera that stands so far away that it would decide the scene's size does not. Without points, random ones are drawn. Cost:
-// O((points + cameras) log cameras).
+// The last steps of every reader. A scene far from the origin of its coordinates is moved to it in double, before
+// points become floats (docs/spec/numerics.md, PR7). A very small or very large one is counted in another unit (case
+// PR8): near plane, voxel size, volume loss and learning rates of the published training are lengths of scenes whose
+// cameras stand about 4 from what they see. Points that are not finite, lie in the centre of a camera (a failed
+// triangulation, and no direction to look along: case PR9) or beyond the reach of the scene (math/robust_ball.hpp) are
+// dropped, and a camera that stands so far away that it would decide the scene's size does not. Without points, random
+// ones are drawn. Cost: O((points + cameras) log cameras).
 #pragma once
 
 #include <algorithm>

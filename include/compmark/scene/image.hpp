@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A training image at rest: 8-bit RGB planes, a quarter of the memory of floats. And the one rule by which transparent images get their
-// background (method sheet, section 3.4): rgb alpha + background (1 - alpha) in double, then back to 8 bits.
+// A training image at rest: 8-bit RGB planes, a quarter of the memory of floats. And the one rule by which transparent
+// images get their background (docs/spec/method.md, 3.4): rgb alpha + background (1 - alpha) in double, then back to 8
+// bits.
 #pragma once
 
 #include <array>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A lens on normalised coordinates: forward, with its Jacobian, and back. Back is a formula where there is one, else Newton's iteration on
-// the plane that the polynomials bend, started at the distorted point, damped, and never left to settle beyond the radius up to which the
-// lens is one-to-one (numerics case CA4). Cost: forward ~10 to 60 flop; back 3 to 6 iterations of three times that.
+// A lens on normalised coordinates: forward, with its Jacobian, and back. Back is a formula where there is one, else
+// Newton's iteration on the plane that the polynomials bend, started at the distorted point, damped, and never left to
+// settle beyond the radius up to which the lens is one-to-one (docs/spec/numerics.md, CA4). Cost: forward ~10 to 60
+// flop; back 3 to 6 iterations of three times that.
 #pragma once
 
 #include <array>

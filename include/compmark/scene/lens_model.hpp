@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a photograph's lens does beyond a pinhole: one of COLMAP's camera models (ecosystem sheet, section 2.3) without its focal lengths
-// and principal point, which stay in Camera. A lens maps a ray's normalised coordinates (x/z, y/z) to distorted ones; pixel = f d + c.
+// What a photograph's lens does beyond a pinhole: one of COLMAP's camera models (docs/spec/formats.md, 3) without its
+// focal lengths and principal point, which stay in Camera. A lens maps a ray's normalised coordinates (x/z, y/z) to
+// distorted ones; pixel = f d + c.
 #pragma once
 
 #include <algorithm>

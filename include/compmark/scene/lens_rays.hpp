@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which rays a rectangle of the image is made of, for a lens policy: the limits within which a projection's Jacobian is taken (numerics case
-// PR4), the same for everything that projects through one camera. Cost: 8 inversions, ~2,000 flop a camera; nothing for a pinhole.
+// Which rays a rectangle of the image is made of, for a lens policy: the limits within which a projection's Jacobian is
+// taken (docs/spec/numerics.md, PR4), the same for everything that projects through one camera. Cost: 8 inversions,
+// ~2,000 flop a camera; nothing for a pinhole.
 #pragma once
 
 #include <algorithm>
@@ -60,11 +61,12 @@ struct RayLimits {
   T x_low, x_high, y_low, y_high;
 };
 
-/// Where the Jacobian is clamped. Pinhole: the image, widened on each side by 0.15 of its size (numerics case PR4: the limits follow the
-/// principal point; with the principal point at the centre they are the published 1.3 tan(fov/2)). With a lens the same widened image, but
-/// the limits are of rays, so it is taken back through the lens: the box around the rays through its corners and around those through its
-/// edges at the axes, where a lens that bends evenly has its extremes. A widened image that the lens does not fill ends where the lens does.
-/// Zero coefficients give the pinhole's limits to the bit.
+/// Where the Jacobian is clamped. Pinhole: the image, widened on each side by 0.15 of its size (docs/spec/numerics.md,
+/// PR4: the limits follow the principal point; with the principal point at the centre they are the published 1.3
+/// tan(fov/2)). With a lens the same widened image, but the limits are of rays, so it is taken back through the lens:
+/// the box around the rays through its corners and around those through its edges at the axes, where a lens that bends
+/// evenly has its extremes. A widened image that the lens does not fill ends where the lens does. Zero coefficients
+/// give the pinhole's limits to the bit.
 template <class T, class Lens>
 [[nodiscard]] RayLimits<T> ray_limits(const Lens& lens, RayLimits<T> image) {
   if constexpr (is_pinhole_policy<Lens>) {

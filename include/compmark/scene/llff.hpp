@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// LLFF datasets: poses_bounds.npy and a folder of images (ecosystem sheet, section 2.5). A row holds a 3 x 5 matrix [R | t | (H, W, f)],
-// camera to world, whose columns run down, right and backwards, then the near and far depth. The i-th image by name belongs to the i-th
-// row. Points to start from are drawn between near and far of random rays.
+// LLFF datasets: poses_bounds.npy and a folder of images (docs/spec/formats.md, 5). A row holds a 3 x 5 matrix [R | t |
+// (H, W, f)], camera to world, whose columns run down, right and backwards, then the near and far depth. The i-th image
+// by name belongs to the i-th row. Points to start from are drawn between near and far of random rays.
 #pragma once
 
 #include <algorithm>

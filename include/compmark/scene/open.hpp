@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One door for all datasets: looks at what a folder holds and calls the reader of that kind. COLMAP comes first, as published (method
-// sheet, section 3.5: Blender where transforms_train.json is and no folder sparse), then transforms*.json, then LLFF's poses_bounds.npy.
-// A transforms file may also be named itself.
+// One door for all datasets: looks at what a folder holds and calls the reader of that kind. COLMAP comes first, as
+// published (docs/spec/method.md, 3.5: Blender where transforms_train.json is and no folder sparse), then
+// transforms*.json, then LLFF's poses_bounds.npy. A transforms file may also be named itself.
 #pragma once
 
 #include <algorithm>

@@ -19,7 +19,8 @@
 
 namespace compmark {
 
-/// Points before they are rounded to float, so that a scene far from the origin can be moved to it first (numerics case PR7).
+/// Points before they are rounded to float, so that a scene far from the origin can be moved to it first
+/// (docs/spec/numerics.md, PR7).
 struct PrecisePoints {
   std::vector<std::array<double, 3>> position;
   std::vector<std::array<std::uint8_t, 3>> color;

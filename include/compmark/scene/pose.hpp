@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From the poses of files to the rotation and centre of a Camera. Files carry rotations with the rounding of whoever wrote them, so
-// each is replaced by the nearest rotation (numerics case CA2): the polar factor, by Newton's iteration X <- (X + X^-T) / 2 (Higham 1986).
+// From the poses of files to the rotation and centre of a Camera. Files carry rotations with the rounding of whoever
+// wrote them, so each is replaced by the nearest rotation (docs/spec/numerics.md, CA2): the polar factor, by Newton's
+// iteration X <- (X + X^-T) / 2 (Higham 1986).
 #pragma once
 
 #include <array>

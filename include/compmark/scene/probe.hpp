@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a capture calls for: each effect with the number that was measured, the limit it was held against, and a sentence (numerics sheet,
-// section 3). An effect that is not called for is not in the list, so that a recipe without it can be chosen. Cost: decodes 128 photographs at
-// most and goes once through the features.
+// What a capture calls for: each effect with the number that was measured, the limit it was held against, and a
+// sentence (docs/spec/effects.md, 1). An effect that is not called for is not in the list, so that a recipe without it
+// can be chosen. Cost: decodes 128 photographs at most and goes once through the features.
 #pragma once
 
 #include <algorithm>
@@ -53,7 +53,7 @@ struct ProbedEffect {
   std::array<double, 3> color{0, 0, 0};  ///< constant_background: of the borders, in [0, 1]
 };
 
-/// The limits. The defaults are those of the numerics sheet, section 3.
+/// The limits (docs/spec/effects.md, 1).
 struct ProbeSettings {
   double border_deviation = 2;       ///< levels
   double principal_point = 0.25;     ///< pixels
@@ -136,11 +136,12 @@ struct GeometryEvidence {
   if (!distance_ratios.empty()) e.distance_ratio = quantile(distance_ratios, 0.5);
   if (!scale_ratios.empty()) e.scale_ratio = quantile(scale_ratios, 0.5);
   if (!depths.empty()) e.baseline_to_depth = spread.radius / quantile(depths, 0.5);
-  // Not the sheet's largest distance over the cameras' radius: one wrong match in a thousand is triangulated anywhere. Depth over middle depth
-  // has a scale of its own: for cameras around a subject the middle is about their radius, so that a ratio of 2 is the far side of their
-  // ball, the farthest that anything inside can be, and 3 is 2 radii from the centre, where contracted cells begin to differ (by a third).
-  // Family of tests/scene/probe.test.cpp: everything bounded (subject, rooms, halls, streets, a sphere from inside) stays below 2.6, surroundings at
-  // 2.5 radii and more exceed 3 as soon as 2 in a hundred sightings are of them.
+  // Not the largest distance over the cameras' radius: one wrong match in a thousand is triangulated anywhere. Depth
+  // over middle depth has a scale of its own: for cameras around a subject the middle is about their radius, so that a
+  // ratio of 2 is the far side of their ball, the farthest that anything inside can be, and 3 is 2 radii from the
+  // centre, where contracted cells begin to differ (by a third). Family of tests/scene/probe.test.cpp: everything
+  // bounded (subject, rooms, halls, streets, a sphere from inside) stays below 2.6, surroundings at 2.5 radii and more
+  // exceed 3 as soon as 2 in a hundred sightings are of them.
   if (!depths.empty() && !dataset.points_are_random) {
     const double middle = quantile(depths, 0.5);
     e.far_ratio = quantile(depths, 0.99) / middle;

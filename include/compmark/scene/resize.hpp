@@ -26,8 +26,8 @@ struct ImageSize {
   friend bool operator==(const ImageSize&, const ImageSize&) = default;
 };
 
-/// Size after the published rules (method sheet, section 3.4): a given factor divides with rounding (halves to even); without one,
-/// images wider than max_width are brought to it, both sides truncated. Never below 1 x 1.
+/// Size after the published rules (docs/spec/method.md, 3.4): a given factor divides with rounding (halves to even);
+/// without one, images wider than max_width are brought to it, both sides truncated. Never below 1 x 1.
 [[nodiscard]] inline ImageSize scaled_size(int width, int height, double downscale, int max_width) {
   ImageSize size{width, height};
   if (downscale != 1) {

@@ -91,8 +91,9 @@ void to_gaussians(const SplatTable& table, const std::array<double, 3>& camera_c
   });
 }
 
-/// Where to_gaussians_backward adds: one pointer a column of the table, in the order of SplatTable's members. Means are not among them:
-/// they are exact already, and their path through the view direction (numerics case SH1) is then not needed.
+/// Where to_gaussians_backward adds: one pointer a column of the table, in the order of SplatTable's members. Means are
+/// not among them: they are exact already, and their path through the view direction (docs/spec/numerics.md, SH1) is
+/// then not needed.
 template <class T>
 struct SplatTableGradient {
   std::array<T*, 3> log_scale{};

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Datasets described by transforms*.json: NeRF-synthetic ("Blender": transforms_train.json and transforms_test.json), instant-ngp and
-// nerfstudio (one transforms.json). Poses are OpenGL camera-to-world matrices and are taken as given: aabb_scale, scale, offset are
-// internal to instant-ngp, applied_transform and applied_scale are already in the poses and in the point file (ecosystem sheet, 2.4).
-// Images that are not there are counted and left out, and never replaced by what another frame names. Splits: the file's own, or every n-th image by name.
+// Datasets described by transforms*.json: NeRF-synthetic ("Blender": transforms_train.json and transforms_test.json),
+// instant-ngp and nerfstudio (one transforms.json). Poses are OpenGL camera-to-world matrices and are taken as given:
+// aabb_scale, scale, offset are internal to instant-ngp, applied_transform and applied_scale are already in the poses
+// and in the point file (docs/spec/formats.md, 4). Images that are not there are counted and left out, and never
+// replaced by what another frame names. Splits: the file's own, or every n-th image by name.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Intrinsics of a frame of transforms*.json, in all dialects (ecosystem sheet, section 2.4). A frame's own values come before the file's.
-// Focal length, by the first that is there: x_fov y_fov (degrees), fl_x fl_y (pixels), camera_angle_x camera_angle_y (radians); y falls back
-// to x. Pixels are those of the images of size w x h; where a file does not give them and only smaller copies of its images are there, what
-// else it says of the size must decide.
+// Intrinsics of a frame of transforms*.json, in all dialects (docs/spec/formats.md, 4). A frame's own values come
+// before the file's. Focal length, by the first that is there: x_fov y_fov (degrees), fl_x fl_y (pixels),
+// camera_angle_x camera_angle_y (radians); y falls back to x. Pixels are those of the images of size w x h; where a
+// file does not give them and only smaller copies of its images are there, what else it says of the size must decide.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The lens of a frame of transforms*.json, in all dialects (ecosystem sheet, section 2.4): k1 … k6 p1 p2, or distortion_params [k1 k2 k3 k4
-// p1 p2], of the camera_model (OPENCV if not named). nerfstudio's names of perspective cameras are one model there, so coefficients beside
-// PINHOLE count. What cannot be used is refused and never dropped: a lens that is ignored looks like a bad reconstruction.
+// The lens of a frame of transforms*.json, in all dialects (docs/spec/formats.md, 4): k1 … k6 p1 p2, or
+// distortion_params [k1 k2 k3 k4 p1 p2], of the camera_model (OPENCV if not named). nerfstudio's names of perspective
+// cameras are one model there, so coefficients beside PINHOLE count. What cannot be used is refused and never dropped:
+// a lens that is ignored looks like a bad reconstruction.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Taking a lens out of an image: the pinhole keeps focal lengths, principal point and size, and each of its pixels is looked up bilinearly
-// where its ray lands in the photograph. Pixels whose ray lands outside the photograph, or beyond the radius up to which the lens is
-// one-to-one (numerics case CA4), repeat the nearest pixel and are marked invalid. Cost: one distort and four reads a pixel and plane;
-// with three planes 26 ns a pixel for the OPENCV family, 80 ns for a fisheye.
+// Taking a lens out of an image: the pinhole keeps focal lengths, principal point and size, and each of its pixels is
+// looked up bilinearly where its ray lands in the photograph. Pixels whose ray lands outside the photograph, or beyond
+// the radius up to which the lens is one-to-one (docs/spec/numerics.md, CA4), repeat the nearest pixel and are marked
+// invalid. Cost: one distort and four reads a pixel and plane; with three planes 26 ns a pixel for the OPENCV family,
+// 80 ns for a fisheye.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A HiDDeN or strided decoder in training: input convention, space-to-depth stem, blocks (batch_block.hpp), mean over positions, linear
-// (watermark sheet 1.1). Weights and running statistics are blocks of an arena under the names of the weight file, so that a checkpoint of the
-// arena holds both; decoder_weights() makes the frozen decoder's tables. Kernels start by He's rule, those of the first block without a mean:
-// a mean there answers to colour, which a crop changes (sheet 1.8). Cost: three times the frozen decoder's forward pass an image.
+// A HiDDeN or strided decoder in training: input convention, space-to-depth stem, blocks (batch_block.hpp), mean over
+// positions, linear (docs/spec/watermark.md, 1.1). Weights and running statistics are blocks of an arena under the
+// names of the weight file, so that a checkpoint of the arena holds both; decoder_weights() makes the frozen decoder's
+// tables. Kernels start by He's rule, those of the first block without a mean: a mean there answers to colour, which a
+// crop changes (docs/spec/watermark.md, 1.6). Cost: three times the frozen decoder's forward pass an image.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How well a decoder reads what was embedded through it (watermark sheet 1.7): random messages in the pixels of images at fixed PSNR, rounded
-// to 8 bits, distorted, rounded again, read. The mean bit accuracy under each distortion is what the card of a weight file states. Cost: an
-// embedding of `steps` passes an image.
+// How well a decoder reads what was embedded through it (docs/spec/watermark.md, 1.5): random messages in the pixels of
+// images at fixed PSNR, rounded to 8 bits, distorted, rounded again, read. The mean bit accuracy under each distortion
+// is what the card of a weight file states. Cost: an embedding of `steps` passes an image.
 #pragma once
 
 #include <array>
@@ -28,7 +28,8 @@ struct MeasuredDistortion {
   AugmentationDraw draw;
 };
 
-/// The distortions of the cards. Scaling is by side and by area: the published code and text differ (watermark sheet, section 4).
+/// The distortions of the cards. Scaling is by side and by area: the published code and text differ
+/// (docs/spec/watermark.md, 3).
 [[nodiscard]] inline std::vector<MeasuredDistortion> measured_distortions() {
   const auto draw = [](Augmentation kind, double amount) {
     AugmentationDraw d;

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The lattice decoder as a trainable network: its weights as blocks of an arena, a batch at a time. The start is not random noise that has
-// to learn what a bit is (that is where training from scratch stalls, watermark sheet 1.8): random lattice directions of a given period and a
-// whitened head read messages already, and training moves them to where distortions hurt least.
+// The lattice decoder as a trainable network: its weights as blocks of an arena, a batch at a time. The start is not
+// random noise that has to learn what a bit is (that is where training from scratch stalls, docs/spec/watermark.md,
+// 1.6): random lattice directions of a given period and a whitened head read messages already, and training moves them
+// to where distortions hurt least.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Embeds a message into one image through a frozen decoder, by gradient steps on its pixels at fixed PSNR, with one drawn distortion a step
-// (expectation over transformations; none: plain). It measures what a decoder can carry (watermark sheet 1.7) and makes the training pairs of
-// a decoder without an encoder. The loss is the cross entropy of the signed logits, sum softplus(-temperature s z). Cost: a forward and a
-// backward pass of the decoder a step.
+// Embeds a message into one image through a frozen decoder, by gradient steps on its pixels at fixed PSNR, with one
+// drawn distortion a step (expectation over transformations; none: plain). It measures what a decoder can carry
+// (docs/spec/watermark.md, 1.5) and makes the training pairs of a decoder without an encoder. The loss is the cross
+// entropy of the signed logits, sum softplus(-temperature s z). Cost: a forward and a backward pass of the decoder a
+// step.
 #pragma once
 
 #include <algorithm>

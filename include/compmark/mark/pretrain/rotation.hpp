@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rotation of an image about its middle on the same canvas, bilinear, black where the turned image does not reach (watermark sheet,
-// section 4), and its transpose: every output pixel gathers four places with weights that depend on the angle alone, so that the gradient
-// scatters with the same four weights. Cost: ~3 ns a pixel and channel each way.
+// Rotation of an image about its middle on the same canvas, bilinear, black where the turned image does not reach
+// (docs/spec/watermark.md, 3), and its transpose: every output pixel gathers four places with weights that depend on
+// the angle alone, so that the gradient scatters with the same four weights. Cost: ~3 ns a pixel and channel each way.
 #pragma once
 
 #include <cmath>

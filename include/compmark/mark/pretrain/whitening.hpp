@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whitening of features or logits on unmarked images: z = L^-1 (y - mean) with the covariance C = E (y - mean)(y - mean)^T = L L^T, divided by
-// the number of samples, so that every z has variance one and no two are correlated. (The published files divide by nothing and scale by
-// sqrt(k), so that their spread depends on how many images were used: watermark sheet 1.5.) Cholesky: z_i is y_i less what z_1 ... z_(i-1)
-// say about it, so that logits keep their bit. Cost: n k^2 + k^3 / 3, in double.
+// Whitening of features or logits on unmarked images: z = L^-1 (y - mean) with the covariance C = E (y - mean)(y -
+// mean)^T = L L^T, divided by the number of samples, so that every z has variance one and no two are correlated. (The
+// published files divide by nothing and scale by sqrt(k), so that their spread depends on how many images were used:
+// docs/spec/watermark.md, 1.3.) Cholesky: z_i is y_i less what z_1 ... z_(i-1) say about it, so that logits keep their
+// bit. Cost: n k^2 + k^3 / 3, in double.
 #pragma once
 
 #include <cmath>
