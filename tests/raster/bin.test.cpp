@@ -141,6 +141,7 @@ TEST_CASE("raster/bin: any image size, one pixel and exact multiples of the tile
       const auto got = run<accuracy::standard>(raster_scene<float>(4, 60, width, height), serial);
       CHECK(got.lists.tiles_x == (width + 15) / 16);
       CHECK(got.lists.tiles_y == (height + 15) / 16);
+      if (width % 16 != 0) CHECK(16 * (width / 16) < width);  // negative control: columns that whole tiles leave out
       check_structure(got);
     }
   }
@@ -188,6 +189,21 @@ TEST_CASE("raster/bin: the same lists at any thread count; structure holds at ev
         1e-4 * static_cast<double>(expected.lists.pairs));
   CHECK(std::abs(static_cast<double>(half.lists.pairs) - static_cast<double>(expected.lists.pairs)) <=
         1e-4 * static_cast<double>(expected.lists.pairs));
+  // Negative control: the same test twice, fused and rounded after every product, as two inlinings of it may be.
+  const Random random(6, 0, random_stage("test/twice"));
+  std::size_t differ = 0;
+  for (std::size_t i = 0; i < 100000; ++i) {
+    const auto draw = [&](std::size_t k) { return static_cast<float>(random.uniform(4 * i + k)); };
+    const float major = draw(0), w = draw(1), minor = draw(2), b = draw(3);
+    const auto rounded = [](float p, float q) {
+      return static_cast<float>(static_cast<double>(p) * static_cast<double>(q));
+    };
+    const float fused = std::fma(major, w * w, minor * (b * b));
+    const float unfused = rounded(major, rounded(w, w)) + rounded(minor, rounded(b, b));
+    const float limit = std::min(fused, unfused);
+    differ += (fused <= limit) != (unfused <= limit) ? 1 : 0;
+  }
+  CHECK(differ > 1000);
 }
 
 TEST_CASE("raster/bin: the published square in whole tiles (docs/spec/method.md, 2.1, step 8)") {
@@ -237,6 +253,8 @@ TEST_CASE("raster/bin: more pairs than the budget is an error, not an overflow (
   const std::size_t total = detail::exclusive_sums(counts.data(), counts.size());
   CHECK(total == 6000000005u);
   CHECK(counts[2] == 6000000000u);
+  CHECK(static_cast<std::uint32_t>(total) <
+        3000000000u);  // negative control: in 32 bits the sum is less than its parts
   CHECK_FALSE(detail::check_pair_budget(total, ~std::size_t{0}).ok());
   CHECK(detail::check_pair_budget(1000, 1000).ok());
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <numeric>
 #include <vector>
 
 #include "compmark/core/random.hpp"
@@ -70,6 +71,14 @@ TEST_CASE_TEMPLATE("raster/depth_sort: equals a stable sort at any thread count,
     for (std::size_t i = 0; i < n; ++i) depths[i] = T(3);  // only ties
     check_against_stable_sort(depths);
   }
+  // Negative controls: a sort by depth alone that is not stable, and the bits of a depth that is not positive.
+  std::vector<std::uint32_t> heap(17);
+  std::iota(heap.begin(), heap.end(), 0u);
+  const auto equal_depths = [](std::uint32_t, std::uint32_t) { return false; };
+  std::make_heap(heap.begin(), heap.end(), equal_depths);
+  std::sort_heap(heap.begin(), heap.end(), equal_depths);
+  CHECK_FALSE(std::is_sorted(heap.begin(), heap.end()));
+  CHECK(std::bit_cast<std::uint32_t>(-1.0f) > std::bit_cast<std::uint32_t>(1.0f));
 }
 
 TEST_CASE("raster/depth_sort: the last bit of a depth counts (TB5)") {
@@ -79,6 +88,12 @@ TEST_CASE("raster/depth_sort: the last bit of a depth counts (TB5)") {
   depths.push_back(1e-30f);
   depths.push_back(1e30f);
   check_against_stable_sort(depths);
+  // Negative control: by their upper 16 bits.
+  std::vector<float> coarse = depths;
+  std::stable_sort(coarse.begin(), coarse.end(), [](float a, float b) {
+    return std::bit_cast<std::uint32_t>(a) >> 16 < std::bit_cast<std::uint32_t>(b) >> 16;
+  });
+  CHECK_FALSE(std::is_sorted(coarse.begin(), coarse.end()));
 }
 
 TEST_CASE_TEMPLATE("raster/transpose: records are stored and loaded field by field", P, Pack<float, 16>, Pack<float, 8>,

@@ -154,6 +154,8 @@ TEST_CASE("raster/footprint: rank-deficient Gaussians have the determinants of t
     CHECK(std::isfinite(f.major.native));
     CHECK(std::isfinite(f.minor.native));
   }
+  // Negative control: the inverse of the covariance in space has 1 / scale^2, and a direction within the disc none of it.
+  CHECK_FALSE(std::isfinite(0.0f * (1 / (s.scale[2] * s.scale[2]))));
 }
 
 TEST_CASE(
@@ -173,6 +175,8 @@ TEST_CASE(
   const detail::PinholeView<double> half(camera);
   CHECK(half.x_low == doctest::Approx(-0.3 * 320 / 500).epsilon(1e-14));
   CHECK(half.x_high == doctest::Approx(640.0 / 500 + 0.3 * 320 / 500).epsilon(1e-14));
+  // Negative control: limits that are symmetric about the axis end within this image.
+  CHECK(central.x_high < (camera.width - camera.cx) / camera.fx);
 }
 
 TEST_CASE("raster/footprint: logarithm of positive floats within 1.5 ulp") {
@@ -200,10 +204,13 @@ TEST_CASE("raster/footprint: no float becomes an index outside its range (TB1)")
   CHECK(none.empty());
   const auto all = detail::tile_rectangle<FootprintRule::exact_tiles, 16>(3.0f, 3.0f, infinity, infinity, 100, 50);
   CHECK((all.x_begin == 0 && all.y_begin == 0 && all.x_end == 7 && all.y_end == 4));
+  CHECK(std::isnan(std::min(std::max(std::nanf(""), 0.0f), 17.0f)));  // negative control: a clamp that keeps it
 }
 
 TEST_CASE("raster/footprint: the box holds every pixel centre that can reach alpha_min and little more (CV5)") {
   const Random random(9, 0, random_stage("test/box"));
+  std::size_t beyond_three = 0;
+  double largest_square = 0;
   for (std::uint64_t i = 0; i < 3000; ++i) {
     const Sample s = sample(i);
     const auto f = detail::footprint_of(axes_of<F>(s), 0.3f);
@@ -225,5 +232,13 @@ TEST_CASE("raster/footprint: the box holds every pixel centre that can reach alp
     CHECK(touched_y <= y);
     CHECK(x <= touched_x * 1.001 + 0.02);
     CHECK(y <= touched_y * 1.001 + 0.02);
+    // Negative controls: three standard deviations, and the square of the larger eigenvalue with the published floor under the root.
+    const double a = static_cast<double>(f.variance_x.native), c = static_cast<double>(f.variance_y.native);
+    beyond_three += touched_x > 3 * std::sqrt(a) ? 1 : 0;
+    const double middle = (a + c) / 2, determinant = static_cast<double>(f.determinant.native);
+    const double radius2 = 9 * (middle + std::sqrt(std::max(0.1, middle * middle - determinant)));
+    largest_square = std::max(largest_square, radius2 / (x * y));
   }
+  CHECK(beyond_three > 100);
+  CHECK(largest_square > 10);
 }

@@ -98,7 +98,13 @@ TEST_CASE("raster/project: what is not in front of the near plane is culled, NaN
     CHECK(same_splats(got, expected));
     CHECK(got.splats.visible[0] == 0);
     CHECK(got.splats.place[0] == ProjectedSplats<float>::nowhere);
+    // Negative control (TB10): splat i is not row i once a row is culled.
+    std::size_t same = 0;
+    for (std::size_t i = 0; i < got.splats.count; ++i) same += got.splats.source[i] == i ? 1 : 0;
+    CHECK(2 * same < got.splats.count);
   }
+  // Negative control (PR1): asked the other way round, a NaN is in front.
+  CHECK_FALSE(std::nanf("") <= ProjectionSettings<float>{}.near_plane);
 }
 
 TEST_CASE_TEMPLATE("raster/project: giants stay finite and are not culled (PR2)", T, float, double) {
@@ -111,6 +117,10 @@ TEST_CASE_TEMPLATE("raster/project: giants stay finite and are not culled (PR2)"
       CHECK(got.splats.splats[0].minor > 0);
     }
   }
+  // Negative control: the determinant as a product of variances.
+  const float variance = std::exp(2 * 40.0f) * (64.0f / 3) * (64.0f / 3);
+  CHECK(std::isfinite(variance));
+  CHECK_FALSE(std::isfinite(variance * variance - 0.0f));
 }
 
 TEST_CASE("raster/project: a crop with a shifted principal point sees the same splats (PR4)") {
@@ -130,6 +140,60 @@ TEST_CASE("raster/project: a crop with a shifted principal point sees the same s
     CHECK(std::abs(a.slope - b.slope) <= 2e-6f);
     CHECK(std::abs(a.major - b.major) <= 2e-6f * b.major);
   }
+}
+
+namespace {
+
+/// Variance along x, covariance, variance along y: back from the conditional form.
+std::array<double, 3> covariance_of(const Splat<double>& s) {
+  const double pivot = 1 / (2 * s.minor), determinant = pivot / (2 * s.major), b = s.slope * pivot;
+  const double other = (determinant + b * b) / pivot;
+  return s.pivot_x != 0 ? std::array<double, 3>{pivot, b, other} : std::array<double, 3>{other, b, pivot};
+}
+
+}  // namespace
+
+TEST_CASE(
+    "raster/project: a camera that is rolled by a quarter turn sees turned ellipses, unless one axis is clamped "
+    "(PR5)") {
+  RasterScene<double> scene = raster_scene<double>(12, 400, 160, 90);
+  scene.camera.cx = 80;
+  scene.camera.cy = 45;
+  scene.camera.fy = scene.camera.fx;
+  const detail::PinholeView<double> view(scene.camera);
+  const Random random(12, 0, random_stage("test/roll"));
+  const GaussianColumns<double> g = scene.gaussians.columns();
+  for (std::size_t i = 0; i < 400; ++i) {
+    g.mean[0][i] = 2 * static_cast<double>(random.centered(2 * i)) * view.x_high * g.mean[2][i];
+    g.mean[1][i] = 2 * static_cast<double>(random.centered(2 * i + 1)) * view.y_high * g.mean[2][i];
+    for (std::size_t k = 0; k < 3; ++k) g.scale[k][i] *= 20;  // large enough to reach into either image
+  }
+  const auto upright = run<accuracy::spec, 1>(scene);
+  scene.camera.rotation_camera_world = {0, -1, 0, 1, 0, 0, 0, 0, 1};  // x is now -y, and y is x
+  const auto rolled = run<accuracy::spec, 1>(scene);
+  std::size_t free = 0, clamped = 0;
+  double worst = 0, least_turned = 1;
+  for (std::size_t i = 0; i < 400; ++i) {
+    if (upright.splats.visible[i] == 0 || rolled.splats.visible[i] == 0) continue;
+    const auto place = [i](const auto& run) { return run.splats.place[i] & ~ProjectedSplats<double>::pivot_bit; };
+    const auto a = covariance_of(upright.splats.splats[place(upright)]);
+    const auto b = covariance_of(rolled.splats.splats[place(rolled)]);
+    const double error =
+        std::max({std::abs(b[0] - a[2]), std::abs(b[1] + a[1]), std::abs(b[2] - a[0])}) / (a[0] + a[2]);
+    const double sideways = std::abs(g.mean[0][i] / g.mean[2][i]) / view.y_high;  // rolled, it is the other axis' limit
+    if (sideways < 1) {
+      ++free;
+      worst = std::max(worst, error);
+    } else if (sideways > 1.2) {
+      ++clamped;
+      least_turned = std::min(least_turned, error);
+    }
+  }
+  MESSAGE(free, " free, largest error ", worst, "; ", clamped, " clamped, least error ", least_turned);
+  CHECK(free > 100);
+  CHECK(worst < 1e-10);
+  CHECK(clamped > 20);
+  CHECK(least_turned > 1e-3);  // negative control, and the limit of the published clamp: beyond the widened image
 }
 
 TEST_CASE("raster/project: camera and scene moved together by 1e5 give the same picture (PR7)") {
@@ -235,6 +299,9 @@ TEST_CASE("raster/project: a non-finite colour is black, a huge one is clamped, 
   CHECK(got.report.scrubbed == 1);
   CHECK(got.splats.splats[0].red == 0);
   CHECK(got.splats.splats[0].green == 100);
+  // Negative control: blended as it is, with a weight of 0.
+  const float weight = 0, pixel = 0.5f + weight * g.color[0][0];
+  CHECK(std::isnan(pixel));
 }
 
 TEST_CASE("raster/project: opacities at and above the cut-off survive, those below do not (TB8, TB9)") {
@@ -244,6 +311,10 @@ TEST_CASE("raster/project: opacities at and above the cut-off survive, those bel
        {0.0f, -0.0f, -0.5f, std::nextafter(cut, 0.0f), std::nanf(""), std::numeric_limits<float>::denorm_min()}) {
     CHECK(visible(opacity) == 0);
   }
+  // Negative controls: the extent of an opacity below the cut-off is no number (TB8), and other ways to ask for "above 0" let through what is not (TB9).
+  CHECK(std::isnan(std::sqrt(2 * std::log(255 * std::nextafter(cut, 0.0f)))));
+  for (const float opacity : {0.0f, -0.0f}) CHECK(opacity >= 0);
+  CHECK_FALSE(std::nanf("") < 0);
   for (const float opacity : {cut, std::nextafter(cut, 1.0f), 0.5f, 1.0f}) CHECK(visible(opacity) == 1);
   CHECK(run<accuracy::inria>(single(3.0f, 0.1f, 0.5f * cut)).splats.count ==
         1);  // the published rule does not look at the opacity

@@ -163,6 +163,24 @@ TEST_CASE("raster/project_backward: gradient law in double, one lane and eight (
   CHECK_MESSAGE(eight.empty(), eight);
 }
 
+TEST_CASE("raster/project_backward: the derivative by the covariance is that of both entries off the diagonal (CV4)") {
+  // sigma = (c x^2 + a y^2 - 2 b x y) / (2 (a c - b^2)); the axes have the covariance [a b; b c].
+  const double a = 7, b = 2.5, c = 3, x = 1.3, y = -0.8, step = 1e-6;
+  const auto sigma = [&](double off) { return (c * x * x + a * y * y - 2 * off * x * y) / (2 * (a * c - off * off)); };
+  std::array<Pack<double, 1>, 6> axes;
+  for (auto& value : axes) value = Pack<double, 1>(0.0);
+  axes[0] = Pack<double, 1>(std::sqrt(a));
+  axes[3] = Pack<double, 1>(b / std::sqrt(a));
+  axes[4] = Pack<double, 1>(std::sqrt(c - b * b / a));
+  const auto f = detail::footprint_of(axes, 0.0);
+  REQUIRE(f.pivot_x.native);  // x is the wider axis
+  const double w = y - f.slope.native * x;
+  const double v_y = 2 * f.major.native * w, v_x = 2 * f.minor.native * x - f.slope.native * v_y;
+  const double slope = (sigma(b + step) - sigma(b - step)) / (2 * step);
+  CHECK(-v_x * v_y == doctest::Approx(slope).epsilon(1e-8));
+  CHECK(std::abs(-0.5 * v_x * v_y / slope - 1) > 0.4);  // negative control: one entry's share, taken for the whole
+}
+
 TEST_CASE("raster/project_backward: the clamp of the Jacobian is differentiated, on both sides of the limit (PR3)") {
   for (const double times : {0.5, 0.999, 1.001, 2.0}) {
     for (const double side : {-1.0, 1.0}) {

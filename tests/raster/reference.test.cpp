@@ -68,6 +68,9 @@ TEST_CASE(
       CHECK(at(even, a, 0, x, y) == doctest::Approx(at(even, a, 0, 31 - x, y)).epsilon(2.4e-7));
     }
   }
+  even.camera.cx = 15.5f;  // negative control: centres at whole numbers
+  const auto shifted = render(ReferenceRasterizer<float>{}, even).image;
+  CHECK(std::abs(at(even, shifted, 0, 16, 15) - at(even, shifted, 0, 16, 16)) > 1e-3f);
   const RasterScene<float> odd = stack<float>(1, 0.7f, 33, 33);
   const auto rendered = render(ReferenceRasterizer<float>{}, odd);
   const auto b = rendered.context.alpha.span();
@@ -121,6 +124,10 @@ TEST_CASE("raster/reference: alpha of exactly one is finite, and nothing behind 
   const auto exact = render(ReferenceRasterizer<float, accuracy::exact>{}, one_pixel_stack<float>(4, 1.0f));
   CHECK(std::isfinite(exact.gradient.columns().opacity[0]));
   for (std::size_t i = 1; i < 4; ++i) CHECK(exact.gradient.columns().opacity[i] == 0);
+  // Negative control: the transmittance in front as what is left, divided by 1 - alpha.
+  const float alpha = 1, left = 1 - alpha, nearly = 1 - 6e-8f;
+  CHECK(std::isnan(left / (1 - alpha)));
+  CHECK(1 / (1 - nearly) > 1e7f);
 }
 
 TEST_CASE("raster/reference: weights and transmittance sum to one through 2300 layers (BF2)") {
@@ -132,11 +139,40 @@ TEST_CASE("raster/reference: weights and transmittance sum to one through 2300 l
     }
     CHECK(std::abs(render(ReferenceRasterizer<float>{}, scene).image[0] - 1) <= 4e-7f * std::sqrt(2300.0f));
   }
+  // What is left of a white background behind black fog, alone: no weight makes up for it.
+  RasterScene<float> fog = one_pixel_stack<float>(2300, 0.001f);
+  fog.background = {1, 1, 1};
+  for (std::size_t c = 0; c < 3; ++c) std::fill_n(fog.gaussians.columns().color[c], 2300, 0.0f);
+  const double exact = std::pow(1 - static_cast<double>(0.001f), 2300);
+  const float got = render(ReferenceRasterizer<float, testing::nearly_opaque>{}, fog).image[0];
+  float naive = 1;
+  for (int i = 0; i < 2300; ++i) naive *= 1 - 0.001f;
+  const double error = std::abs(static_cast<double>(got) / exact - 1),
+               naive_error = std::abs(static_cast<double>(naive) / exact - 1);
+  MESSAGE("error of the transmittance: ", error, ", by 1 - alpha: ", naive_error);
+  CHECK(error < 4e-6);
+  CHECK(naive_error > 1e-5);  // negative control
 }
 
 TEST_CASE(
     "raster/reference: gradient law of the whole rasterizer in double, alpha and depth planes included (R2, BF4)") {
   testing::check_gradient_law<ReferenceRasterizer<double, testing::smooth>>();
+}
+
+TEST_CASE("raster/reference: at the cut-off differences see a step, and with the ramp the slope (BF4)") {
+  const auto slopes = [](const auto& rasterizer) {
+    const double middle = 1.0 / 255 + 1e-7, step = 1e-6;
+    const auto value = [&](double opacity) {
+      const std::vector<double> image = render(rasterizer, one_pixel_stack<double>(1, opacity)).image;
+      return image[0] + image[1] + image[2];
+    };
+    const double analytic = render(rasterizer, one_pixel_stack<double>(1, middle)).gradient.columns().opacity[0];
+    return std::pair{(value(middle + step) - value(middle - step)) / (2 * step), analytic};
+  };
+  const auto [difference, slope] = slopes(ReferenceRasterizer<double, testing::smooth>{});
+  CHECK(std::abs(difference / slope - 1) < 1e-5);
+  const auto [step_difference, step_slope] = slopes(ReferenceRasterizer<double>{});
+  CHECK(std::abs(step_difference / step_slope) > 100);  // negative control
 }
 
 TEST_CASE("raster/reference: the laws of the concept (R3-R6), in float, double and under the published rules") {

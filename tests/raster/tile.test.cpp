@@ -144,6 +144,55 @@ TEST_CASE("raster/tile: alpha of exactly one is finite and hides what is behind 
     for (std::size_t i = 3; i < 30; ++i) CHECK(column[i] == 0);
   }
   CHECK(stopped.columns().color[0][2] > 0);
+  // Negative control: what does not stop has gradients behind the third.
+  CHECK(gradient_of(TileRasterizer<float, nearly_opaque>{}, opaque).columns().color[0][3] > 0);
+}
+
+TEST_CASE("raster/tile: fifty thousand Gaussians that nobody sees change no bit (BF8)") {
+  constexpr std::size_t hidden = 50000, seen = 300;
+  const RasterScene<float> scene = raster_scene<float>(9, seen, 83, 61);
+  std::vector<std::size_t> order(hidden, 0);
+  for (std::size_t i = 0; i < seen; ++i) order.push_back(i);
+  RasterScene<float> more = testing::reordered(scene, order);
+  const GaussianColumns<float> g = more.gaussians.columns();
+  for (std::size_t i = 0; i < hidden; ++i) {
+    if (i % 4 == 0) g.mean[2][i] = -1;
+    if (i % 4 == 1) g.opacity[i] = -0.1f;
+    if (i % 4 == 2) g.mean[0][i] = 1e4f;
+    if (i % 4 == 3) g.mean[1][i] = std::nanf("");
+  }
+  CHECK(image_of(TileRasterizer<float>{}, more) == image_of(TileRasterizer<float>{}, scene));
+  const auto with = gradient_of(TileRasterizer<float>{}, more), without = gradient_of(TileRasterizer<float>{}, scene);
+  const auto a = testing::all_columns(with.columns()), b = testing::all_columns(without.columns());
+  for (std::size_t c = 0; c < 14; ++c) {
+    CHECK(std::all_of(a[c], a[c] + hidden, [](float d) { return d == 0; }));
+    CHECK(std::equal(b[c], b[c] + seen, a[c] + hidden));
+  }
+  g.mean[2][0] = scene.gaussians.columns().mean[2][0];  // negative control: one of them in front of the camera
+  CHECK(image_of(TileRasterizer<float>{}, more) != image_of(TileRasterizer<float>{}, scene));
+}
+
+TEST_CASE(
+    "raster/tile: the gradient of a splat of a million pixels keeps the digits that one running sum loses (BB3)") {
+  RasterScene<float> sky = stack<float>(1, 0.5f, 1025, 1025);
+  for (std::size_t k = 0; k < 3; ++k) {
+    sky.gaussians.columns().scale[k][0] = 8;  // 400 pixels
+    sky.gaussians.columns().color[k][0] = 1;
+    sky.background[k] = 0;
+  }
+  // White on black, the picture is the weights, and the colour's gradient for a gradient of ones is their sum.
+  const std::vector<float> image = image_of(TileRasterizer<float>{}, sky);
+  double exact = 0;
+  float running = 0;
+  for (std::size_t i = 0; i < image.size() / 3; ++i) {
+    exact += static_cast<double>(image[i]);
+    running += image[i];
+  }
+  const double got = static_cast<double>(gradient_of(TileRasterizer<float>{}, sky).columns().color[0][0]);
+  MESSAGE("error of the sum: ", std::abs(got / exact - 1),
+          ", of a running one: ", std::abs(static_cast<double>(running) / exact - 1));
+  CHECK(std::abs(got / exact - 1) < 1e-6);
+  CHECK(std::abs(static_cast<double>(running) / exact - 1) > 1e-5);  // negative control
 }
 
 TEST_CASE("raster/tile: an opaque wall leaves at most the threshold; the published stop leaks (BF1)") {

@@ -15,6 +15,7 @@
 #include <limits>
 
 #include "compmark/core/executor.hpp"
+#include "compmark/core/random.hpp"
 #include "compmark/raster/footprint.hpp"
 #include "compmark/raster/project.hpp"
 #include "compmark/testing/raster_scene.hpp"
@@ -86,6 +87,28 @@ TEST_CASE_TEMPLATE("raster/tile_hits: splats as lanes reach the tiles that they 
     CHECK(d.wrong <= 1);      // measured: 0 of some 4,000 tiles
     CHECK(compare<typename P::Scalar, P::width, 48>(seed, 500, 330).boxes == 0);
   }
+}
+
+TEST_CASE(
+    "raster/tile_hits: negative control, where an ellipse touches a line the root of what is left is often no number "
+    "(TB3)") {
+  const Random random(4, 0, random_stage("test/touch"));
+  std::size_t no_number = 0, reached = 0;
+  for (std::size_t i = 0; i < 1000; ++i) {
+    // A round splat above a tile whose uppermost pixel centres are as far below it as its edge, to the bit.
+    const auto draw = [&](std::size_t k) { return static_cast<float>(random.uniform(3 * i + k)); };
+    const float minor = 0.01f + draw(0), sigma_max = 0.1f + 5 * draw(1), reach = std::sqrt(sigma_max / minor);
+    const float v = 32.5f - reach, distance = 32.5f - v;
+    no_number += std::isnan(std::sqrt(sigma_max - minor * distance * distance)) ? 1 : 0;
+    Splat<float> splat{};
+    splat.u = 8;
+    splat.v = v;
+    splat.major = splat.minor = minor;
+    splat.sigma_max = sigma_max;
+    reached += detail::tiles_hit<16, float, 1>(splat, 0, 2, 1, 64, 64) & 1u;
+  }
+  CHECK(no_number > 100);
+  CHECK(reached == 1000);
 }
 
 TEST_CASE("raster/tile_hits: NaN and infinite extents give a box inside the image (TB1)") {
