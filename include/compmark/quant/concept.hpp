@@ -2,8 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Concepts of the quant room, two faces of one step: a Quantizer rounds, a DistortionLayer adds the noise that stands in for rounding
-// while training. The stages themselves come with the watermark and codec rooms; here are the door and the absent types, so that
-// every recipe already names them.
+// while training. Here are the concepts and the absent types, so that every recipe names them.
 #pragma once
 
 #include "compmark/core/absent.hpp"
