@@ -212,10 +212,12 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   const bool own_twin = options.mark.twin.empty();
   if (own_twin) options.mark.twin = options.model;
   settings.mark = posthoc_mark();
-  settings.mark.residual_rate = fitted ? 0.006 : 0.001;  // what each was measured with (docs/watermark_experiments.md)
+  // what each was measured with (docs/notebook/watermark_experiments.md)
+  settings.mark.residual_rate = fitted ? 0.006 : 0.001;
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
-  // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other views (docs/watermark_experiments.md).
+  // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other
+  // views (docs/notebook/watermark_experiments.md).
   if (coded && !options.mark.fidelity) settings.mark.fidelity = fitted ? 2000 : 600;
   // What the mark does to ancestors is not to make the steps of their descendants finer (pipeline/held_steps.hpp).
   if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != "none" && !options.mark.hold_steps)

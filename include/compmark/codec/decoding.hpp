@@ -29,8 +29,8 @@ namespace compmark {
 
 struct CodecDecodeSettings {
   bool salvage = false;  ///< leave out the anchors of damaged chunks instead of refusing the file
-  /// Of a ContextGS file that ends too early decode the levels that are whole, at least the first: a preview (docs/compression.md). A HAC file has
-  /// one level and must have all its chunks.
+  /// Of a ContextGS file that ends too early decode the levels that are whole, at least the first: a preview
+  /// (docs/notebook/compression_experiments.md). A HAC file has one level and must have all its chunks.
   bool partial = false;
   std::uint64_t memory_limit = std::uint64_t{1} << 34;  ///< bytes of the decoded arrays
   const GaussianTables* tables = nullptr;               ///< made anew if there are none, 1 ms

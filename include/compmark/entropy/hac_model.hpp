@@ -57,9 +57,9 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
   struct Settings : AnchorRateSettings {
     double sample = 0.05;    ///< share of the anchors whose rate is counted in an iteration
     bool sample_all = true;  ///< of all anchors, else of the visible ones
-    /// Share of the light anchors that teach their steps in an iteration, at 1 / share the weight. Published: 1. With a third of them an
-    /// iteration takes 1.43 to 1.48 plain ones, 1.37 to 1.42 at 100,000 anchors, for 0.2 and 0.8 % of the bytes of two short runs; the
-    /// quality is the same (docs/compression.md).
+    /// Share of the light anchors that teach their steps in an iteration, at 1 / share the weight. Published: 1. With a
+    /// third of them an iteration takes 1.43 to 1.48 plain ones, 1.37 to 1.42 at 100,000 anchors, for 0.2 and 0.8 % of
+    /// the bytes of two short runs; the quality is the same (docs/notebook/compression_experiments.md).
     double step_share = 1.0 / 3;
   };
 

@@ -9,10 +9,11 @@
 // of convolutions lack that, which is why this decoder reads more at 38 dB, for 0.1 % of their cost (docs/decoder_training.md).
 // With a limit a region R of the image that says more than that counts less: its sums over the waves, s_R, and its gates, g_R, by
 //   c_R = min(1, limit / |t_R|),   t_R = (head s_R + bias g_R) / (sum_i w_i + floor N),     p = sum_R c_R s_R / (sum_R c_R g_R + floor N),
-// Huber's weight of an M-estimator of the mean (Annals of Mathematical Statistics 35, 1964), one step from all weights 1. What shows as it never did
-// where the head was fitted, a glare in a corner, is loud and local, the message quiet and everywhere (docs/watermark_experiments.md). It is a weighted mean: where
-// every region is loud none is held back. What the host prediction subtracts is no part of t.
-// Cost: (3 octaves + 22) features operations a position, a position for every stride^2 pixels; the gradient twice that. A limit: regions x bits x features more, an image.
+// Huber's weight of an M-estimator of the mean (Annals of Mathematical Statistics 35, 1964), one step from all weights
+// 1. What shows as it never did where the head was fitted, a glare in a corner, is loud and local, the message quiet
+// and everywhere (docs/notebook/watermark_experiments.md). It is a weighted mean: where every region is loud none is
+// held back. What the host prediction subtracts is no part of t. Cost: (3 octaves + 22) features operations a position,
+// a position for every stride^2 pixels; the gradient twice that. A limit: regions x bits x features more, an image.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The light in which an image is seen: every channel times a gain, plus an offset. A capture has one for each photograph (exposure, white balance), an
-// editor adds another, and a surface that shines has its own from every side. A decoder that was fitted to renders of one host alone has never seen
-// another light, and hears 2 % of it louder than a message (docs/watermark_experiments.md). Cost: a multiplication, an addition and two comparisons a value.
+// The light in which an image is seen: every channel times a gain, plus an offset. A capture has one for each
+// photograph (exposure, white balance), an editor adds another, and a surface that shines has its own from every side.
+// A decoder that was fitted to renders of one host alone has never seen another light, and hears 2 % of it louder than
+// a message (docs/notebook/watermark_experiments.md). Cost: a multiplication, an addition and two comparisons a value.
 #pragma once
 
 #include <algorithm>

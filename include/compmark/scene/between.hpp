@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Views that nobody took: cameras between two neighbouring training cameras. What needs no photograph, such as reading a message, can be
-// asked of them, and then holds between the photographs too (docs/watermark_experiments.md). Position and axes are interpolated, the latter along the
-// shorter arc; the intrinsics are those of the first camera. Cost: O(views) for a choice and for a distance; O(views^2) once for their room.
+// Views that nobody took: cameras between two neighbouring training cameras. What needs no photograph, such as reading
+// a message, can be asked of them, and then holds between the photographs too (docs/notebook/watermark_experiments.md).
+// Position and axes are interpolated, the latter along the shorter arc; the intrinsics are those of the first camera.
+// Cost: O(views) for a choice and for a distance; O(views^2) once for their room.
 #pragma once
 
 #include <algorithm>
@@ -92,9 +93,11 @@ template <class Cameras>
   return found == 0 ? view : index[random.below(draw, found)];
 }
 
-/// How much room every view has: the square of its distance to the third nearest other one, which is as an area where views stand on a surface; not below
-/// a quarter of the median nor above sixteen of them, so that no view is left out and none takes over. Views that are drawn in proportion to it cover
-/// the gaps of a capture, where what a scene says is known least; four medians at most left them thin, sixty-four took from the rest (docs/watermark_experiments.md).
+/// How much room every view has: the square of its distance to the third nearest other one, which is as an area where
+/// views stand on a surface; not below a quarter of the median nor above sixteen of them, so that no view is left out
+/// and none takes over. Views that are drawn in proportion to it cover the gaps of a capture, where what a scene says
+/// is known least; four medians at most left them thin, sixty-four took from the rest
+/// (docs/notebook/watermark_experiments.md).
 class ViewRoom {
  public:
   ViewRoom() = default;
@@ -149,8 +152,9 @@ class ViewRoom {
   std::vector<double> summed_;  ///< of the views up to each
 };
 
-/// How far a camera stands from the photographs: the distance to the nearest training view that looks the same way within 60 degrees, in medians of that
-/// distance between the training views. A trained scene is the wronger the farther from its photographs it is looked at (docs/watermark_experiments.md).
+/// How far a camera stands from the photographs: the distance to the nearest training view that looks the same way
+/// within 60 degrees, in medians of that distance between the training views. A trained scene is the wronger the
+/// farther from its photographs it is looked at (docs/notebook/watermark_experiments.md).
 class PhotographDistance {
  public:
   PhotographDistance() = default;
@@ -220,10 +224,11 @@ template <class AnyCamera>
   return camera;
 }
 
-/// A camera drawn near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and zoomed by up to a fifth either way, so
-/// that what is learned from such views holds for more than the places where somebody stood. With a `reach` above 1 the triangle is stretched away
-/// from `view`: past the neighbours, where at the rim of a capture nobody stood on the other side. The distance from `view` is uniform, not the place
-/// in the triangle, where a view that stands by itself would hardly ever be drawn from near by (docs/watermark_experiments.md).
+/// A camera drawn near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and zoomed by
+/// up to a fifth either way, so that what is learned from such views holds for more than the places where somebody
+/// stood. With a `reach` above 1 the triangle is stretched away from `view`: past the neighbours, where at the rim of a
+/// capture nobody stood on the other side. The distance from `view` is uniform, not the place in the triangle, where a
+/// view that stands by itself would hardly ever be drawn from near by (docs/notebook/watermark_experiments.md).
 template <class Cameras>
 [[nodiscard]] auto drawn_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
                                 double reach = 1) {
