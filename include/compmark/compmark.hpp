@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Everything but the testing kit and the executors and adaptors that need another library. For examples and quick starts: a program that cares about
-// its compile time includes the headers it uses. Longer than 300 lines: one line a header.
+// Everything but the testing kit and the executors and adaptors that need another library. For examples and quick
+// starts: a program that cares about its compile time includes the headers it uses. Longer than 300 lines: one line a
+// header.
 #pragma once
 
 #include "compmark/core/absent.hpp"

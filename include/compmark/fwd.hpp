@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Forward declarations, for headers of embedding programs that only name our types. Templates with default arguments or constraints are
-// not here: they are declared once, in their own headers.
+// Forward declarations, for headers of embedding programs that only name our types. Templates with default arguments or
+// constraints are not here: they are declared once, in their own headers.
 #pragma once
 
 #include <cstddef>

@@ -4,7 +4,7 @@
 // Appearance embedding: one trained vector e a training view, which the colour head sees after its other inputs
 // (docs/spec/method.md, 1.3). It is the same for all anchors of a view, so that its part of the first layer is a bias:
 // b' = b + W_e e. Nothing happens per anchor:
-//   forward   b' = b + W_e e                                     backward   dW_e += db' e^T,  de += W_e^T db',  db += db'
+//   forward   b' = b + W_e e        backward   dW_e += db' e^T,  de += W_e^T db',  db += db'
 // Cost: 2 D A operations a view. A view that was not trained looks like the mean of those that were (the published code
 // takes the last one).
 #pragma once

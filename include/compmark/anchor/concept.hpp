@@ -1,16 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the anchor room: AnchorColumns is the table every policy reads; GaussianDecoder turns visible anchors into Gaussians;
-// DensityControl decides which anchors are born and die.
+// Concepts of the anchor room: AnchorColumns is the table every policy reads; GaussianDecoder turns visible anchors
+// into Gaussians; DensityControl decides which anchors are born and die.
 //
-//   AnchorColumns        position [N, 3], offset [N, 3 K] (K triples x y z), scaling [N, 6] (log), feature [N, D]; N rows are anchors
-//   d.forward(…)         reads rows `visible` of the table, fills a GaussianBatch with the Gaussians whose opacity is positive, in the order
-//                        (block of 16 visible anchors, offset k, anchor); fills Context                                            O(n K D)
-//   d.backward(…)        ADDS into the gradient columns (rows `visible` only) and into the networks' gradients
+//   AnchorColumns  position [N, 3], offset [N, 3 K] (K triples x y z), scaling [N, 6] (log), feature [N, D]; N rows are
+//                  anchors
+//   d.forward(…)   reads rows `visible` of the table, fills a GaussianBatch with the Gaussians whose opacity is
+//                  positive, in the order (block of 16 visible anchors, offset k, anchor); fills Context  O(n K D)
+//   d.backward(…)  ADDS into the gradient columns (rows `visible` only) and into the networks' gradients
 //
-// Laws: A1 gradient law in double; A2 an anchor that is not in `visible` gets exactly zero gradient; A3 same bits at any thread count;
-// A4 the count of Gaussians equals the count of positive opacities; A5 keep and append move all columns and moments in step.
+// Laws: A1 gradient law in double; A2 an anchor that is not in `visible` gets exactly zero gradient; A3 same bits at
+// any thread count; A4 the count of Gaussians equals the count of positive opacities; A5 keep and append move all
+// columns and moments in step.
 #pragma once
 
 #include <cstddef>
@@ -28,7 +30,8 @@ struct AnchorColumns {
   MatrixView<T> position;  // [N, 3]     world units
   MatrixView<T> offset;    // [N, 3 K]   in units of exp(scaling[0:3]); component (k, axis) is column 3 k + axis
   MatrixView<T>
-      scaling;  // [N, 6]     log; first three: extent of the offsets and of the prefilter ellipsoid; last three: base scale
+      // [N, 6] log; first three: extent of the offsets and of the prefilter ellipsoid; last three: base scale
+      scaling;
   MatrixView<T> feature;  // [N, D]
 
   [[nodiscard]] std::size_t rows() const { return position.rows; }

@@ -52,7 +52,8 @@ struct ContractedSpace {
   [[nodiscard]] bool cell_of(const T* position, double size, Cell& cell) const {
     return compmark::cell_of(contract(position).data(), size, cell);
   }
-  /// A cell on the rim of contracted space, whose centre is no point of the world, is given a place half a cell inwards.
+  /// A cell on the rim of contracted space, whose centre is no point of the world, is given a place half a cell
+  /// inwards.
   [[nodiscard]] std::array<double, 3> center(const Cell& cell, double size) const {
     return expand(EuclideanSpace::center(cell, size), rim(size));
   }

@@ -3,16 +3,20 @@
 //
 // Concept DensityControl: which anchors are born and which die.
 //
-//   expression                                                     meaning                                                           cost
-//   typename D::Scalar, D::Settings, D::State                      number type, run-time numbers, statistics (go to checkpoints)
-//   d.prepare(anchors, state)                                      statistics of that many anchors, all zero                         O(N K)
-//   d.observe(decoded, gaussian_visible, gradient_norm, state, e)  adds the statistics of one rendered view                          O(P)
-//   d.adapt(arena, handles, state, context, on_edit)               edits the rows of the arena; after each edit calls                O(N K)
-//                                                                  on_edit(edit, old_layout), so that moments follow; GrowthReport
+//   expression                                            meaning                                                cost
+//   typename D::Scalar, D::Settings, D::State             number type, run-time numbers, statistics (go to
+//                                                         checkpoints)
+//   d.prepare(anchors, state)                             statistics of that many anchors, all zero              O(N K)
+//   d.observe(decoded, gaussian_visible, gradient_norm,   adds the statistics of one rendered view               O(P)
+//   state, e)
+//   d.adapt(arena, handles, state, context, on_edit)      edits the rows of the arena; after each edit calls     O(N K)
+//                                                         on_edit(edit, old_layout), so that moments follow;
+//                                                         GrowthReport
 //
-// Laws: D1 kept rows keep every bit of their values, but for clamps the policy states; D2 the arena, the statistics and whatever follows
-// on_edit have the same rows afterwards; D3 a fixed number of anchors is never exceeded and the last one never removed; D4 adapt is a
-// function of its arguments: same bits at any thread count, order of new rows included; D5 no Gaussian beyond the reach gives birth.
+// Laws: D1 kept rows keep every bit of their values, but for clamps the policy states; D2 the arena, the statistics and
+// whatever follows on_edit have the same rows afterwards; D3 a fixed number of anchors is never exceeded and the last
+// one never removed; D4 adapt is a function of its arguments: same bits at any thread count, order of new rows
+// included; D5 no Gaussian beyond the reach gives birth.
 #pragma once
 
 #include <concepts>
@@ -42,7 +46,8 @@ struct AdaptContext {
       std::numeric_limits<double>::infinity();  ///< Gaussians farther from its centre give no birth, world units
 };
 
-/// The same for a scene whose cells are not cubes of the world (anchor/space.hpp). A policy that knows of no space takes the base.
+/// The same for a scene whose cells are not cubes of the world (anchor/space.hpp). A policy that knows of no space
+/// takes the base.
 template <class S>
 struct SpaceAdaptContext : AdaptContext {
   [[no_unique_address]] S space;

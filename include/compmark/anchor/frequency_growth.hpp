@@ -36,10 +36,12 @@ class FrequencyGrowth {
   struct Settings : Base::Settings {
     WindowSettings window;
     FrequencyBandSettings band;
-    /// Whether the iteration lies in the window, which is 10000 <= t < 15000 of 30000: closed_window(10000, 15000, iterations).
+    /// Whether the iteration lies in the window, which is 10000 <= t < 15000 of 30000: closed_window(10000, 15000,
+    /// iterations).
     bool in_window = false;
   };
-  /// What the base keeps; `last` and the selection's scratch have no meaning between two iterations and go to no checkpoint.
+  /// What the base keeps; `last` and the selection's scratch have no meaning between two iterations and go to no
+  /// checkpoint.
   struct State : Base::State {
     typename FrequencySelector<T>::Context selection;
     FrequencySelection last;  ///< of the last observed view
@@ -57,8 +59,8 @@ class FrequencyGrowth {
                std::span<const T> gradient_norm, State& state, E& executor) const {
     base().observe(decoded, gaussian_visible, gradient_norm, state, executor);
   }
-  /// A view of image_height x image_width with its error map; mean(i) is the {u, v} of a visible Gaussian i (see FrequencySelector).
-  /// Outside the window the map is not looked at.
+  /// A view of image_height x image_width with its error map; mean(i) is the {u, v} of a visible Gaussian i (see
+  /// FrequencySelector). Outside the window the map is not looked at.
   template <class Mean, Executor E>
   void observe(const DecodedStatistics<T>& decoded, std::span<const std::uint8_t> gaussian_visible,
                std::span<const T> gradient_norm, ImageView<const T> error, int image_height, int image_width,

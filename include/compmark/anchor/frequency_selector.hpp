@@ -65,8 +65,8 @@ class FrequencySelector {
   FrequencySelector() = default;
   explicit FrequencySelector(const Settings& chosen) : settings(chosen) {}
 
-  /// Fills context.selected. `error` is [1, h, w]; `visible` has one entry a Gaussian; mean(i) is the {u, v} of a visible Gaussian i in pixels of
-  /// the rendered image, whose pixel (0, 0) covers [0, 1) x [0, 1).
+  /// Fills context.selected. `error` is [1, h, w]; `visible` has one entry a Gaussian; mean(i) is the {u, v} of a
+  /// visible Gaussian i in pixels of the rendered image, whose pixel (0, 0) covers [0, 1) x [0, 1).
   template <class Mean, Executor E>
   FrequencySelection select(ImageView<const T> error, int image_height, int image_width,
                             std::span<const std::uint8_t> visible, const Mean& mean, Context& context,

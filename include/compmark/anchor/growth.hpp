@@ -6,8 +6,9 @@
 // fine, with thresholds and keep probabilities rising. Deterministic: random numbers are keyed by (seed, iteration,
 // level, slot), new anchors are ordered by level and then by cell.
 //
-// Growing and pruning are one row edit (the published loop makes one for each level and one more): every decision reads the old rows, as it
-// does there, because pruning judges old anchors only. Cost: a few nanoseconds an anchor and level, once in 100 iterations.
+// Growing and pruning are one row edit (the published loop makes one for each level and one more): every decision reads
+// the old rows, as it does there, because pruning judges old anchors only. Cost: a few nanoseconds an anchor and level,
+// once in 100 iterations.
 #pragma once
 
 #include <algorithm>
@@ -85,7 +86,8 @@ class GradientGrowth {
 
   void prepare(std::size_t anchors, State& state) const { state.statistics.prepare(anchors, offsets()); }
 
-  /// A Gaussian counts where gaussian_visible is not 0; a policy that looks at parts of the image alone passes its own mask.
+  /// A Gaussian counts where gaussian_visible is not 0; a policy that looks at parts of the image alone passes its own
+  /// mask.
   template <Executor E>
   void observe(const DecodedStatistics<T>& decoded, std::span<const std::uint8_t> gaussian_visible,
                std::span<const T> gradient_norm, State& state, E& executor) const {
@@ -214,7 +216,8 @@ class GradientGrowth {
     add_newborn(arena, detail::space_of(context), size, scratch);
   }
 
-  /// Gaussians above the level's threshold that win the draw (keep probability 1/2, 3/4, 7/8, …), and the set of their cells.
+  /// Gaussians above the level's threshold that win the draw (keep probability 1/2, 3/4, 7/8, …), and the set of their
+  /// cells.
   template <class Context>
   void find_candidates(const AnchorColumns<T>& columns, const Context& context, int level, double size, T threshold,
                        typename State::Scratch& scratch, GrowthReport& report) const {

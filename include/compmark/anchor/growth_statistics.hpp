@@ -36,7 +36,8 @@ struct GrowthStatistics {
     for (Buffer<T>* column : {&gradient_sum, &gradient_count}) column->resize(anchor_count * offsets, T{});
   }
 
-  /// Adds one view. `gaussian_visible` and `gradient_norm` have one entry a decoded Gaussian; where visible is 0 the norm is not looked at.
+  /// Adds one view. `gaussian_visible` and `gradient_norm` have one entry a decoded Gaussian; where visible is 0 the
+  /// norm is not looked at.
   template <Executor E>
   void add_view(const DecodedStatistics<T>& decoded, std::span<const std::uint8_t> gaussian_visible,
                 std::span<const T> gradient_norm, E& executor) {

@@ -4,12 +4,16 @@
 // First anchors from a point cloud (docs/spec/method.md, 1.2): one anchor at the centre of every occupied voxel, all
 // six log scales the root mean square distance to the three nearest other anchors. Neighbours are exact (nanoflann).
 // Four deliberate differences from the published code (docs/spec/method.md, 7.17; docs/spec/numerics.md, AN1 to AN4):
-//   automatic voxel size   the square root is taken, so that it is a length (published: a squared length; `auto_voxel_squared` restores it)
-//   AN1, AN3               cells are rounded half to even in double and compared as three integers, so that far cells neither merge nor tear
-//   AN2                    the automatic size never falls below 1e-6 of the cloud's extent: duplicated points give one anchor, not none
-//   AN4                    the squared distance is at least voxel^2 / 10; at the published voxel of 0.001 that is the published 1e-7
-// Of an unbounded scene (ContractedSpace) the voxels are cubes of contracted space; without one, they are as they were, to the bit.
-// Cost: O(n log n); about 1 microsecond a point.
+//   automatic voxel size  the square root is taken, so that it is a length (published: a squared length;
+//                         `auto_voxel_squared` restores it)
+//   AN1, AN3              cells are rounded half to even in double and compared as three integers, so that far cells
+//                         neither merge nor tear
+//   AN2                   the automatic size never falls below 1e-6 of the cloud's extent: duplicated points give one
+//                         anchor, not none
+//   AN4                   the squared distance is at least voxel^2 / 10; at the published voxel of 0.001 that is the
+//                         published 1e-7
+// Of an unbounded scene (ContractedSpace) the voxels are cubes of contracted space; without one, they are as they were,
+// to the bit. Cost: O(n log n); about 1 microsecond a point.
 #pragma once
 
 #include <nanoflann.hpp>
@@ -35,8 +39,8 @@ struct InitialiseSettings {
       0.001;  ///< world units; 0 or less: the median over points of the root mean square distance to 3 neighbours
   bool auto_voxel_squared =
       false;  ///< the published automatic size: the mean squared distance itself, a length only by accident
-  /// World units, in the cells of a stretched space: no scale is greater. A point that stands alone has the distance of the others as its scale, and
-  /// one such Gaussian owns the volume loss.
+  /// World units, in the cells of a stretched space: no scale is greater. A point that stands alone has the distance of
+  /// the others as its scale, and one such Gaussian owns the volume loss.
   double greatest_scale = std::numeric_limits<double>::infinity();
 };
 

@@ -4,7 +4,8 @@
 // MlpDecoder, the GaussianDecoder of Scaffold-GS (docs/spec/method.md, 1.3, 1.5, 1.6): from each visible anchor's
 // feature and view direction three small networks give the opacity, shape and colour of K Gaussians; those with
 // positive opacity are handed to the rasterizer.
-//   mean = x + O exp(S[0:3]),  scale = exp(S[3:6]) sigmoid(u[0:3]),  rotation = u[3:7] / |u[3:7]|,  opacity = tanh(…),  color = sigmoid(…)
+//   mean = x + O exp(S[0:3]),  scale = exp(S[3:6]) sigmoid(u[0:3]),  rotation = u[3:7] / |u[3:7]|,  opacity = tanh(…),
+//     color = sigmoid(…)
 // This file wires the fused kernels (mlp_decoder_forward.hpp, mlp_decoder_backward.hpp); ReferenceDecoder is the same
 // in plain loops.
 // Longer than 300 lines: forward, backward and the packed layout they share are one thing to read.

@@ -256,7 +256,7 @@ struct ForwardKernels {
       put(3 + i, base * logistic[i]);
       put(11 + i, logistic[3 + i]);
     }
-    // Unit quaternion of any finite vector: scaled by its largest component first; identity where there is no direction (case QU1).
+    // Unit quaternion of any finite vector: scaled by its largest component; identity without a direction (case QU1).
     P q[4];
     for (int i = 0; i < 4; ++i) q[i] = P::load(covariance + (3 + i) * L::panel);
     const P largest = max(max(magnitude(q[0]), magnitude(q[1])), max(magnitude(q[2]), magnitude(q[3])));
@@ -273,8 +273,8 @@ struct ForwardKernels {
 
   static COMPMARK_INLINE P magnitude(P x) { return max(x, -x); }
 
-  /// 1 / (1 + exp(-x)) of six packs with one division: every denominator is in [1, 2], their product in [1, 64]. Divisions were a fifth
-  /// of the time of this pass. Relative error 4e-7 in float.
+  /// 1 / (1 + exp(-x)) of six packs with one division: every denominator is in [1, 2], their product in [1, 64].
+  /// Divisions were a fifth of the time of this pass. Relative error 4e-7 in float.
   static COMPMARK_INLINE void sigmoid_of_six(P (&x)[6]) {
     P denominator[6], product_before[6];
     P numerator[6];

@@ -30,8 +30,9 @@ struct DecoderLayout {
   static constexpr int block = 16;
   static constexpr int panel = 64;
   static constexpr int panel_capacity = panel + block;  // one more block may be appended before a panel is worked off
-  /// Gaussians to ask for ahead: 15 columns written and 25 read are more streams than the hardware follows. With the rows of anchors, 20,000
-  /// anchors take 6.8 instead of 7.6 ms both ways (the best of four rounds in turn, two threads).
+  /// Gaussians to ask for ahead: 15 columns written and 25 read are more streams than the hardware follows. With the
+  /// rows of anchors, 20,000 anchors take 6.8 instead of 7.6 ms both ways (the best of four rounds in turn, two
+  /// threads).
   static constexpr std::size_t columns_ahead = 64;
   static constexpr int width = shape.feature_dim;
   static constexpr int offsets = shape.offsets;
@@ -169,7 +170,8 @@ COMPMARK_INLINE void ask_ahead(const T* place, std::size_t ahead) {
                      write ? 1 : 0);  // NOLINT(performance-no-int-to-ptr): never read
 }
 
-/// Asks for the rows of a block of visible anchors, if there is one. They lie anywhere, so that no hardware foresees them.
+/// Asks for the rows of a block of visible anchors, if there is one. They lie anywhere, so that no hardware foresees
+/// them.
 template <bool write, class T>
 COMPMARK_INLINE void ask_for_rows(MatrixView<T> table, std::span<const std::uint32_t> visible, std::size_t block) {
   const std::size_t begin = std::min(block * 16, visible.size()), end = std::min(begin + 16, visible.size());

@@ -25,7 +25,8 @@ namespace compmark {
 template <class T>
 class Newborns {
  public:
-  /// Nobody yet. Rows of `feature` and of the blocks `pooled` will be maxima over parents; other anchor blocks start at zero.
+  /// Nobody yet. Rows of `feature` and of the blocks `pooled` will be maxima over parents; other anchor blocks start at
+  /// zero.
   void clear(const ParameterArena<T>& arena, BlockHandle feature, std::span<const BlockHandle> pooled) {
     anchors_.clear();
     rows_.clear();

@@ -69,7 +69,8 @@ void limit_base_scale(MatrixView<T> scaling, double log_limit) {
   }
 }
 
-/// The same where lengths are stretched: the limit is a length of the cells, so that what is far away may be as large as it looks.
+/// The same where lengths are stretched: the limit is a length of the cells, so that what is far away may be as large
+/// as it looks.
 template <class T, Space S>
 void limit_base_scale(MatrixView<T> scaling, MatrixView<const T> position, const S& space, double log_limit) {
   for (std::size_t a = 0; a < scaling.rows; ++a) {

@@ -1,17 +1,19 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concept Space: in which coordinates the cells are cubes that anchors are put into. EuclideanSpace, the absent type, is the world itself;
-// ContractedSpace (anchor/contracted_space.hpp) lets cells grow with the distance from the cameras.
+// Concept Space: in which coordinates the cells are cubes that anchors are put into. EuclideanSpace, the absent type,
+// is the world itself; ContractedSpace (anchor/contracted_space.hpp) lets cells grow with the distance from the
+// cameras.
 //
-//   expression                         meaning
-//   s.cell_of(position, size, cell)    the cell of a point; false if it has none (not finite, or 2^31 cells away)
-//   s.center(cell, size)               the centre of a cell in the world
-//   s.in_range(cell, size)             the centre lies in the cell: new anchors are put into such cells alone
-//   s.stretch(position)                world length of a short unit of cell length there, across the line of sight from the cameras
+//   expression                       meaning
+//   s.cell_of(position, size, cell)  the cell of a point; false if it has none (not finite, or 2^31 cells away)
+//   s.center(cell, size)             the centre of a cell in the world
+//   s.in_range(cell, size)           the centre lies in the cell: new anchors are put into such cells alone
+//   s.stretch(position)              world length of a short unit of cell length there, across the line of sight from
+//                                    the cameras
 //
-// Laws: S1 cell_of(center(c)) = c where in_range(c); S2 stretch is 1 and cells are those of EuclideanSpace wherever nothing is stretched, to
-// the bit. Cost of EuclideanSpace: none.
+// Laws: S1 cell_of(center(c)) = c where in_range(c); S2 stretch is 1 and cells are those of EuclideanSpace wherever
+// nothing is stretched, to the bit. Cost of EuclideanSpace: none.
 #pragma once
 
 #include <array>

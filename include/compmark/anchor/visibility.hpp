@@ -98,7 +98,8 @@ template <class T, int W>
   return floor_of_positive(low) < floor_of_positive(high);
 }
 
-/// A footprint's variances: entries are bounded and blurred, the larger eigenvalue never loses digits (0.1 as published).
+/// A footprint's variances: entries are bounded and blurred, the larger eigenvalue never loses digits (0.1 as
+/// published).
 template <class P>
 struct AnchorFootprint {
   P xx{typename P::Scalar(0)}, yy{typename P::Scalar(0)}, xy{typename P::Scalar(0)};
@@ -175,7 +176,8 @@ template <class T, int W, class Lens>
     return visible & meets_tiles(pixel_x, radius, camera.tiles_x) & meets_tiles(pixel_y, radius, camera.tiles_y);
   } else {
     const std::array<P, 2> ray = ray_within(camera.lens, tangent_x, tangent_y);
-    // As the rasterizer does: in a crop beside the axis the nearest ray of the box can lie outside the lens, the anchor's own then serves.
+    // As the rasterizer does: in a crop beside the axis the nearest ray of the box can lie outside the lens, the
+    // anchor's own then serves.
     const auto usable = camera.lens.inside(slope_x, slope_y);
     const LensPlane<P> at = plane_of(camera.lens, ray[0], ray[1]);
     const P x = select(usable, slope_x, ray[0]), y = select(usable, slope_y, ray[1]);

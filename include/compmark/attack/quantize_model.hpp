@@ -36,8 +36,9 @@ struct QuantizedBlock {
   double largest_error = 0;
 };
 
-/// Rounds the model in `arena`; an entry for each tensor that was. After an error (a value that is not finite) some tensors are rounded and some
-/// are not. A quantizer has a Context and forward(values, out, context), as Int8Quantizer does.
+/// Rounds the model in `arena`; an entry for each tensor that was. After an error (a value that is not finite) some
+/// tensors are rounded and some are not. A quantizer has a Context and forward(values, out, context), as Int8Quantizer
+/// does.
 template <class T, class AnchorQuantizer, class NetworkQuantizer>
 [[nodiscard]] Result<std::vector<QuantizedBlock>> quantize_model(ParameterArena<T>& arena,
                                                                  const AnchorQuantizer& anchors,

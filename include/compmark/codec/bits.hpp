@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Adaptive bits in both directions under one name, so that one traversal of a tree, a mask or a table serves the encoder and the decoder and
-// the two cannot differ: with BitsOut a call writes the bit it is given, with BitsIn it ignores that and returns the one it reads.
+// Adaptive bits in both directions under one name, so that one traversal of a tree, a mask or a table serves the
+// encoder and the decoder and the two cannot differ: with BitsOut a call writes the bit it is given, with BitsIn it
+// ignores that and returns the one it reads.
 #pragma once
 
 #include <array>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One chunk of anchors, to bytes and back, of any codec: masks, then one stream of symbols, of each anchor in order its D features, 6 extents and
-// the three coordinates of each live offset. Both directions ask the same integer context for the same models; the encoder rounds with the
-// step that the context says, value / q to the nearest, ties to even, so that only whole numbers travel. Cost: ~2 us an anchor each way.
+// One chunk of anchors, to bytes and back, of any codec: masks, then one stream of symbols, of each anchor in order its
+// D features, 6 extents and the three coordinates of each live offset. Both directions ask the same integer context for
+// the same models; the encoder rounds with the step that the context says, value / q to the nearest, ties to even, so
+// that only whole numbers travel. Cost: ~2 us an anchor each way.
 #pragma once
 
 #include <algorithm>
@@ -55,7 +56,8 @@ struct ChunkCoder {
   int offset_count;
 };
 
-/// visit(group, channel, step index, value) for the scalars of an anchor in the order of coding; channels count over all groups.
+/// visit(group, channel, step index, value) for the scalars of an anchor in the order of coding; channels count over
+/// all groups.
 template <class Visit>
 void visit_scalars(const ChunkRows& rows, std::size_t anchor, int offset_count, const PanelModels& evaluator,
                    std::size_t lane, const Visit& visit) {
@@ -135,8 +137,9 @@ void for_predicted(Predictor& predictor, std::size_t anchors, const Body& body) 
   }
 }
 
-/// Replaces the rows' values by those that decoding will give, and returns the bytes. `predictor` is PanelModels with look(first, count),
-/// which asks the context about anchors of the chunk, and tell(anchor, channel, symbol, step index), which tells it of a coded feature or extent.
+/// Replaces the rows' values by those that decoding will give, and returns the bytes. `predictor` is PanelModels with
+/// look(first, count), which asks the context about anchors of the chunk, and tell(anchor, channel, symbol, step
+/// index), which tells it of a coded feature or extent.
 template <class Predictor>
 [[nodiscard]] EncodedChunk encode_chunk(const ChunkCoder& coder, const ChunkRows& rows, Predictor& predictor) {
   EncodedChunk chunk;
@@ -178,7 +181,8 @@ struct DecodedChunk {
   ChunkDigest value_hash;
 };
 
-/// Fills the rows from the two payloads, whose checksums are right. Any bytes may be given. Offsets that are not live are zero already.
+/// Fills the rows from the two payloads, whose checksums are right. Any bytes may be given. Offsets that are not live
+/// are zero already.
 template <class Predictor>
 [[nodiscard]] Result<DecodedChunk> decode_chunk(const ChunkCoder& coder, std::span<const std::byte> mask,
                                                 std::span<const std::byte> stream, const ChunkRows& rows,

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any `.cmk` file, as bytes or on disk, replaced whole or not at all: the codec is the one that the model was trained for, or the one that the
-// file's header names. A program that knows its codec includes that codec's encoder or decoder alone.
+// Any `.cmk` file, as bytes or on disk, replaced whole or not at all: the codec is the one that the model was trained
+// for, or the one that the file's header names. A program that knows its codec includes that codec's encoder or decoder
+// alone.
 #pragma once
 
 #include <cstddef>

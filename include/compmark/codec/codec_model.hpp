@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a codec compresses, as plain vectors: anchors as voxels with feature, extents, offsets and offset masks, the context that predicts
-// them, the networks that render them, and whatever else the owner wants to find again. No recipe, no rasterizer, no training: the
-// pipeline turns its models into this and back. A decoded file is one of these too, with its context in whole numbers.
+// What a codec compresses, as plain vectors: anchors as voxels with feature, extents, offsets and offset masks, the
+// context that predicts them, the networks that render them, and whatever else the owner wants to find again. No
+// recipe, no rasterizer, no training: the pipeline turns its models into this and back. A decoded file is one of these
+// too, with its context in whole numbers.
 #pragma once
 
 #include <array>
@@ -27,8 +28,8 @@
 
 namespace compmark {
 
-/// How a tensor of the rendering networks is stored: as float, as half, or as integers of some bits with a power of two a row. Values that the
-/// chosen form cannot hold are stored in the next wider one.
+/// How a tensor of the rendering networks is stored: as float, as half, or as integers of some bits with a power of two
+/// a row. Values that the chosen form cannot hold are stored in the next wider one.
 enum class TensorStorage : std::uint8_t { single = 1, half = 2, integer = 3 };
 
 struct CodecTensor {
@@ -80,7 +81,8 @@ struct CodecModel {
   std::vector<float> offset;             ///< [N, 3 K]; of offsets that are not live, decoding makes zeros
   std::vector<std::int32_t> hyperprior;  ///< ContextGS: [N, channels] symbols of z
 
-  /// One of the four. Encoding makes the second of a pair from the first; where the second is there, it is used as it is.
+  /// One of the four. Encoding makes the second of a pair from the first; where the second is there, it is used as it
+  /// is.
   std::optional<TrainedContext> trained;  ///< HAC
   std::optional<IntegerContext> context;
   std::optional<TrainedContextGs> trained_gs;  ///< ContextGS

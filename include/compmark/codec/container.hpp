@@ -117,8 +117,8 @@ struct Section {
   return file.take();
 }
 
-/// A file whose header and table of contents have been checked; payloads have not, `payload` does that. Refers to the bytes it was
-/// parsed from.
+/// A file whose header and table of contents have been checked; payloads have not, `payload` does that. Refers to the
+/// bytes it was parsed from.
 class Container {
  public:
   ContainerHeader header;
@@ -176,8 +176,8 @@ class Container {
   std::span<const std::byte> bytes_;
 };
 
-/// Checks header and table of contents. `bytes` must outlive the container. `partial`: the file may end anywhere behind its table of contents;
-/// without it a file that ends too early is refused.
+/// Checks header and table of contents. `bytes` must outlive the container. `partial`: the file may end anywhere behind
+/// its table of contents; without it a file that ends too early is refused.
 [[nodiscard]] inline Result<Container> parse_container(std::span<const std::byte> bytes, std::string path,
                                                        bool partial = false) {
   Container container;

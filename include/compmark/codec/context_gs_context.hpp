@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context of a ContextGS file from that of training: cells, scales and prior as they are, the three networks in the bits that make the
-// smallest file (network_choice.hpp). What the networks of levels 1 and 0 read hangs on how the levels above them were rounded, so the levels
-// above are coded once with fine networks first, for the sample's inputs. Cost: 0.5 s of one core, in parallel.
+// The context of a ContextGS file from that of training: cells, scales and prior as they are, the three networks in the
+// bits that make the smallest file (network_choice.hpp). What the networks of levels 1 and 0 read hangs on how the
+// levels above them were rounded, so the levels above are coded once with fine networks first, for the sample's inputs.
+// Cost: 0.5 s of one core, in parallel.
 #pragma once
 
 #include <array>

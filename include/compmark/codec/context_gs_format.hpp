@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The sections of a ContextGS file (docs/container.md), and those that are its own: LVLS, the cells that make the levels and what scales the
-// inputs of the networks; PRIO, the frequencies of the hyperprior; HYPR, its symbols, a chunk each. Also the order of coding, which
-// follows from the voxels: level 2, then 1, then 0, along the Morton curve within each. Each reader checks every count before it believes it.
+// The sections of a ContextGS file (docs/container.md), and those that are its own: LVLS, the cells that make the
+// levels and what scales the inputs of the networks; PRIO, the frequencies of the hyperprior; HYPR, its symbols, a
+// chunk each. Also the order of coding, which follows from the voxels: level 2, then 1, then 0, along the Morton curve
+// within each. Each reader checks every count before it believes it.
 #pragma once
 
 #include <algorithm>
@@ -41,8 +42,8 @@ namespace detail {
 
 using LevelCounts = std::array<std::uint64_t, 3>;  ///< anchors of levels 0, 1, 2
 
-/// LVLS: i32 edges of fine and coarse cells; of each axis i32 scale, u8 fraction bits, i64 offset; u64 anchors of levels 2, 1, 0; of
-/// each feature and extent i32 mean, u16 factor, u8 shift.
+/// LVLS: i32 edges of fine and coarse cells; of each axis i32 scale, u8 fraction bits, i64 offset; u64 anchors of
+/// levels 2, 1, 0; of each feature and extent i32 mean, u16 factor, u8 shift.
 template <class Context>
 [[nodiscard]] std::vector<std::byte> encode_levels(const Context& context, const LevelCounts& counts) {
   ByteWriter writer;

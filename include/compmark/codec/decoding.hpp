@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What all decoders do. Nothing is believed before its checksum, no memory is taken before the limits, and nothing that looks plausible comes out
-// of a damaged file: it is refused with the section and the remedy, or, with `salvage`, the anchors of damaged chunks are left out and
-// listed. With `partial` a ContextGS file need not have arrived whole: its levels follow one another, and those that are there are decoded.
-// What is between the sections is the codec's (hac_decoder.hpp, context_gs_decoder.hpp).
+// What all decoders do. Nothing is believed before its checksum, no memory is taken before the limits. A damaged file
+// is refused with section and remedy, or, with `salvage`, the anchors of damaged chunks are left out and listed.
+// With `partial` a ContextGS file need not have arrived whole: the levels that are there are decoded. What is in the
+// sections is the codec's (hac_decoder.hpp, context_gs_decoder.hpp).
 #pragma once
 
 #include <algorithm>
@@ -50,7 +50,7 @@ struct CodecDecoded {
 
 namespace detail {
 
-/// The sections of a file on their way to a model. A template, so that who includes this without decoding does not pay for it.
+/// The sections of a file on their way to a model. A template: it costs nothing where nothing is decoded.
 template <class Settings>
 class FileReader {
  public:
@@ -112,8 +112,8 @@ class FileReader {
   }
   [[nodiscard]] std::uint64_t anchors() const { return anchors_; }
 
-  /// How many chunks there are says how many anchors there can be: a small file cannot ask for much memory. Nor can a chunk of a few bytes: an
-  /// anchor has its feature, its extents and one offset at least, and no symbol of a table of 2^16 costs less than 2^-16 bits.
+  /// The number of chunks limits that of anchors: a small file cannot ask for much memory. Nor can a chunk of a few
+  /// bytes: an anchor has feature, extents and an offset, and no symbol of a table of 2^16 costs less than 2^-16 bits.
   [[nodiscard]] Result<Done> expect(const CodecModel& model, const std::vector<LevelRange>& levels,
                                     std::size_t hyperprior = 0) {
     const auto grain = static_cast<std::size_t>(model.chunk_anchors);
@@ -203,7 +203,7 @@ class FileReader {
     return Done{};
   }
 
-  /// Decodes one chunk; what goes wrong is remembered. decode(payload of a kind of the chunk) gives a Result<DecodedChunk>. Chunks in parallel.
+  /// Decodes one chunk, in parallel with others; what goes wrong is remembered. decode(kind): Result<DecodedChunk>.
   template <class Decode>
   void chunk(std::size_t c, const Decode& decode) {
     for (const std::vector<SectionEntry>& entries : entries_) {
@@ -262,7 +262,7 @@ class FileReader {
   }
 
  private:
-  /// Levels from the first on whose chunks are all there. Of a level that is not whole nothing is decoded: it would show as holes.
+  /// Levels from the first on whose chunks are all there; one that is not whole would show as holes.
   [[nodiscard]] Result<Done> count_arrived(std::span<const LevelRange> levels) {
     for (whole_levels_ = 0; whole_levels_ < levels.size(); ++whole_levels_) {
       std::size_t end = arrived_;

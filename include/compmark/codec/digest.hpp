@@ -35,8 +35,8 @@ using Sha256Bytes = std::array<std::byte, 32>;
   return bytes;
 }
 
-/// 128 bits that change with any 32-bit word of an array and with their order: eight sums side by side, 10 GB/s. SHA-256 of every array
-/// would take longer than all the rest of decoding; it takes these instead.
+/// 128 bits that change with any 32-bit word of an array and with their order: eight sums side by side, 10 GB/s.
+/// SHA-256 of every array would take longer than all the rest of decoding; it takes these instead.
 [[nodiscard]] inline std::array<std::uint64_t, 2> digest_words(std::span<const std::byte> bytes) {
   constexpr std::size_t lanes = 8;
   constexpr std::uint64_t factor = 0x9E3779B97F4A7C15ull;
@@ -85,8 +85,9 @@ struct CodecDigests {
   return digests;
 }
 
-/// SHA-256 over META, the bytes of `payloads` (the sections of the context and the networks), the digests of the chunks in order, and the
-/// tensors that render as they have been read: what the file names its model by. A file with one other digit in any section is another model.
+/// SHA-256 over META, the bytes of `payloads` (the sections of the context and the networks), the digests of the chunks
+/// in order, and the tensors that render as they have been read: what the file names its model by. A file with one
+/// other digit in any section is another model.
 [[nodiscard]] inline Sha256Bytes model_digest(std::span<const ChunkDigest> chunks, const CodecModel& model,
                                               std::uint64_t anchors,
                                               std::span<const std::span<const std::byte>> payloads) {

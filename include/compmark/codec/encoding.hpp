@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What all encoders do: leave out anchors without a live offset, put the others into an order, cut them into chunks, write the sections that every
-// file has, count every byte. What is between the sections is the codec's (hac_encoder.hpp, context_gs_encoder.hpp).
+// What all encoders do: leave out anchors without a live offset, put the others into an order, cut them into chunks,
+// write the sections that every file has, count every byte. What is between the sections is the codec's
+// (hac_encoder.hpp, context_gs_encoder.hpp).
 #pragma once
 
 #include <algorithm>

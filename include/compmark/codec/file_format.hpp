@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the files of all codecs have in common (docs/container.md): names of sections, META, what a decoder must know first and what the owner
-// wants to find again, TABL, which names the numbers of the tables, and what a table of contents may promise. Each reader checks every count
-// before it believes it.
+// What the files of all codecs have in common (docs/container.md): names of sections, META, what a decoder must know
+// first and what the owner wants to find again, TABL, which names the numbers of the tables, and what a table of
+// contents may promise. Each reader checks every count before it believes it.
 #pragma once
 
 #include <algorithm>
@@ -99,8 +99,8 @@ namespace detail {
   return Done{};
 }
 
-/// META: u64 anchors, u32 K, u32 D, u32 anchors a chunk, f64 voxel size, 3 x f64 base steps, u32 number of values; of each, keys
-/// ascending: u8 length of the key, key, u8 type (1 i64, 2 f64, 3 text), value (a text with u32 length).
+/// META: u64 anchors, u32 K, u32 D, u32 anchors a chunk, f64 voxel size, 3 x f64 base steps, u32 number of values; of
+/// each, keys ascending: u8 length of the key, key, u8 type (1 i64, 2 f64, 3 text), value (a text with u32 length).
 [[nodiscard]] inline std::vector<std::byte> encode_meta(const CodecModel& model, std::uint64_t anchors) {
   ByteWriter writer;
   writer.put(anchors)

@@ -68,7 +68,8 @@ class CellSet {
   const std::vector<OctreeNode>* nodes_ = nullptr;
 };
 
-/// What is known around a node: which of its six neighbours exist, and the children of the three that were visited before it.
+/// What is known around a node: which of its six neighbours exist, and the children of the three that were visited
+/// before it.
 struct Surroundings {
   unsigned exist = 0;  ///< bit 2 axis + side: the neighbour below (side 0) or above
   std::array<unsigned, 3> children_below{};
@@ -87,7 +88,8 @@ struct Surroundings {
   }
 };
 
-/// One pass over the tree, writing or reading. `voxels` are relative to the origin: sorted input of the encoder, output of the decoder.
+/// One pass over the tree, writing or reading. `voxels` are relative to the origin: sorted input of the encoder, output
+/// of the decoder.
 template <class Bits>
 class Octree {
  public:
@@ -214,7 +216,8 @@ class Octree {
   return writer.take();
 }
 
-/// The voxels again, sorted. Any bytes may be given; memory grows with what has been decoded and never beyond `count` anchors.
+/// The voxels again, sorted. Any bytes may be given; memory grows with what has been decoded and never beyond `count`
+/// anchors.
 [[nodiscard]] inline Result<std::vector<Voxel>> decode_geometry(std::span<const std::byte> payload,
                                                                 std::uint64_t count) {
   const auto fail = [](std::string problem) {

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context of a HAC file from that of training, and what asks it while a chunk is coded: an anchor's voxel is all it needs to know.
+// The context of a HAC file from that of training, and what asks it while a chunk is coded: an anchor's voxel is all it
+// needs to know.
 #pragma once
 
 #include <algorithm>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The bytes of a HAC file to a model; what is refused, and what salvage leaves out: decoding.hpp. Chunks decode in parallel; the result does not
-// depend on the number of threads. Cost: ~2 us an anchor and core.
+// The bytes of a HAC file to a model; what is refused, and what salvage leaves out: decoding.hpp. Chunks decode in
+// parallel; the result does not depend on the number of threads. Cost: ~2 us an anchor and core.
 #pragma once
 
 #include <array>

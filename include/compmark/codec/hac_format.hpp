@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The sections of a HAC file (docs/container.md), and the one that is its own: HASH, the binary hash grid, of which only the entries are written
-// that some anchor looks at (the decoder has the voxels by then and knows which).
+// The sections of a HAC file (docs/container.md), and the one that is its own: HASH, the binary hash grid, of which
+// only the entries are written that some anchor looks at (the decoder has the voxels by then and knows which).
 #pragma once
 
 #include <algorithm>
@@ -31,8 +31,8 @@ struct HacFormat : CodecFormat {
 
 namespace detail {
 
-/// Signs of the entries that are looked at, in the order of the table; contexts: the features of the entry before this one, whether all of the
-/// entry before it are +1; each level learns anew, from where the one before it left.
+/// Signs of the entries that are looked at, in the order of the table; contexts: the features of the entry before this
+/// one, whether all of the entry before it are +1; each level learns anew, from where the one before it left.
 template <class Bits>
 void code_signs(Bits& bits, IntegerHashGrid& grid, std::span<const std::uint8_t> seen) {
   constexpr std::uint32_t remembered = 16;  // bits that what the level before has taught counts as
@@ -60,8 +60,9 @@ template <Executor E>
   return seen;
 }
 
-/// HASH: u8 levels of the volume and of a plane, u8 log2 of their caps, u32 resolutions (volume, plane), of each axis i32 scale, u8
-/// fraction bits, i64 offset; the signs. Sets entries that no anchor looks at to zero in `grid`, as the decoder will have them.
+/// HASH: u8 levels of the volume and of a plane, u8 log2 of their caps, u32 resolutions (volume, plane), of each axis
+/// i32 scale, u8 fraction bits, i64 offset; the signs. Sets entries that no anchor looks at to zero in `grid`, as the
+/// decoder will have them.
 [[nodiscard]] inline std::vector<std::byte> encode_hash_grid(IntegerHashGrid& grid,
                                                              std::span<const std::uint8_t> seen) {
   const HashGridShape& shape = grid.shape();

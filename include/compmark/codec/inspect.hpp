@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a compressed file says of itself without being decoded: versions, numbers, metadata, and where its bytes are. Reads the header, the table
-// of contents and META, and checks the checksums of all sections: one pass over the bytes.
+// What a compressed file says of itself without being decoded: versions, numbers, metadata, and where its bytes are.
+// Reads the header, the table of contents and META, and checks the checksums of all sections: one pass over the bytes.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How many bits the weights of a context network get. Every bit a weight is 3 KB of a file; too few bits cost rate. How many is different for
-// the parts of the network, so each part is tried with 5 (ContextGS: 2) to 14 bits, the others kept fine, on a sample of a thousand anchors, and gets
-// those that make the file smallest; the parts hardly meet. On a trained lego of 600 KB this takes 1 % off what the best common number
-// gives. Cost: 0.2 s of one core, in parallel.
+// How many bits the weights of a context network get. Every bit a weight is 3 KB of a file; too few bits cost rate. How
+// many is different for the parts of the network, so each part is tried with 5 (ContextGS: 2) to 14 bits, the others
+// kept fine, on a sample of a thousand anchors, and gets those that make the file smallest; the parts hardly meet. On a
+// trained lego of 600 KB this takes 1 % off what the best common number gives. Cost: 0.2 s of one core, in parallel.
 #pragma once
 
 #include <algorithm>
@@ -90,8 +90,9 @@ class SamplePredictor : public PanelModels {
   const NetworkSample* sample_;
 };
 
-/// What the symbols of a sample cost, at the given steps (one entry a panel) instead of the predictor's own: with these, a network that makes
-/// steps a little larger would look like one that predicts better. Without any, `steps` receives those of this predictor.
+/// What the symbols of a sample cost, at the given steps (one entry a panel) instead of the predictor's own: with
+/// these, a network that makes steps a little larger would look like one that predicts better. Without any, `steps`
+/// receives those of this predictor.
 template <class Predictor, class Steps>
 [[nodiscard]] double sample_bits(const ChunkCoder& coder, const ChunkRows& rows, Predictor& predictor, Steps& steps) {
   std::vector<SymbolModel> models;
@@ -131,8 +132,9 @@ template <class Network>
   return sums;
 }
 
-/// Moves the biases of the coarse network's second layer so that on the sample each output is what the fine network's is in the mean: what
-/// rounding a few thousand weights shifts is the same for all anchors, and would make all steps a little larger or smaller.
+/// Moves the biases of the coarse network's second layer so that on the sample each output is what the fine network's
+/// is in the mean: what rounding a few thousand weights shifts is the same for all anchors, and would make all steps a
+/// little larger or smaller.
 template <class Network>
 void match_means(const Network& fine, const ContextHeads& heads, const NetworkSample& sample, std::int64_t most_input,
                  Network& coarse) {
@@ -146,7 +148,8 @@ void match_means(const Network& fine, const ContextHeads& heads, const NetworkSa
   if (!coarse.check(coarse.hidden.inputs, heads, most_input)) coarse.output.bias = before;
 }
 
-/// The network in the bits that make the smallest file, at least `least` a weight. `settings` says all but the bits. The sample is not empty.
+/// The network in the bits that make the smallest file, at least `least` a weight. `settings` says all but the bits.
+/// The sample is not empty.
 template <Executor E>
 [[nodiscard]] Result<IntegerNetwork> choose_network(const FloatContext& floats, const IntegerNetworkSettings& settings,
                                                     const ChunkCoder& coder, NetworkSample& sample, int least,

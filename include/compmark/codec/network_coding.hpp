@@ -35,7 +35,8 @@ namespace detail {
   return {ErrorKind::malformed, "", section, std::move(problem), "copy the file again"};
 }
 
-/// Integers in rows: length of |w| by the length above it in the column, sign, second digit by the length, the rest raw.
+/// Integers in rows: length of |w| by the length above it in the column, sign, second digit by the length, the rest
+/// raw.
 template <class Bits>
 void code_integers(Bits& bits, std::span<std::int16_t> weights, std::size_t columns) {
   std::array<std::array<BinaryContext, 15>, 16> length{};
@@ -95,7 +96,8 @@ struct IntegerTensor {
   return result;
 }
 
-/// Half-precision numbers: exponent by that of the number before, first two digits of the mantissa by the exponent, the rest and the sign raw.
+/// Half-precision numbers: exponent by that of the number before, first two digits of the mantissa by the exponent, the
+/// rest and the sign raw.
 template <class Bits>
 void code_halves(Bits& bits, std::span<std::uint16_t> values) {
   std::array<std::array<BinaryContext, 31>, 32> exponent{};
@@ -174,8 +176,8 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
   return network;
 }
 
-/// NETR: number of tensors (u32); of each the length of its name (u8), the name, storage (u8), bits (u8), rank (u8), extents (u32), bytes of its values
-/// (u32), the values.
+/// NETR: number of tensors (u32); of each the length of its name (u8), the name, storage (u8), bits (u8), rank (u8),
+/// extents (u32), bytes of its values (u32), the values.
 [[nodiscard]] inline std::vector<std::byte> encode_networks(std::span<const CodecTensor> tensors) {
   ByteWriter writer;
   writer.put(static_cast<std::uint32_t>(tensors.size()));

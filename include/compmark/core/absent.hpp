@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Absence is a type. A stage that a recipe leaves out is an empty type of its own: no member, no branch, no symbol.
-// Each stage derives its own No… type (distinct empty types share an address under [[no_unique_address]]; equal ones do not).
+// Each stage derives its own No… type (distinct empty types share an address under [[no_unique_address]]; equal ones do
+// not).
 #pragma once
 
 #include <type_traits>

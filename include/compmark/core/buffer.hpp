@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Growing scratch memory. A Buffer never shrinks and never initialises, so that after warm-up an iteration allocates nothing.
+// Growing scratch memory. A Buffer never shrinks and never initialises, so that after warm-up an iteration allocates
+// nothing.
 #pragma once
 
 #include <algorithm>
@@ -16,8 +17,8 @@
 
 namespace compmark {
 
-/// 64-byte aligned storage of trivial values, grow-only. The capacity is padded by one cache line, so that a kernel may load or
-/// store a whole 64-byte pack that starts at any element of the buffer.
+/// 64-byte aligned storage of trivial values, grow-only. The capacity is padded by one cache line, so that a kernel may
+/// load or store a whole 64-byte pack that starts at any element of the buffer.
 template <class T>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<T>, "Buffer holds plain values: it moves them as bytes");
@@ -45,7 +46,8 @@ class Buffer {
   }
   ~Buffer() = default;
 
-  /// Sets the size. New memory is taken only above the capacity, with half as much again to spare; the contents are then lost.
+  /// Sets the size. New memory is taken only above the capacity, with half as much again to spare; the contents are
+  /// then lost.
   void resize(std::size_t count) {
     if (count > capacity_) {
       const std::size_t wanted = with_spare(count);
@@ -61,8 +63,8 @@ class Buffer {
     resize(count);
     for (std::size_t i = 0; i < count; ++i) data()[i] = value;
   }
-  /// Grows to `count` and keeps the contents; what is new becomes `value`. Memory is taken as by resize(), so that growing a little many times
-  /// costs a constant a value.
+  /// Grows to `count` and keeps the contents; what is new becomes `value`. Memory is taken as by resize(), so that
+  /// growing a little many times costs a constant a value.
   void extend(std::size_t count, T value) {
     if (count > capacity_) {
       Buffer grown(with_spare(count));

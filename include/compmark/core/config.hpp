@@ -20,7 +20,8 @@
 /// Kernels are written once as small functions and must be inlined into one loop to be fast.
 #define COMPMARK_INLINE inline __attribute__((always_inline))
 
-/// One machine code of a function, whatever its callers know of the arguments: two copies may fuse multiply-adds differently.
+/// One machine code of a function, whatever its callers know of the arguments: two copies may fuse multiply-adds
+/// differently.
 #if defined(__clang__)
 #define COMPMARK_ONE_COPY __attribute__((noinline))
 #else

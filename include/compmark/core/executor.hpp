@@ -7,9 +7,9 @@
 //   e.concurrency()                  number of workers; worker ids are 0 … concurrency() - 1               O(1)
 //   e.for_chunks(n, grain, f)        f(begin, end, worker) for [0, grain), [grain, 2 grain) … up to n      one wake-up
 //
-// Laws (testing/laws.hpp): E1 each index is covered exactly once and chunk boundaries depend on n and grain alone; E2 a reduction over
-// chunks, added in chunk order, has the same bits for any number of workers; E3 an exception of f reaches the caller, after all
-// workers are done; E4 for_chunks with n = 0 does not call f.
+// Laws (testing/laws.hpp): E1 each index is covered exactly once and chunk boundaries depend on n and grain alone; E2 a
+// reduction over chunks, added in chunk order, has the same bits for any number of workers; E3 an exception of f
+// reaches the caller, after all workers are done; E4 for_chunks with n = 0 does not call f.
 #pragma once
 
 #include <concepts>

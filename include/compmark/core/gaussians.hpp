@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What passes from the Gaussian decoder to the rasterizer, and (same shape) what comes back: 14 columns, one row a Gaussian.
+// What passes from the Gaussian decoder to the rasterizer, and (same shape) what comes back: 14 columns, one row a
+// Gaussian.
 #pragma once
 
 #include <array>
@@ -14,7 +15,7 @@
 namespace compmark {
 
 /// Structure of arrays; each column is 64-byte aligned and may be read and written up to the next multiple of 16 rows.
-///   mean      world coordinates                      scale     standard deviations along the local axes, world units, >= 0, not log
+///   mean      world coordinates               scale     standard deviations along the local axes, world units, not log
 ///   rotation  unit quaternion (w, x, y, z)           opacity   in (0, 1]; rows with opacity <= 0 are not rendered
 ///   color     red, green, blue, linear in [0, 1]
 template <class T>

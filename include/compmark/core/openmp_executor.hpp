@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs chunks in an OpenMP team, for programs that own their threads with OpenMP. Link compmark::openmp. Obeys laws E1-E4
-// (core/executor.hpp): chunks are handed out dynamically, their boundaries are fixed. The only header with an OpenMP pragma.
+// Runs chunks in an OpenMP team, for programs that own their threads with OpenMP. Link compmark::openmp. Obeys laws
+// E1-E4 (core/executor.hpp): chunks are handed out dynamically, their boundaries are fixed. The only header with an
+// OpenMP pragma.
 #pragma once
 
 #if !defined(_OPENMP)
@@ -19,8 +20,8 @@
 
 namespace compmark {
 
-/// An exception may not leave an OpenMP region: the first one is kept and thrown again after the region; chunks not yet begun are
-/// dropped. A loop started inside a body runs serially in place, as in ThreadExecutor: loops do not nest.
+/// An exception may not leave an OpenMP region: the first one is kept and thrown again after the region; chunks not yet
+/// begun are dropped. A loop started inside a body runs serially in place, as in ThreadExecutor: loops do not nest.
 class OpenMpExecutor {
  public:
   /// threads = 0 takes OpenMP's default (OMP_NUM_THREADS).

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Everything that trains lives in one arena: named blocks [rows, columns] of values and, in the same layout, their gradients.
-// Anchor blocks share one row count and are edited together (keep some rows, append others); network blocks keep their shape.
-// Handles survive row edits. Optimiser moments use the same ArenaLayout and the same move_rows, so they cannot fall out of step.
+// Everything that trains lives in one arena: named blocks [rows, columns] of values and, in the same layout, their
+// gradients. Anchor blocks share one row count and are edited together (keep some rows, append others); network blocks
+// keep their shape. Handles survive row edits. Optimiser moments use the same ArenaLayout and the same move_rows, so
+// they cannot fall out of step.
 #pragma once
 
 #include <algorithm>
@@ -35,8 +36,9 @@ enum class BlockRole : std::uint8_t {
 /// What a learning rate is multiplied by.
 enum class RateUnit : std::uint8_t { one, scene_extent };
 
-/// How fast a block trains: log-linear from `initial` to `final` over the run; equal ends are a constant rate. Both are positive, or both zero.
-/// Iterations are those of a run of 30,000 and scale with the run (optim/phases.hpp). optim/schedule.hpp gives the rate of an iteration.
+/// How fast a block trains: log-linear from `initial` to `final` over the run; equal ends are a constant rate. Both are
+/// positive, or both zero. Iterations are those of a run of 30,000 and scale with the run (optim/phases.hpp).
+/// optim/schedule.hpp gives the rate of an iteration.
 struct LearningSchedule {
   double initial = 0;
   double final = 0;
@@ -56,7 +58,8 @@ struct BlockHandle {
   [[nodiscard]] bool valid() const { return index != static_cast<std::size_t>(-1); }
 };
 
-/// Keep rows kept[0] < kept[1] < … of the old table, in that order, then append `appended` rows (zero until somebody writes them).
+/// Keep rows kept[0] < kept[1] < … of the old table, in that order, then append `appended` rows (zero until somebody
+/// writes them).
 struct RowEdit {
   std::span<const std::uint32_t> kept;
   std::size_t appended = 0;
@@ -114,7 +117,8 @@ class ArenaLayout {
   std::size_t size_ = 0;
 };
 
-/// Moves every block of `from` (old layout) into `to` (new layout) under one edit; appended rows and padding become zero.
+/// Moves every block of `from` (old layout) into `to` (new layout) under one edit; appended rows and padding become
+/// zero.
 template <class T>
 void move_rows(const ArenaLayout& old_layout, const ArenaLayout& new_layout, const RowEdit& edit,
                std::span<const T> from, std::span<T> to) {
@@ -173,7 +177,8 @@ class ParameterArena {
     return values_.capacity_bytes() + gradients_.capacity_bytes() + spare_.capacity_bytes();
   }
 
-  /// Row edit of all anchor blocks; gradients become zero (as in the published training loop). Cost: one copy of the arena.
+  /// Row edit of all anchor blocks; gradients become zero (as in the published training loop). Cost: one copy of the
+  /// arena.
   void edit_rows(const RowEdit& edit) {
     const ArenaLayout old_layout = layout_;
     layout_.set_anchor_rows(edit.rows());

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Counter-based random numbers: every number is a pure function of (seed, iteration, stage, index). No generator carries state, so the
-// number a thread draws does not depend on what other threads drew, and a resumed run draws what the uninterrupted one would have.
-// The mixer is the 64-bit finaliser of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014), applied to a keyed counter.
+// Counter-based random numbers: every number is a pure function of (seed, iteration, stage, index). No generator
+// carries state, so the number a thread draws does not depend on what other threads drew, and a resumed run draws what
+// the uninterrupted one would have. The mixer is the 64-bit finaliser of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014),
+// applied to a keyed counter.
 #pragma once
 
 #include <cmath>

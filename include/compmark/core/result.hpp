@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Errors of data (files, user input) are values: what went wrong, where, and what to do about it. Nothing is printed or thrown here.
+// Errors of data (files, user input) are values: what went wrong, where, and what to do about it. Nothing is printed or
+// thrown here.
 #pragma once
 
 #include <memory>
@@ -27,7 +28,8 @@ enum class ErrorKind {
   cancelled,    ///< an observer of the caller said stop
 };
 
-/// A text on one line: what a file says of itself (names, chunks) may hold line ends and codes that a terminal obeys. They become '?'.
+/// A text on one line: what a file says of itself (names, chunks) may hold line ends and codes that a terminal obeys.
+/// They become '?'.
 [[nodiscard]] inline std::string one_line(std::string text) {
   for (char& c : text) {
     const auto code = static_cast<unsigned char>(c);
@@ -56,7 +58,8 @@ struct Error {
 /// A value or an Error. `Result<void>` is `Result<Done>`.
 struct Done {};
 
-/// One of two, by hand: a std::variant of each of the library's results was an eighth of the time to parse its umbrella header.
+/// One of two, by hand: a std::variant of each of the library's results was an eighth of the time to parse its umbrella
+/// header.
 template <class T>
 class [[nodiscard]] Result {
  public:

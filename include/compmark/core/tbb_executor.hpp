@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs chunks in a oneTBB arena, for programs that own their threads with TBB. Link compmark::tbb. Obeys laws E1-E4 (core/executor.hpp):
-// TBB decides who runs a chunk, never what a chunk is.
+// Runs chunks in a oneTBB arena, for programs that own their threads with TBB. Link compmark::tbb. Obeys laws E1-E4
+// (core/executor.hpp): TBB decides who runs a chunk, never what a chunk is.
 #pragma once
 
 #include <tbb/info.h>
@@ -16,8 +16,8 @@
 
 namespace compmark {
 
-/// The worker id is the thread's slot in the arena, which no two running threads share. A body may start another loop: it is isolated,
-/// so a waiting thread takes no chunk of the outer loop and its scratch stays its own.
+/// The worker id is the thread's slot in the arena, which no two running threads share. A body may start another loop:
+/// it is isolated, so a waiting thread takes no chunk of the outer loop and its scratch stays its own.
 class TbbExecutor {
  public:
   /// threads = 0 takes TBB's default.

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A pool of std::threads. Chunks are handed out by an atomic counter: who runs a chunk varies, what a chunk is does not (law E2).
+// A pool of std::threads. Chunks are handed out by an atomic counter: who runs a chunk varies, what a chunk is does not
+// (law E2).
 #pragma once
 
 #include <algorithm>
@@ -20,12 +21,13 @@
 
 namespace compmark {
 
-/// Persistent pool; the calling thread is worker 0. One loop runs at a time; loops do not nest (a nested call runs serially in place).
-/// Workers spin for a few microseconds before they sleep, because the loops of one training iteration follow each other closely.
+/// Persistent pool; the calling thread is worker 0. One loop runs at a time; loops do not nest (a nested call runs
+/// serially in place). Workers spin for a few microseconds before they sleep, because the loops of one training
+/// iteration follow each other closely.
 class ThreadExecutor {
  public:
-  /// threads = 0 takes the hardware's number. Where the system does not give as many (limits of processes or of memory) there are fewer, which
-  /// concurrency() says, and nothing is thrown.
+  /// threads = 0 takes the hardware's number. Where the system does not give as many (limits of processes or of memory)
+  /// there are fewer, which concurrency() says, and nothing is thrown.
   explicit ThreadExecutor(std::size_t threads = 0) {
     const std::size_t hardware = std::max<std::size_t>(1, std::thread::hardware_concurrency());
     if (!start(threads != 0 ? threads : hardware) && workers_.size() >= hardware) {
@@ -93,8 +95,8 @@ class ThreadExecutor {
     std::size_t grain = 1;
   };
 
-  /// One machine code of the body for every way to run it: inlined twice, a compiler may fuse multiply-adds in one copy and not in the
-  /// other, and then one thread and two would differ in the last bit.
+  /// One machine code of the body for every way to run it: inlined twice, a compiler may fuse multiply-adds in one copy
+  /// and not in the other, and then one thread and two would differ in the last bit.
   template <class Body>
   COMPMARK_ONE_COPY static void run_body(const void* body, std::size_t begin, std::size_t end, std::size_t worker) {
     (*static_cast<const Body*>(body))(begin, end, worker);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The neutral currency of kernels: non-owning views. Row-major matrices [rows, columns] and planar images [channels, height, width].
-// A view is a pointer and its shape: trivially copyable, never owning, as cheap as its members.
+// The neutral currency of kernels: non-owning views. Row-major matrices [rows, columns] and planar images [channels,
+// height, width]. A view is a pointer and its shape: trivially copyable, never owning, as cheap as its members.
 #pragma once
 
 #include <cstddef>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Alpha supervision: the mean absolute difference between the render's coverage (1 - final transmittance) and the photograph's alpha
-// channel. Needs a rasterizer with RasterOutputs{.alpha = true}. Cost: one more channel of the render, and one pass over a plane.
+// Alpha supervision: the mean absolute difference between the render's coverage (1 - final transmittance) and the
+// photograph's alpha channel. Needs a rasterizer with RasterOutputs{.alpha = true}. Cost: one more channel of the
+// render, and one pass over a plane.
 #pragma once
 
 #include <cmath>
@@ -25,8 +26,8 @@ struct L1AlphaLoss {
     Buffer<double> partial;  ///< one sum a chunk
   };
 
-  /// Returns the loss without weight and SETS context.d_alpha. `counts` says how much each pixel counts, as in MaskedPixels; null: all
-  /// of them, whole.
+  /// Returns the loss without weight and SETS context.d_alpha. `counts` says how much each pixel counts, as in
+  /// MaskedPixels; null: all of them, whole.
   template <Executor E>
   static double forward_backward(std::span<const T> alpha, std::span<const T> target, const T* counts, T weight,
                                  Context& context, E& executor) {

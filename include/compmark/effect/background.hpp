@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A background of a new random colour in every iteration, behind the render and behind the transparent photograph alike: whatever the
-// model paints where the photograph is transparent is wrong for most colours, so it learns to leave it empty. Evaluation and rendering
-// use the constant background. Cost: none in the pixel loop; the photograph is composited again in every iteration.
+// A background of a new random colour in every iteration, behind the render and behind the transparent photograph
+// alike: whatever the model paints where the photograph is transparent is wrong for most colours, so it learns to leave
+// it empty. Evaluation and rendering use the constant background. Cost: none in the pixel loop; the photograph is
+// composited again in every iteration.
 #pragma once
 
 #include <array>

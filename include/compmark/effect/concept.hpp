@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the effect room: what lies between the render and the photograph, and only where a scene calls for it. Each has an absent type,
-// the default of every recipe, which leaves no member, no branch, no parameter and no byte (laws and costs: docs/effects.md).
+// Concepts of the effect room: what lies between the render and the photograph, and only where a scene calls for it.
+// Each has an absent type, the default of every recipe, which leaves no member, no branch, no parameter and no byte
+// (laws and costs: docs/effects.md).
 //
 //   Exposure       the photograph's own gain and offset          NoExposure | AffineExposure
 //   Background     what is behind the scene while training       ConstantBackground | RandomBackground
@@ -24,8 +25,8 @@
 
 namespace compmark {
 
-/// Index of a photograph that was not trained on. The rules for it are fixed: exposure is the gauge (no change), appearance is the mean of
-/// the trained embeddings.
+/// Index of a photograph that was not trained on. The rules for it are fixed: exposure is the gauge (no change),
+/// appearance is the mean of the trained embeddings.
 inline constexpr std::size_t unseen_view = std::numeric_limits<std::size_t>::max();
 
 /// What a render is compared with. `alpha` and `weight` are [height, width] in [0, 1], or null where there are none.

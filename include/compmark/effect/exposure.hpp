@@ -71,7 +71,8 @@ class AffineExposure {
     });
   }
 
-  /// Turns dL/d(photograph) in `d_image` into dL/d(render) and ADDS the gradient of the view's map. Ordered sums in double.
+  /// Turns dL/d(photograph) in `d_image` into dL/d(render) and ADDS the gradient of the view's map. Ordered sums in
+  /// double.
   template <Executor E>
   static void backward(ParameterArena<T>& arena, Handles handles, std::size_t view, ImageView<T> d_image,
                        Context& context, E& executor) {

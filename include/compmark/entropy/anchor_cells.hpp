@@ -35,8 +35,8 @@ namespace detail {
   return static_cast<std::size_t>(std::unique(scratch.begin(), scratch.end()) - scratch.begin());
 }
 
-/// The first edge between `least` and the extent of the anchors that bisection meets within the tolerance; where none is, the largest that
-/// still leaves more heads than wanted.
+/// The first edge between `least` and the extent of the anchors that bisection meets within the tolerance; where none
+/// is, the largest that still leaves more heads than wanted.
 [[nodiscard]] inline std::int32_t cell_edge(std::span<const Voxel> voxels, std::int32_t least,
                                             const AnchorCellSettings& settings, Buffer<Voxel>& scratch) {
   std::int64_t above = least;

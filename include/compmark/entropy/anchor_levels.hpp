@@ -7,9 +7,11 @@
 // division by a float). With v the voxel of an anchor, v = round(position / voxel size):
 //
 //   cell(v, kappa) = floor(v / kappa), an axis at a time, from voxel 0; kappa fine < coarse, both whole
-//   head of a set of anchors = the first along the Morton curve (x in the lowest bit, signed coordinates in their order), then in row order
+//   head of a set of anchors = the first along the Morton curve (x in the lowest bit, signed coordinates in their
+//     order), then in row order
 //   every fine cell has a head; among heads, every coarse cell has one
-//   level 2: head of a coarse cell; no parent           level 1: another head; parent: the head of its coarse cell, of level 2
+//   level 2: head of a coarse cell; no parent
+//   level 1: another head; parent: the head of its coarse cell, of level 2
 //   level 0: the others; parent: the head of the fine cell, of level 1 or 2
 //
 // Dead anchors do not exist: with or without them in the list, the others get the same levels and parents. The

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What HacModel and ContextGsModel do alike: an anchor's attributes carry the noise of the steps that a network says, their bits under the
-// Gaussians it says are counted for a sample of the anchors, and the gradients of both go back to the attributes, the steps and the masks.
-// The two differ in what their networks read. `entry` numbers the anchors a model looks at in an iteration, `rated` those of them whose
-// rate counts; what has to last until the way back is kept in tables with a row each.
+// What HacModel and ContextGsModel do alike: an anchor's attributes carry the noise of the steps that a network says,
+// their bits under the Gaussians it says are counted for a sample of the anchors, and the gradients of both go back to
+// the attributes, the steps and the masks. The two differ in what their networks read. `entry` numbers the anchors a
+// model looks at in an iteration, `rated` those of them whose rate counts; what has to last until the way back is kept
+// in tables with a row each.
 #pragma once
 
 #include <algorithm>
@@ -187,7 +188,8 @@ class AnchorRateModel {
     return bits;
   }
 
-  /// One entry's gradients, in place, and with them those of `rate` by its values (null: none); returns those by its steps.
+  /// One entry's gradients, in place, and with them those of `rate` by its values (null: none); returns those by its
+  /// steps.
   static std::array<T, 3> pull_back(std::size_t entry, std::size_t row, const T* rate, const Tables<T>& d,
                                     const EntryTables& kept) {
     return Attributes::pull_back(kept.noise.data() + entry * noise_row, kept.extents.data() + entry * 12, rate,
@@ -207,8 +209,9 @@ class AnchorRateModel {
     const std::array<T, 3> base = base_steps(settings);
     for (std::size_t g = 0; g < 3; ++g) to[g] = Attributes::pull_step(kept.step[3 * entry + g], base[g], d_step[g]);
   }
-  /// An entry without a rate: by its raw steps, zero where it is not among the `share` that is drawn to teach them, at 1 / share the weight: the
-  /// same mean, less work for who asks the network back only where there is a gradient, more noise. Returns whether there is one; a NaN is one.
+  /// An entry without a rate: by its raw steps, zero where it is not among the `share` that is drawn to teach them, at
+  /// 1 / share the weight: the same mean, less work for who asks the network back only where there is a gradient, more
+  /// noise. Returns whether there is one; a NaN is one.
   static bool pull_drawn_steps(const AnchorRateSettings& settings, double share, const Random& random,
                                std::size_t entry, std::uint32_t row, std::array<T, 3> d_step, EntryTables& kept) {
     const bool all = share >= 1;

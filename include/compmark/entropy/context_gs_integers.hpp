@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context of ContextGS in whole numbers, as coding has it: what context_gs_parameters.hpp says of inputs and outputs, with 10 fraction
-// bits an input, held in +-32767. With v the voxel, k a symbol, T the ratio of its step (Q24):
+// The context of ContextGS in whole numbers, as coding has it: what context_gs_parameters.hpp says of inputs and
+// outputs, with 10 fraction bits an input, held in +-32767. With v the voxel, k a symbol, T the ratio of its step
+// (Q24):
 //   level 2        box: ((t + 2^20) >> 21) - 1024, t the place in the box (VoxelBox, Q32) held in 0 … 2^32; then 1024 z
 //   levels 1, 0    place: floor((2048 (v - v of the parent) + edge) / (2 edge)), edge of the parent's cell;
-//                  seen: of each feature and extent of the parent round((k T - 2^12 mean) factor / 2^shift), the difference held in +-2^46;
+//                  seen: of each feature and extent of the parent round((k T - 2^12 mean) factor / 2^shift), the
+//                    difference held in +-2^46;
 //                  then 1024 z
 // Nothing overflows and no sum has an order. Cost: 0.9 us an anchor, 0.1 us more for those that are parents.
 #pragma once
@@ -28,7 +30,8 @@
 
 namespace compmark {
 
-/// (value - mean) / deviation of a channel, for symbols: mean in units of 2^-12 Q0; factor 2^-shift is 2^-14 Q0 / deviation.
+/// (value - mean) / deviation of a channel, for symbols: mean in units of 2^-12 Q0; factor 2^-shift is 2^-14 Q0 /
+/// deviation.
 struct SeenScale {
   std::int32_t mean = 0;
   std::uint16_t factor = 0;
@@ -165,7 +168,8 @@ class ContextGsEvaluator : public PanelModels {
     }
     run(context_->network[level_], *packed_, count);
   }
-  /// Of an anchor that has just been coded: a symbol of a feature (channel < D) or an extent, and its step index. For its children.
+  /// Of an anchor that has just been coded: a symbol of a feature (channel < D) or an extent, and its step index. For
+  /// its children.
   void tell(std::size_t anchor, std::size_t channel, std::int32_t symbol, int index) {
     if (level_ == 0) return;
     rows_->seen[(begin_ + anchor) * context_->geometry() + channel] =

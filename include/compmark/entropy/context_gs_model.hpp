@@ -7,14 +7,15 @@
 // anchor, which is coded first, under a factorised prior. Inputs and outputs: context_gs_parameters.hpp. Parents are
 // seen as a decoder sees them: with the noise of their own steps, or rounded. The loss is
 //   lambda (bits of f, l, o and z) / scalars of f, l, o + 5e-4 mean(sigmoid(mask logits)),
-// estimated on a random 15 % of all anchors, of which dead ones cost nothing, as HacModel has it with `anchor_mask` (published: of the live
-// ones, times their share); z counts for every live anchor. Gradients reach parents through what their children read of them.
-// Noise is a function of (seed, iteration, row, scalar): an anchor has one value in an iteration, whoever looks at it. Dead rows pass
-// unchanged. Rows that are looked at without being listed are read from the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and
-// have their gradients there; where an Embedder marks features, its table holds every row and is read instead (Context::all_features).
-// Everything runs in panels of 64 anchors, level by level, sums in fixed order: same bits at any thread count. Cost an anchor that is looked
-// at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k more and 12 scalars of the prior where its rate counts; memory 2.2 KB.
-// Longer than 300 lines: both ways of both kinds of panels share one layout.
+// estimated on a random 15 % of all anchors, of which dead ones cost nothing, as HacModel has it with `anchor_mask`
+// (published: of the live ones, times their share); z counts for every live anchor. Gradients reach parents through
+// what their children read of them. Noise is a function of (seed, iteration, row, scalar): an anchor has one value in
+// an iteration, whoever looks at it. Dead rows pass unchanged. Rows that are looked at without being listed are read
+// from the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and have their gradients there; where an
+// Embedder marks features, its table holds every row and is read instead (Context::all_features). Everything runs in
+// panels of 64 anchors, level by level, sums in fixed order: same bits at any thread count. Cost an anchor that is
+// looked at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k more and 12 scalars of the prior where its
+// rate counts; memory 2.2 KB. Longer than 300 lines: both ways of both kinds of panels share one layout.
 #pragma once
 
 #include <algorithm>
@@ -115,8 +116,9 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
   static void choose_cells(ParameterArena<T>& arena, const Handles& handles, MatrixView<const T> position) {
     choose_context_gs_cells(arena, handles, position);
   }
-  /// Distorts the listed rows of the three tables in place; `position` is the whole table. Ancestors that are not listed are read from the arena;
-  /// with Context::all_features their features from `feature`, and their gradients go to its.
+  /// Distorts the listed rows of the three tables in place; `position` is the whole table. Ancestors that are not
+  /// listed are read from the arena; with Context::all_features their features from `feature`, and their gradients go
+  /// to its.
   template <Executor E>
   RateReport forward(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
                      const RatePhase& phase, MatrixView<const T> position, MatrixView<T> feature, MatrixView<T> scaling,
@@ -151,8 +153,9 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
     return report;
   }
 
-  /// Turns the gradients by the distorted rows into those by the rows before (in place), adds the rate's and the children's, and ADDS those
-  /// of masks, hyperprior, networks and prior (and of looked at rows that were not listed) into the arena.
+  /// Turns the gradients by the distorted rows into those by the rows before (in place), adds the rate's and the
+  /// children's, and ADDS those of masks, hyperprior, networks and prior (and of looked at rows that were not listed)
+  /// into the arena.
   template <Executor E>
   void backward(ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
                 MatrixView<T> d_feature, MatrixView<T> d_scaling, MatrixView<T> d_offset, Context& context,
@@ -442,7 +445,8 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
     Net::add_gradients(sums, {state.arena.gradients(n.weight1), state.arena.gradients(n.bias1),
                               state.arena.gradients(n.weight2), state.arena.gradients(n.bias2)});
   }
-  /// Carries a level's light entries' gradients back to their rows; lists those whose steps have one and are drawn. Returns how many.
+  /// Carries a level's light entries' gradients back to their rows; lists those whose steps have one and are drawn.
+  /// Returns how many.
   template <Executor E>
   std::size_t pull_light(std::size_t level, const Backward& state, E& executor) const {
     Context& context = state.context;
@@ -518,7 +522,8 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
       std::copy_n(d_input + 3, seen_row, state.context.d_seen.data() + e * seen_row);
     }
   }
-  /// Gradients of the three tables by one entry's row, from those by what came of it: the render's, the rate's and the children's.
+  /// Gradients of the three tables by one entry's row, from those by what came of it: the render's, the rate's and the
+  /// children's.
   static std::array<T, 3> pull_entry(std::size_t level, std::size_t e, const T* rate, const Backward& state,
                                      Scratch& s) {
     Context& context = state.context;

@@ -1,12 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Blocks of ContextGS's entropy model in the arena, their first values, and what is made up from all anchors when its context begins: box and
-// statistics as for HAC (hac_parameters.hpp) and the cells of the levels. Also what a coder needs to know to predict the same:
+// Blocks of ContextGS's entropy model in the arena, their first values, and what is made up from all anchors when its
+// context begins: box and statistics as for HAC (hac_parameters.hpp) and the cells of the levels. Also what a coder
+// needs to know to predict the same:
 //   inputs of level 2    [2 (x - box minimum) / (box maximum - box minimum) - 1, held in [-1, 1] (3); z (12)]
 //   inputs of 1 and 0    [(v - v of the parent) / edge of the parent's cell (3): coarse for level 1, fine for level 0;
-//                         (f - mean) / deviation of the parent's decoded features (D); (l - mean) / deviation of its extents (6); z (12)]
-//   z                    its symbol is the nearest whole number, half to even, coded before all else; 0 for NaN and beyond 1e6
+//                         (f - mean) / deviation of the parent's decoded features (D); (l - mean) / deviation of its
+//                           extents (6); z (12)]
+//   z                    its symbol is the nearest whole number, half to even, coded before all else; 0 for NaN and
+//                        beyond 1e6
 //   decoded              k q of the parent's symbols and steps; extents as they come, 0 too, not held above any least
 //   outputs              as HAC's: mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o (hac_attributes.hpp)
 // The published inputs are raw world coordinates of the parent, whose scale is the scene's (docs/spec/compression.md,
@@ -45,7 +48,8 @@ struct ContextGsHandles {
       network;        ///< of level i: "context_gs.i.0.weight" [100, inputs], ".0.bias" [1, 100], ".2.weight", ".2.bias"
   BlockHandle prior;  ///< "context_gs.prior"     [12, 58] see factorised_prior.hpp
   BlockHandle
-      cells;  ///< "context_gs.cells"     [1, 4]   edges fine, coarse; voxel size, and what its rounding left; not trained
+      /// "context_gs.cells" [1, 4] edges fine, coarse; voxel size, and what its rounding left; not trained
+      cells;
   BlockHandle box;                       ///< "context.box"          [2, 3]   minimum, maximum; not trained
   BlockHandle statistics;                ///< "context.statistics"   [2, D + 6 + 3 K] mean, deviation; not trained
   BlockHandle feature, scaling, offset;  ///< of the anchor table
@@ -80,7 +84,8 @@ ContextGsHandles add_context_gs_blocks(ParameterArena<T>& arena, std::size_t anc
   return handles;
 }
 
-/// PyTorch's default for Linear, U(-1, 1) / sqrt(fan_in); z = 0; masks at logit 1; box and statistics of the unit box; no cells yet.
+/// PyTorch's default for Linear, U(-1, 1) / sqrt(fan_in); z = 0; masks at logit 1; box and statistics of the unit box;
+/// no cells yet.
 template <class Prior, class T>
 void initialise_context_gs(ParameterArena<T>& arena, const ContextGsHandles& handles, std::uint64_t seed) {
   const auto fill = [&](BlockHandle handle, BlockHandle weight) {

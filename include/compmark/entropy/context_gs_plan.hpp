@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which anchors ContextGS looks at in an iteration, and in which order. Wanted are the visible live ones, for their steps, and a random share
-// of all, for their rate; either kind needs the noisy attributes of its parent, and so the parent's own step, and so on. An anchor that is
-// looked at is an entry: level 2 first, then 1, then 0, and in a level first those that need steps alone ("light"), from the next whole panel
-// of 64 on those whose rate is counted ("full"); each group in row order. Children are listed by parent in the order of entries, so that sums
-// over them have one order. Cost: some ten reads of each anchor's level.
+// Which anchors ContextGS looks at in an iteration, and in which order. Wanted are the visible live ones, for their
+// steps, and a random share of all, for their rate; either kind needs the noisy attributes of its parent, and so the
+// parent's own step, and so on. An anchor that is looked at is an entry: level 2 first, then 1, then 0, and in a level
+// first those that need steps alone ("light"), from the next whole panel of 64 on those whose rate is counted ("full");
+// each group in row order. Children are listed by parent in the order of entries, so that sums over them have one
+// order. Cost: some ten reads of each anchor's level.
 #pragma once
 
 #include <array>

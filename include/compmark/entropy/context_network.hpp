@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The network that turns the context of an anchor into its distributions and steps (HAC, section 4.3): Linear -> ReLU -> Linear, 96 -> 100
-// -> 175 as published, of which the last `tail` outputs are the steps. Only anchors whose rate is counted need all outputs; the others need
-// the tail, 3 of 175. Panels of 64 anchors, row-major; lanes are the columns of a layer, so that nothing is transposed but the weights, once
-// an iteration. Sums over anchors run in panel order. Cost an anchor: forward 9.6 k multiply-adds and backward 19 k for the hidden layer,
-// 17.5 k and 35 k more for all outputs.
+// The network that turns the context of an anchor into its distributions and steps (HAC, section 4.3): Linear -> ReLU
+// -> Linear, 96 -> 100 -> 175 as published, of which the last `tail` outputs are the steps. Only anchors whose rate is
+// counted need all outputs; the others need the tail, 3 of 175. Panels of 64 anchors, row-major; lanes are the columns
+// of a layer, so that nothing is transposed but the weights, once an iteration. Sums over anchors run in panel order.
+// Cost an anchor: forward 9.6 k multiply-adds and backward 19 k for the hidden layer, 17.5 k and 35 k more for all
+// outputs.
 #pragma once
 
 #include <algorithm>
@@ -87,7 +88,8 @@ struct ContextNetwork {
     }
   }
 
-  /// One panel: input [64, input_row] -> hidden [64, hidden_row] -> all outputs [64, output_row] or the tail [64, tail_row].
+  /// One panel: input [64, input_row] -> hidden [64, hidden_row] -> all outputs [64, output_row] or the tail [64,
+  /// tail_row].
   static void hidden_layer(const T* packed, const T* input, T* to) {
     constexpr ProductShape s{panel, hidden_row, inputs, input_row, 1, hidden_row, hidden_row};
     product<T, W, s>(input, packed + forward1, to, StartColumns{packed + start1}, FinishRelu<T, W>{});

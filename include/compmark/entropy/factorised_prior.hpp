@@ -44,8 +44,9 @@ struct FactorisedPrior {
     return place < 3 * in ? Kind::matrix : (place < 3 * in + 3 ? Kind::bias : Kind::factor);
   }
 
-  /// A logistic density half a symbol wide in every channel, 1.1 bits for z = 0, which is what an explicit z begins with. `values`
-  /// [channels, 58]. (CompressAI's, ten wide, 5.3 bits, waits for an analysis network; 1,300 iterations later it still cost 3.2.)
+  /// A logistic density half a symbol wide in every channel, 1.1 bits for z = 0, which is what an explicit z begins
+  /// with. `values` [channels, 58]. (CompressAI's, ten wide, 5.3 bits, waits for an analysis network; 1,300 iterations
+  /// later it still cost 3.2.)
   static void initialise(MatrixView<T> values, std::uint64_t seed) {
     const Random random(seed, 0, random_stage("factorised prior"));
     const double scale = std::pow(start_width, 0.2);
@@ -79,16 +80,18 @@ struct FactorisedPrior {
     }
   }
 
-  /// P of one symbol in a channel whose 58 `ready` scalars begin at `r`, without floor and escape. A file need not hold the prior: 31
-  /// frequencies a channel and that of the escape say all that a decoder wants to know, in fewer bytes and in whole numbers.
+  /// P of one symbol in a channel whose 58 `ready` scalars begin at `r`, without floor and escape. A file need not hold
+  /// the prior: 31 frequencies a channel and that of the escape say all that a decoder wants to know, in fewer bytes
+  /// and in whole numbers.
   [[nodiscard]] static T probability(const T* r, T symbol) {
     Trace trace;
     const P a = logit(r, P(symbol + T(0.5)), trace), b = logit(r, P(symbol - T(0.5)), trace);
     return (sigmoid(a) * sigmoid(-b) * detail::one_minus_exp(a - b, exp(b - a))).lane(0);
   }
 
-  /// Of `anchors` (a multiple of W) anchors, with z and d_z channel after channel [channels, anchors]: adds each one's bits to bits
-  /// [anchors], writes the derivatives of sum weight * bits by z, and adds those by `ready` to sums [channels * 58].
+  /// Of `anchors` (a multiple of W) anchors, with z and d_z channel after channel [channels, anchors]: adds each one's
+  /// bits to bits [anchors], writes the derivatives of sum weight * bits by z, and adds those by `ready` to sums
+  /// [channels * 58].
   static void bits(const T* ready, const T* z, std::size_t anchors, const T* weight, T* bits, T* d_z, T* sums) {
     for (int channel = 0; channel < channels; ++channel) {
       const T* const r = ready + channel * parameters;

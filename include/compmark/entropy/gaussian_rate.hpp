@@ -3,7 +3,8 @@
 //
 // Bits that a coder spends on the interval [x - q/2, x + q/2] under a Gaussian, with their derivatives (HAC eq. 7;
 // docs/spec/compression.md, 1.4),
-//   bits = -log2((1 - 4 e) P + e / (1 + d)^2),  P = Phi(u) - Phi(l),  u, l = (+-q/2 - |x - m|) / s,  e = 2^-16,  s >= 0.11 q.
+//   bits = -log2((1 - 4 e) P + e / (1 + d)^2),  P = Phi(u) - Phi(l),  u, l = (+-q/2 - |x - m|) / s,  e = 2^-16,  s >=
+//     0.11 q.
 // The second term is what the coder does: no symbol is rarer than e, and beyond 5 s it escapes, at two bits more for
 // every doubling of the distance d = t^2 / (1 + t), t = (|x - m| - 5 s) / q > 0 (docs/spec/numerics.md, EN4). P is
 // never a difference of two numbers near 1: with Mills' ratio M(x) = (1 - Phi(x)) / phi(x) and E = phi(l) / phi(u) =
@@ -34,7 +35,8 @@ struct GaussianBits {
 
 namespace detail {
 
-/// log2(x) of positive normal x; a NaN stays one. Relative error of x 1e-7 in float (atanh series on [sqrt(1/2), sqrt(2)]).
+/// log2(x) of positive normal x; a NaN stays one. Relative error of x 1e-7 in float (atanh series on [sqrt(1/2),
+/// sqrt(2)]).
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> log2_positive(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -57,8 +59,8 @@ template <class T, int W>
   }
 }
 
-/// Mills' ratio for x >= 0: the upper tail in units of the density. Relative error 2e-7 in float (fitted in 1 / (1 + x / 4)); other scalars
-/// by erfc and, from 5 on, by Laplace's continued fraction.
+/// Mills' ratio for x >= 0: the upper tail in units of the density. Relative error 2e-7 in float (fitted in 1 / (1 + x
+/// / 4)); other scalars by erfc and, from 5 on, by Laplace's continued fraction.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> mills_ratio(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -113,7 +115,8 @@ template <class T, int W>
 
 }  // namespace detail
 
-/// Lane by lane. `floored` off leaves out the coder's floor and escape: bits of the Gaussian alone, exact at any distance.
+/// Lane by lane. `floored` off leaves out the coder's floor and escape: bits of the Gaussian alone, exact at any
+/// distance.
 template <bool floored = true, class T, int W>
 [[nodiscard]] COMPMARK_INLINE GaussianBits<Pack<T, W>> gaussian_bits(const Pack<T, W>& value, const Pack<T, W>& mean,
                                                                      const Pack<T, W>& raw_sigma,

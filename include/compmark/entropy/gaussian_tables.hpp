@@ -25,7 +25,8 @@
 
 namespace compmark {
 
-/// Where a symbol is expected: a deviation of 2^((sigma_index + GaussianTables::least_level) / 8) bins and a mean in 1/32 bin.
+/// Where a symbol is expected: a deviation of 2^((sigma_index + GaussianTables::least_level) / 8) bins and a mean in
+/// 1/32 bin.
 struct SymbolModel {
   std::uint16_t sigma_index = 0;  ///< held at the widest table
   std::int32_t mean = 0;
@@ -58,8 +59,8 @@ inline constexpr std::array<std::int64_t, 16> sixteenth_octaves{
   return window + 1;
 }
 
-/// Upper bounds less one of the slots: value i belongs to the bin i - window from the mean's bin, the last to the escape. The mean lies
-/// `phase` / 32 above the centre of its bin. `bits` is the precision, 16 in files.
+/// Upper bounds less one of the slots: value i belongs to the bin i - window from the mean's bin, the last to the
+/// escape. The mean lies `phase` / 32 above the centre of its bin. `bits` is the precision, 16 in files.
 inline void gaussian_bounds(const NormalIntegral& phi, int sixteenths, int phase, int window, int bits,
                             std::span<std::uint32_t> bounds) {
   __extension__ using Wide = __int128;

@@ -41,7 +41,8 @@ struct HacAttributes {
   static constexpr std::array<double, 3> published_steps{1, 0.001, 0.2};
   static constexpr double least_step = 0x1p-6;  ///< in units of Q0: index -96 of the coded 16 log2(q / Q0)
 
-  /// q = 2 Q0 sigmoid(2 r) of the three groups, at least Q0 / 64 (math/adaptive_step.hpp in packs). `raw` and the result have 3 + W scalars.
+  /// q = 2 Q0 sigmoid(2 r) of the three groups, at least Q0 / 64 (math/adaptive_step.hpp in packs). `raw` and the
+  /// result have 3 + W scalars.
   static void steps(const T* raw, const std::array<T, 3>& base, T* q) {
     using P = Pack<T, W>;
     T doubled[3 + W] = {}, least[3 + W] = {};
@@ -54,9 +55,10 @@ struct HacAttributes {
       max(P::load(doubled + g) * sigmoid(r + r), P::load(least + g)).store(q + g);
     }
   }
-  /// The steps of the file, whole sixteenths of an octave: with others, values near the border of two symbols are another one there than here.
-  /// The coder's own function of r (integer_functions.hpp), of a float instead of a whole number of 2^-16. Straight through, the way back is that of
-  /// the step itself; at its greatest, 2 Q0, that is zero, so that who trains steps while they are rounded finds them stuck there.
+  /// The steps of the file, whole sixteenths of an octave: with others, values near the border of two symbols are
+  /// another one there than here. The coder's own function of r (integer_functions.hpp), of a float instead of a whole
+  /// number of 2^-16. Straight through, the way back is that of the step itself; at its greatest, 2 Q0, that is zero,
+  /// so that who trains steps while they are rounded finds them stuck there.
   static void coded_steps(const T* raw, const std::array<T, 3>& base, T* q) {
     constexpr double unit = 1 << StepGrid::r_bits;
     for (std::size_t g = 0; g < 3; ++g) {
@@ -69,7 +71,8 @@ struct HacAttributes {
       q[g] = static_cast<T>(static_cast<double>(ratio) * (static_cast<double>(base[g]) * 0x1p-24));
     }
   }
-  /// d loss / dr, dq / dr = q (2 - q / Q0). Where the step is held at its least, only a gradient that pulls it up passes (case EN2).
+  /// d loss / dr, dq / dr = q (2 - q / Q0). Where the step is held at its least, only a gradient that pulls it up
+  /// passes (case EN2).
   [[nodiscard]] static T pull_step(T q, T base, T d_step) {
     const bool held = q <= static_cast<T>(least_step) * base;
     return held && d_step > T(0) ? T(0) : d_step * q * (2 - q / base);
@@ -100,8 +103,8 @@ struct HacAttributes {
     std::fill_n(extents, 12, T(1));
   }
 
-  /// Distorts one anchor in place. `noise` [row] is read, or written where `round`; extents [12] receives l and d log(l~) / dl~;
-  /// values [row], if wanted, the distorted scalars with l~ not held.
+  /// Distorts one anchor in place. `noise` [row] is read, or written where `round`; extents [12] receives l and d
+  /// log(l~) / dl~; values [row], if wanted, the distorted scalars with l~ not held.
   static void distort(bool round, const std::array<T, 3>& q, T least_extent, T* feature, T* scaling, T* offset,
                       T* noise, T* extents, T* values) {
     const auto group = [&](T* from, int first, int count, T step) {
@@ -130,8 +133,8 @@ struct HacAttributes {
     std::copy_n(slope, 6, extents + 6);
   }
 
-  /// The way back, in place: gradients by the distorted table rows into those by the rows before. `rate` [row], if any, holds gradients
-  /// by the distorted scalars and is added. Returns the gradients by the three steps.
+  /// The way back, in place: gradients by the distorted table rows into those by the rows before. `rate` [row], if any,
+  /// holds gradients by the distorted scalars and is added. Returns the gradients by the three steps.
   static std::array<T, 3> pull_back(const T* noise, const T* extents, const T* rate, T* d_feature, T* d_scaling,
                                     T* d_offset) {
     std::array<T, 3> d_step{};
@@ -186,9 +189,10 @@ struct HacAttributes {
     std::fill_n(d_mask, K, T(0));
     d_step = {};
   }
-  /// Bits of s.values under the network's `output` and the steps q, and the gradients of unit * weighted bits: by the distorted scalars
-  /// (d_value [scalars]), the outputs (d_output, the steps' not), the steps, and the straight-through masks (d_mask [K], before their
-  /// slope). Offsets count where their mask lives; features and extents where any does, if `anchor_mask`, else always.
+  /// Bits of s.values under the network's `output` and the steps q, and the gradients of unit * weighted bits: by the
+  /// distorted scalars (d_value [scalars]), the outputs (d_output, the steps' not), the steps, and the straight-through
+  /// masks (d_mask [K], before their slope). Offsets count where their mask lives; features and extents where any does,
+  /// if `anchor_mask`, else always.
   static Bits rate(const T* output, const std::array<T, 3>& q, const T* mask, bool anchor_mask, T unit, Scratch& s,
                    T* d_value, T* d_output, std::array<T, 3>& d_step, T* d_mask) {
     using P = Pack<T, W>;

@@ -37,7 +37,8 @@ struct HacEntries {
 
   [[nodiscard]] bool visible(std::size_t entry) const { return (mark[row[entry]] & 1) != 0; }
 
-  /// Fills all of it, and the report's sample and live share: of the sample, or, where the dead are left out, of the candidates.
+  /// Fills all of it, and the report's sample and live share: of the sample, or, where the dead are left out, of the
+  /// candidates.
   template <class T>
   void draw(std::span<const std::uint32_t> rows, const HacSample& sample, const RatePhase& phase,
             MatrixView<const T> mask, RateReport& report) {

@@ -5,13 +5,14 @@
 // hash grid says where an anchor is, a network what its attributes are likely to be and how finely they are quantized,
 // q = Q0 (1 + tanh r); the attributes carry the noise of these steps, and the bits they would take are a loss,
 //   lambda (bits / scalar + bits of the grid / (N (D + 6 + 3 K))) + 5e-4 mean(sigmoid(mask logits)),
-// estimated on a random twentieth of all anchors (HAC++; HAC itself: of the visible live ones, times their live share). Before the context
-// begins the noise is that of Q0. Anchors whose rate is not counted in an iteration need only their steps, 3 of 175 outputs.
-// Rows outside the visible list whose rate is counted get it straight into the arena's gradients of the blocks "anchor.feature",
-// "anchor.scaling" and "anchor.offset", found by name when the parameters are added; without these blocks only listed rows are sampled.
-// Everything runs in fixed panels of 64 anchors: same bits at any thread count. Cost at n visible anchors: n 86 random numbers,
-// n (576 + 9.7 k) multiply-adds forward and, of those that teach (Settings::step_share), twice that backward; memory 1.2 KB a visible anchor.
-// Longer than 300 lines: both ways of both kinds of panels share one layout.
+// estimated on a random twentieth of all anchors (HAC++; HAC itself: of the visible live ones, times their live share).
+// Before the context begins the noise is that of Q0. Anchors whose rate is not counted in an iteration need only their
+// steps, 3 of 175 outputs. Rows outside the visible list whose rate is counted get it straight into the arena's
+// gradients of the blocks "anchor.feature", "anchor.scaling" and "anchor.offset", found by name when the parameters are
+// added; without these blocks only listed rows are sampled. Everything runs in fixed panels of 64 anchors: same bits at
+// any thread count. Cost at n visible anchors: n 86 random numbers, n (576 + 9.7 k) multiply-adds forward and, of those
+// that teach (Settings::step_share), twice that backward; memory 1.2 KB a visible anchor. Longer than 300 lines: both
+// ways of both kinds of panels share one layout.
 #pragma once
 
 #include <algorithm>
@@ -159,8 +160,8 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     return report;
   }
 
-  /// Turns the gradients by the distorted rows into those by the rows before (in place), adds the rate's, and ADDS those of masks, grid and
-  /// network (and of sampled rows that were not listed) into the arena.
+  /// Turns the gradients by the distorted rows into those by the rows before (in place), adds the rate's, and ADDS
+  /// those of masks, grid and network (and of sampled rows that were not listed) into the arena.
   template <Executor E>
   void backward(ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
                 MatrixView<T> d_feature, MatrixView<T> d_scaling, MatrixView<T> d_offset, Context& context,
@@ -314,7 +315,8 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     report.loss =
         std::fma(settings_.mask_weight, penalty, std::fma(context.hash_weight, context.grid.bits, context.unit * bits));
   }
-  /// Carries the light entries' gradients back to their rows; lists those whose steps have one and are drawn. Returns how many.
+  /// Carries the light entries' gradients back to their rows; lists those whose steps have one and are drawn. Returns
+  /// how many.
   template <Executor E>
   std::size_t light_gradients(const Tables<T>& d, Context& context, E& executor) const {
     context.d_step.resize(context.entries.light * 3);

@@ -60,7 +60,8 @@ HacHandles add_hac_blocks(ParameterArena<T>& arena, std::size_t anchor_rows, std
   return handles;
 }
 
-/// PyTorch's default for Linear, U(-1, 1) / sqrt(fan_in); the grid U(-1e-4, 1e-4); masks at logit 1; box and statistics of the unit box.
+/// PyTorch's default for Linear, U(-1, 1) / sqrt(fan_in); the grid U(-1e-4, 1e-4); masks at logit 1; box and statistics
+/// of the unit box.
 template <class T>
 void initialise_hac(ParameterArena<T>& arena, const HacHandles& handles, std::uint64_t seed) {
   const auto fill = [&](BlockHandle handle, double bound) {
@@ -83,14 +84,15 @@ void initialise_hac(ParameterArena<T>& arena, const HacHandles& handles, std::ui
   }
 }
 
-/// Scalars of dead offsets and of anchors without a live one are never coded and do not count; a channel that does not vary keeps a sixty-
-/// fourth of its published base step as deviation, so that the network's outputs have an effect.
+/// Scalars of dead offsets and of anchors without a live one are never coded and do not count; a channel that does not
+/// vary keeps a sixty- fourth of its published base step as deviation, so that the network's outputs have an effect.
 template <class Attributes, class T>
 void begin_hac_context(ParameterArena<T>& arena, const HacHandles& handles, MatrixView<const T> position,
                        MatrixView<const T> feature, MatrixView<const T> scaling, MatrixView<const T> offset) {
   const MatrixView<T> box = arena.values(handles.box), statistics = arena.values(handles.statistics);
   const MatrixView<const T> mask = std::as_const(arena).values(handles.mask);
-  // A few anchors far away would have all others in one cell of the grid: beyond the core they are outside the box, where the context says nothing.
+  // A few anchors far away would have all others in one cell of the grid: beyond the core they are outside the box,
+  // where the context says nothing.
   const RobustBall ball = robust_ball(position.rows, [&](std::size_t i) { return position.row(i); });
   const double core = ball.core();
   for (std::size_t axis = 0; axis < 3; ++axis) {

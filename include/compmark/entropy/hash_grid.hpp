@@ -72,7 +72,8 @@ class HashGrid {
     context.bits_slope = std::log2((1 - p) / p) / 2;
   }
 
-  /// Position in the box [2, 3] (minimum, maximum), each axis 0 … 1; an axis without extent is 0. Outside or not finite: not in [0, 1].
+  /// Position in the box [2, 3] (minimum, maximum), each axis 0 … 1; an axis without extent is 0. Outside or not
+  /// finite: not in [0, 1].
   static void normalise(MatrixView<const T> box, const T* position, T* unit) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const T extent = box(1, axis) - box(0, axis);
@@ -106,8 +107,9 @@ class HashGrid {
     }
   }
 
-  /// Adds into d_table [entries, 4] what comes by way of the output, and the derivative of bits_weight * bits; then 0 where |value| > 1, also
-  /// for what was there. d_out is level-major: d_out[(level * capacity + row) * 4 + feature]. unit [count, 3].
+  /// Adds into d_table [entries, 4] what comes by way of the output, and the derivative of bits_weight * bits; then 0
+  /// where |value| > 1, also for what was there. d_out is level-major: d_out[(level * capacity + row) * 4 + feature].
+  /// unit [count, 3].
   template <Executor E>
   static void backward(const Context& context, const T* unit, std::size_t count, const T* d_out, std::size_t capacity,
                        double bits_weight, MatrixView<T> d_table, E& executor) {
@@ -221,7 +223,8 @@ class HashGrid {
     return values;
   }();
 
-  /// `blocks` times sixteen positions, a level after the other: the level's signs, 8 or 32 KB, come to the first-level cache once for all.
+  /// `blocks` times sixteen positions, a level after the other: the level's signs, 8 or 32 KB, come to the first-level
+  /// cache once for all.
   static void interpolate_lanes(const Context& context, const T* unit, std::size_t blocks, T* out, std::size_t stride) {
     alignas(64) T soa[3 * panel], rows[4 * 16];
     for (std::size_t block = 0; block < blocks; ++block) detail::by_axis(unit + 48 * block, soa + 48 * block);

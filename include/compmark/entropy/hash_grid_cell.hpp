@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A position's cell in a level of the hash grid, in any scalar: the plain form of the rule in hash_grid_layout.hpp, which the sixteen lanes of
-// hash_grid_lanes.hpp are proven against.
+// A position's cell in a level of the hash grid, in any scalar: the plain form of the rule in hash_grid_layout.hpp,
+// which the sixteen lanes of hash_grid_lanes.hpp are proven against.
 #pragma once
 
 #include <cstddef>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The cells of 16 positions at once, for builds with gather instructions: neighbours, table rows and weights of a level's corners in lanes
-// (hash_grid_cell.hpp has the scalar form; both add the same terms in the same order). A corner's four signs are half a byte: the
-// word around it is gathered and shifted, and a sign is one exclusive or with the weight. Cost: 20 cycles a corner of 16 positions, a third
-// of the scalar form.
+// The cells of 16 positions at once, for builds with gather instructions: neighbours, table rows and weights of a
+// level's corners in lanes (hash_grid_cell.hpp has the scalar form; both add the same terms in the same order). A
+// corner's four signs are half a byte: the word around it is gathered and shifted, and a sign is one exclusive or with
+// the weight. Cost: 20 cycles a corner of 16 positions, a third of the scalar form.
 #pragma once
 
 #include <cstddef>
@@ -34,7 +34,8 @@ struct GridBlock {
   unsigned inside;  ///< bit i: position i is
 };
 
-/// Positions by axis: unit[axis * stride + lane], 16 lanes from there. Lanes outside the box have inside false and sit at the origin.
+/// Positions by axis: unit[axis * stride + lane], 16 lanes from there. Lanes outside the box have inside false and sit
+/// at the origin.
 template <int dimensions, bool dense>
 struct GridLanes {
   static constexpr int W = 16;

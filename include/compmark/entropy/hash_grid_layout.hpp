@@ -25,7 +25,8 @@ struct HashGridLevel {
   bool dense = false;             ///< entries are numbered, else hashed
   std::uint32_t hash_mask = ~0u;  ///< entries - 1 of a hashed level
 
-  /// Row of the table of all levels that holds this vertex; i2 is not read of a plane. Coordinates are below `resolution`.
+  /// Row of the table of all levels that holds this vertex; i2 is not read of a plane. Coordinates are below
+  /// `resolution`.
   [[nodiscard]] constexpr std::uint32_t entry(std::uint32_t i0, std::uint32_t i1, std::uint32_t i2 = 0) const {
     const auto r = static_cast<std::uint32_t>(resolution);
     if (dense) return first + i0 + r * (dimensions == 3 ? i1 + r * i2 : i1);
@@ -53,7 +54,8 @@ struct HashGridShape {
 
   [[nodiscard]] constexpr int levels() const { return volume_levels + planes * plane_levels; }
   [[nodiscard]] constexpr int channels() const { return features * levels(); }
-  /// A file of a few bytes can name any grid: twenty times the published one, 32 MiB when decoded, is the largest there is.
+  /// A file of a few bytes can name any grid: twenty times the published one, 32 MiB when decoded, is the largest there
+  /// is.
   static constexpr std::size_t most_entries = std::size_t{1} << 25;
   [[nodiscard]] constexpr bool valid() const {
     bool good = volume_levels >= 0 && volume_levels <= 12 && plane_levels >= 0 && plane_levels <= 4 && levels() > 0;

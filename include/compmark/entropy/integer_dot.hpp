@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The inner loop of the integer network: sums of products of 16-bit numbers in 32 bits, for a panel of anchors at once. Sums of integers
-// do not depend on their order, so the plain loop, the multiply-add of pairs that x86 has (which no compiler finds in the loop; five
-// times faster, measured) and any other way give the same bits. Inputs lie in pairs, [channel / 2][lane][2].
+// The inner loop of the integer network: sums of products of 16-bit numbers in 32 bits, for a panel of anchors at once.
+// Sums of integers do not depend on their order, so the plain loop, the multiply-add of pairs that x86 has (which no
+// compiler finds in the loop; five times faster, measured) and any other way give the same bits. Inputs lie in pairs,
+// [channel / 2][lane][2].
 #pragma once
 
 #include <cstddef>
@@ -21,7 +22,8 @@ inline constexpr int integer_panel = 16;
 
 namespace detail {
 
-/// sums[r][lane] = sum over 2 `pairs` channels of weight[r][channel] * input[channel][lane], for 4 rows of weights, `stride` apart.
+/// sums[r][lane] = sum over 2 `pairs` channels of weight[r][channel] * input[channel][lane], for 4 rows of weights,
+/// `stride` apart.
 inline void integer_dot(const std::int16_t* weight, std::size_t stride, const std::int16_t* input, std::size_t pairs,
                         std::int32_t (*sums)[integer_panel]) {
 #if defined(__AVX512BW__) && defined(__AVX512F__)

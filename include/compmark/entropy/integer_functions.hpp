@@ -121,7 +121,8 @@ inline constexpr StepTables step_tables = make_step_tables();
   return detail::step_tables.reciprocal[static_cast<std::size_t>(index - StepGrid::least)];
 }
 
-/// The greatest symbol. Up to it k q, rounded to float, still rounds back to k: 2^23 - 1 half bins of 2^-24 are less than a half.
+/// The greatest symbol. Up to it k q, rounded to float, still rounds back to k: 2^23 - 1 half bins of 2^-24 are less
+/// than a half.
 inline constexpr std::int32_t greatest_symbol = (1 << 23) - 1;
 
 /// The value of a symbol: an exact integer product, one product of doubles, one rounding to float.

@@ -47,8 +47,8 @@ struct VoxelBox {
   friend bool operator==(const VoxelBox&, const VoxelBox&) = default;
 };
 
-/// The same map for a box in world units; an axis without extent counts as 1 wide (as in training), none as less than 4 voxels. An
-/// invalid result (see valid()) means a box of no use: not finite, inverted, or 2^31 voxels away.
+/// The same map for a box in world units; an axis without extent counts as 1 wide (as in training), none as less than 4
+/// voxels. An invalid result (see valid()) means a box of no use: not finite, inverted, or 2^31 voxels away.
 [[nodiscard]] inline VoxelBox make_voxel_box(std::span<const float, 6> minimum_maximum, double voxel_size) {
   VoxelBox box;
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -107,7 +107,8 @@ class IntegerHashGrid {
     }
   }
 
-  /// Sets the bytes of all entries of one level that these voxels look at; `seen` has entries().size() of them, levels are disjoint.
+  /// Sets the bytes of all entries of one level that these voxels look at; `seen` has entries().size() of them, levels
+  /// are disjoint.
   void mark_seen(std::size_t level, std::span<const std::array<std::int32_t, 3>> voxels,
                  std::span<std::uint8_t> seen) const {
     for (std::size_t first = 0; first < voxels.size(); first += integer_panel) {

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From the float context network of training to the integer one of the file. The constants of standardisation go into the second layer's
-// weights, mean = m + d out and sigma = d 2^out, in units of Q0, so that coding knows nothing of them. Each row gets the largest power of
-// two that keeps its weights in the bits asked for and its worst sum in 32. This may use floats: what it makes is stored, not remade.
+// From the float context network of training to the integer one of the file. The constants of standardisation go into
+// the second layer's weights, mean = m + d out and sigma = d 2^out, in units of Q0, so that coding knows nothing of
+// them. Each row gets the largest power of two that keeps its weights in the bits asked for and its worst sum in 32.
+// This may use floats: what it makes is stored, not remade.
 #pragma once
 
 #include <algorithm>
@@ -21,14 +22,15 @@
 
 namespace compmark {
 
-/// The float network: inputs -> hidden -> 2 (D + 6 + 3 K) + 3, row-major [out][in], and the constants [2][D + 6 + 3 K] (means, deviations).
+/// The float network: inputs -> hidden -> 2 (D + 6 + 3 K) + 3, row-major [out][in], and the constants [2][D + 6 + 3 K]
+/// (means, deviations).
 struct FloatContext {
   std::size_t inputs = 0, hidden = 0;
   std::span<const float> weight1, bias1, weight2, bias2, statistics;
 };
 
-/// Bits of weights, sign included, 2 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of extents, which need 13
-/// (codec/network_choice.hpp finds out). The three rows of the steps always have at least 12.
+/// Bits of weights, sign included, 2 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of
+/// extents, which need 13 (codec/network_choice.hpp finds out). The three rows of the steps always have at least 12.
 struct WeightBits {
   int hidden = 12;                      ///< first layer
   std::array<int, 3> mean{12, 12, 12};  ///< second layer, by attribute group
@@ -47,14 +49,15 @@ struct IntegerNetworkSettings {
   WeightBits bits;
   std::array<double, 3> base_step{1, 0.001, 0.2};
   int input_bits = IntegerHashGrid::activation_bits;  ///< fraction bits of the inputs
-  /// The greatest input there is, and one that all inputs of an anchor seldom reach together: beyond it hidden units may be held.
+  /// The greatest input there is, and one that all inputs of an anchor seldom reach together: beyond it hidden units
+  /// may be held.
   std::int64_t most_input = std::int64_t{1} << IntegerHashGrid::activation_bits, usual_input = most_input;
 };
 
 namespace detail {
 
-/// Rounds one row to integers. `unit[i]`: what one unit of input i is worth; `most[i]`: its largest value. Returns the row's exponent e: one
-/// unit of the sum is worth 2^-e.
+/// Rounds one row to integers. `unit[i]`: what one unit of input i is worth; `most[i]`: its largest value. Returns the
+/// row's exponent e: one unit of the sum is worth 2^-e.
 [[nodiscard]] inline int quantize_row(std::span<const double> weight, double bias, std::span<const double> unit,
                                       std::span<const std::int64_t> most, int weight_bits, int most_exponent,
                                       std::int16_t* out, std::int32_t& out_bias) {
@@ -180,9 +183,10 @@ struct FloatNetwork {
   std::vector<float> weight1, bias1, weight2, bias2;
 };
 
-/// The float network that says what the integer one does, to the rounding of its hidden units and outputs. Those are in the integers' units
-/// (a factor that ReLU lets pass). In the same bits quantize_network makes the same integers of it again, but for the last bits of biases above
-/// 2^24, which a float does not hold. `statistics` and `settings` as there.
+/// The float network that says what the integer one does, to the rounding of its hidden units and outputs. Those are in
+/// the integers' units (a factor that ReLU lets pass). In the same bits quantize_network makes the same integers of it
+/// again, but for the last bits of biases above 2^24, which a float does not hold. `statistics` and `settings` as
+/// there.
 [[nodiscard]] inline FloatNetwork float_network(const IntegerNetwork& network, const ContextHeads& heads,
                                                 std::span<const float> statistics,
                                                 const IntegerNetworkSettings& settings) {

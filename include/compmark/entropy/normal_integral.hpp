@@ -29,7 +29,8 @@ class NormalIntegral {
     if (z >= (farthest << bits)) return one;
     const std::int64_t j = (z + (one >> (node_bits + 1))) >> (bits - node_bits);
     const std::int64_t h = z - (j << (bits - node_bits)), at = j << (bits - node_bits);  // |h| <= 1 / 64
-    // Phi(a + h) = Phi(a) + phi(a) h (1 - a h / 2 + (a^2 - 1) h^2 / 6 - (a^3 - 3 a) h^3 / 24 + (a^4 - 6 a^2 + 3) h^4 / 120)
+    // Phi(a + h) = Phi(a) + phi(a) h (1 - a h / 2 + (a^2 - 1) h^2 / 6 - (a^3 - 3 a) h^3 / 24 + (a^4 - 6 a^2 + 3) h^4 /
+    // 120)
     const std::int64_t a2 = times(at, at);
     const std::int64_t fifth = (times(a2, a2) - 6 * a2 + 3 * one) / 120;
     const std::int64_t fourth = -(times(a2, at) - 3 * at) / 24;
@@ -55,8 +56,9 @@ class NormalIntegral {
     return static_cast<std::int64_t>(static_cast<Wide>(a) * b >> bits);
   }
 
-  /// z = j / 32. Terms t_k = (z^2/2)^k / k! in units of 2^-72, at most e^18; phi = sum (-1)^k t_k / sqrt(2 pi) and
-  /// Phi = 1/2 + z sum (-1)^k t_k / (2k + 1) / sqrt(2 pi). What they lose by cancelling, 2^26, the 24 bits above `bits` and the rounding hold.
+  /// z = j / 32. Terms t_k = (z^2/2)^k / k! in units of 2^-72, at most e^18; phi = sum (-1)^k t_k / sqrt(2 pi) and Phi
+  /// = 1/2 + z sum (-1)^k t_k / (2k + 1) / sqrt(2 pi). What they lose by cancelling, 2^26, the 24 bits above `bits` and
+  /// the rounding hold.
   void fill(std::size_t j) {
     constexpr int scale = 72;
     constexpr std::int64_t inverse_root = 112292269084889;  // 2^48 / sqrt(2 pi), rounded

@@ -48,15 +48,16 @@ template <class T>
   return false;
 }
 
-/// Gaussian g came from cell slot[g] = anchor row * K + k of the table [N, K]: its opacity becomes 0 where that cell is dead.
+/// Gaussian g came from cell slot[g] = anchor row * K + k of the table [N, K]: its opacity becomes 0 where that cell is
+/// dead.
 template <class T, Executor E>
 void mask_opacity(MatrixView<const T> mask, std::span<const std::uint32_t> slot, T* opacity, E& executor) {
   executor.for_chunks(slot.size(), std::size_t{4096}, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t g = begin; g < end; ++g) opacity[g] = mask_live(mask.data[slot[g]]) ? opacity[g] : T(0);
   });
 }
-/// Adds d_opacity * opacity * slope into the gradients of the masks. `opacity` is that after mask_opacity: the dead have no part in a render,
-/// hence no gradient. Each cell belongs to one Gaussian at most.
+/// Adds d_opacity * opacity * slope into the gradients of the masks. `opacity` is that after mask_opacity: the dead
+/// have no part in a render, hence no gradient. Each cell belongs to one Gaussian at most.
 template <class T, Executor E>
 void mask_opacity_backward(MatrixView<const T> mask, std::span<const std::uint32_t> slot, const T* opacity,
                            const T* d_opacity, MatrixView<T> d_mask, E& executor) {

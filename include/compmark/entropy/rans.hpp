@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The two steps of an asymmetric numeral system (Duda 2013, arXiv:1311.2540, in its range variant): a state of 63 bits that gives and takes
-// words of 32. Symbols are put in backwards and come out forwards. There are no carries. A step loses less than 2^-15 bits.
+// The two steps of an asymmetric numeral system (Duda 2013, arXiv:1311.2540, in its range variant): a state of 63 bits
+// that gives and takes words of 32. Symbols are put in backwards and come out forwards. There are no carries. A step
+// loses less than 2^-15 bits.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +13,8 @@ namespace compmark {
 /// Between symbols every state is in [least, 2^32 least).
 inline constexpr std::uint64_t least_rans_state = std::uint64_t{1} << 31;
 
-/// Puts the symbol with the numbers [start, start + frequency) of 2^16 into a state. Words grow downwards: the one below `words` is written
-/// in any case and kept if the state has overflowed. frequency > 0.
+/// Puts the symbol with the numbers [start, start + frequency) of 2^16 into a state. Words grow downwards: the one
+/// below `words` is written in any case and kept if the state has overflowed. frequency > 0.
 inline void rans_put(std::uint64_t& state, std::uint32_t*& words, std::uint32_t start, std::uint32_t frequency) {
   const unsigned full = state >= std::uint64_t{frequency} << (63 - 16) ? 1 : 0;
   *(words - 1) = static_cast<std::uint32_t>(state);

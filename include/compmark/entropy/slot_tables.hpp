@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tables of cumulative frequencies, 2^16 in all, as rows of slots with a search: what the Gaussian tables and those of the hyperprior share, so
-// that one symbol coder serves both. The search is a look-up by the upper bits of a number and a few steps; how many bits it has is a matter of
-// speed and memory, not of the format.
+// Tables of cumulative frequencies, 2^16 in all, as rows of slots with a search: what the Gaussian tables and those of
+// the hyperprior share, so that one symbol coder serves both. The search is a look-up by the upper bits of a number and
+// a few steps; how many bits it has is a matter of speed and memory, not of the format.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,8 @@ class SlotTables {
     std::int32_t window;
     std::uint32_t shift;
   };
-  /// Where a symbol model puts its symbols: symbol = centre + (k ^ mirror) - mirror for the bin k = slot - window of the table.
+  /// Where a symbol model puts its symbols: symbol = centre + (k ^ mirror) - mirror for the bin k = slot - window of
+  /// the table.
   struct Place {
     const Table* table;
     std::int64_t centre;
@@ -37,8 +38,8 @@ class SlotTables {
     std::uint32_t frequency;
   };
 
-  /// Adds a row. `bounds` [2 window + 2]: the last number of each slot, rising, the last of them 2^16 - 1. `search_bits` in 1 to 16: 2^search_bits
-  /// entries of two bytes.
+  /// Adds a row. `bounds` [2 window + 2]: the last number of each slot, rising, the last of them 2^16 - 1.
+  /// `search_bits` in 1 to 16: 2^search_bits entries of two bytes.
   void append(std::span<const std::uint32_t> bounds, int window, int search_bits) {
     Table table{};
     table.window = window;

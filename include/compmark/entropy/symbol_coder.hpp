@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One chunk of whole numbers, each with a Gaussian of its own (gaussian_tables.hpp), as bytes that decode alone: four interleaved rANS states
-// over one sequence of words. Layout, least byte first:
+// One chunk of whole numbers, each with a Gaussian of its own (gaussian_tables.hpp), as bytes that decode alone: four
+// interleaved rANS states over one sequence of words. Layout, least byte first:
 //   1  format, 1
 //   ..  number of symbols, varint (varint.hpp), not 0: no symbols are no bytes
 //   ..  number of bytes of escapes, varint
@@ -10,10 +10,11 @@
 //   ..  the states as the encoder left them, 4 to 8 bytes each without leading zeros
 //   ..  words of 32 bits in the order in which they are read
 //   ..  escapes: varints of zigzag(d), d = distance beyond the window, less one, with the sign of the side
-// Symbol i belongs to state i mod 4. The states begin at 2^31, three of them with a digest of the symbols added to it (93 bits that would
-// otherwise carry nothing): a decoder ends with all words and escapes used up and the digest of what it has decoded in the states, or it
-// reports an error. That also finds a mean which is wrong by a whole bin, which shifts symbols and leaves the states as they are.
-// Cost above the tables: 25 bytes a chunk, 12 of them the digest. 110 M symbols/s decoded, 150 M encoded on a core (entropy_coder.bench).
+// Symbol i belongs to state i mod 4. The states begin at 2^31, three of them with a digest of the symbols added to it
+// (93 bits that would otherwise carry nothing): a decoder ends with all words and escapes used up and the digest of
+// what it has decoded in the states, or it reports an error. That also finds a mean which is wrong by a whole bin,
+// which shifts symbols and leaves the states as they are. Cost above the tables: 25 bytes a chunk, 12 of them the
+// digest. 110 M symbols/s decoded, 150 M encoded on a core (entropy_coder.bench).
 #pragma once
 
 #include <array>
@@ -37,7 +38,8 @@
 
 namespace compmark {
 
-/// Distinguishes sequences of symbols: 128 bits that change with any symbol and with their order. Eight sums, 0.3 ns a symbol.
+/// Distinguishes sequences of symbols: 128 bits that change with any symbol and with their order. Eight sums, 0.3 ns a
+/// symbol.
 struct SymbolDigest {
   std::uint64_t low = 0;
   std::uint64_t high = 0;
@@ -78,7 +80,8 @@ inline constexpr std::uint8_t chunk_format = 1;
           least_rans_state | ((digest.low >> 33) & free_bits)};
 }
 
-/// How far outside the window, from -1 and 1 on as -1 and 0: zigzag of it is 0 for the nearest symbol above, 1 for that below.
+/// How far outside the window, from -1 and 1 on as -1 and 0: zigzag of it is 0 for the nearest symbol above, 1 for that
+/// below.
 [[nodiscard]] inline std::uint64_t escape_code(const SlotTables::Place& at, std::int32_t symbol) {
   const std::int64_t bin = ((symbol - at.centre) ^ at.mirror) - at.mirror;
   return zigzag(bin < 0 ? bin + at.table->window : bin - at.table->window - 1);

@@ -3,8 +3,9 @@
 //
 // The anchor PLY of the Scaffold-GS family (docs/spec/formats.md, 2): one element `vertex`, floats,
 //   x y z nx ny nz f_offset_0..(3 K - 1) f_anchor_feat_0..(D - 1) opacity scale_0..5 rot_0..3
-// There f_offset is axis-major, index axis * K + k; our table has 3 k + axis. opacity and rot of an anchor are never trained and never
-// rendered: the published initial values are written, and nothing is read. The networks are in other files (model.safetensors).
+// There f_offset is axis-major, index axis * K + k; our table has 3 k + axis. opacity and rot of an anchor are never
+// trained and never rendered: the published initial values are written, and nothing is read. The networks are in other
+// files (model.safetensors).
 #pragma once
 
 #include <array>

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Files are replaced whole or not at all: bytes go to `<path>.partial-1` next to the target, are flushed to the disk, and the name is
-// then exchanged by one rename. A crash, a full disk or a Ctrl-C leaves the old file untouched. The partial file is created exclusively
-// and locked: another program that writes the same target at the same time takes `<path>.partial-2`, and the last one to finish wins,
-// whole. What a killed program left is not locked any more and is removed by the next write of that target.
-// Devices, pipes and descriptors are written through, symbolic links are followed: see output_target.hpp.
+// Files are replaced whole or not at all: bytes go to `<path>.partial-1` next to the target, are flushed to the disk,
+// and the name is then exchanged by one rename. A crash, a full disk or a Ctrl-C leaves the old file untouched. The
+// partial file is created exclusively and locked: another program that writes the same target at the same time takes
+// `<path>.partial-2`, and the last one to finish wins, whole. What a killed program left is not locked any more and is
+// removed by the next write of that target. Devices, pipes and descriptors are written through, symbolic links are
+// followed: see output_target.hpp.
 #pragma once
 
 #include <cerrno>
@@ -26,11 +27,12 @@
 
 namespace compmark {
 
-/// One file being written. Nothing is visible under `path` before commit(); destroyed without commit, it leaves no trace. A stream
-/// (a device, a pipe, a descriptor) sees the bytes as they are written.
+/// One file being written. Nothing is visible under `path` before commit(); destroyed without commit, it leaves no
+/// trace. A stream (a device, a pipe, a descriptor) sees the bytes as they are written.
 class AtomicFile {
  public:
-  /// Opens `<path>.partial-N`; the folder must exist. A new file gets `mode` less the process's umask, a replaced one keeps its mode.
+  /// Opens `<path>.partial-N`; the folder must exist. A new file gets `mode` less the process's umask, a replaced one
+  /// keeps its mode.
   [[nodiscard]] static Result<AtomicFile> create(const std::filesystem::path& path, unsigned mode = 0666) {
     Result<OutputTarget> target = output_target(path);
     if (!target) return target.error();
@@ -67,7 +69,8 @@ class AtomicFile {
   AtomicFile& operator=(const AtomicFile&) = delete;
   ~AtomicFile() { discard(); }
 
-  /// Appends bytes. A failure is remembered and reported by commit(), so that a caller may write many pieces and look once.
+  /// Appends bytes. A failure is remembered and reported by commit(), so that a caller may write many pieces and look
+  /// once.
   void write(std::span<const std::byte> bytes) {
     if (failure_ != 0 || bytes.empty()) return;
     if (buffer_.size() + bytes.size() > buffer_limit) flush();
@@ -173,7 +176,8 @@ class AtomicFile {
   return write_file(path, std::as_bytes(std::span<const char>(text.data(), text.size())), mode);
 }
 
-/// Whether a file can be written there, asked before work begins: a file's place is tried and left as it was, a stream is not opened.
+/// Whether a file can be written there, asked before work begins: a file's place is tried and left as it was, a stream
+/// is not opened.
 [[nodiscard]] inline Result<Done> check_writable(const std::filesystem::path& path) {
   const Result<OutputTarget> target = output_target(path);
   if (!target) return target.error();

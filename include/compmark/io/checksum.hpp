@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The checksum that our files carry of their own content: of tensors with their names, types and shapes and all metadata (safetensors), of all
-// fields (keys). It is of the content, not of the bytes: a file that another program stores again, unchanged, stays right. Files of before
-// have none and are read as they are; a checksum whose name was damaged is recognised by its value.
+// The checksum that our files carry of their own content: of tensors with their names, types and shapes and all
+// metadata (safetensors), of all fields (keys). It is of the content, not of the bytes: a file that another program
+// stores again, unchanged, stays right. Files of before have none and are read as they are; a checksum whose name was
+// damaged is recognised by its value.
 #pragma once
 
 #include <cstddef>

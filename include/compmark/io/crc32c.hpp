@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// CRC-32C (Castagnoli; RFC 3720, B.4; reflected polynomial 0x82F63B78): tells whether bytes survived a disk or a wire. It finds every error of up
-// to 32 adjacent bits. Against intent it proves nothing; that is what sha256.hpp is for. Eight tables, 8 bytes a step: ~2 GB/s.
+// CRC-32C (Castagnoli; RFC 3720, B.4; reflected polynomial 0x82F63B78): tells whether bytes survived a disk or a wire.
+// It finds every error of up to 32 adjacent bits. Against intent it proves nothing; that is what sha256.hpp is for.
+// Eight tables, 8 bytes a step: ~2 GB/s.
 #pragma once
 
 #include <array>

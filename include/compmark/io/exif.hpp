@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The orientation a camera wrote into a JPEG (Exif 2.32, tag 0x0112): how the stored rows and columns are to be turned for viewing.
-//   1 as stored   2 mirrored   3 upside down   4 mirrored upside down   5 … 8 the same after exchanging rows and columns
-// Every offset in the file is checked before it is followed; anything odd means 1. Cost: walks the segments before the picture.
+// The orientation a camera wrote into a JPEG (Exif 2.32, tag 0x0112): how the stored rows and columns are to be turned
+// for viewing.
+//   1 as stored  2 mirrored  3 upside down  4 mirrored upside down  5 … 8 the same after exchanging rows and columns
+// Every offset in the file is checked before it is followed; anything odd means 1. Cost: walks the segments before the
+// picture.
 #pragma once
 
 #include <cstddef>

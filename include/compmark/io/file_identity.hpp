@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whether two names are one file: by what the file system says where both exist (hard links, symbolic links, mounts, another case), by
-// their folder and name where they don't exist yet. For guards that nothing that is read is written over.
+// Whether two names are one file: by what the file system says where both exist (hard links, symbolic links, mounts,
+// another case), by their folder and name where they don't exist yet. For guards that nothing that is read is written
+// over.
 #pragma once
 
 #include <cctype>
@@ -51,7 +52,8 @@ enum class Identity { same, different, unknown };
   return same ? Identity::same : Identity::different;
 }
 
-/// True if the file system does not tell capitals from small letters: the folder is also there under its name in the other case.
+/// True if the file system does not tell capitals from small letters: the folder is also there under its name in the
+/// other case.
 [[nodiscard]] inline bool ignores_case(const std::filesystem::path& folder) {
   std::error_code status;
   std::filesystem::path at = std::filesystem::weakly_canonical(folder, status);

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a file is, by its first bytes: so that a file that was given for another is named for what it is, with the command that takes it.
-// Names of files are asked only where formats share their beginning (an .spz is a gzip file) or have none (.splat). Nothing is decoded, so
-// a damaged file is still of its kind. Cost: one read of at most 64 KiB.
+// What a file is, by its first bytes: so that a file that was given for another is named for what it is, with the
+// command that takes it. Names of files are asked only where formats share their beginning (an .spz is a gzip file) or
+// have none (.splat). Nothing is decoded, so a damaged file is still of its kind. Cost: one read of at most 64 KiB.
 #pragma once
 
 #include <algorithm>
@@ -80,7 +80,8 @@ inline constexpr std::array<FileMagic, 35> file_magics{{
     {FileKind::ply, "\xEF\xBB\xBFply\r"sv},
 }};
 
-/// The text of a JSON field: of `"key" : "value"` in the first bytes of a file the value, also where a quote within a text is escaped.
+/// The text of a JSON field: of `"key" : "value"` in the first bytes of a file the value, also where a quote within a
+/// text is escaped.
 [[nodiscard]] inline std::string_view json_text_at(std::string_view json, std::string_view key) {
   constexpr std::string_view space = " \t\r\n";
   for (std::size_t at = json.find(key); at != std::string_view::npos; at = json.find(key, at + 1)) {
@@ -153,7 +154,8 @@ inline constexpr std::array<FileMagic, 35> file_magics{{
              : FileKind::text;
 }
 
-/// True for the binary cameras or images of a COLMAP model: counts, identifiers and sizes, or rotations, that make sense.
+/// True for the binary cameras or images of a COLMAP model: counts, identifiers and sizes, or rotations, that make
+/// sense.
 [[nodiscard]] inline bool begins_as_colmap(std::span<const std::byte> head, std::uintmax_t size) {
   const auto number = [&](std::size_t at, auto value) {
     std::memcpy(&value, head.data() + at, sizeof(value));
@@ -227,7 +229,8 @@ inline constexpr std::array<FileMagic, 35> file_magics{{
   return kind == FileKind::text || (kind >= FileKind::json && kind <= FileKind::owner_key);
 }
 
-/// "is a PLY file, not a model": the error of a reader of `expected` ("a model (safetensors)") that met a file of another kind.
+/// "is a PLY file, not a model": the error of a reader of `expected` ("a model (safetensors)") that met a file of
+/// another kind.
 [[nodiscard]] inline Error wrong_kind(FileKind kind, std::string file, std::string_view expected) {
   const std::string_view use = file_kind_use(kind);
   return {ErrorKind::malformed, std::move(file), "",
@@ -257,8 +260,9 @@ template <class TensorFile>
   return kind != FileKind::unknown && kind != FileKind::unreadable && kind != FileKind::empty;
 }
 
-/// Reads one whole file of at most `limit` bytes whose beginning is right: `fits(kind, head)` judges by the kind and the first bytes. Another
-/// kind is an Error that names it, and is not read whole; a small file that tells no kind is left for its parser to refuse.
+/// Reads one whole file of at most `limit` bytes whose beginning is right: `fits(kind, head)` judges by the kind and
+/// the first bytes. Another kind is an Error that names it, and is not read whole; a small file that tells no kind is
+/// left for its parser to refuse.
 template <class Fits>
 [[nodiscard]] Result<std::vector<std::byte>> read_file_of(const std::filesystem::path& path, std::uintmax_t limit,
                                                           std::string_view expected, const Fits& fits) {

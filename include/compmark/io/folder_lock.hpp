@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Two runs into one folder, or one file, exclude each other: whoever writes holds a lock, and who comes second is told. The lock belongs to
-// the process and ends with it, however it ends, so a killed run never stands in the way of the next. It is advisory: it binds programs that
-// ask for it. Where the system has no such locks (not POSIX, some network file systems) everybody gets one, and nothing is excluded.
+// Two runs into one folder, or one file, exclude each other: whoever writes holds a lock, and who comes second is told.
+// The lock belongs to the process and ends with it, however it ends, so a killed run never stands in the way of the
+// next. It is advisory: it binds programs that ask for it. Where the system has no such locks (not POSIX, some network
+// file systems) everybody gets one, and nothing is excluded.
 #pragma once
 
 #include <cerrno>
@@ -47,7 +48,8 @@ class FolderLock {
     return acquire(folder / ".compmark-lock", folder, "another run writes into this folder",
                    "wait for it or choose another folder (--out)");
   }
-  /// Locks the place of one output file, by `<file>.lock` beside it, which is removed with the lock. A stream is not locked.
+  /// Locks the place of one output file, by `<file>.lock` beside it, which is removed with the lock. A stream is not
+  /// locked.
   [[nodiscard]] static Result<FolderLock> beside(const std::filesystem::path& file) {
     const Result<OutputTarget> target = output_target(file);
     if (!target) return target.error();

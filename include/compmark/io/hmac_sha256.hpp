@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// HMAC-SHA-256 (RFC 2104, FIPS 198-1) and HKDF (RFC 5869): one secret gives independent bytes for every purpose, and none of them says
-// anything about the secret or about the others. Cost: two extra compressions a message, ~1 us.
+// HMAC-SHA-256 (RFC 2104, FIPS 198-1) and HKDF (RFC 5869): one secret gives independent bytes for every purpose, and
+// none of them says anything about the secret or about the others. Cost: two extra compressions a message, ~1 us.
 #pragma once
 
 #include <algorithm>

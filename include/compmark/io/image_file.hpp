@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Image files: PNG and JPEG in, PNG and JPEG out, 8 bits a channel. The size in the header is checked before anything is allocated (image_limit.hpp);
-// a file that cannot be decoded whole is an Error, never a partly grey image. Cost: ~20 ns a pixel to read PNG, ~100 ns to write it.
+// Image files: PNG and JPEG in, PNG and JPEG out, 8 bits a channel. The size in the header is checked before anything
+// is allocated (image_limit.hpp); a file that cannot be decoded whole is an Error, never a partly grey image. Cost: ~20
+// ns a pixel to read PNG, ~100 ns to write it.
 #pragma once
 
 #include <cstddef>
@@ -104,7 +105,8 @@ inline Error damaged_image(const std::string& name, const std::string& how) {
 }
 
 namespace detail {
-/// That an image may be decoded: its file is long enough for what its header says, the memory suffices, and stb will not believe what it should not.
+/// That an image may be decoded: its file is long enough for what its header says, the memory suffices, and stb will
+/// not believe what it should not.
 [[nodiscard]] inline Result<Done> check_image(std::span<const std::byte> bytes, const ImageInfo& info,
                                               const std::string& name, std::uint64_t memory_limit) {
   const auto count = [](int n) { return static_cast<std::uint64_t>(n); };
@@ -129,8 +131,8 @@ namespace detail {
 }
 }  // namespace detail
 
-/// Decodes a PNG or JPEG in memory. 16-bit channels are reduced to 8. One that takes more than `memory_limit` bytes, or whose header promises more
-/// pixels than a file of its length can hold, is an Error before any are taken.
+/// Decodes a PNG or JPEG in memory. 16-bit channels are reduced to 8. One that takes more than `memory_limit` bytes, or
+/// whose header promises more pixels than a file of its length can hold, is an Error before any are taken.
 [[nodiscard]] inline Result<ImageBytes> decode_image(std::span<const std::byte> bytes, const std::string& name,
                                                      std::uint64_t memory_limit = image_memory_limit) {
   const Result<ImageInfo> info = decode_image_info(bytes, name);

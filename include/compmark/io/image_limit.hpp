@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the bytes of a PNG or JPEG can hold, and what decoding them takes, from headers alone: a small file that promises a large image is refused
-// before memory is taken for it, and a JPEG is looked through for what stb_image believes or leaves as it found it. Cost: PNG none, JPEG one pass.
+// What the bytes of a PNG or JPEG can hold, and what decoding them takes, from headers alone: a small file that
+// promises a large image is refused before memory is taken for it, and a JPEG is looked through for what stb_image
+// believes or leaves as it found it. Cost: PNG none, JPEG one pass.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +19,8 @@ namespace compmark {
 /// Larger images are refused: a header of a few bytes must not make us allocate gigabytes.
 inline constexpr std::int64_t image_pixel_limit = std::int64_t{1} << 28;
 inline constexpr std::uintmax_t image_file_limit = std::uintmax_t{1} << 31;
-/// Bytes that decoding may take, unless a caller says less: enough for any image of image_pixel_limit that stb_image takes.
+/// Bytes that decoding may take, unless a caller says less: enough for any image of image_pixel_limit that stb_image
+/// takes.
 inline constexpr std::uint64_t image_memory_limit = std::uint64_t{5} << 30;
 
 namespace detail {
@@ -35,15 +37,16 @@ namespace detail {
   return bytes.size() >= 4 && std::memcmp(bytes.data(), "\x89PNG", 4) == 0;
 }
 
-/// The fewest bytes that a file of so many pixels has. PNG: deflate makes at most 1032 bytes of one (a copy of 258 bytes is two bits).
-/// JPEG: every block of 64 samples is one bit at least. With samplings up to 4 x 4 the least is 9 blocks for 1024 pixels (4 x 1, 1 x 4 and 1 x 1),
-/// 910 pixels a byte; 1024 are allowed.
+/// The fewest bytes that a file of so many pixels has. PNG: deflate makes at most 1032 bytes of one (a copy of 258
+/// bytes is two bits). JPEG: every block of 64 samples is one bit at least. With samplings up to 4 x 4 the least is 9
+/// blocks for 1024 pixels (4 x 1, 1 x 4 and 1 x 1), 910 pixels a byte; 1024 are allowed.
 [[nodiscard]] inline std::uint64_t least_file_bytes(std::span<const std::byte> bytes, std::uint64_t pixels) {
   if (is_png(bytes)) return pixels * png_pixel_bits(bytes) / 8 / 1032;
   return pixels / 1024;
 }
-/// The most bytes that decoding takes beside the file: the packed rows of a PNG, or three bytes a sample of a JPEG (a progressive one keeps its
-/// coefficients), then twice the image of `channels` of `bits` (it is converted, and copied out of stb_image's hands).
+/// The most bytes that decoding takes beside the file: the packed rows of a PNG, or three bytes a sample of a JPEG (a
+/// progressive one keeps its coefficients), then twice the image of `channels` of `bits` (it is converted, and copied
+/// out of stb_image's hands).
 [[nodiscard]] inline std::uint64_t decoding_bytes(std::span<const std::byte> bytes, std::uint64_t pixels,
                                                   std::uint64_t channels, std::uint64_t bits) {
   const std::uint64_t image = pixels * channels * bits / 8;
@@ -51,7 +54,8 @@ namespace detail {
   return pixels * 3 * std::max<std::uint64_t>(channels, 3) + 2 * image;
 }
 
-/// What is wrong with a PNG that stb_image would not say; nullptr if nothing is: stb takes as much memory as a chunk says that it has.
+/// What is wrong with a PNG that stb_image would not say; nullptr if nothing is: stb takes as much memory as a chunk
+/// says that it has.
 [[nodiscard]] inline const char* png_damage(std::span<const std::byte> bytes) {
   for (std::size_t at = 8; bytes.size() >= at + 8;) {
     std::uint64_t length = 0;
@@ -63,8 +67,8 @@ namespace detail {
   return nullptr;
 }
 
-/// A PNG whose palette has all of its 256 colours, those that it lacks black; empty where nothing is to be done. stb takes what a pixel names beyond the
-/// palette from the stack.
+/// A PNG whose palette has all of its 256 colours, those that it lacks black; empty where nothing is to be done. stb
+/// takes what a pixel names beyond the palette from the stack.
 [[nodiscard]] inline std::vector<std::byte> with_whole_palette(std::span<const std::byte> bytes) {
   constexpr std::size_t type = 25, whole = 3 * 256;
   if (!is_png(bytes) || bytes.size() <= type || bytes[type] != std::byte{3} || png_damage(bytes) != nullptr ||
@@ -88,7 +92,8 @@ namespace detail {
   return {};
 }
 
-/// What a JPEG has said so far, as far as it tells what a scan needs: stb_image decodes with tables that nobody has written, and to what lay in memory.
+/// What a JPEG has said so far, as far as it tells what a scan needs: stb_image decodes with tables that nobody has
+/// written, and to what lay in memory.
 class JpegTables {
  public:
   /// Each takes the contents of a segment, from `begin` to `end`; two of them say what is wrong, or nullptr.
@@ -128,7 +133,8 @@ class JpegTables {
     if (begin >= end) return nullptr;
     const std::size_t count = at(bytes, begin), behind = begin + 1 + 2 * count;
     if (behind + 3 > end) return nullptr;
-    // The first scan of a component begins with coefficient 0 and all of its high bits; others of a progressive file add to it.
+    // The first scan of a component begins with coefficient 0 and all of its high bits; others of a progressive file
+    // add to it.
     const bool constant = at(bytes, behind) == 0, first = constant && at(bytes, behind + 2) < 16;
     for (std::size_t entry = begin + 1; entry < behind; entry += 2) {
       Component& component = components_[at(bytes, entry)];
@@ -178,8 +184,8 @@ class JpegTables {
   std::uint64_t restarts_wanted_ = 0;        ///< of the last scan
 };
 
-/// What is wrong with a JPEG (`header_only`: as far as its size is told) that stb_image would not say; nullptr if nothing is. Segments are walked as stb
-/// walks them; what is odd otherwise is left for stb to refuse.
+/// What is wrong with a JPEG (`header_only`: as far as its size is told) that stb_image would not say; nullptr if
+/// nothing is. Segments are walked as stb walks them; what is odd otherwise is left for stb to refuse.
 [[nodiscard]] inline const char* jpeg_damage(std::span<const std::byte> bytes, bool header_only = false) {
   const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(bytes[i]); };
   if (bytes.size() < 2 || at(0) != 0xFF) return nullptr;  // no JPEG; fill bytes may come first

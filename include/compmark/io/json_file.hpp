@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JSON files: reading with the line of the mistake, fields with their path in the message, writing whole or not at all.
-// Whatever uses JSON, here and in other rooms, is a template on its class with one default: a program pays for the instantiation of a JSON
-// library (an eighth of the umbrella header's parse time) where it reads or writes JSON, not where it includes a header.
+// Whatever uses JSON, here and in other rooms, is a template on its class with one default: a program pays for the
+// instantiation of a JSON library (an eighth of the umbrella header's parse time) where it reads or writes JSON, not
+// where it includes a header.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +26,8 @@
 
 namespace compmark {
 
-/// Parses a whole JSON file (at most 1 GiB). The error names line and column, or what the file is instead of `expected`.
+/// Parses a whole JSON file (at most 1 GiB). The error names line and column, or what the file is instead of
+/// `expected`.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Json> read_json(const std::filesystem::path& path, std::string_view expected = "a JSON file") {
   const Result<std::vector<std::byte>> bytes = read_file_of(
@@ -51,14 +53,15 @@ template <class Json = nlohmann::json>
   }
 }
 
-/// Writes JSON, indented by two spaces, keys in the object's own order (sorted for nlohmann::json), atomically. Numbers that are not
-/// finite become null, as JSON has no other name for them. `mode` as that of AtomicFile::create.
+/// Writes JSON, indented by two spaces, keys in the object's own order (sorted for nlohmann::json), atomically. Numbers
+/// that are not finite become null, as JSON has no other name for them. `mode` as that of AtomicFile::create.
 template <class Json>
 [[nodiscard]] Result<Done> write_json(const std::filesystem::path& path, const Json& json, unsigned mode = 0666) {
   return write_file(path, json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n", mode);
 }
 
-/// Field `key` of an object as T (a finite number, a string, a bool); `file` and `where` (path of the object) are for the message.
+/// Field `key` of an object as T (a finite number, a string, a bool); `file` and `where` (path of the object) are for
+/// the message.
 template <class T, class Json>
 [[nodiscard]] Result<T> json_field(const Json& object, const std::string& key, const std::string& file,
                                    const std::string& where = {}) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The form of a JSON text, before a parser takes memory for it: how deeply it is nested and which names its outermost object has. One pass,
-// no memory but for the names; a text that is no JSON has some form too, and is the parser's to refuse.
+// The form of a JSON text, before a parser takes memory for it: how deeply it is nested and which names its outermost
+// object has. One pass, no memory but for the names; a text that is no JSON has some form too, and is the parser's to
+// refuse.
 #pragma once
 
 #include <algorithm>
@@ -49,8 +50,8 @@ struct JsonShape {
   return shape;
 }
 
-/// Parses a text; a discarded value if it is not JSON or nested too deeply. All of the library parses from one type of pointer, so that a
-/// program has one parser.
+/// Parses a text; a discarded value if it is not JSON or nested too deeply. All of the library parses from one type of
+/// pointer, so that a program has one parser.
 template <class Json = nlohmann::json>
 [[nodiscard]] Json json_from(std::string_view text) {
   if (json_shape(text).depth > json_depth_limit) return Json(Json::value_t::discarded);

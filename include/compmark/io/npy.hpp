@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// NumPy's .npy files (format versions 1 to 3): a header that is a Python dictionary, then the numbers. Little-endian floats and integers in
-// C order are read, as doubles. No count is believed: the shape's product is compared with the bytes that follow before anything is
-// allocated.
+// NumPy's .npy files (format versions 1 to 3): a header that is a Python dictionary, then the numbers. Little-endian
+// floats and integers in C order are read, as doubles. No count is believed: the shape's product is compared with the
+// bytes that follow before anything is allocated.
 #pragma once
 
 #include <charconv>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Random bytes of the operating system, for secrets: getrandom where there is one, else /dev/urandom. Everything else in the library draws
-// from core/random.hpp, which is repeatable and therefore no source of secrets. Either all bytes are random or there is an Error.
+// Random bytes of the operating system, for secrets: getrandom where there is one, else /dev/urandom. Everything else
+// in the library draws from core/random.hpp, which is repeatable and therefore no source of secrets. Either all bytes
+// are random or there is an Error.
 #pragma once
 
 #include <cerrno>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What lies under the name of an output. A regular file, or a name that is free, is replaced whole, behind any symbolic links: the links stay.
-// A device, a named pipe or a descriptor of this process (/dev/stdout, /dev/fd/3) is written through, never replaced, and nothing can be read
-// back from it. Folders, sockets and block devices are refused.
+// What lies under the name of an output. A regular file, or a name that is free, is replaced whole, behind any symbolic
+// links: the links stay. A device, a named pipe or a descriptor of this process (/dev/stdout, /dev/fd/3) is written
+// through, never replaced, and nothing can be read back from it. Folders, sockets and block devices are refused.
 #pragma once
 
 #include <filesystem>
@@ -57,7 +57,8 @@ namespace detail {
 
 }  // namespace detail
 
-/// Looks under a name, through symbolic links, also through one whose file does not exist yet. An error if nothing can be written there.
+/// Looks under a name, through symbolic links, also through one whose file does not exist yet. An error if nothing can
+/// be written there.
 [[nodiscard]] inline Result<OutputTarget> output_target(const std::filesystem::path& path) {
   const auto fail = [&](std::string problem, std::string remedy) {
     return Error{ErrorKind::unwritable, path.string(), "", std::move(problem), std::move(remedy)};
@@ -99,8 +100,8 @@ namespace detail {
   }
 }
 
-/// True for a device, a pipe, a socket or a descriptor: what is written there cannot be read back, and opening it to try would be seen by
-/// whoever reads it.
+/// True for a device, a pipe, a socket or a descriptor: what is written there cannot be read back, and opening it to
+/// try would be seen by whoever reads it.
 [[nodiscard]] inline bool is_stream_target(const std::filesystem::path& path) {
   const Result<OutputTarget> target = output_target(path);
   if (target) return target->kind != OutputTarget::Kind::file;

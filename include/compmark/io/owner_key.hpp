@@ -39,8 +39,9 @@ struct OwnerKey {
   std::string payload{};     ///< what the message says, hexadecimal (mark/key.hpp); empty: it says nothing
   std::size_t corrects = 0;  ///< wrong bits that the code of the payload corrects; 0: no payload
 
-  /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; with a payload, of another label,
-  /// secret, length, `corrects` (4 bytes), the creation time and the payload's digits. May be published.
+  /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; with a payload,
+  /// of another label, secret, length, `corrects` (4 bytes), the creation time and the payload's digits. May be
+  /// published.
   [[nodiscard]] std::string commitment() const {
     const auto number = [](std::size_t value) {
       std::array<std::byte, 4> bytes{};

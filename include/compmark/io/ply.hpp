@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// PLY files: ASCII and binary of both byte orders, any scalar types, any properties in any order, list properties skipped, comments and
-// CRLF accepted. No count is believed before the file is long enough for it. Writing: binary little-endian columns of floats.
-// Cost of reading: one pass over the bytes; of column(): one conversion a value.
+// PLY files: ASCII and binary of both byte orders, any scalar types, any properties in any order, list properties
+// skipped, comments and CRLF accepted. No count is believed before the file is long enough for it. Writing: binary
+// little-endian columns of floats. Cost of reading: one pass over the bytes; of column(): one conversion a value.
 // Longer than 300 lines: header, both encodings and the writer share one table of scalar types.
 #pragma once
 
@@ -346,7 +346,8 @@ struct PlyFloatColumn {
   std::size_t stride = 1;
 };
 
-/// Writes element `vertex` of `count` rows, binary little-endian floats in the order of the columns, whole or not at all.
+/// Writes element `vertex` of `count` rows, binary little-endian floats in the order of the columns, whole or not at
+/// all.
 [[nodiscard]] inline Result<Done> write_ply(const std::filesystem::path& path, std::size_t count,
                                             std::span<const PlyFloatColumn> columns,
                                             std::span<const std::string> comments = {}) {

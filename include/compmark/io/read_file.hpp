@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Reading whole files. Only regular files are read, a size is checked before memory is taken for it, a reader may look at the first bytes
-// before it asks for the rest, and a file that changes its size while it is read is an error.
+// Reading whole files. Only regular files are read, a size is checked before memory is taken for it, a reader may look
+// at the first bytes before it asks for the rest, and a file that changes its size while it is read is an error.
 #pragma once
 
 #include <algorithm>
@@ -126,8 +126,8 @@ class InputFile {
   std::uintmax_t read_ = 0;
 };
 
-/// Reads one whole file of at most `limit` bytes. `check(head, size)` sees its first bytes (up to `head_size` of the `size` bytes) and may
-/// refuse it by an Error before memory is taken for the rest.
+/// Reads one whole file of at most `limit` bytes. `check(head, size)` sees its first bytes (up to `head_size` of the
+/// `size` bytes) and may refuse it by an Error before memory is taken for the rest.
 template <class Check>
 [[nodiscard]] Result<std::vector<std::byte>> read_file(const std::filesystem::path& path, std::uintmax_t limit,
                                                        std::size_t head_size, const Check& check) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// safetensors, reading. Every count is checked against the file before it is believed: header length, offsets, shape against byte count
-// (without overflow), no overlap, no gap, nothing behind the last tensor; a checksum, where there is one, against the content. Cost: one read of the file; tensors are views into it.
+// safetensors, reading. Every count is checked against the file first: header length, offsets, shape against bytes,
+// no overlap, no gap, nothing behind the last tensor; a checksum, if there is one. Tensors are views of the bytes.
 #pragma once
 
 #include <algorithm>
@@ -199,7 +199,7 @@ template <class Json>
                 std::to_string(header_size) + " bytes, more than the " +
                     std::to_string(bytes.size() - 8 - header_size) + " of the data");
 
-  // nlohmann keeps the last of two equal keys; the format forbids them. Its parser takes 70 bytes for a bracket: depth is looked at before.
+  // nlohmann keeps the last of two equal keys, which the format forbids, and takes 70 bytes for a bracket.
   const char* text = reinterpret_cast<const char*>(bytes.data() + 8);
   const JsonShape form = json_shape({text, static_cast<std::size_t>(header_size)});
   if (form.depth > json_depth_limit) return fail(ErrorKind::malformed, "header", "is nested too deeply");
@@ -282,8 +282,8 @@ template <class Json>
   return whole ? Result<SafetensorsFile>(std::move(file)) : whole.error();
 }
 
-/// Reads a file; one of another kind than `expected` is named for what it is. Files of other programs say nothing of their kind and pass.
-/// Cost: one read of the file; nothing is copied afterwards.
+/// Reads a file; one of another kind than `expected` is named for what it is. Files of other programs say nothing of
+/// their kind and pass. Cost: one read of the file; nothing is copied afterwards.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<SafetensorsFile> read_safetensors(const std::filesystem::path& path,
                                                        FileKind expected = FileKind::safetensors) {

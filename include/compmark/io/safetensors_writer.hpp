@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// safetensors, writing: deterministic (the same tensors and metadata give the same bytes, in whatever order they were added) and atomic.
+// safetensors, writing: deterministic (the same tensors and metadata give the same bytes, in whatever order they were
+// added) and atomic.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +26,8 @@
 
 namespace compmark {
 
-/// Collects tensors and writes them, with a checksum of their content in the metadata (checksum.hpp). Same content, same bytes: tensors lie in the order (element size descending, name), which aligns all of them.
+/// Collects tensors and writes them, with a checksum of their content in the metadata (checksum.hpp). Same content,
+/// same bytes: tensors lie in the order (element size descending, name), which aligns all of them.
 class SafetensorsWriter {
  public:
   std::map<std::string, std::string> metadata;

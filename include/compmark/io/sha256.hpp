@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// SHA-256 (FIPS 180-4), for naming models: two runs that agree in every bit of their model file show the same 64 digits.
-// No dependency. One core takes 370 MB/s; built for a processor that has the instructions for it (-march=native where it
-// does), 1,600 MB/s, and the digits are the same. It proves equality, and HMAC (hmac_sha256.hpp) derives from an
-// owner's key with it; it does not run in constant time, so not where an attacker can time it.
+// SHA-256 (FIPS 180-4), for naming models: two runs that agree in every bit of their model file show the same 64
+// digits. No dependency. One core takes 370 MB/s; built for a processor that has the instructions for it (-march=native
+// where it does), 1,600 MB/s, and the digits are the same. It proves equality, and HMAC (hmac_sha256.hpp) derives from
+// an owner's key with it; it does not run in constant time, so not where an attacker can time it.
 #pragma once
 
 #include <algorithm>
@@ -74,9 +74,9 @@ inline void sha256_portable(Sha256State& state, const std::byte* data, std::size
 }
 
 #if defined(__SHA__) && defined(__SSE4_1__)
-/// The same with the processor's instructions: four rounds at a time, on the state as the pairs (f e b a) and (h g d c). They
-/// have no AVX form, and after AVX instructions each of them waits for the upper halves of registers, a hundred times as long
-/// as it takes: so these are cleared, and the compiler may use no AVX in here.
+/// The same with the processor's instructions: four rounds at a time, on the state as the pairs (f e b a) and (h g d
+/// c). They have no AVX form, and after AVX instructions each of them waits for the upper halves of registers, a
+/// hundred times as long as it takes: so these are cleared, and the compiler may use no AVX in here.
 [[gnu::noinline, gnu::target("no-avx,sse4.1,sha")]] inline void sha256_instructions(Sha256State& state,
                                                                                     const std::byte* data,
                                                                                     std::size_t blocks) {

@@ -4,8 +4,8 @@
 // The standard 3DGS PLY, which viewers open (docs/spec/formats.md, 1): one element `vertex`, floats,
 //   x y z nx ny nz f_dc_0..2 f_rest_0..(3 K - 1) opacity scale_0..2 rot_0..3        K = 0, 3, 8, 15 for degree 0 … 3
 // f_rest is planar by channel (all red coefficients first), opacity a logit, scale a natural logarithm, rot w x y z.
-// Writing is strict (that order, zero normals, no NaN, no comments unless asked for); reading goes by property name and takes any order,
-// any scalar type, and files without normals or f_rest.
+// Writing is strict (that order, zero normals, no NaN, no comments unless asked for); reading goes by property name and
+// takes any order, any scalar type, and files without normals or f_rest.
 #pragma once
 
 #include <array>

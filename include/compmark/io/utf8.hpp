@@ -9,7 +9,8 @@
 
 namespace compmark {
 
-/// Whether a text is well-formed UTF-8 (Unicode 15, table 3-7): no overlong form, no surrogate, nothing beyond U+10FFFF, nothing cut off.
+/// Whether a text is well-formed UTF-8 (Unicode 15, table 3-7): no overlong form, no surrogate, nothing beyond
+/// U+10FFFF, nothing cut off.
 [[nodiscard]] inline bool is_utf8(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
     const auto first = static_cast<unsigned char>(text[i]);

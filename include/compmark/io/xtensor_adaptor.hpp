@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Our views as xtensor expressions and back, without copying: the shim for programs whose arrays are xtensor's. Works with the flat
-// headers of xtensor 0.24 and with the folders of 0.26 and later; nothing else in the library includes it.
+// Our views as xtensor expressions and back, without copying: the shim for programs whose arrays are xtensor's. Works
+// with the flat headers of xtensor 0.24 and with the folders of 0.26 and later; nothing else in the library includes
+// it.
 #pragma once
 
 #include <array>
@@ -26,7 +27,8 @@
 
 namespace compmark {
 
-/// The elements of a view as an xtensor expression of shape [channels, height, width]; the view's memory must outlive it.
+/// The elements of a view as an xtensor expression of shape [channels, height, width]; the view's memory must outlive
+/// it.
 template <class T>
 [[nodiscard]] auto as_xtensor(ImageView<T> image) {
   const std::array<std::size_t, 3> shape{static_cast<std::size_t>(image.channels),

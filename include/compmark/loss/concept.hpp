@@ -3,13 +3,15 @@
 //
 // Concept ImageLoss: two images in, a number and its gradient with respect to the first out.
 //
-//   expression                                                          meaning                                                    cost
-//   typename L::Scalar, L::Settings, L::Context                         number type, run-time numbers, scratch                     -
-//   l.forward(rendered, target, ctx, executor)                          report; `report.loss` is the value                         O(pixels)
-//   l.forward_backward(rendered, target, weight, d_rendered, ctx, ex)   same, and ADDS weight dloss/drendered into d_rendered      O(pixels)
+//   expression                                           meaning                                              cost
+//   typename L::Scalar, L::Settings, L::Context          number type, run-time numbers, scratch               -
+//   l.forward(rendered, target, ctx, executor)           report; `report.loss` is the value                   O(pixels)
+//   l.forward_backward(rendered, target, weight,         same, and ADDS weight dloss/drendered into           O(pixels)
+//   d_rendered, ctx, ex)                                 d_rendered
 //
-// Laws: G1 the gradient agrees with central differences in double; G2 identical images give the value 0 and a gradient of exact zeros;
-// G3 same bits at any thread count; G4 nothing is allocated after the first call of a size; G5 gradients are added, never overwritten.
+// Laws: G1 the gradient agrees with central differences in double; G2 identical images give the value 0 and a gradient
+// of exact zeros; G3 same bits at any thread count; G4 nothing is allocated after the first call of a size; G5
+// gradients are added, never overwritten.
 #pragma once
 
 #include <concepts>

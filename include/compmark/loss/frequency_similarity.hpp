@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The map E = 1 - SSIM of two planes, which growing looks at, its sum, and the gradient of the sum: the kernels of ssim.hpp over whole planes.
-// (PhotometricLoss, which needs no map, keeps everything in a ring of rows instead.) A chunk of rows reads ten rows more than it writes,
-// nothing is computed twice. Cost a pixel: 225 operations for the map, 144 for the gradient, 28 bytes written and read back between the two.
+// The map E = 1 - SSIM of two planes, which growing looks at, its sum, and the gradient of the sum: the kernels of
+// ssim.hpp over whole planes. (PhotometricLoss, which needs no map, keeps everything in a ring of rows instead.) A
+// chunk of rows reads ten rows more than it writes, nothing is computed twice. Cost a pixel: 225 operations for the
+// map, 144 for the gradient, 28 bytes written and read back between the two.
 #pragma once
 
 #include <algorithm>

@@ -50,7 +50,8 @@ class MessageLoss {
     MessageRule rule = MessageRule::cross_entropy;
     MessageReduction reduction = MessageReduction::mean;
     T margin = T(5);  ///< of the hinge, in scaled logits; carriers are published with logit_scale 1 and margin 5
-    /// Of the hinge, at least 1; above 1 the margin is above 0. At 1, as published, a bit that is nearly right is pulled as much as one that is wrong; at 2 as it needs.
+    /// Of the hinge, at least 1; above 1 the margin is above 0. At 1, as published, a bit that is nearly right is
+    /// pulled as much as one that is wrong; at 2 as it needs.
     T power = T(1);
   };
 

@@ -31,7 +31,8 @@ struct PhotometricReport {
   double loss = 0;
 };
 
-/// L1 + SSIM of planar images of any channel count and size (1 x 1 works: the window sees zeros outside the image, as published).
+/// L1 + SSIM of planar images of any channel count and size (1 x 1 works: the window sees zeros outside the image, as
+/// published).
 template <class T>
 class PhotometricLoss {
  public:

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The rows a band of the photometric loss works on: Step rows of each forward blur, Step rows of each backward blur, and a ring of the maps
-// in between. Every row has a margin of 16 scalars on either side that holds what lies outside the image, so that no kernel tests a border.
+// The rows a band of the photometric loss works on: Step rows of each forward blur, Step rows of each backward blur,
+// and a ring of the maps in between. Every row has a margin of 16 scalars on either side that holds what lies outside
+// the image, so that no kernel tests a border.
 #pragma once
 
 #include <algorithm>

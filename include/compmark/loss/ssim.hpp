@@ -1,13 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Kernels of the structural similarity on packs. The published formula S = A1 A2 / (B1 B2) is rewritten in the difference d = x - y:
+// Kernels of the structural similarity on packs. The published formula S = A1 A2 / (B1 B2) is rewritten in the
+// difference d = x - y:
 //   e1 = B1 - A1 = mean(d)^2,   e2 = B2 - A2 = var(d) = G*(d^2) - mean(d)^2,   1 - S = (A1 e2 + e1 B2) / (B1 B2),
 // which needs four blurs (x, d, x y, d^2) instead of five and has no cancellation near S = 1: identical images give 1 -
 // S = 0 and a gradient of exact zeros (docs/spec/numerics.md, LS9). x and y enter x y minus 1/2, so that E[xy] -
 // E[x]E[y] keeps its digits on bright images (case LS1). Gradient of S (docs/spec/method.md, 3.1 in the same
 // variables), X = x - 1/2, mu unshifted, M shifted means:
-//   p = 2 A1 / (B1 B2),  q = p e2 / B2,  u = 2 A2 (mu_y e1 - mu_d A1) / (B1^2 B2) - M_x q + mu_d p,   dS/dx = G*u + X G*q - d G*p.
+//   p = 2 A1 / (B1 B2),  q = p e2 / B2,  u = 2 A2 (mu_y e1 - mu_d A1) / (B1^2 B2) - M_x q + mu_d p,
+//   dS/dx = G*u + X G*q - d G*p.
 #pragma once
 
 #include <array>
@@ -39,8 +41,8 @@ inline constexpr int blur_x = 0, blur_d = 1, blur_xy = 2, blur_dd = 3, ssim_blur
 /// Maps blurred in the backward pass, and how many.
 inline constexpr int map_u = 0, map_q = 1, map_p = 2, ssim_maps = 3;
 
-/// Vertical blur of the four forward maps at one pack of columns, for Rows output rows at once: every pixel is loaded and multiplied out once
-/// and used in Rows windows. x_rows and y_rows hold Rows + 10 row pointers.
+/// Vertical blur of the four forward maps at one pack of columns, for Rows output rows at once: every pixel is loaded
+/// and multiplied out once and used in Rows windows. x_rows and y_rows hold Rows + 10 row pointers.
 template <int Rows, class P, class Load>
 COMPMARK_INLINE void ssim_blur_columns(const SsimTaps<P>& taps, const Load& load, P (&sum)[ssim_blurs][Rows]) {
   const P half(typename P::Scalar(0.5));
@@ -67,7 +69,8 @@ COMPMARK_INLINE void ssim_blur_columns(const SsimTaps<P>& taps, const Load& load
   });
 }
 
-/// Horizontal blur at one pack of columns; `center` points at the pack's first column, 5 readable values lie on either side.
+/// Horizontal blur at one pack of columns; `center` points at the pack's first column, 5 readable values lie on either
+/// side.
 template <class P>
 [[nodiscard]] COMPMARK_INLINE P ssim_blur_row(const SsimTaps<P>& taps, const typename P::Scalar* center) {
   P sum = taps.at(0) * P::load(center);

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A message decoder chosen by its file: hidden, strided or carrier, in one type that satisfies MessageDecoder. The choice is one branch a call,
-// beside a network of at least a million multiply-adds. A program that knows its decoder names the type instead and has its sizes checked.
+// A message decoder chosen by its file: hidden, strided or carrier, in one type that satisfies MessageDecoder. The
+// choice is one branch a call, beside a network of at least a million multiply-adds. A program that knows its decoder
+// names the type instead and has its sizes checked.
 #pragma once
 
 #include <span>

@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Does the p-value keep its word? Random keys are tested against images that carry none of them: key i against image i mod V, and key i against all
-// images together. Keys are independent, so either count of false positives is Binomial(keys, P(M >= threshold)) exactly, for marked and unmarked
-// images alike; the interval of Clopper and Pearson around the measured rate must hold that number, which is at most the nominal rate as matches are
-// whole. Beside it, what the decoder makes of images: bias and correlation of its bits, and how many independent images these are worth as
-// evidence about one key, bits / sum_i (mean_v b_vi)^2 with b = +-1: why p-values of images are never multiplied. Cost: O(keys * bits).
+// Does the p-value keep its word? Random keys are tested against images that carry none of them: key i against image i
+// mod V, and key i against all images together. Keys are independent, so either count of false positives is
+// Binomial(keys, P(M >= threshold)) exactly, for marked and unmarked images alike; the interval of Clopper and Pearson
+// around the measured rate must hold that number, which is at most the nominal rate as matches are whole. Beside it,
+// what the decoder makes of images: bias and correlation of its bits, and how many independent images these are worth
+// as evidence about one key, bits / sum_i (mean_v b_vi)^2 with b = +-1: why p-values of images are never multiplied.
+// Cost: O(keys * bits).
 #pragma once
 
 #include <algorithm>
@@ -108,7 +110,8 @@ inline void describe_logits(std::span<const ViewLogits> views, NullCalibration& 
   return Message::from_words(random.bits(0), random.bits(1), bits);
 }
 
-/// `message(i)` is the message of key i, independent of all others and of the images: random_message() or that of a random owner key.
+/// `message(i)` is the message of key i, independent of all others and of the images: random_message() or that of a
+/// random owner key.
 template <class DrawMessage>
 [[nodiscard]] Result<NullCalibration> calibrate_null(std::span<const ViewLogits> views,
                                                      const CalibrationSettings& settings, const DrawMessage& message) {

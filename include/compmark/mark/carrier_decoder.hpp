@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The decoder that nobody trains: means of a frozen network's features, whitened on ordinary images, read along secret orthonormal carriers,
+// The decoder that nobody trains: means of a frozen network's features, whitened on ordinary images, read along secret
+// orthonormal carriers,
 //   logits = C W (f(image) - mean)
 // (Fernandez et al., "Watermarking images in self-supervised latent spaces", ICASSP 2022). On ordinary images the
 // logits are uncorrelated with variance 1, so their signs are fair coins. Networks: random convolutions whose first
@@ -50,8 +51,9 @@ class CarrierDecoder : public NetworkDecoder<T, Kernel> {
             weights, compose_head(weights.features(), weights.whiten_weight, weights.whiten_bias, carriers, {})) {}
 };
 
-/// Random convolutions: 3 -> width (zero-mean kernels), -> 2 width at stride 2, -> 2 width, -> features, all 3 x 3 with GELU. Uniform weights of He's
-/// variance from `seed`: the same numbers on every machine. Normalisation and whitening come with calibrate_carriers().
+/// Random convolutions: 3 -> width (zero-mean kernels), -> 2 width at stride 2, -> 2 width, -> features, all 3 x 3 with
+/// GELU. Uniform weights of He's variance from `seed`: the same numbers on every machine. Normalisation and whitening
+/// come with calibrate_carriers().
 [[nodiscard]] inline DecoderWeights random_carrier_network(std::uint64_t seed, const InputConvention& input,
                                                            int width = 32, int features = 96) {
   DecoderWeights weights;
@@ -84,7 +86,8 @@ class CarrierDecoder : public NetworkDecoder<T, Kernel> {
   return weights;
 }
 
-/// The AlexNet features of an LPIPS file (relu2 to relu5, 1088 means) as a frozen network: `TensorFile` as in Lpips::load.
+/// The AlexNet features of an LPIPS file (relu2 to relu5, 1088 means) as a frozen network: `TensorFile` as in
+/// Lpips::load.
 template <class TensorFile>
 [[nodiscard]] Result<DecoderWeights> alex_carrier_network(const TensorFile& file) {
   DecoderWeights weights;
@@ -115,9 +118,10 @@ template <class TensorFile>
   return weights;
 }
 
-/// Fits the whitening of a carrier network to ordinary images: `image(i)` gives the i-th of `count` as ImageView<const float>. `normalise` first
-/// scales every layer so that each channel has mean 0 and variance 1 over the images before its activation (batch statistics, one layer after the
-/// other); a pretrained network needs none. At most `dimension` directions are kept. False where the images do not span one.
+/// Fits the whitening of a carrier network to ordinary images: `image(i)` gives the i-th of `count` as ImageView<const
+/// float>. `normalise` first scales every layer so that each channel has mean 0 and variance 1 over the images before
+/// its activation (batch statistics, one layer after the other); a pretrained network needs none. At most `dimension`
+/// directions are kept. False where the images do not span one.
 template <class Images, Executor E>
 [[nodiscard]] bool calibrate_carriers(DecoderWeights& weights, std::size_t count, const Images& image, int dimension,
                                       bool normalise, E& executor) {

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How a decoder's network convolves: a policy with forward and backward to the input. DirectConvolution takes every shape. A policy keeps no
-// state of a pass: prepare() copies the input into scratch and shapes the output, forward() fills it; activations and their slopes are applied
-// by the finish functor while a value is still in a register.
+// How a decoder's network convolves: a policy with forward and backward to the input. DirectConvolution takes every
+// shape. A policy keeps no state of a pass: prepare() copies the input into scratch and shapes the output, forward()
+// fills it; activations and their slopes are applied by the finish functor while a value is still in a register.
 #pragma once
 
 #include <span>

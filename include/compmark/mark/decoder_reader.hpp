@@ -127,7 +127,7 @@ class DecoderReader {
   Error error_;
 };
 
-/// "3/1/1 3/2/1m 3/1/1t": kernel, stride, padding and marks of each layer; channels come from the tensors and are checked as they are read.
+/// "3/1/1 3/2/1m 3/1/1t": kernel, stride, padding and marks of each layer; channels come from the tensors.
 template <class Reader>
 [[nodiscard]] std::vector<DecoderLayer> parse_layers(Reader& reader, int stem) {
   const std::string text = reader.text("layers");

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Space to depth: each block of s x s pixels becomes one place of 3 s^2 channels, channel (c, dy, dx) -> (c s + dy) s + dx, the order of the usual
-// "pixel unshuffle". The network behind it works at 1 / s of the resolution. Sizes that s does not divide repeat their last row or column, as the
-// Haar band does. Cost: a copy.
+// Space to depth: each block of s x s pixels becomes one place of 3 s^2 channels, channel (c, dy, dx) -> (c s + dy) s +
+// dx, the order of the usual "pixel unshuffle". The network behind it works at 1 / s of the resolution. Sizes that s
+// does not divide repeat their last row or column, as the Haar band does. Cost: a copy.
 #pragma once
 
 #include <algorithm>

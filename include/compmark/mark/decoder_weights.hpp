@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The weights of a message decoder as plain tables: what a file holds, what training makes, what a decoder is built from. A network is a chain of
+// The weights of a message decoder as plain tables: what a file holds, what training makes, what a decoder is built
+// from. A network is a chain of
 //   [max pool 3 x 3, stride 2] -> convolution -> [batch normalisation, frozen] -> activation
 // on the input of its convention, behind a space-to-depth stem; layers marked `tap` are averaged over all positions,
 // and the averages, one after another, are the features. hidden and strided: logits = whiten(linear(features)) (Stable
@@ -71,7 +72,8 @@ struct DecoderWeights {
   [[nodiscard]] int dimension() const { return static_cast<int>(whiten_bias.size()); }
 };
 
-/// The chain of a HiDDeN decoder without its values: `depth` blocks of `width` channels and one of `features`, behind a stem.
+/// The chain of a HiDDeN decoder without its values: `depth` blocks of `width` channels and one of `features`, behind a
+/// stem.
 [[nodiscard]] inline std::vector<DecoderLayer> hidden_layers(int width, int depth, int features, int stem = 1) {
   std::vector<DecoderLayer> layers(static_cast<std::size_t>(depth) + 1);
   int in = 3 * stem * stem;
@@ -84,8 +86,8 @@ struct DecoderWeights {
   return layers;
 }
 
-/// Positions a side, behind the stem, of the smallest input that leaves every layer one; 0 where that is above `limit`: 64 layers of stride 16 are a
-/// file of a few kilobytes, and a size that no image has.
+/// Positions a side, behind the stem, of the smallest input that leaves every layer one; 0 where that is above `limit`:
+/// 64 layers of stride 16 are a file of a few kilobytes, and a size that no image has.
 [[nodiscard]] inline int smallest_input(const std::vector<DecoderLayer>& layers, int limit = 65536) {
   std::int64_t n = 1;
   for (std::size_t l = layers.size(); l-- > 0;) {
@@ -97,7 +99,8 @@ struct DecoderWeights {
   return static_cast<int>(n);
 }
 
-/// A layer with its normalisation inside: w g / sqrt(v + eps) and (b - m) g / sqrt(v + eps) + beta, in double, rounded once.
+/// A layer with its normalisation inside: w g / sqrt(v + eps) and (b - m) g / sqrt(v + eps) + beta, in double, rounded
+/// once.
 template <class T>
 void fold_normalisation(const DecoderLayer& layer, double epsilon, std::vector<T>& weight, std::vector<T>& bias) {
   weight.resize(layer.weight.size());

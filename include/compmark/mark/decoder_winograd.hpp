@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The convolution policy of a decoder with Winograd's F(4 x 4, 3 x 3) where it pays: 3 x 3 kernels at stride 1 from 16 to 16 channels on; the first
-// layer, whose 3 channels the transforms would not repay, and every other shape are direct. Logits differ from the direct sum by rounding only
-// (tests/mark/decoder_winograd.test.cpp has the figure), far below what moves a bit.
+// The convolution policy of a decoder with Winograd's F(4 x 4, 3 x 3) where it pays: 3 x 3 kernels at stride 1 from 16
+// to 16 channels on; the first layer, whose 3 channels the transforms would not repay, and every other shape are
+// direct. Logits differ from the direct sum by rounding only (tests/mark/decoder_winograd.test.cpp has the figure), far
+// below what moves a bit.
 #pragma once
 
 #include <algorithm>

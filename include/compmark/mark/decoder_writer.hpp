@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Decoder weights into a tensor file, as decoder_reader.hpp reads them. Numbers of the metadata are written with as many digits as bring the same
-// double back. `Writer` is SafetensorsWriter or anything with metadata, add_values() and write(). Cost: no copy of a weight.
+// Decoder weights into a tensor file, as decoder_reader.hpp reads them. Numbers of the metadata are written with as
+// many digits as bring the same double back. `Writer` is SafetensorsWriter or anything with metadata, add_values() and
+// write(). Cost: no copy of a weight.
 #pragma once
 
 #include <array>

@@ -193,7 +193,8 @@ class BchCode {
   std::array<std::uint8_t, 128> log_{};
 };
 
-/// Check bits behind the data: CRC-8/AUTOSAR or CRC-16/CCITT-FALSE (of the bits, highest first). Neither takes zeros for valid.
+/// Check bits behind the data: CRC-8/AUTOSAR or CRC-16/CCITT-FALSE (of the bits, highest first). Neither takes zeros
+/// for valid.
 enum class CrcKind : std::uint8_t { none = 0, crc8 = 8, crc16 = 16 };
 
 [[nodiscard]] inline unsigned crc_of(const Message& data, CrcKind kind) {

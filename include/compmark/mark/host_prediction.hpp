@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a scene says to a decoder by itself, as a function of where it is seen from. Of a decoder's features p, a few directions are moved much by the
-// view and hardly by a mark, and so tell the view; what the unmarked host says there is a smooth function of them, fitted once (pipeline/decoder_fit.hpp):
+// What a scene says to a decoder by itself, as a function of where it is seen from. Of a decoder's features p, a few
+// directions are moved much by the view and hardly by a mark, and so tell the view; what the unmarked host says there
+// is a smooth function of them, fitted once (pipeline/decoder_fit.hpp):
 //   x = direction p - offset,   logits -= sum_i exp(-|x - centre_i|^2 / 2) coefficient_i.
-// Far from every centre nothing is subtracted, so an image that is no render of the scene is read as without. Empty by default, and then free.
-// Cost: centres (coordinates + bits) multiply-adds an image, and as many exponentials as centres.
+// Far from every centre nothing is subtracted, so an image that is no render of the scene is read as without. Empty by
+// default, and then free. Cost: centres (coordinates + bits) multiply-adds an image, and as many exponentials as
+// centres.
 #pragma once
 
 #include <cmath>
@@ -57,7 +59,8 @@ struct HostPrediction {
     for (std::size_t b = 0; b < logits.size(); ++b) logits[b] -= static_cast<T>(context.said[b]);
   }
 
-  /// Adds the gradient of what is left of the logits to d_features, after subtract() with the same context; not that of head p.
+  /// Adds the gradient of what is left of the logits to d_features, after subtract() with the same context; not that of
+  /// head p.
   void backward(std::span<const T> d_logits, std::span<T> d_features, Context& context) const {
     const std::size_t n = coordinates();
     context.d_x.assign(n, T(0));

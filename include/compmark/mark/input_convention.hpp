@@ -4,8 +4,10 @@
 // How an image enters a decoder. A decoder trained on one range and read on another loses accuracy without a sign
 // (docs/spec/watermark.md, 1.4: per-bit bias up to 0.12 where the spread is 0.02), so the convention is part of the
 // weight file:
-//   x = (gain A(LL^levels(image)) - mean_c) / deviation_c,   A: shrinking by area so that the larger side is at most largest_side (0: never).
-// Published HiDDeN files were used on the raw LL: levels 1, gain 1, mean 0, deviation 1. Cost: about two operations a pixel.
+//   x = (gain A(LL^levels(image)) - mean_c) / deviation_c,
+//   A: shrinking by area so that the larger side is at most largest_side (0: never).
+// Published HiDDeN files were used on the raw LL: levels 1, gain 1, mean 0, deviation 1. Cost: about two operations a
+// pixel.
 #pragma once
 
 #include <algorithm>
@@ -47,7 +49,8 @@ struct InputConvention {
   }
 };
 
-/// Normalised low band of [0, 1] RGB with the ImageNet statistics, the same range at any level: the convention of the project's own decoders.
+/// Normalised low band of [0, 1] RGB with the ImageNet statistics, the same range at any level: the convention of the
+/// project's own decoders.
 [[nodiscard]] inline InputConvention imagenet_convention(int haar_levels) {
   return {haar_levels, std::ldexp(1.0, -haar_levels), {0.485, 0.456, 0.406}, {0.229, 0.224, 0.225}, 0};
 }

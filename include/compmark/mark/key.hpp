@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the watermark takes from an owner's key (io/owner_key.hpp): the message, the seed of the carriers and the mask of a payload, each under
-// a label of its own, so that no one of them tells another. A key that gives bytes is anything with derive(label, out) and bits.
-// A message is random bits, or, for a key with a payload, the payload's code word (ecc.hpp) plus the mask: as random, and the p-value as exact, since
-// the mask is. Keys of one secret with payloads of their own mark copies that one of them reads; but who learns one message and its payload
-// knows the mask, and so the messages of all.
+// What the watermark takes from an owner's key (io/owner_key.hpp): the message, the seed of the carriers and the mask
+// of a payload, each under a label of its own, so that no one of them tells another. A key that gives bytes is anything
+// with derive(label, out) and bits. A message is random bits, or, for a key with a payload, the payload's code word
+// (ecc.hpp) plus the mask: as random, and the p-value as exact, since the mask is. Keys of one secret with payloads of
+// their own mark copies that one of them reads; but who learns one message and its payload knows the mask, and so the
+// messages of all.
 #pragma once
 
 #include <array>
@@ -49,8 +50,8 @@ template <SecretKey K>
 }
 }  // namespace detail
 
-/// Bits that are added to a code word (ecc.hpp) before it is embedded: the embedded message is then as random as one without a payload, and
-/// its p-value as exact.
+/// Bits that are added to a code word (ecc.hpp) before it is embedded: the embedded message is then as random as one
+/// without a payload, and its p-value as exact.
 template <SecretKey K>
 [[nodiscard]] Message payload_mask(const K& key) {
   return detail::derived_bits(key, payload_label);
@@ -92,7 +93,8 @@ template <SecretKey K>
   return detail::derived_bits(key, message_label);
 }
 
-/// What read bits say under the secret of a key; its own payload is not looked at. The key passes check_payload and has corrects > 0.
+/// What read bits say under the secret of a key; its own payload is not looked at. The key passes check_payload and has
+/// corrects > 0.
 template <PayloadKey K>
 [[nodiscard]] PayloadCode::Reading read_payload(const K& key, const Message& read) {
   const Result<PayloadCode> code = payload_code(key);

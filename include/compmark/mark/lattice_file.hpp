@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lattice decoders in tensor files, in the format of decoder_reader.hpp with kind "lattice". Tensors: wave.frequency [features, dimensions],
-// wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: measure ("contrast", also where it is missing: 3 octaves
-// dimensions; "colour": 3 (octaves + 1)), bits, features, octaves, sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale,
-// note. A decoder for one scene may have host.direction [coordinates, features], host.offset [coordinates], host.centre [centres, coordinates] and
-// host.coefficient [centres, bits] (host_prediction.hpp), with the metadata coordinates and centres: format_version 2. One whose regions have a limit has the
-// metadata regions and region_limit: format_version 3, with or without a host prediction. No number is believed before it is checked. Cost: one pass over the weights.
+// Lattice decoders in tensor files, in the format of decoder_reader.hpp with kind "lattice". Tensors: wave.frequency
+// [features, dimensions], wave.phase [features], head.weight [bits, features], head.bias [bits]. Metadata: measure
+// ("contrast", also where it is missing: 3 octaves dimensions; "colour": 3 (octaves + 1)), bits, features, octaves,
+// sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale, note. A decoder for one scene may have
+// host.direction [coordinates, features], host.offset [coordinates], host.centre [centres, coordinates] and
+// host.coefficient [centres, bits] (host_prediction.hpp), with the metadata coordinates and centres: format_version 2.
+// One whose regions have a limit has the metadata regions and region_limit: format_version 3, with or without a host
+// prediction. No number is believed before it is checked. Cost: one pass over the weights.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +27,8 @@
 
 namespace compmark {
 
-/// Of files with a host prediction, and of those with limited regions; all others are version 1, which older programs read.
+/// Of files with a host prediction, and of those with limited regions; all others are version 1, which older programs
+/// read.
 inline constexpr int lattice_host_format_version = 2, lattice_limit_format_version = 3;
 
 /// Whether a tensor file says that it holds a lattice decoder.

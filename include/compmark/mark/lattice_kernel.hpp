@@ -3,10 +3,11 @@
 //
 // Kernels of the lattice decoder: with u [dimensions, positions] and gates w [positions],
 //   sum_k = sum_i w_i cos(2 pi t_ik),   t_ik = phase_k + sum_j frequency_kj u_ji   (in turns),
-// and the two gradients of it. The waves are computed again in the gradients instead of being kept: features x positions numbers would not
-// fit the caches. Positions come in whole packs (padded with gate 0), and sums and input gradients leave out a pack whose gates are all 0, a
-// background. For one colour (three dimensions) these two have loops of their own, whose sums stay in registers. Cost: per feature and open position `dimensions` multiply-adds and ~22
-// operations for the wave; the gradients twice that.
+// and the two gradients of it. The waves are computed again in the gradients instead of being kept: features x
+// positions numbers would not fit the caches. Positions come in whole packs (padded with gate 0), and sums and input
+// gradients leave out a pack whose gates are all 0, a background. For one colour (three dimensions) these two have
+// loops of their own, whose sums stay in registers. Cost: per feature and open position `dimensions` multiply-adds and
+// ~22 operations for the wave; the gradients twice that.
 #pragma once
 
 #include <cmath>
@@ -25,8 +26,8 @@ struct Wave {
   P sine;
 };
 
-/// cos and sin of 2 pi x. Float: reduced to half a turn, then the half angle by its series; error 6e-7 for |x| < 3 (beyond, the rounding
-/// of x itself counts: 4e-6 turns at 100).
+/// cos and sin of 2 pi x. Float: reduced to half a turn, then the half angle by its series; error 6e-7 for |x| < 3
+/// (beyond, the rounding of x itself counts: 4e-6 turns at 100).
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Wave<Pack<T, W>> wave_of_turns(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -77,13 +78,15 @@ struct LatticeWaves {
     dimensions == 3 ? sum_in<3>(begin, end, sums) : sum_in<0>(begin, end, sums);
   }
 
-  /// With e_k = dL/dsum_k: fills d_u [dimensions, stride] and d_gate, positions [begin, end). Both are 0 in a pack without an open gate.
+  /// With e_k = dL/dsum_k: fills d_u [dimensions, stride] and d_gate, positions [begin, end). Both are 0 in a pack
+  /// without an open gate.
   void input_gradient(std::size_t begin, std::size_t end, const T* e, T* d_u, T* d_gate) const {
     dimensions == 3 ? input_gradient_in<3>(begin, end, e, d_u, d_gate)
                     : input_gradient_in<0>(begin, end, e, d_u, d_gate);
   }
 
-  /// Adds to sines[k] = sum w sin and to moments[k, j] = sum w u_j sin over [begin, end): dL/dphase_k = -2 pi e_k sines[k], and so on.
+  /// Adds to sines[k] = sum w sin and to moments[k, j] = sum w u_j sin over [begin, end): dL/dphase_k = -2 pi e_k
+  /// sines[k], and so on.
   void weight_sums(std::size_t begin, std::size_t end, T* sines, T* moments) const {
     for (std::size_t k = 0; k < features; ++k) {
       P total(T(0)), moment[most_dimensions];

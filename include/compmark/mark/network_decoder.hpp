@@ -98,7 +98,7 @@ class NetworkDecoder {
     run(image, features, context, executor, false);
   }
 
-  /// ADDS the means of the last layer before its activation, and those of its squares: what batch normalisation is made of.
+  /// ADDS the means of the last layer before its activation, and those of its squares, for batch normalisation.
   template <Executor E>
   void add_moments(ImageView<const T> image, std::span<double> mean, std::span<double> square, Context& context,
                    E& executor) const {

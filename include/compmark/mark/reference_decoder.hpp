@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The definition of a message decoder in plain loops and any scalar: Haar band, normalisation, stem, zero-padded convolution, unfolded batch
-// normalisation, GELU by erfc, means, linear, whitening. Slow on purpose: what NetworkDecoder is tested against.
+// The definition of a message decoder in plain loops and any scalar: Haar band, normalisation, stem, zero-padded
+// convolution, unfolded batch normalisation, GELU by erfc, means, linear, whitening. Slow on purpose: what
+// NetworkDecoder is tested against.
 #pragma once
 
 #include <algorithm>

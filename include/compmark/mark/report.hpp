@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From images to a report: what a decoder reads from each, the verdict of verify.hpp, and both as JSON and as words for people who know no
-// statistics. The report has what another needs to check it with the key: logits in full precision, thresholds that were chosen before, hashes of
-// what was read. It holds nothing secret of the key; but the bits that were read from a marked model are its message (docs/verification.md). Any JSON
-// class with nlohmann's interface does: report_json<nlohmann::ordered_json>(report). Cost: a forward pass of the decoder an image.
+// From images to a report: what a decoder reads from each, the verdict of verify.hpp, and both as JSON and as words for
+// people who know no statistics. The report has what another needs to check it with the key: logits in full precision,
+// thresholds that were chosen before, hashes of what was read. It holds nothing secret of the key; but the bits that
+// were read from a marked model are its message (docs/verification.md). Any JSON class with nlohmann's interface does:
+// report_json<nlohmann::ordered_json>(report). Cost: a forward pass of the decoder an image.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +28,8 @@
 
 namespace compmark {
 
-/// What a decoder reads from an RGB image in [0, 1]; round renders to 8 bits before, as that is what others have. `name` is for the report.
+/// What a decoder reads from an RGB image in [0, 1]; round renders to 8 bits before, as that is what others have.
+/// `name` is for the report.
 template <MessageDecoder D, Executor E>
 [[nodiscard]] Result<ViewLogits> read_logits(const D& decoder, ImageView<const typename D::Scalar> image,
                                              std::string name, typename D::Context& context, E& executor) {
@@ -108,7 +110,8 @@ template <class Json>
 }
 }  // namespace detail
 
-/// Decoder, model and key of a report or an extraction; entries that are empty are null. `unmarked` is there only if something was subtracted.
+/// Decoder, model and key of a report or an extraction; entries that are empty are null. `unmarked` is there only if
+/// something was subtracted.
 template <class Json>
 void add_sources(Json& json, const ReportSources& s) {
   json["program"] = s.program;

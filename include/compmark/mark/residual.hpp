@@ -24,7 +24,8 @@
 
 namespace compmark {
 
-/// The attribute of an anchor that carries the watermark. Scaling is the stored logarithm; offsets are in units of the base scale.
+/// The attribute of an anchor that carries the watermark. Scaling is the stored logarithm; offsets are in units of the
+/// base scale.
 enum class MarkTarget : std::uint8_t { feature, position, scaling, offset };
 
 template <class T, MarkTarget attribute = MarkTarget::feature>
@@ -46,7 +47,8 @@ struct BoundedResidual {
                       LearningSchedule::constant(0.0015))};
   }
 
-  /// marked(row) = plain(row) + tanh residual(row) for the listed rows; other rows of `marked` are left alone. The tables may be one.
+  /// marked(row) = plain(row) + tanh residual(row) for the listed rows; other rows of `marked` are left alone. The
+  /// tables may be one.
   template <Executor E>
   static void forward(MatrixView<const T> plain, MatrixView<const T> residual, std::span<const std::uint32_t> rows,
                       MatrixView<T> marked, Context& context, E& executor) {
@@ -69,7 +71,8 @@ struct BoundedResidual {
     });
   }
 
-  /// ADDS d_marked (1 - tanh^2 x') into d_residual for the listed rows. The gradient of the attribute itself is d_marked.
+  /// ADDS d_marked (1 - tanh^2 x') into d_residual for the listed rows. The gradient of the attribute itself is
+  /// d_marked.
   template <Executor E>
   static void backward(MatrixView<const T> d_marked, std::span<const std::uint32_t> rows, MatrixView<T> d_residual,
                        const Context& context, E& executor) {

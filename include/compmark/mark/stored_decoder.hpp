@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The message decoder of any decoder file: a network (any_decoder.hpp) or a lattice, in one type that satisfies MessageDecoder. What a tool
-// holds when the user gives --decoder FILE. Cost: one branch a call.
+// The message decoder of any decoder file: a network (any_decoder.hpp) or a lattice, in one type that satisfies
+// MessageDecoder. What a tool holds when the user gives --decoder FILE. Cost: one branch a call.
 #pragma once
 
 #include <span>

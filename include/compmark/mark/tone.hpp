@@ -25,8 +25,8 @@ struct Tone {
   std::array<T, 3> offset{T(0), T(0), T(0)};
 };
 
-/// Gains of 1 +- `deviation` and offsets of half of it, normal; half of each one's variance is common to the channels: exposures and white balances.
-/// Uses the indices first ... first + 7 of the stream.
+/// Gains of 1 +- `deviation` and offsets of half of it, normal; half of each one's variance is common to the channels:
+/// exposures and white balances. Uses the indices first ... first + 7 of the stream.
 template <class T>
 [[nodiscard]] Tone<T> drawn_tone(double deviation, const Random& random, std::uint64_t first = 0) {
   const double share = deviation / std::numbers::sqrt2;

@@ -87,8 +87,8 @@ struct Verification {
   return threshold ? binomial_tail(*threshold, bits, accuracy) : 0;
 }
 
-/// Bit accuracy expected after soft fusion of `views` views of bit accuracy `accuracy` each, whose errors correlate by `correlation`:
-/// Phi(Phi^-1(a) sqrt(V / (1 + (V - 1) rho))), for 1/2 <= a < 1.
+/// Bit accuracy expected after soft fusion of `views` views of bit accuracy `accuracy` each, whose errors correlate by
+/// `correlation`: Phi(Phi^-1(a) sqrt(V / (1 + (V - 1) rho))), for 1/2 <= a < 1.
 [[nodiscard]] inline double fused_accuracy(double accuracy, std::size_t views, double correlation) {
   COMPMARK_ASSERT(accuracy >= 0.5 && accuracy < 1 && views > 0, "fused_accuracy: 1/2 <= accuracy < 1");
   const auto normal_cdf = [](double x) { return 0.5 * std::erfc(-x * 0.70710678118654752440); };
@@ -101,7 +101,8 @@ struct Verification {
   return normal_cdf(low * std::sqrt(count / (1 + (count - 1) * correlation)));
 }
 
-/// Fuses logits of views, in the order of the views; all have `fused.size()` logits, finite. A view of zeros has no say.
+/// Fuses logits of views, in the order of the views; all have `fused.size()` logits, finite. A view of zeros has no
+/// say.
 inline void fuse_logits(std::span<const ViewLogits> views, FusionRule rule, std::span<double> fused) {
   for (double& value : fused) value = 0;
   for (const ViewLogits& view : views) {

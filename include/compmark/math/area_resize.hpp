@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Shrinking an image by area: an output pixel is the mean of the box of input pixels that it covers, border pixels by the covered fraction. The
-// two axes are independent and linear; a constant stays a constant (weights of an output sum to 1), and no input pixel is skipped, whatever the
-// ratio (a bilinear sample of two pixels aliases below half size). Cost: one multiply-add a pixel and axis.
+// Shrinking an image by area: an output pixel is the mean of the box of input pixels that it covers, border pixels by
+// the covered fraction. The two axes are independent and linear; a constant stays a constant (weights of an output sum
+// to 1), and no input pixel is skipped, whatever the ratio (a bilinear sample of two pixels aliases below half size).
+// Cost: one multiply-add a pixel and axis.
 #pragma once
 
 #include <algorithm>
@@ -31,7 +32,8 @@ class AreaAxis {
     weight_.resize(static_cast<std::size_t>(from) + static_cast<std::size_t>(to));
     std::int32_t at = 0;
     for (std::int64_t i = 0; i < to; ++i) {
-      // In units of 1 / to of an input pixel the box is [i from, (i + 1) from) and pixel k is [k to, (k + 1) to): integers, no rounding.
+      // In units of 1 / to of an input pixel the box is [i from, (i + 1) from) and pixel k is [k to, (k + 1) to):
+      // integers, no rounding.
       const std::int64_t begin = i * from, end = begin + from;
       first_[static_cast<std::size_t>(i)] = at;
       for (std::int64_t k = begin / to; k * to < end; ++k) {

@@ -21,7 +21,8 @@ namespace compmark {
 
 namespace detail {
 
-/// log(n!), without std::lgamma, whose glibc version writes a global. Stirling's series leaves 1/(1680 n^7), 2e-14 at 32.
+/// log(n!), without std::lgamma, whose glibc version writes a global. Stirling's series leaves 1/(1680 n^7), 2e-14 at
+/// 32.
 [[nodiscard]] inline double log_factorial(std::size_t n) {
   const double x = static_cast<double>(n);
   if (n <= 32) {
@@ -63,7 +64,8 @@ namespace detail {
   return upper ? std::fmin(sum, 1) : std::fmax(1 - sum, 0);
 }
 
-/// P(M >= k), M ~ Binomial(n, 1/2): exact, rounded once, for n <= 128. Never 0 for k <= n: a p-value of 0 does not exist.
+/// P(M >= k), M ~ Binomial(n, 1/2): exact, rounded once, for n <= 128. Never 0 for k <= n: a p-value of 0 does not
+/// exist.
 [[nodiscard]] inline double binomial_tail(std::size_t k, std::size_t n) {
   if (k == 0) return 1;
   if (k > n) return 0;
@@ -85,7 +87,8 @@ struct Interval {
   [[nodiscard]] bool contains(double p) const { return low <= p && p <= high; }
 };
 
-/// Exact interval of Clopper and Pearson (1934): outside it, so few or so many hits have a probability below (1 - confidence) / 2.
+/// Exact interval of Clopper and Pearson (1934): outside it, so few or so many hits have a probability below (1 -
+/// confidence) / 2.
 [[nodiscard]] inline Interval clopper_pearson(std::size_t hits, std::size_t trials, double confidence = 0.99) {
   COMPMARK_ASSERT(hits <= trials && confidence > 0 && confidence < 1, "clopper_pearson: hits <= trials");
   const double rare = (1 - confidence) / 2;

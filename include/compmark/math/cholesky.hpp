@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cholesky factor A = L L^T of a dense symmetric matrix in double, of up to a few thousand rows, in blocks of columns, and the two triangular solves, in
-// plain loops that a compiler turns into vectors. The same bits at any thread count. For a dozen rows at most, with nothing allocated: solve_positive in
-// symmetric.hpp. Cost: n^3 / 3 multiply-adds for the factor, n^2 / 2 a column for a solve.
+// Cholesky factor A = L L^T of a dense symmetric matrix in double, of up to a few thousand rows, in blocks of columns,
+// and the two triangular solves, in plain loops that a compiler turns into vectors. The same bits at any thread count.
+// For a dozen rows at most, with nothing allocated: solve_positive in symmetric.hpp. Cost: n^3 / 3 multiply-adds for
+// the factor, n^2 / 2 a column for a solve.
 #pragma once
 
 #include <algorithm>
@@ -17,8 +18,9 @@
 
 namespace compmark {
 
-/// The lower factor of a symmetric matrix [n, n], row-major, in its place; what is above the diagonal is neither read nor written. False, with the matrix
-/// spoilt, where it is not positive definite to rounding: a pivot of 1e-14 of what stood on the diagonal, or not a number.
+/// The lower factor of a symmetric matrix [n, n], row-major, in its place; what is above the diagonal is neither read
+/// nor written. False, with the matrix spoilt, where it is not positive definite to rounding: a pivot of 1e-14 of what
+/// stood on the diagonal, or not a number.
 template <Executor E>
 [[nodiscard]] bool cholesky_in_place(std::span<double> matrix, std::size_t n, E& executor) {
   COMPMARK_ASSERT(matrix.size() == n * n, "cholesky_in_place: size");
@@ -76,7 +78,8 @@ template <Executor E>
   return true;
 }
 
-/// L y = b for `Columns` right-hand sides in the place of b [n, Columns], whose first `first` rows are zero. `lower` is [n, n], above its diagonal anything.
+/// L y = b for `Columns` right-hand sides in the place of b [n, Columns], whose first `first` rows are zero. `lower` is
+/// [n, n], above its diagonal anything.
 template <std::size_t Columns>
 void solve_lower(std::span<const double> lower, std::size_t n, std::size_t first, double* b) {
   for (std::size_t i = first; i < n; ++i) {

@@ -86,7 +86,8 @@ class CircularFilter {
   };
 
   [[nodiscard]] std::size_t rows() const { return static_cast<std::size_t>(height_); }
-  /// Row i goes with row i + pairs(): the first is the real part of a signal, the second (zero if there is none) the imaginary part.
+  /// Row i goes with row i + pairs(): the first is the real part of a signal, the second (zero if there is none) the
+  /// imaginary part.
   [[nodiscard]] std::size_t pairs() const { return (rows() + 1) / 2; }
   [[nodiscard]] std::size_t columns() const { return static_cast<std::size_t>(width_ / 2 + 1); }
   /// An odd number of packs: rows a power of two apart would share one set of the cache.
@@ -94,7 +95,8 @@ class CircularFilter {
   [[nodiscard]] std::size_t column_stride() const { return padded(rows()); }
   [[nodiscard]] std::size_t row_stride() const { return padded(columns()); }
 
-  /// Two complex buffers for the longer transform; the second also holds four half spectra, and a pack may be read past its end.
+  /// Two complex buffers for the longer transform; the second also holds four half spectra, and a pack may be read past
+  /// its end.
   [[nodiscard]] std::size_t room() const { return padded(std::max(along_rows_.room(), along_columns_.room()) * lanes); }
   [[nodiscard]] std::size_t worker_size() const { return 4 * room() + (8 + lanes) * lanes; }
   [[nodiscard]] Memory memory(Context& context, std::size_t worker) const {
@@ -117,8 +119,8 @@ class CircularFilter {
     return static_cast<T>(sum / static_cast<double>(count));
   }
 
-  /// to[k * lanes + lane] = from[lane * stride + k] - shift for k < count and lane < valid; 0 for the other lanes. A square of the plane is
-  /// copied to a tile of odd stride and read along its columns.
+  /// to[k * lanes + lane] = from[lane * stride + k] - shift for k < count and lane < valid; 0 for the other lanes. A
+  /// square of the plane is copied to a tile of odd stride and read along its columns.
   static void turn_in(const T* from, std::size_t stride, std::ptrdiff_t valid, std::size_t count, T shift, T* to) {
     constexpr std::size_t tile_stride = lanes + 1;
     alignas(64) std::array<T, lanes * tile_stride + lanes> tile{};

@@ -1,15 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Two-dimensional convolution (cross-correlation, as networks define it) of planar maps. The input is copied once into padded planes, one
-// per channel and stride phase; then every tap is one fixed offset and every output position one place of a flat array:
+// Two-dimensional convolution (cross-correlation, as networks define it) of planar maps. The input is copied once into
+// padded planes, one per channel and stride phase; then every tap is one fixed offset and every output position one
+// place of a flat array:
 //   out[o][n] = bias[o] + sum_k weight[o][k] input[n + offset[k]],   k = (channel, row, column) of the kernel.
-// The values of 48 positions are copied side by side for every tap, and one register-blocked kernel (8 output channels by 3 packs of positions)
-// walks over that panel once a block of channels: reading the planes in place instead costs a third of the speed. All sizes, strides and
-// paddings are one code. Waste: kernel - 1 columns a row. Cost: 2 in out kernel^2 flop a pixel, at 70 to 80 % of the multiply-add rate from
-// 64 channels up; with 3 input channels the writing of the output decides (benchmarks/math_convolution.bench.cpp).
-// Gradients are in math/conv_backward.hpp; math/winograd.hpp is the same calling shape for 3 x 3 kernels at stride 1.
-// Longer than 300 lines: the panel and the kernels that walk over it share one layout.
+// The values of 48 positions are copied side by side for every tap, and one register-blocked kernel (8 output channels
+// by 3 packs of positions) walks over that panel once a block of channels: reading the planes in place instead costs a
+// third of the speed. All sizes, strides and paddings are one code. Waste: kernel - 1 columns a row. Cost: 2 in out
+// kernel^2 flop a pixel, at 70 to 80 % of the multiply-add rate from 64 channels up; with 3 input channels the writing
+// of the output decides (benchmarks/math_convolution.bench.cpp). Gradients are in math/conv_backward.hpp;
+// math/winograd.hpp is the same calling shape for 3 x 3 kernels at stride 1. Longer than 300 lines: the panel and the
+// kernels that walk over it share one layout.
 #pragma once
 
 #include <algorithm>
@@ -95,7 +97,8 @@ struct ConvInput {
   std::size_t row_stride = 0;    ///< columns of a phase plane
   std::size_t plane_stride = 0;  ///< places of a phase plane
 
-  /// Copies `source` with `padding_` zeros around it. Several convolutions of one stride may share the copy, with kernels of less padding too.
+  /// Copies `source` with `padding_` zeros around it. Several convolutions of one stride may share the copy, with
+  /// kernels of less padding too.
   template <Executor E>
   void pack(FeatureView<const T> source, int stride_, int padding_, E& executor) {
     shape(source.channels, source.height, source.width, stride_, padding_);
@@ -155,8 +158,9 @@ struct ConvInput {
   [[nodiscard]] std::size_t slack() const { return 64 * 4 + 17 * (row_stride + 1); }
 };
 
-/// Where a pack of outputs goes, for a finish functor that is called as finish(value, place): it may read or write other maps of the shape of
-/// the output at the same places, such as the activations a ReLU's gradient asks for or the derivative that a forward pass keeps.
+/// Where a pack of outputs goes, for a finish functor that is called as finish(value, place): it may read or write
+/// other maps of the shape of the output at the same places, such as the activations a ReLU's gradient asks for or the
+/// derivative that a forward pass keeps.
 template <class T>
 struct ConvPlace {
   using P = Pack<T, native_width<T>>;
@@ -277,7 +281,8 @@ class Convolution {
     forward(scratch.packed, output, scratch.convolution, executor, finish);
   }
 
-  /// Fills `output` (shaped by resize_output, or a channel range of it) with finish(sum + bias), or finish(sum + bias, place). Columns behind output.width are scratch.
+  /// Fills `output` (shaped by resize_output, or a channel range of it) with finish(sum + bias), or finish(sum + bias,
+  /// place). Columns behind output.width are scratch.
   template <Executor E, class Finish>
   void forward(const ConvInput<T>& input, FeatureView<T> output, ConvScratch<T>& scratch, E& executor,
                const Finish& finish) const {
@@ -302,7 +307,8 @@ class Convolution {
     return (static_cast<std::size_t>(shape_.out) + channel_block - 1) / channel_block;
   }
 
-  /// The tile's values of every tap, one after the other: read once from the planes, then by every block of channels in order.
+  /// The tile's values of every tap, one after the other: read once from the planes, then by every block of channels in
+  /// order.
   void copy_panel(const T* source, const std::ptrdiff_t* offsets, T* panel) const {
     for (std::size_t k = 0; k < shape_.taps(); ++k, panel += tile) {
       for (int j = 0; j < position_packs; ++j) P::load(source + offsets[k] + j * P::width).store(panel + j * P::width);
@@ -367,7 +373,8 @@ struct IdentityFinish {
   }
 };
 
-/// Maximum over 3 x 3 windows at stride 2, no padding. `ceil` lets a last window hang over the edge (a window then sees what there is).
+/// Maximum over 3 x 3 windows at stride 2, no padding. `ceil` lets a last window hang over the edge (a window then sees
+/// what there is).
 template <class T, Executor E>
 void max_pool_3x3_stride_2(FeatureView<const T> input, bool ceil, FeatureMaps<T>& output, E& executor) {
   const auto size = [&](int n) { return (n - 3 + (ceil ? 1 : 0)) / 2 + 1; };

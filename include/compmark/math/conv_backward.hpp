@@ -1,15 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The gradients of Convolution<T>. With out[o][i] = bias[o] + sum w[o][c][a] in[c][s i + a - p] (a the tap, s the stride, p the padding):
+// The gradients of Convolution<T>. With out[o][i] = bias[o] + sum w[o][c][a] in[c][s i + a - p] (a the tap, s the
+// stride, p the padding):
 //   d in[c][j]    = sum over o and the taps with s i + a - p = j of w[o][c][a] d out[o][i]      ConvInputGradient
-//   d w[o][c][a]  = sum over i of d out[o][i] in[c][s i + a - p],  d bias[o] = sum d out[o]      convolution_weight_gradient
-// The first is a convolution again: pixel j = s q + r of phase r takes d out at q + l for l = ceil((p - k + 1) / s) ... floor((s - 1 + p) / s),
-// with the tap a = r + p - s l (zero where there is none), so the s^2 phases are output channels of one stride-1 kernel, interleaved
-// afterwards. At stride 1 this is the flipped, transposed kernel and is written in place. Cost: the multiplications of the forward pass at
-// stride 1 and at kernel = stride; 1.8 times them for 3 x 3 at stride 2, 2.1 times for 11 x 11 at stride 4.
-// The second multiplies planes of the copied input with planes of d out in registers (4 channels by 6 taps), over blocks of positions that
-// fit the second-level cache, in at most 16 groups whose sums are added in order: the same bits at any thread count.
+//   d w[o][c][a]  = sum over i of d out[o][i] in[c][s i + a - p], d bias[o] = sum d out[o]  convolution_weight_gradient
+// The first is a convolution again: pixel j = s q + r of phase r takes d out at q + l for l = ceil((p - k + 1) / s) ...
+// floor((s - 1 + p) / s), with the tap a = r + p - s l (zero where there is none), so the s^2 phases are output
+// channels of one stride-1 kernel, interleaved afterwards. At stride 1 this is the flipped, transposed kernel and is
+// written in place. Cost: the multiplications of the forward pass at stride 1 and at kernel = stride; 1.8 times them
+// for 3 x 3 at stride 2, 2.1 times for 11 x 11 at stride 4. The second multiplies planes of the copied input with
+// planes of d out in registers (4 channels by 6 taps), over blocks of positions that fit the second-level cache, in at
+// most 16 groups whose sums are added in order: the same bits at any thread count.
 #pragma once
 
 #include <algorithm>
@@ -194,8 +196,8 @@ struct ConvWeightKernel {
 
 }  // namespace detail
 
-/// Adds the gradients to `weight` [out, in, kernel, kernel] and `bias` [out] (empty: none wanted). `input` is the copy that forward() read,
-/// `output_gradient` of forward's output size, in any layout.
+/// Adds the gradients to `weight` [out, in, kernel, kernel] and `bias` [out] (empty: none wanted). `input` is the copy
+/// that forward() read, `output_gradient` of forward's output size, in any layout.
 template <class T, Executor E>
 void convolution_weight_gradient(const ConvShape& shape, const ConvInput<T>& input,
                                  FeatureView<const T> output_gradient, std::span<T> weight, std::span<T> bias,

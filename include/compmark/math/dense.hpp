@@ -25,7 +25,8 @@
 namespace compmark {
 
 /// C[rows, columns] += sum over steps of A[row, step] B[step, column]; columns is a multiple of the pack width.
-///   A(row, step) = a[row * a_row + step * a_step],  B(step, column) = b[step * b_step + column],  C(row, column) = c[row * c_row + column]
+///   A(row, step) = a[row * a_row + step * a_step],  B(step, column) = b[step * b_step + column],  C(row, column) =
+///     c[row * c_row + column]
 struct ProductShape {
   int rows = 0;
   int columns = 0;

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Eigenvalues and eigenvectors of symmetric matrices of a few hundred rows by cyclic Jacobi rotations, and of a pencil A w = lambda B w with B
-// positive definite (Cholesky of B, then L^-1 A L^-T). Jacobi is slower than a tridiagonal reduction, a page long, and accurate to rounding for small
-// eigenvalues too. No library: with Eigen's solvers the umbrella header takes a tenth longer to parse (measured), and g++ 12 warns falsely about them.
-// Cost: 6 n^3 flops a sweep and 7 to 12 sweeps: 0.3 s for n = 320, but 10 s for n = 512, whose columns share their cache sets.
+// Eigenvalues and eigenvectors of symmetric matrices of a few hundred rows by cyclic Jacobi rotations, and of a pencil
+// A w = lambda B w with B positive definite (Cholesky of B, then L^-1 A L^-T). Jacobi is slower than a tridiagonal
+// reduction, a page long, and accurate to rounding for small eigenvalues too. No library: with Eigen's solvers the
+// umbrella header takes a tenth longer to parse (measured), and g++ 12 warns falsely about them. Cost: 6 n^3 flops a
+// sweep and 7 to 12 sweeps: 0.3 s for n = 320, but 10 s for n = 512, whose columns share their cache sets.
 #pragma once
 
 #include <algorithm>
@@ -75,14 +76,16 @@ struct EigenPairs {
   std::vector<double> vectors;  ///< [n, n], row k is that of values[k]; w^T B w = 1
 };
 
-/// `a` and `b` are [n, n], symmetric. Nothing where `b` is not positive definite to rounding, or a number is not finite.
+/// `a` and `b` are [n, n], symmetric. Nothing where `b` is not positive definite to rounding, or a number is not
+/// finite.
 [[nodiscard]] inline std::optional<EigenPairs> symmetric_eigen_pairs(std::span<const double> a,
                                                                      std::span<const double> b, std::size_t n) {
   COMPMARK_ASSERT(a.size() == n * n && b.size() == n * n, "symmetric_eigen_pairs: sizes");
   std::vector<double> lower(b.begin(), b.end());
   SerialExecutor executor;
   if (!cholesky_in_place(std::span<double>(lower), n, executor)) return std::nullopt;
-  // m = L^-1 A L^-T: a row of the symmetric A is a column, so solving for the rows gives A L^-T, and for the rows of its transpose the whole.
+  // m = L^-1 A L^-T: a row of the symmetric A is a column, so solving for the rows gives A L^-T, and for the rows of
+  // its transpose the whole.
   std::vector<double> m(a.begin(), a.end());
   for (int side = 0; side < 2; ++side) {
     for (std::size_t i = 0; i < n; ++i) solve_lower<1>(lower, n, 0, m.data() + i * n);

@@ -47,7 +47,8 @@ class Fft {
     return static_cast<std::size_t>(convolution_ == nullptr ? length_ : convolution_->length());
   }
 
-  /// sum_k x_k exp(-2 pi i j k / n), in natural order, unscaled. Works in both buffers and returns the one that holds the result.
+  /// sum_k x_k exp(-2 pi i j k / n), in natural order, unscaled. Works in both buffers and returns the one that holds
+  /// the result.
   ComplexLanes<T> forward(ComplexLanes<T> data, ComplexLanes<T> spare) const;
   /// sum_j x_j exp(+2 pi i j k / n), unscaled: n times the inverse.
   ComplexLanes<T> backward(ComplexLanes<T> data, ComplexLanes<T> spare) const {

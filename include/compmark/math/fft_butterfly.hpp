@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The transforms of 2, 3, 4 and 5 values (and of any small odd number known at compile time) that the passes of Fft are made of.
-// Cost in additions and multiply-adds on packs: 4, 16, 16, 40.
+// The transforms of 2, 3, 4 and 5 values (and of any small odd number known at compile time) that the passes of Fft are
+// made of. Cost in additions and multiply-adds on packs: 4, 16, 16, 40.
 #pragma once
 
 #include "compmark/core/config.hpp"
@@ -16,8 +16,8 @@ struct FftParts {
   P re, im;
 };
 
-/// y_k = sum_j a_j exp(-2 pi i j k / Radix). An odd radix pairs a_j with a_(Radix - j), which share cosine and sine; `roots` holds the
-/// cosines and sines of 2 pi j / Radix in turn (not read for radix 2 and 4).
+/// y_k = sum_j a_j exp(-2 pi i j k / Radix). An odd radix pairs a_j with a_(Radix - j), which share cosine and sine;
+/// `roots` holds the cosines and sines of 2 pi j / Radix in turn (not read for radix 2 and 4).
 template <int Radix, class P>
 COMPMARK_INLINE void fft_butterfly(const typename P::Scalar* roots, const FftParts<P> (&a)[Radix],
                                    FftParts<P> (&y)[Radix]) {

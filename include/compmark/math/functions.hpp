@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Elementary functions on packs, each with its range and its largest error; tests/math/functions.test.cpp asserts these numbers.
+// Elementary functions on packs, each with its range and its largest error; tests/math/functions.test.cpp asserts these
+// numbers.
 #pragma once
 
 #include <cmath>
@@ -43,9 +44,9 @@ template <int Degree, class P>
 }  // namespace detail
 
 /// exp(x) for x in [-87, 0], the range of a splat's exponent is [-16, 0]. Degree 0 is std::exp (exact to 1 ulp).
-/// Largest relative error in float on [-5.55, 0]: degree 2 2.0e-3, 3 1.02e-4, 4 3.0e-6, 5 2.4e-7, 6 1.6e-7 (on [-16, 0] 3.0e-7, on [-87, 0]
-/// 1.3e-6: the reduction has one constant); without a fused multiply-add 5 4.0e-7, 6 3.3e-7 (9.7e-7, 3.9e-6). exp_negative(0) = 1 exactly,
-/// never above 1; not monotone to the last bit.
+/// Largest relative error in float on [-5.55, 0]: degree 2 2.0e-3, 3 1.02e-4, 4 3.0e-6, 5 2.4e-7, 6 1.6e-7 (on [-16, 0]
+/// 3.0e-7, on [-87, 0] 1.3e-6: the reduction has one constant); without a fused multiply-add 5 4.0e-7, 6 3.3e-7
+/// (9.7e-7, 3.9e-6). exp_negative(0) = 1 exactly, never above 1; not monotone to the last bit.
 template <int Degree, class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> exp_negative(Pack<T, W> x) {
   using P = Pack<T, W>;
@@ -90,8 +91,8 @@ template <class T, int W>
   return select(x < P(T(0)), e * positive, positive);
 }
 
-/// tanh(x): odd series below 0.4 (keeps the relative error), (1 - e) / (1 + e) with e = exp(-2 |x|) above; the sign is that of x.
-/// Relative error 2.1e-7 in float, odd to the bit, never above 1.
+/// tanh(x): odd series below 0.4 (keeps the relative error), (1 - e) / (1 + e) with e = exp(-2 |x|) above; the sign is
+/// that of x. Relative error 2.1e-7 in float, odd to the bit, never above 1.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> tanh(Pack<T, W> x) {
   using P = Pack<T, W>;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The window of the structural similarity of Wang et al. (IEEE TIP 2004) as the splatting family uses it: 11 taps, sigma 1.5, separable,
-// normalised to sum one, and its two stabilising constants for a data range of 1.
+// The window of the structural similarity of Wang et al. (IEEE TIP 2004) as the splatting family uses it: 11 taps,
+// sigma 1.5, separable, normalised to sum one, and its two stabilising constants for a data range of 1.
 #pragma once
 
 #include <array>
@@ -15,8 +15,9 @@ inline constexpr int ssim_taps = 2 * ssim_radius + 1;
 inline constexpr double ssim_c1 = 0.01 * 0.01;
 inline constexpr double ssim_c2 = 0.03 * 0.03;
 
-/// Tap k of the window is weight |k - 5|: [0] is the centre. The centre is one minus the rounded others, so that the sum of the rounded
-/// weights misses one by half an ulp of the centre at most: a variance E[x^2] - mean^2 is biased by exactly that miss.
+/// Tap k of the window is weight |k - 5|: [0] is the centre. The centre is one minus the rounded others, so that the
+/// sum of the rounded weights misses one by half an ulp of the centre at most: a variance E[x^2] - mean^2 is biased by
+/// exactly that miss.
 template <class T>
 [[nodiscard]] inline std::array<T, ssim_radius + 1> ssim_window() {
   std::array<long double, ssim_radius + 1> exact{};

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The exact GELU (Hendrycks and Gimpel 2016), gelu(x) = x Phi(x) with the normal distribution Phi(x) = erfc(-x / sqrt(2)) / 2, and its slope
-// Phi(x) + x phi(x). The tanh formula is another function (4.7e-4 away) and fails the decoder parity test. In float the tail
-// q(a) = Phi(-a) is exp(-a^2 / 2) times a polynomial of degree 5 in 1 / (1 + p a) (Abramowitz and Stegun 7.1.26), so that one exponential serves
-// value and slope. Cost: ~35 operations and a division. Other scalars use std::erfc and std::exp. tests/math/gelu.test.cpp asserts the errors.
+// The exact GELU (Hendrycks and Gimpel 2016), gelu(x) = x Phi(x) with the normal distribution Phi(x) = erfc(-x /
+// sqrt(2)) / 2, and its slope Phi(x) + x phi(x). The tanh formula is another function (4.7e-4 away) and fails the
+// decoder parity test. In float the tail q(a) = Phi(-a) is exp(-a^2 / 2) times a polynomial of degree 5 in 1 / (1 + p
+// a) (Abramowitz and Stegun 7.1.26), so that one exponential serves value and slope. Cost: ~35 operations and a
+// division. Other scalars use std::erfc and std::exp. tests/math/gelu.test.cpp asserts the errors.
 #pragma once
 
 #include <cmath>
@@ -34,8 +35,9 @@ template <class T>
   return T(0.5) * std::erfc(-x / std::numbers::sqrt2_v<T>) + x * density;
 }
 
-/// gelu and its slope. Largest error in float, over all x: value 1e-7 (1 + |x|), slope 3e-7 (measured 8.2e-8 and 2.4e-7). A NaN stays one; infinities have their limits:
-/// value 0 and slope 0 at the left, infinity and 1 at the right.
+/// gelu and its slope. Largest error in float, over all x: value 1e-7 (1 + |x|), slope 3e-7 (measured 8.2e-8 and
+/// 2.4e-7). A NaN stays one; infinities have their limits: value 0 and slope 0 at the left, infinity and 1 at the
+/// right.
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Activated<Pack<T, W>> gelu_with_slope(Pack<T, W> x) {
   using P = Pack<T, W>;

@@ -40,7 +40,8 @@ void haar_low(ImageView<const T> image, ImageView<T> low, E& executor) {
   });
 }
 
-/// ADDS the adjoint: half of each band value to its four pixels, a repeated pixel receives the share of each of its copies.
+/// ADDS the adjoint: half of each band value to its four pixels, a repeated pixel receives the share of each of its
+/// copies.
 template <class T, Executor E>
 void haar_low_adjoint(ImageView<const T> d_low, ImageView<T> d_image, E& executor) {
   COMPMARK_ASSERT(d_low.channels == d_image.channels && d_low.height == haar_size(d_image.height) &&

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Kernel ridge regression: smooth functions of a few thousand points, f(x) = sum_i c_i exp(-|x - x_i|^2 / 2) with (K + ridge I) c = targets, and how
-// far the values of each group of points would be missed without them, which needs no second fit: e_G = (((K + ridge I)^-1)_GG)^-1 c_G. The same bits
-// at any thread count.
+// Kernel ridge regression: smooth functions of a few thousand points, f(x) = sum_i c_i exp(-|x - x_i|^2 / 2) with (K +
+// ridge I) c = targets, and how far the values of each group of points would be missed without them, which needs no
+// second fit: e_G = (((K + ridge I)^-1)_GG)^-1 c_G. The same bits at any thread count.
 // Cost: n^2 (n / 3 + dimensions / 2 + 2 targets) multiply-adds and 8 n^2 bytes.
 #pragma once
 
@@ -30,9 +30,10 @@ struct KernelRidge {
 /// So many right-hand sides are solved for together, and so many points at most are left out together.
 inline constexpr std::size_t kernel_ridge_columns = 16;
 
-/// `points` is [n, dimensions], scaled so that the kernel's width is 1; `targets` is [n, k], of mean zero where nothing is known. `ridge` above 0: what
-/// of a target's variance, relative to the kernel's 1, no neighbour can know. `group` consecutive points, at most 16, are left out together: readings that
-/// know of each other say nothing of how well a new one is told. Nothing if a number is not finite.
+/// `points` is [n, dimensions], scaled so that the kernel's width is 1; `targets` is [n, k], of mean zero where nothing
+/// is known. `ridge` above 0: what of a target's variance, relative to the kernel's 1, no neighbour can know. `group`
+/// consecutive points, at most 16, are left out together: readings that know of each other say nothing of how well a
+/// new one is told. Nothing if a number is not finite.
 template <Executor E>
 [[nodiscard]] std::optional<KernelRidge> kernel_ridge(std::span<const double> points, std::span<const double> targets,
                                                       std::size_t n, double ridge, E& executor, std::size_t group = 1) {

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A curve through points that rises and falls only where they do: piecewise cubic Hermite interpolation with the slopes of Fritsch and Butland (1984),
-// weighted harmonic means, and at the ends the three-point slopes, held where they would overshoot, that the routine PCHIP has. One polynomial through
-// all points overshoots between them where they bend; this does not. Cost: a few operations a point, once; a search by halves a value.
+// A curve through points that rises and falls only where they do: piecewise cubic Hermite interpolation with the slopes
+// of Fritsch and Butland (1984), weighted harmonic means, and at the ends the three-point slopes, held where they would
+// overshoot, that the routine PCHIP has. One polynomial through all points overshoots between them where they bend;
+// this does not. Cost: a few operations a point, once; a search by halves a value.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Voxels, the integers an anchor's position is made of (position = voxel_size * v), and two orders along the Morton curve, x in the lowest
-// bit, full 32 bits an axis: morton_less by signed coordinates (cells and levels of anchors), which no other anchor changes, and morton_order
-// by the distance from an origin, anchors of one voxel in the order they came (what a file holds). Cost: one sort.
+// Voxels, the integers an anchor's position is made of (position = voxel_size * v), and two orders along the Morton
+// curve, x in the lowest bit, full 32 bits an axis: morton_less by signed coordinates (cells and levels of anchors),
+// which no other anchor changes, and morton_order by the distance from an origin, anchors of one voxel in the order
+// they came (what a file holds). Cost: one sort.
 #pragma once
 
 #include <algorithm>
@@ -54,8 +55,8 @@ struct MortonCode {
           spread_bits(x) | spread_bits(y) << 1 | spread_bits(z) << 2};
 }
 
-/// Whether a comes before b along the Morton curve of signed coordinates: the axis with the highest differing bit decides, of several the
-/// later one.
+/// Whether a comes before b along the Morton curve of signed coordinates: the axis with the highest differing bit
+/// decides, of several the later one.
 [[nodiscard]] constexpr bool morton_less(const Voxel& a, const Voxel& b) {
   std::size_t axis = 2;
   std::uint32_t most = 0;
@@ -72,7 +73,8 @@ struct MortonCode {
 /// Where the numbers of a set of voxels begin, and how many bits an axis they take from there.
 struct VoxelRange {
   Voxel
-      origin{};  ///< minimum, rounded down to a multiple of 64, so that the voxels of coarse anchors keep their trailing zeros
+      /// minimum, rounded down to a multiple of 64, so that the voxels of coarse anchors keep their trailing zeros
+      origin{};
   int bits = 0;  ///< 0 … 32
 
   [[nodiscard]] std::uint32_t relative(const Voxel& voxel, std::size_t axis) const {

@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The only file that knows SIMD: Pack<T, W> is W lanes of T, Mask<T, W> the result of comparing two. Kernels are written once on Pack
-// and instantiated at native_width<T> (production), at 1 (any scalar, long double too) and at other widths (tests).
-// Built on the vector extensions that g++ and clang++ share, with intrinsics only where these do not reach one instruction (fused
-// multiply-add, masks, compress, gather). docs/rationale.md says why not a SIMD library (measured). Longer than 300 lines: the one
-// place of intrinsics is kept together. The zero-masking forms (maskz) with a full mask compile to the plain
-// instruction and avoid a false -Wuninitialized of g++ 12 in its own headers.
+// The only file that knows SIMD: Pack<T, W> is W lanes of T, Mask<T, W> the result of comparing two. Kernels are
+// written once on Pack and instantiated at native_width<T> (production), at 1 (any scalar, long double too) and at
+// other widths (tests). Built on the vector extensions that g++ and clang++ share, with intrinsics only where these do
+// not reach one instruction (fused multiply-add, masks, compress, gather). docs/rationale.md says why not a SIMD
+// library (measured). Longer than 300 lines: the one place of intrinsics is kept together. The zero-masking forms
+// (maskz) with a full mask compile to the plain instruction and avoid a false -Wuninitialized of g++ 12 in its own
+// headers.
 #pragma once
 
 #include <cmath>
@@ -181,9 +182,8 @@ struct Pack {
     if constexpr (W == 1) {
       native = value;
     } else {
-      native =
-          value -
-          Native{};  // x - 0 is x for every x, so it folds to one broadcast; 0 + x is not (-0) and would cost an addition
+      // x - 0 is x for every x, so it folds to one broadcast; 0 + x is not (-0) and would cost an addition
+      native = value - Native{};
     }
   }
   static COMPMARK_INLINE Pack from_native(Native native) {
@@ -207,8 +207,8 @@ struct Pack {
     return pack;
   }
   COMPMARK_INLINE void store(T* target) const { std::memcpy(target, &native, sizeof(Native)); }
-  /// A store past the caches, for whole cache lines that are not read again soon: it does not read the line first. `target` is aligned to
-  /// the pack. Call streaming_fence() before another thread may read.
+  /// A store past the caches, for whole cache lines that are not read again soon: it does not read the line first.
+  /// `target` is aligned to the pack. Call streaming_fence() before another thread may read.
   COMPMARK_INLINE void store_streaming(T* target) const {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
     if constexpr (std::is_same_v<T, float> && W == 16) {
@@ -273,7 +273,8 @@ struct Pack {
     for (int i = 0; i < W; ++i) pack.set(i, base[index[i]]);
     return pack;
   }
-  /// Stores the lanes whose mask is true next to each other; returns how many. May write up to W values (the rest is scratch).
+  /// Stores the lanes whose mask is true next to each other; returns how many. May write up to W values (the rest is
+  /// scratch).
   COMPMARK_INLINE int compress_store(T* target, MaskType mask) const {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
     if constexpr (std::is_same_v<T, float> && W == 16) {
@@ -291,7 +292,8 @@ struct Pack {
     }
     return n;
   }
-  /// The inverse of compress_store: consecutive values go to the lanes whose mask is true, the others become zero. Reads count(mask) values.
+  /// The inverse of compress_store: consecutive values go to the lanes whose mask is true, the others become zero.
+  /// Reads count(mask) values.
   static COMPMARK_INLINE Pack expand_load(const T* source, MaskType mask) {
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
     if constexpr (std::is_same_v<T, float> && W == 16)
@@ -522,7 +524,8 @@ template <class T, int W>
   }
 }
 
-/// 2^n r for integral n given as T, |n| below the exponent range: adds n to the exponent field (r normal, result normal).
+/// 2^n r for integral n given as T, |n| below the exponent range: adds n to the exponent field (r normal, result
+/// normal).
 template <class T, int W>
 [[nodiscard]] COMPMARK_INLINE Pack<T, W> scale_by_power_of_two(Pack<T, W> r, Pack<T, W> n) {
   using P = Pack<T, W>;

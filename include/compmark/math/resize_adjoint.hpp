@@ -114,7 +114,8 @@ class TriangleResize {
   using Axis = detail::ResizeAxis<T>;
   using P = Pack<T, native_width<T>>;
 
-  /// Down the columns first, a pack of columns at a time; then along the rows, on the row just made and still in the cache.
+  /// Down the columns first, a pack of columns at a time; then along the rows, on the row just made and still in the
+  /// cache.
   template <class E>
   static void run(const Axis& vertical, const Axis& horizontal, const T* input, T* output, Context& context,
                   E& executor) {

@@ -1,17 +1,20 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How large a set of places is, whatever a few of them say. One wrong match among ten thousand is triangulated anywhere, and a box from minimum to
-// maximum is then that point's: the ball here is about the median along each axis, and its radii are quantiles of the distances from there. Half
-// of the places would have to be wrong to move the centre, a twentieth to move `wide`.
+// How large a set of places is, whatever a few of them say. One wrong match among ten thousand is triangulated
+// anywhere, and a box from minimum to maximum is then that point's: the ball here is about the median along each axis,
+// and its radii are quantiles of the distances from there. Half of the places would have to be wrong to move the
+// centre, a twentieth to move `wide`.
 //
-//   core()       16 wide: what lies beyond does not count for a size (extent of the cameras, box of a codec's context, first scales)
+//   core()       16 wide: what lies beyond does not count for a size (extent of the cameras, box of a codec's context,
+//                first scales)
 //   reach(size)  100 max(wide, size), at most 1,000 max(middle, size): what lies beyond is left out, and said
 //
-// `size` is another length that the scene has, of its cameras. Where the factors are from: in the captures at hand the farthest point lies at 0.6
-// to 10.6 times max(wide, median distance of the cameras), and at 1.3 to 10.7 wide (58.7 where a small object stands in a wide ring of cameras:
-// without its cameras four of its 1,443 points are beyond the core). Structure from motion keeps points whose rays meet at 1.5 degrees or more:
-// 76 radii of the cameras. At 1,000 they meet at 0.1 degrees, and no number of such points has a depth. Cost: O(places), about 50 ns each.
+// `size` is another length that the scene has, of its cameras. Where the factors are from: in the captures at hand the
+// farthest point lies at 0.6 to 10.6 times max(wide, median distance of the cameras), and at 1.3 to 10.7 wide (58.7
+// where a small object stands in a wide ring of cameras: without its cameras four of its 1,443 points are beyond the
+// core). Structure from motion keeps points whose rays meet at 1.5 degrees or more: 76 radii of the cameras. At 1,000
+// they meet at 0.1 degrees, and no number of such points has a depth. Cost: O(places), about 50 ns each.
 #pragma once
 
 #include <algorithm>
@@ -53,7 +56,8 @@ struct RobustBall {
 
 namespace detail {
 
-/// The floor(share (n - 1))-th smallest, so that of three values or more the greatest never decides; reorders `values`, which are not empty.
+/// The floor(share (n - 1))-th smallest, so that of three values or more the greatest never decides; reorders `values`,
+/// which are not empty.
 [[nodiscard]] inline double lower_quantile(std::vector<double>& values, double share) {
   const auto at =
       values.begin() + static_cast<std::ptrdiff_t>(std::floor(share * static_cast<double>(values.size() - 1)));
@@ -63,7 +67,8 @@ namespace detail {
 
 }  // namespace detail
 
-/// The ball of `count` places; at(i) gives something whose [0], [1], [2] are coordinates. Places that are not finite do not count.
+/// The ball of `count` places; at(i) gives something whose [0], [1], [2] are coordinates. Places that are not finite do
+/// not count.
 template <class At>
 [[nodiscard]] RobustBall robust_ball(std::size_t count, const At& at) {
   std::vector<std::array<double, 3>> places;
@@ -87,8 +92,8 @@ template <class At>
   return ball;
 }
 
-/// Fills `near` with the places that lie within `reach`, if others are there, and returns how many those are. What is not finite stays: no distance
-/// says that it is far.
+/// Fills `near` with the places that lie within `reach`, if others are there, and returns how many those are. What is
+/// not finite stays: no distance says that it is far.
 template <class Place>
 [[nodiscard]] std::size_t leave_out_far(std::span<const Place> places, const RobustBall& ball, double reach,
                                         std::vector<Place>& near) {

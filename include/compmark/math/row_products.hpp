@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Inner products of a few hundred long rows: the Gram matrix of statistics and of gradients. Tiles of 4 x 16 sums that a compiler keeps in registers.
+// Inner products of a few hundred long rows: the Gram matrix of statistics and of gradients. Tiles of 4 x 16 sums that
+// a compiler keeps in registers.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +15,8 @@
 
 namespace compmark {
 
-/// [rows, rows]: inner products of the rows of a [rows, columns] table, in double. Chunks of columns in parallel, added in their order. Cost: rows^2
-/// columns multiply-adds.
+/// [rows, rows]: inner products of the rows of a [rows, columns] table, in double. Chunks of columns in parallel, added
+/// in their order. Cost: rows^2 columns multiply-adds.
 template <class T, Executor E>
 [[nodiscard]] std::vector<double> row_products(std::span<const T> table, std::size_t rows, std::size_t columns,
                                                E& executor) {

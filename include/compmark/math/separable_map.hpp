@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Linear maps of images that act on rows and on columns alone: out = V x H^T a channel. Crop, antialiased resize, Gaussian blur, and a blur
-// that also thins out are all of this kind, and so the gradient of each is the transposed map, exactly: g_x = V^T g H. A table holds, for
-// every output place, one run of input places and its weights; what a filter reads beyond the border is folded back (mirrored without
-// repeating the edge), so that a constant image stays constant. Cost: taps multiply-adds an output place and pass; rows first.
+// Linear maps of images that act on rows and on columns alone: out = V x H^T a channel. Crop, antialiased resize,
+// Gaussian blur, and a blur that also thins out are all of this kind, and so the gradient of each is the transposed
+// map, exactly: g_x = V^T g H. A table holds, for every output place, one run of input places and its weights; what a
+// filter reads beyond the border is folded back (mirrored without repeating the edge), so that a constant image stays
+// constant. Cost: taps multiply-adds an output place and pass; rows first.
 #pragma once
 
 #include <algorithm>
@@ -75,7 +76,8 @@ struct RunTable {
         input, output, width, [scale](int i) { return (i + 0.5) * scale - 0.5; },
         [width](double d) { return std::max(0.0, 1 - std::abs(d) / width); });
   }
-  /// Gaussian of `sigma` places, cut at 3 sigma, taken at every `stride`-th place (the middle of each group of `stride`).
+  /// Gaussian of `sigma` places, cut at 3 sigma, taken at every `stride`-th place (the middle of each group of
+  /// `stride`).
   [[nodiscard]] static RunTable gaussian(int input, double sigma, int stride = 1) {
     const int output = std::max(1, input / stride);
     return filter(
@@ -116,7 +118,8 @@ struct SeparableMap {
                         });
   }
 
-  /// Adds the transposed map of `gradient` (this map's size) to `input_gradient`. `scratch` grows to one input row a worker.
+  /// Adds the transposed map of `gradient` (this map's size) to `input_gradient`. `scratch` grows to one input row a
+  /// worker.
   template <Executor E>
   void add_transposed(ImageView<const T> gradient, ImageView<T> input_gradient, Buffer<T>& scratch, E& executor) const {
     check(input_gradient.height, input_gradient.width, gradient.height, gradient.width);

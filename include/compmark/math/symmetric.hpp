@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Small dense symmetric problems in double: a Cholesky solve (normal equations of the SH fit) and the eigenvector of the largest eigenvalue
-// by Jacobi rotations (mean of quaternions). Sizes of 4 to 16; nothing is allocated.
+// Small dense symmetric problems in double: a Cholesky solve (normal equations of the SH fit) and the eigenvector of
+// the largest eigenvalue by Jacobi rotations (mean of quaternions). Sizes of 4 to 16; nothing is allocated.
 #pragma once
 
 #include <array>
@@ -18,9 +18,9 @@ namespace compmark {
 /// Place of (i, j), j <= i, in a packed lower triangle.
 [[nodiscard]] constexpr std::size_t packed_index(std::size_t i, std::size_t j) { return i * (i + 1) / 2 + j; }
 
-/// Solves A X = B in place of B for `count` right-hand sides. `lower` is the packed lower triangle of a symmetric positive definite A
-/// [n, n] and becomes its Cholesky factor; B is [n, count] row-major. False, with B untouched, where A is not positive definite to
-/// rounding (or not finite). Cost: n^3 / 3 + 2 n^2 count flops.
+/// Solves A X = B in place of B for `count` right-hand sides. `lower` is the packed lower triangle of a symmetric
+/// positive definite A [n, n] and becomes its Cholesky factor; B is [n, count] row-major. False, with B untouched,
+/// where A is not positive definite to rounding (or not finite). Cost: n^3 / 3 + 2 n^2 count flops.
 [[nodiscard]] inline bool solve_positive(std::span<double> lower, std::size_t n, std::span<double> right,
                                          std::size_t count) {
   for (std::size_t i = 0; i < n; ++i) {
@@ -50,8 +50,9 @@ namespace compmark {
   return true;
 }
 
-/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, given as its packed lower triangle. Sign: the component of largest
-/// magnitude is positive. Cyclic Jacobi, a fixed number of sweeps, so the result is a pure function of the bits of the input.
+/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, given as its packed lower triangle. Sign: the
+/// component of largest magnitude is positive. Cyclic Jacobi, a fixed number of sweeps, so the result is a pure
+/// function of the bits of the input.
 template <std::size_t N>
 [[nodiscard]] std::array<double, N> largest_eigenvector(std::span<const double> lower) {
   std::array<std::array<double, N>, N> a{}, vectors{};

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Winograd's convolution F(m x m, 3 x 3) (Lavin and Gray 2016), a policy beside Convolution<T> for 3 x 3 kernels at stride 1. A tile of m x m
-// outputs reads n x n inputs, n = m + 2, and costs n^2 multiplications a channel pair in place of 9 m^2 (m = 4: 36 for 144, a quarter):
+// Winograd's convolution F(m x m, 3 x 3) (Lavin and Gray 2016), a policy beside Convolution<T> for 3 x 3 kernels at
+// stride 1. A tile of m x m outputs reads n x n inputs, n = m + 2, and costs n^2 multiplications a channel pair in
+// place of 9 m^2 (m = 4: 36 for 144, a quarter):
 //   Y = A^T [ sum_c (G g_c G^T) . (B^T d_c B) ] A      (the matrices: math/winograd_transform.hpp).
 // From planar maps to planar maps, with nothing else in memory: 48 tiles at a time go through all the steps in the
 // second-level cache. Per channel their rows are split by column modulo m, so that lanes are tiles, and transformed;
@@ -62,7 +63,8 @@ class WinogradConvolution {
     transform_weights(shape, [&](std::size_t o, std::size_t c, std::size_t k) { return weight[(o * in + c) * 9 + k]; });
     for (std::size_t o = 0; o < bias.size(); ++o) bias_[o] = bias[o];
   }
-  /// The gradient to the input of the convolution that has this shape and weight: flipped, transposed, padding 2 - p, no bias.
+  /// The gradient to the input of the convolution that has this shape and weight: flipped, transposed, padding 2 - p,
+  /// no bias.
   void assign_adjoint(const ConvShape& shape, std::span<const T> weight) {
     const std::size_t in = static_cast<std::size_t>(shape.in);
     COMPMARK_ASSERT(weight.size() == static_cast<std::size_t>(shape.out) * in * 9, "WinogradConvolution: weight count");
@@ -137,7 +139,8 @@ class WinogradConvolution {
   [[nodiscard]] static std::size_t blocks_of(int channels) {
     return (static_cast<std::size_t>(channels) + channel_block - 1) / channel_block;
   }
-  /// From one transform element to the next. A cache line more than a multiple of 4 KiB, lest the n^2 streams share one cache set.
+  /// From one transform element to the next. A cache line more than a multiple of 4 KiB, lest the n^2 streams share one
+  /// cache set.
   [[nodiscard]] static std::size_t element_stride(int channels) {
     return blocks_of(channels) * channel_block * block + cache_line;
   }
@@ -171,7 +174,8 @@ class WinogradConvolution {
     }
   }
 
-  /// Row r of every tile of the block (and of one tile more): split[r][column modulo Tile][tile], zero outside of the input.
+  /// Row r of every tile of the block (and of one tile more): split[r][column modulo Tile][tile], zero outside of the
+  /// input.
   void split_rows(const Block& at, FeatureView<const T> input, int channel, T* line, T* split) const {
     const std::size_t count = static_cast<std::size_t>(at.packs) * P::width + 1;
     for (int r = 0; r < n; ++r, split += split_size) {
@@ -200,7 +204,8 @@ class WinogradConvolution {
     }
   }
 
-  /// Rows of the next channel come while this one is transformed: runs of 800 bytes, a plane apart, are too short for the hardware to foresee.
+  /// Rows of the next channel come while this one is transformed: runs of 800 bytes, a plane apart, are too short for
+  /// the hardware to foresee.
   static COMPMARK_INLINE void ask_for(const T* run, int count) {
     for (int x = 0; x < count; x += static_cast<int>(cache_line)) __builtin_prefetch(run + x);
   }
@@ -231,7 +236,8 @@ class WinogradConvolution {
     }
   }
 
-  /// products[e] = weights[e] transformed[e] for every element: channel_block outputs by Packs packs of tiles in registers.
+  /// products[e] = weights[e] transformed[e] for every element: channel_block outputs by Packs packs of tiles in
+  /// registers.
   template <int Packs>
   void multiply(const T* transformed, T* products) const {
     const std::size_t in = static_cast<std::size_t>(shape_.in);

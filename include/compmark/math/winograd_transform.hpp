@@ -1,11 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The three small matrices of Winograd's convolution F(m, 3) = Toom and Cook's multiplication of polynomials, transposed: m outputs of a filter
-// of three weights from n = m + 2 inputs by n multiplications, y = A^T [(G g) . (B^T d)] (Lavin and Gray 2016, section 4). The points of
-// interpolation are 0, +-p_1, ..., +-p_(m/2) and infinity; with M(x) the product of x - q over the finite points q,
-//   B^T: row of point p is M(x) / (x - p), of infinity M(x);   A^T: column of point p is 1, p, p^2, ...;   G: row of p is (1, p, p^2) / M'(p).
-// Rows of p and -p share their even and odd parts. Cost of B^T on one row: 2 + 4 (m/2)^2 - 2 (m/2) operations at most (m = 4: 12).
+// The three small matrices of Winograd's convolution F(m, 3) = Toom and Cook's multiplication of polynomials,
+// transposed: m outputs of a filter of three weights from n = m + 2 inputs by n multiplications, y = A^T [(G g) . (B^T
+// d)] (Lavin and Gray 2016, section 4). The points of interpolation are 0, +-p_1, ..., +-p_(m/2) and infinity; with
+// M(x) the product of x - q over the finite points q,
+//   B^T: row of point p is M(x) / (x - p), of infinity M(x);
+//   A^T: column of point p is 1, p, p^2, ...;   G: row of p is (1, p, p^2) / M'(p).
+// Rows of p and -p share their even and odd parts. Cost of B^T on one row: 2 + 4 (m/2)^2 - 2 (m/2) operations at most
+// (m = 4: 12).
 #pragma once
 
 #include <array>
@@ -26,7 +29,8 @@ struct WinogradPoints<2> {
 };
 template <>
 struct WinogradPoints<4> {
-  /// Exact in binary and near 1 on both sides: half the error of the usual 1, 2 at the same cost (measured, tests/math/winograd.test.cpp).
+  /// Exact in binary and near 1 on both sides: half the error of the usual 1, 2 at the same cost (measured,
+  /// tests/math/winograd.test.cpp).
   static constexpr std::array<double, 2> value{0.75, 1.5};
 };
 template <>

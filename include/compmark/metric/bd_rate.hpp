@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How many bytes fewer one codec takes than another for the same quality, in one number: the Bjontegaard delta (VCEG-M33, 2001). Both curves are read
-// as log(rate) over quality, interpolated by monotone cubics (JCT-VC's practice since HEVC, instead of the one polynomial of 2001, which swings where
-// points bend), and the mean difference over the qualities that both reach is turned back into a ratio. A mean over a narrow overlap says little: it is
-// given beside the number. Cost: none.
+// How many bytes fewer one codec takes than another for the same quality, in one number: the Bjontegaard delta
+// (VCEG-M33, 2001). Both curves are read as log(rate) over quality, interpolated by monotone cubics (JCT-VC's practice
+// since HEVC, instead of the one polynomial of 2001, which swings where points bend), and the mean difference over the
+// qualities that both reach is turned back into a ratio. A mean over a narrow overlap says little: it is given beside
+// the number. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +27,8 @@ struct RatePoint {
   double quality = 0;  ///< more is better: PSNR in dB, SSIM, minus LPIPS
 };
 
-/// A Bjontegaard delta and where the curves overlap, of which it is the mean: in quality of bd_rate, in rate of bd_quality.
+/// A Bjontegaard delta and where the curves overlap, of which it is the mean: in quality of bd_rate, in rate of
+/// bd_quality.
 struct BdDelta {
   double delta = 0;
   double from = 0, to = 0;
@@ -60,7 +62,8 @@ namespace detail {
   return curve;
 }
 
-/// Mean of (test - reference) of y over the x that both have, of which `name` says what it is. `x` and `y` of a point rise together.
+/// Mean of (test - reference) of y over the x that both have, of which `name` says what it is. `x` and `y` of a point
+/// rise together.
 template <class X, class Y>
 [[nodiscard]] Result<BdDelta> mean_difference(std::span<const RatePoint> reference, std::span<const RatePoint> test,
                                               const std::string& name, X&& x, Y&& y) {
@@ -93,7 +96,8 @@ template <class X, class Y>
 
 }  // namespace detail
 
-/// Mean share of rate that `test` takes more (above 0) or less than `reference` at equal quality: -0.1 is a tenth fewer bytes.
+/// Mean share of rate that `test` takes more (above 0) or less than `reference` at equal quality: -0.1 is a tenth fewer
+/// bytes.
 [[nodiscard]] inline Result<BdDelta> bd_rate(std::span<const RatePoint> reference, std::span<const RatePoint> test) {
   Result<BdDelta> found = detail::mean_difference(
       reference, test, "quality", [](const RatePoint& p) { return p.quality; },
@@ -102,7 +106,8 @@ template <class X, class Y>
   return found;
 }
 
-/// Mean quality that `test` gives more (above 0) or less than `reference` at equal rate, every octave of rate counting alike.
+/// Mean quality that `test` gives more (above 0) or less than `reference` at equal rate, every octave of rate counting
+/// alike.
 [[nodiscard]] inline Result<BdDelta> bd_quality(std::span<const RatePoint> reference, std::span<const RatePoint> test) {
   Result<BdDelta> found = detail::mean_difference(
       reference, test, "rate", [](const RatePoint& p) { return std::log(p.rate); },

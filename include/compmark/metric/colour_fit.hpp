@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The affine map of colours that takes one image nearest to another in the mean square. A model that was trained with an exposure of each
-// photograph renders unseen views in its own gauge: the error that is left after the best map is that of the scene, the rest is that of an
-// exposure which nobody could know. Reported beside the plain figure, never in place of it.
+// The affine map of colours that takes one image nearest to another in the mean square. A model that was trained with
+// an exposure of each photograph renders unseen views in its own gauge: the error that is left after the best map is
+// that of the scene, the rest is that of an exposure which nobody could know. Reported beside the plain figure, never
+// in place of it.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,10 +26,11 @@ struct ColourMap {
   std::array<double, 3> offset{0, 0, 0};
 };
 
-/// Least squares over the pixels that count at least by half (`weight` [h w]; empty: all). The sums are taken about the means, in double, and a
-/// ridge of the variance of rounding to 8 bits, 1 / (12 255^2), pulls the matrix towards the identity: an image of one colour, or of grey
-/// alone, has a map like any other, where the plain normal equations have none. The identity if no pixel counts. Cost: two passes.
-/// `Sum` is the type of the sums; being a parameter, it also leaves Eigen's products to the programs that fit colours.
+/// Least squares over the pixels that count at least by half (`weight` [h w]; empty: all). The sums are taken about the
+/// means, in double, and a ridge of the variance of rounding to 8 bits, 1 / (12 255^2), pulls the matrix towards the
+/// identity: an image of one colour, or of grey alone, has a map like any other, where the plain normal equations have
+/// none. The identity if no pixel counts. Cost: two passes. `Sum` is the type of the sums; being a parameter, it also
+/// leaves Eigen's products to the programs that fit colours.
 template <class Sum = double>
 [[nodiscard]] ColourMap fit_colours(ImageView<const float> image, ImageView<const float> reference,
                                     std::span<const float> weight = {}) {

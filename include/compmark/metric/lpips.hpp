@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Learned perceptual image patch similarity, v0.1 (Zhang et al., CVPR 2018), with the AlexNet or SqueezeNet 1.1 backbone:
+// Learned perceptual image patch similarity, v0.1 (Zhang et al., CVPR 2018), with the AlexNet or SqueezeNet 1.1
+// backbone:
 //   d(x, y) = sum over layers of mean over pixels of sum_c w_c (fx_c / (|fx| + 1e-10) - fy_c / (|fy| + 1e-10))^2.
 // Weights come from a tensor file the user gives; none are shipped. Networks see (2 v - 1 - shift) / scale for v in [0,
 // 1]; the splatting family passes v itself where 2 v - 1 belongs, which InputRange::family_unit reproduces
@@ -30,7 +31,8 @@ namespace compmark {
 enum class LpipsNetwork { alex, squeeze };
 enum class LpipsRange {
   signed_unit,  ///< images are mapped to [-1, 1] first, as the networks were calibrated
-  family_unit,  ///< images in [0, 1] are passed as they are, as published splatting results were (not the calibrated metric)
+  /// images in [0, 1] are passed as they are, as published splatting results were (not the calibrated metric)
+  family_unit,
 };
 
 struct LpipsReport {
@@ -49,7 +51,8 @@ class Lpips {
     Buffer<double> partial;
   };
 
-  /// Builds the network from named tensors (OIHW). `TensorFile` is SafetensorsFile, or anything with has(name) and floats(name, shape).
+  /// Builds the network from named tensors (OIHW). `TensorFile` is SafetensorsFile, or anything with has(name) and
+  /// floats(name, shape).
   template <class TensorFile>
   [[nodiscard]] static Result<Lpips> load(const TensorFile& file) {
     Lpips net;

@@ -14,8 +14,9 @@
 
 namespace compmark {
 
-/// What identical images report instead of infinity, so that means over views stay finite; also the largest value reported. (One 8-bit level
-/// in a single sample of 3 x 800 x 800 would be 111 dB: differences that small read as identical.)
+/// What identical images report instead of infinity, so that means over views stay finite; also the largest value
+/// reported. (One 8-bit level in a single sample of 3 x 800 x 800 would be 111 dB: differences that small read as
+/// identical.)
 inline constexpr double psnr_of_identical_images = 99.99;
 
 /// Mean squared error over all channels and pixels.

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Adam (Kingma and Ba, arXiv 1412.6980) with the conventions of PyTorch, in one pass over memory. With t the step count of the block,
+// Adam (Kingma and Ba, arXiv 1412.6980) with the conventions of PyTorch, in one pass over memory. With t the step count
+// of the block,
 //     m += (1 - beta1) (g - m)        v = beta2 v + (1 - beta2) g^2
 //     p -= lr / (1 - beta1^t)  *  m / (sqrt(v) / sqrt(1 - beta2^t) + epsilon)
 // epsilon = 1e-15 as in the published recipes: a constant gradient of 1e-12 still moves a parameter by lr
@@ -9,14 +10,16 @@
 // growing does not reset (docs/spec/method.md, 3.2). Dense: a row without gradient drifts by its old momentum, as
 // published (docs/spec/numerics.md, OP4); one that never had a gradient keeps its bits, 0 / (0 + 1e-15).
 //
-// Guard (OP6): a block with a gradient whose square is not finite (NaN, infinity, |g| > 1.8e19) is left out of this step and counted; its
-// step count stays. Hence moments are always finite. The price is one read of the gradients first.
-// Underflow (OP2): a moment whose next step would hold a denormal number becomes zero: v below twice the smallest normal number, m below
-// that over 1 - beta1, because a build without fused multiply-add rounds (1 - beta1) m on its own. Without it the m of a row that is out of
-// sight turns denormal after ~800 steps and rounds to itself for ever, at a hundred cycles a step. Then flush-to-zero mode changes no bit
-// for |g| >= 1e-15 (beta2 >= 1/2), and the update differs from exact Adam by less than lr / 100 where |g| < 1e-17.
+// Guard (OP6): a block with a gradient whose square is not finite (NaN, infinity, |g| > 1.8e19) is left out of this
+// step and counted; its step count stays. Hence moments are always finite. The price is one read of the gradients
+// first. Underflow (OP2): a moment whose next step would hold a denormal number becomes zero: v below twice the
+// smallest normal number, m below that over 1 - beta1, because a build without fused multiply-add rounds (1 - beta1) m
+// on its own. Without it the m of a row that is out of sight turns denormal after ~800 steps and rounds to itself for
+// ever, at a hundred cycles a step. Then flush-to-zero mode changes no bit for |g| >= 1e-15 (beta2 >= 1/2), and the
+// update differs from exact Adam by less than lr / 100 where |g| < 1e-17.
 //
-// Cost: 28 bytes a parameter (read p, g, m, v; write p, m, v), 4 for the guard, 4 to zero the gradient; a square root and a division.
+// Cost: 28 bytes a parameter (read p, g, m, v; write p, m, v), 4 for the guard, 4 to zero the gradient; a square root
+// and a division.
 #pragma once
 
 #include <algorithm>
@@ -87,7 +90,8 @@ void edit_adam_rows(const RowEdit& edit, const ArenaLayout& old_layout, const Ar
     std::swap(*moment, state.scratch.spare);
   }
 }
-/// The smallest first moment that is kept: (1 - beta1) m is then a normal number, so no build and no floating-point mode loses it.
+/// The smallest first moment that is kept: (1 - beta1) m is then a normal number, so no build and no floating-point
+/// mode loses it.
 template <class T>
 [[nodiscard]] T smallest_first_moment(const AdamSettings& settings) {
   return 2 * std::numeric_limits<T>::min() / static_cast<T>(1 - settings.beta1);
@@ -99,7 +103,8 @@ template <class T>
 
 }  // namespace detail
 
-/// W lanes at a time; the result does not depend on W. Chunks are fixed, elements independent: same bits at any thread count.
+/// W lanes at a time; the result does not depend on W. Chunks are fixed, elements independent: same bits at any thread
+/// count.
 template <class T, int W = native_width<T>>
 class Adam {
  public:
@@ -118,7 +123,8 @@ class Adam {
     detail::edit_adam_rows(edit, old_layout, new_layout, state);
   }
 
-  /// rates: one learning rate a block; at 0 the block is left out entirely (values, moments and step count keep their bits).
+  /// rates: one learning rate a block; at 0 the block is left out entirely (values, moments and step count keep their
+  /// bits).
   template <Executor E>
   AdamReport step(ParameterArena<T>& arena, std::span<const double> rates, State& state, E& executor,
                   StepOptions options = {}) const {

@@ -3,11 +3,14 @@
 //
 // Concept Optimizer: turns the gradients of an arena into new values.
 //
-//   expression                                    meaning                                                                    cost
-//   typename O::Scalar, O::Settings, O::State     number type, run-time numbers, what lives across steps (goes to checkpoints)
-//   o.prepare(layout, state)                      fresh state for an arena of this layout                                    O(arena)
-//   o.step(arena, rates, state, executor)         one update of every block b with rates[b] > 0; returns an OptimizerReport  O(arena)
-//   o.edit_rows(edit, old, now, state)            follows a row edit of the arena: rows kept move, new rows start fresh      O(arena)
+//   expression                                 meaning                                                         cost
+//   typename O::Scalar, O::Settings, O::State  number type, run-time numbers, what lives across steps (goes
+//                                              to checkpoints)
+//   o.prepare(layout, state)                   fresh state for an arena of this layout                         O(arena)
+//   o.step(arena, rates, state, executor)      one update of every block b with rates[b] > 0; returns an       O(arena)
+//                                              OptimizerReport
+//   o.edit_rows(edit, old, now, state)         follows a row edit of the arena: rows kept move, new rows       O(arena)
+//                                              start fresh
 //
 // Laws: O1 a block with rate 0 changes no bit of its values and of its state; O2 a block whose gradient is not finite
 // is left as it was, and counted (docs/spec/numerics.md, OP6); O3 rows that never had a gradient keep their bits; O4

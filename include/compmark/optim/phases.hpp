@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// When things happen. The published recipes name iterations of a run of 30,000; here every such number stands for the fraction number / 30000
-// of the run, so that a run of 3,000 is the same recipe, shorter. At 30,000 every window is exactly the published one. Cost: none.
+// When things happen. The published recipes name iterations of a run of 30,000; here every such number stands for the
+// fraction number / 30000 of the run, so that a run of 3,000 is the same recipe, shorter. At 30,000 every window is
+// exactly the published one. Cost: none.
 //
-// What does not scale is the interval of density control (100 iterations): it counts visits. An anchor is judged when it was seen in more
-// than 80 of 100 iterations and a Gaussian when it was on screen in more than 40, which says something about the scene only while an
-// interval covers many views; ten iterations would judge from ten views. A short run therefore makes fewer adjustments, each as well founded.
+// What does not scale is the interval of density control (100 iterations): it counts visits. An anchor is judged when
+// it was seen in more than 80 of 100 iterations and a Gaussian when it was on screen in more than 40, which says
+// something about the scene only while an interval covers many views; ten iterations would judge from ten views. A
+// short run therefore makes fewer adjustments, each as well founded.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +20,8 @@ namespace compmark {
 /// Length of the runs whose iterations the published numbers name.
 inline constexpr std::int64_t published_iterations = 30000;
 
-/// Iteration `iteration` of a published run, in a run of `total`: iteration * total / 30000, rounded to nearest (half up). Exact at 30000.
+/// Iteration `iteration` of a published run, in a run of `total`: iteration * total / 30000, rounded to nearest (half
+/// up). Exact at 30000.
 [[nodiscard]] constexpr std::int64_t scale_iteration(std::int64_t iteration, std::int64_t total) {
   return (2 * iteration * total + published_iterations) / (2 * published_iterations);
 }
@@ -68,7 +71,8 @@ struct DensityPhases {
   [[nodiscard]] static constexpr DensityPhases hac(std::int64_t total) {
     return {open_window(500, 15000, total), open_window(1500, 15000, total), closed_window(3000, 4000, total), 100};
   }
-  /// The published CompMarkGS code: adjustments from 600 on (its test of 1500 was dropped), without 3000 <= t < 4000 (134 of them).
+  /// The published CompMarkGS code: adjustments from 600 on (its test of 1500 was dropped), without 3000 <= t < 4000
+  /// (134 of them).
   [[nodiscard]] static constexpr DensityPhases official(std::int64_t total) {
     return {open_window(500, 15000, total), open_window(500, 15000, total), closed_window(3000, 4000, total), 100};
   }

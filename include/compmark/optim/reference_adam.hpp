@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Adam as its formula reads, one scalar after the other, for any number type: what Adam is tested and timed against. Same concept, same
-// state, same guard and flush as Adam; the two differ by rounding only (a few units in the last place of the larger operand, because Adam
-// fuses its products). Cost: as Adam without SIMD.
+// Adam as its formula reads, one scalar after the other, for any number type: what Adam is tested and timed against.
+// Same concept, same state, same guard and flush as Adam; the two differ by rounding only (a few units in the last
+// place of the larger operand, because Adam fuses its products). Cost: as Adam without SIMD.
 #pragma once
 
 #include <cmath>

@@ -26,8 +26,9 @@ struct Constant {
   [[nodiscard]] constexpr double value(std::int64_t /*iteration*/) const { return rate; }
 };
 
-/// From `initial` to `final` on a straight line in log space over `steps` iterations, then `final` for ever. The ends are exact, and equal
-/// ends give exactly that rate. Both rates must be positive, or both zero (a block that never trains).
+/// From `initial` to `final` on a straight line in log space over `steps` iterations, then `final` for ever. The ends
+/// are exact, and equal ends give exactly that rate. Both rates must be positive, or both zero (a block that never
+/// trains).
 struct LogLinear {
   double initial = 0;
   double final = 0;

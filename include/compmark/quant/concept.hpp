@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the quant room, two faces of one step: a Quantizer rounds, a DistortionLayer adds the noise that stands in for rounding
-// while training. Here are the concepts and the absent types, so that every recipe names them.
+// Concepts of the quant room, two faces of one step: a Quantizer rounds, a DistortionLayer adds the noise that stands
+// in for rounding while training. Here are the concepts and the absent types, so that every recipe names them.
 #pragma once
 
 #include "compmark/core/absent.hpp"

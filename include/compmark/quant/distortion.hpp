@@ -148,7 +148,8 @@ class QuantizationNoise {
     return report;
   }
 
-  /// Turns the gradients by the distorted rows into those by the rows before (in place) and ADDS the network's, rate term included.
+  /// Turns the gradients by the distorted rows into those by the rows before (in place) and ADDS the network's, rate
+  /// term included.
   template <Executor E>
   void backward(ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
                 MatrixView<T> d_feature, MatrixView<T> d_scaling, Context& context, E& executor) const {

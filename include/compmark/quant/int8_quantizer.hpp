@@ -6,7 +6,7 @@
 // (docs/spec/watermark.md, 4; docs/spec/method.md, 6, T8), with the rules of the usual observer:
 //   affine     s = max((hi - lo) / 255, least),  z = clamp(-128 - round(lo / s), -128, 127)
 //   symmetric  s = max(max(-lo, hi) / 127.5, least),  z = 0
-//   k = clamp(round(x / s) + z, -128, 127),  x^ = (k - z) s            round to even; the inverse is exact but for one rounding
+//   k = clamp(round(x / s) + z, -128, 127),  x^ = (k - z) s    round to even; the inverse is exact but for one rounding
 // For every x of the tensor |x^ - x| <= s / 2 (1 + 2^-13). A tensor of zeros has the least scale, not 0, and one of a
 // constant c comes back as c to 255 eps (0 / 0 otherwise). hi - lo above the largest number is divided first; x^ above
 // it is held there; what is not finite is refused. Gradients pass straight through. Cost: two reads (extremes,

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Quantizer with one fixed step and no dead zone: x^ = q round(x / q), ties to even; decoded from the symbol k = round(x / q) as x^ = k q. Training
-// passes gradients straight through. Two ends where that formula fails and this does not: k q above the largest number (x^ is held there, which
-// is nearer to x), and |k| of 2^22 and more in float (2^51 in double), where numbers lie closer than q and x^ is x. Hence for every finite
-// x: |x^ - x| <= q / 2 + eps |x|, the last term zero where q is a power of two, and x^^ = x^. Cost: one read, one division, one write.
+// Quantizer with one fixed step and no dead zone: x^ = q round(x / q), ties to even; decoded from the symbol k =
+// round(x / q) as x^ = k q. Training passes gradients straight through. Two ends where that formula fails and this does
+// not: k q above the largest number (x^ is held there, which is nearer to x), and |k| of 2^22 and more in float (2^51
+// in double), where numbers lie closer than q and x^ is x. Hence for every finite x: |x^ - x| <= q / 2 + eps |x|, the
+// last term zero where q is a power of two, and x^^ = x^. Cost: one read, one division, one write.
 #pragma once
 
 #include <algorithm>

@@ -1,16 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Accuracy as a compile-time policy: every approximation of the rasterizer is a knob with a name, and each preset is a promise whose
-// price and error benchmarks/accuracy_vs_time measures. "exact" and "spec" are references (use them with Scalar = double).
+// Accuracy as a compile-time policy: every approximation of the rasterizer is a knob with a name, and each preset is a
+// promise whose price and error benchmarks/accuracy_vs_time measures. "exact" and "spec" are references (use them with
+// Scalar = double).
 #pragma once
 
 namespace compmark {
 
 enum class FootprintRule : unsigned char {
-  square_three_sigma,  ///< the published rule: a square of radius ceil(3 sqrt(lambda_max)) in whole tiles; not opacity-aware
-  opacity_box,         ///< per-axis box where alpha can reach alpha_min
-  exact_tiles,         ///< opacity_box, then each tile tested against the ellipse (docs/spec/numerics.md, TB3)
+  /// the published rule: a square of radius ceil(3 sqrt(lambda_max)) in whole tiles; not opacity-aware
+  square_three_sigma,
+  opacity_box,  ///< per-axis box where alpha can reach alpha_min
+  exact_tiles,  ///< opacity_box, then each tile tested against the ellipse (docs/spec/numerics.md, TB3)
 };
 
 enum class StopRule : unsigned char {

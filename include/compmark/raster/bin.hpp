@@ -70,8 +70,9 @@ template <class Count>
 
 }  // namespace detail
 
-/// Fills `lists`. `each_pack(first, lanes, fields)` gets every pack of splats while it is in registers. On error the lists are empty (every tile shows the background) and nothing was allocated for the pairs.
-/// Images up to 65535 tiles on a side.
+/// Fills `lists`. `each_pack(first, lanes, fields)` gets every pack of splats while it is in registers. On error the
+/// lists are empty (every tile shows the background) and nothing was allocated for the pairs. Images up to 65535 tiles
+/// on a side.
 template <Accuracy accuracy, class T, int W = native_width<T>, Executor E, class EachPack = detail::NoPackVisitor>
 Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, const BinSettings& settings,
                  TileLists& lists, BinWorkspace& workspace, E& executor, const EachPack& each_pack = {}) {
@@ -115,7 +116,8 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
     const std::size_t chunk = begin / grain;
     std::uint32_t* const histogram = workspace.histogram.data() + chunk * tiles;
     std::fill(histogram, histogram + tiles, 0u);
-    // Two loops, not one: a branch on the bits of a mask that is still being computed would be mispredicted late (measured: 2x).
+    // Two loops, not one: a branch on the bits of a mask that is still being computed would be mispredicted late
+    // (measured: 2x).
     for (std::size_t i = begin; i < end; i += W) {
       const std::size_t lanes = std::min<std::size_t>(W, end - i);
       const detail::PackedSplats<P> splats = detail::load_splats<P>(projected.splats.data() + i, lanes);

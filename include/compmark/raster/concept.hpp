@@ -3,16 +3,18 @@
 //
 // Concept Rasterizer: Gaussians and a camera in, a planar RGB image out, and the same road back.
 //
-//   expression                                                        meaning                                                  cost
-//   typename R::Scalar, R::Settings, R::Context                       number type, run-time numbers, what backward needs
-//   r.forward(gaussians, camera, background, image, ctx, executor)    overwrites image [3, height, width]; fills ctx           O(pairs)
-//   r.backward(gaussians, camera, background, d_image,                ADDS into d_gaussians; call after forward with the       O(pairs)
-//              d_gaussians, ctx, executor)                            same arguments and ctx
-//   r.screen(ctx)                                                     ScreenStatistics of the last backward, for growing       O(1)
+//   expression                                             meaning                                             cost
+//   typename R::Scalar, R::Settings, R::Context            number type, run-time numbers, what backward needs
+//   r.forward(gaussians, camera, background, image, ctx,   overwrites image [3, height, width]; fills ctx      O(pairs)
+//   executor)
+//   r.backward(gaussians, camera, background, d_image,     ADDS into d_gaussians; call after forward with the  O(pairs)
+//   d_gaussians, ctx, executor)                            same arguments and ctx
+//   r.screen(ctx)                                          ScreenStatistics of the last backward, for growing  O(1)
 //
-// Laws (testing/laws.hpp): R1 equals ReferenceRasterizer within the preset's stated error; R2 gradients obey the gradient law in double
-// under CutoffRule::smooth; R3 the order of the input does not change the image when depths differ, ties go by index; R4 a Gaussian that
-// is culled changes no bit; R5 same bits at any thread count; R6 blend weights and the final transmittance sum to one.
+// Laws (testing/laws.hpp): R1 equals ReferenceRasterizer within the preset's stated error; R2 gradients obey the
+// gradient law in double under CutoffRule::smooth; R3 the order of the input does not change the image when depths
+// differ, ties go by index; R4 a Gaussian that is culled changes no bit; R5 same bits at any thread count; R6 blend
+// weights and the final transmittance sum to one.
 #pragma once
 
 #include <array>
@@ -35,7 +37,8 @@ template <class T>
 struct ScreenStatistics {
   std::span<const std::uint8_t> visible;  ///< 1 where the Gaussian's footprint overlaps the image
   std::span<const T>
-      gradient_norm;  ///< norm of dL/d(mean in normalised device coordinates): (W/2 dL/du, H/2 dL/dv); empty if not asked for
+      /// norm of dL/d(mean in normalised device coordinates): (W/2 dL/du, H/2 dL/dv); empty if not asked for
+      gradient_norm;
 };
 
 /// What one forward did: counts of every cull, clamp and scrub (nothing is repaired silently).
@@ -57,7 +60,8 @@ concept Rasterizer = requires(const R& rasterizer, GaussianColumns<const typenam
   { rasterizer.screen(context) } -> std::same_as<ScreenStatistics<typename R::Scalar>>;
 };
 
-/// A Rasterizer whose backward can also overwrite d_gaussians. Optional: a pipeline clears the gradients for the others.
+/// A Rasterizer whose backward can also overwrite d_gaussians. Optional: a pipeline clears the gradients for the
+/// others.
 template <class R>
 concept GradientSettingRasterizer = Rasterizer<R> &&
     requires(const R& rasterizer, GaussianColumns<const typename R::Scalar> gaussians,

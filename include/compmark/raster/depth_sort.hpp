@@ -40,7 +40,8 @@ struct DepthSortWorkspace {
 
 namespace detail {
 
-/// Histograms of a pass, and bits of a digit: few for few entries, where the scan over all counters would be the longer part.
+/// Histograms of a pass, and bits of a digit: few for few entries, where the scan over all counters would be the longer
+/// part.
 [[nodiscard]] constexpr std::size_t radix_groups(std::size_t total) {
   return std::min<std::size_t>(16, 1 + total / 4096);
 }
@@ -70,7 +71,8 @@ std::size_t depth_sort(DepthSortWorkspace<T>& workspace, std::size_t chunks, std
     const int shift = pass * digit_bits;
     const DepthEntry<T>* const from = workspace.entries.data();
     DepthEntry<T>* const to = workspace.other.data();
-    // Pass 0 reads the chunks with their gaps, the later passes a dense array: both are lists of runs, dealt to fixed groups.
+    // Pass 0 reads the chunks with their gaps, the later passes a dense array: both are lists of runs, dealt to fixed
+    // groups.
     const std::size_t runs = pass == 0 ? chunks : groups;
     const std::size_t run_stride = pass == 0 ? grain : chunk_count(total, groups);
     const std::size_t runs_per_group = chunk_count(runs, groups);

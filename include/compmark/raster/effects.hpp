@@ -15,7 +15,8 @@
 
 namespace compmark {
 
-/// The blur of the footprint is all there is: a splat below a pixel keeps its opacity over an area that has grown, and is drawn too bright.
+/// The blur of the footprint is all there is: a splat below a pixel keeps its opacity over an area that has grown, and
+/// is drawn too bright.
 struct NoFilter {
   static constexpr bool active = false;
   template <class P>
@@ -42,9 +43,10 @@ inline constexpr double mip_floor = 2.5e-5;
 
 }  // namespace detail
 
-/// The screen-space part of Mip-Splatting: opacity is multiplied by rho = sqrt(det(V V^T) / det(V V^T + e I)), e the blur variance, so that
-/// the blur spreads a splat without adding to it. The published filter takes e = 0.1 pixels^2 (Settings::blur_variance); images of a model
-/// trained with it look wrong without it. Both determinants are sums of squares, so their ratio has no cancellation and is never negative.
+/// The screen-space part of Mip-Splatting: opacity is multiplied by rho = sqrt(det(V V^T) / det(V V^T + e I)), e the
+/// blur variance, so that the blur spreads a splat without adding to it. The published filter takes e = 0.1 pixels^2
+/// (Settings::blur_variance); images of a model trained with it look wrong without it. Both determinants are sums of
+/// squares, so their ratio has no cancellation and is never negative.
 struct MipFilter {
   static constexpr bool active = true;
 
@@ -85,8 +87,8 @@ struct MipFilter {
   }
 };
 
-/// The effects of a rasterizer. `LensPolicy` is a type of scene/lens_policy.hpp, whose numbers are in the rasterizer's Settings; `FilterPolicy`
-/// is NoFilter or MipFilter.
+/// The effects of a rasterizer. `LensPolicy` is a type of scene/lens_policy.hpp, whose numbers are in the rasterizer's
+/// Settings; `FilterPolicy` is NoFilter or MipFilter.
 template <class LensPolicy = PinholeLens, class FilterPolicy = NoFilter>
 struct RasterEffects {
   using Lens = LensPolicy;

@@ -80,7 +80,8 @@ template <class P>
   return {one - (yy + zz), xy - wz, xz + wy, xy + wz, one - (xx + zz), yz - wx, xz - wy, yz + wx, one - (xx + yy)};
 }
 
-/// B = M R(q) and V = B diag(s), both 2 x 3 row-major. V is limited in size; `shrink` is the factor that did it (1 nearly always).
+/// B = M R(q) and V = B diag(s), both 2 x 3 row-major. V is limited in size; `shrink` is the factor that did it (1
+/// nearly always).
 template <class P>
 struct ScreenAxes {
   std::array<P, 6> unit, v;

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A camera and its lens as the kernels of projection want them, and a point of the world before them: u = fx U(x/z, y/z) + cx,
-// v = fy V(x/z, y/z) + cy, where (U, V) is the lens, and M = J W = diag(fx, fy)/z K [1 0 -x/z; 0 1 -y/z] W, where K is the lens's Jacobian. A
-// pinhole's is the unit matrix and is not computed. Cost: 25 flop a Gaussian for a pinhole, and what scene/lens_policy.hpp says for a lens.
+// A camera and its lens as the kernels of projection want them, and a point of the world before them: u = fx U(x/z,
+// y/z) + cx, v = fy V(x/z, y/z) + cy, where (U, V) is the lens, and M = J W = diag(fx, fy)/z K [1 0 -x/z; 0 1 -y/z] W,
+// where K is the lens's Jacobian. A pinhole's is the unit matrix and is not computed. Cost: 25 flop a Gaussian for a
+// pinhole, and what scene/lens_policy.hpp says for a lens.
 #pragma once
 
 #include <array>

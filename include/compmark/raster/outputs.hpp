@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a rasterizer is asked for beyond the colour image, as a compile-time policy: an output that is not asked for has no buffer, no
-// branch and no instruction.
+// What a rasterizer is asked for beyond the colour image, as a compile-time policy: an output that is not asked for has
+// no buffer, no branch and no instruction.
 #pragma once
 
 #include "compmark/core/buffer.hpp"

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Projection: Gaussians in, visible splats in depth order out. Three steps: (1) visibility and depth of every Gaussian, (2) a stable sort
-// by depth, (3) the splats, written straight to their place in depth order. Computing the footprint twice (~190 flop) is cheaper than
-// writing 64 bytes a splat, reading them back in depth order and writing them again.
+// Projection: Gaussians in, visible splats in depth order out. Three steps: (1) visibility and depth of every Gaussian,
+// (2) a stable sort by depth, (3) the splats, written straight to their place in depth order. Computing the footprint
+// twice (~190 flop) is cheaper than writing 64 bytes a splat, reading them back in depth order and writing them again.
 // Cost: reads 44 + 56 bytes and writes 64 bytes a visible Gaussian, plus the sort.
 #pragma once
 
@@ -175,8 +175,9 @@ void find_visible(const GaussianColumns<const T>& gaussians, const LensView<T, t
   workspace.partial[chunk] = {smallest, largest, scrubbed};
 }
 
-/// More bytes of splats than this are written past the caches: they would not stay there, and reading each line before it is overwritten,
-/// in random order, was two thirds of the time of step 3 at 300k Gaussians. Fewer are left in the cache for binning.
+/// More bytes of splats than this are written past the caches: they would not stay there, and reading each line before
+/// it is overwritten, in random order, was two thirds of the time of step 3 at 300k Gaussians. Fewer are left in the
+/// cache for binning.
 inline constexpr std::size_t streaming_bytes = std::size_t{8} << 20;
 
 /// Step 3 for Gaussians [begin, end): the splats of the visible ones, each to its place.
@@ -223,9 +224,9 @@ void write_splats(const GaussianColumns<const T>& gaussians, const LensView<T, t
 
 }  // namespace detail
 
-/// Projects, culls and sorts. `gaussians` columns must be readable up to the next multiple of 16 rows (GaussianBatch is).
-/// A Gaussian with a non-finite mean, scale, rotation or opacity is dropped; a non-finite colour becomes 0 and a colour beyond +-100 is
-/// clamped; `scrubbed` counts all of these, visible or not. Fewer than 2^31 Gaussians.
+/// Projects, culls and sorts. `gaussians` columns must be readable up to the next multiple of 16 rows (GaussianBatch
+/// is). A Gaussian with a non-finite mean, scale, rotation or opacity is dropped; a non-finite colour becomes 0 and a
+/// colour beyond +-100 is clamped; `scrubbed` counts all of these, visible or not. Fewer than 2^31 Gaussians.
 template <Accuracy accuracy, class T, int W = native_width<T>, class Effects = NoRasterEffects, Executor E>
 RasterReport project(GaussianColumns<const T> gaussians, const Camera<T>& camera,
                      const ProjectionSettings<T, typename Effects::Lens>& settings, ProjectedSplats<T>& out,

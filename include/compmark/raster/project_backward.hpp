@@ -31,7 +31,8 @@ namespace compmark {
 
 namespace detail {
 
-/// Gradients of u, v and of the three distinct entries of [sum g v v^T], from the sums in the (a, b) frame of the conditional form.
+/// Gradients of u, v and of the three distinct entries of [sum g v v^T], from the sums in the (a, b) frame of the
+/// conditional form.
 template <class P>
 struct ScreenGradient {
   P u, v, xx, xy, yy;
@@ -70,8 +71,8 @@ COMPMARK_INLINE void add_jacobian_gradient(const PinholeView<T>& view, const Cam
   row(1, view.fy, at.clamped_y, at.y_over_z);
 }
 
-/// The same with a lens, M = diag(fx, fy)/z K [1 0 -a; 0 1 -b] W at the clamped ray (a, b), and through the mean on the screen. There is no
-/// published backward with a lens.
+/// The same with a lens, M = diag(fx, fy)/z K [1 0 -a; 0 1 -b] W at the clamped ray (a, b), and through the mean on the
+/// screen. There is no published backward with a lens.
 template <class T, int W, class Lens>
 COMPMARK_INLINE void add_lens_gradient(const LensView<T, Lens>& view, const CameraPoint<Pack<T, W>>& at,
                                        const LensPoint<Pack<T, W>>& bent, Pack<T, W> d_u, Pack<T, W> d_v,
@@ -228,10 +229,10 @@ void project_backward_chunk(const GaussianColumns<const T>& gaussians, const Len
 
 }  // namespace detail
 
-/// ADDS into d_gaussians, or sets it. Takes what project() took and left. `sums`: one per input Gaussian; those of invisible ones are not used.
-/// `gradient_norm` is empty, or one per input Gaussian (overwritten): the norm of (W/2 dL/du, H/2 dL/dv), 0 where not visible.
-/// Columns must be readable and writable up to the next multiple of 16 rows. Rows of invisible Gaussians do not
-/// change, or become 0.
+/// ADDS into d_gaussians, or sets it. Takes what project() took and left. `sums`: one per input Gaussian; those of
+/// invisible ones are not used. `gradient_norm` is empty, or one per input Gaussian (overwritten): the norm of (W/2
+/// dL/du, H/2 dL/dv), 0 where not visible. Columns must be readable and writable up to the next multiple of 16 rows.
+/// Rows of invisible Gaussians do not change, or become 0.
 template <Accuracy accuracy, class T, int W = native_width<T>, GradientMode mode = GradientMode::add,
           class Effects = NoRasterEffects, Executor E>
 void project_backward(GaussianColumns<const T> gaussians, const Camera<T>& camera,

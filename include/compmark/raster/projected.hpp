@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What projection and binning hand to the pixel loop: the splats in depth order, and for each tile the splats that can reach it.
-// 64 bytes a splat; 8 bytes a (splat, tile) pair.
+// What projection and binning hand to the pixel loop: the splats in depth order, and for each tile the splats that can
+// reach it. 64 bytes a splat; 8 bytes a (splat, tile) pair.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,8 @@
 
 namespace compmark {
 
-/// The visible splats of one view. `splats[0 .. count)` is in depth order, front to back, ties by index of the input Gaussian.
+/// The visible splats of one view. `splats[0 .. count)` is in depth order, front to back, ties by index of the input
+/// Gaussian.
 template <class T>
 struct ProjectedSplats {
   Buffer<Splat<T>> splats;       ///< [count]
@@ -29,9 +30,10 @@ struct ProjectedSplats {
   static constexpr std::uint32_t pivot_bit = 0x80000000u;
 };
 
-/// Per tile (row-major over the grid) the splats that reach it, front to back: the pairs. They are also numbered splat by splat (tiles
-/// row-major within a splat), and `position` says where pair number s lies in `splat`, so that a sum over the pairs of splat i is a walk over
-/// position[first_slot[i]] ... position[first_slot[i + 1] - 1], in the same order at any thread count.
+/// Per tile (row-major over the grid) the splats that reach it, front to back: the pairs. They are also numbered splat
+/// by splat (tiles row-major within a splat), and `position` says where pair number s lies in `splat`, so that a sum
+/// over the pairs of splat i is a walk over position[first_slot[i]] ... position[first_slot[i + 1] - 1], in the same
+/// order at any thread count.
 struct TileLists {
   int tiles_x = 0, tiles_y = 0;
   Buffer<std::size_t> begin;       ///< [tiles + 1] range of each tile in `splat`
@@ -44,7 +46,8 @@ struct TileLists {
 /// Width of the C1 ramp of CutoffRule::smooth, centred on alpha_min.
 inline constexpr double smooth_cutoff_width = 1e-3;
 
-/// The smallest alpha that contributes: alpha_min, or the foot of the ramp under CutoffRule::smooth. 0 means that nothing is cut.
+/// The smallest alpha that contributes: alpha_min, or the foot of the ramp under CutoffRule::smooth. 0 means that
+/// nothing is cut.
 template <class T>
 [[nodiscard]] constexpr T cutoff_floor(const Accuracy& accuracy) {
   const double floor =

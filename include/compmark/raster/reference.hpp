@@ -193,8 +193,9 @@ class ReferenceRasterizer {
   }
 
   // ---- the rows of one band ----
-  // Not inlined, so that every executor runs the same instructions: inlined into two executors, g++ -O3 contracts the sums differently
-  // and the last bits differ (law R5).
+
+  // Not inlined, so that every executor runs the same instructions: inlined into two executors, g++ -O3 contracts the
+  // sums differently and the last bits differ (law R5).
 
   __attribute__((noinline)) static void forward_rows(const Camera<T>& camera, const std::array<T, 3>& background,
                                                      ImageView<T> image, Context& ctx, std::size_t band, int y_begin,
@@ -377,8 +378,8 @@ class ReferenceRasterizer {
     return true;
   }
 
-  /// What a lens changes: the limits of the clamp, which are of rays (lens_view.hpp says which), and M = diag(fx, fy) J W with the lens's J
-  /// at the clamped ray. False outside the region where the lens is one-to-one.
+  /// What a lens changes: the limits of the clamp, which are of rays (lens_view.hpp says which), and M = diag(fx, fy) J
+  /// W with the lens's J at the clamped ray. False outside the region where the lens is one-to-one.
   [[nodiscard]] bool bend(const Camera<T>& camera, detail::ReferenceGeometry<T>& g) const {
     const typename Effects::Lens& lens = settings_.lens;
     if (!lens.inside(g.ratio[0], g.ratio[1])) return false;
@@ -403,8 +404,8 @@ class ReferenceRasterizer {
     return true;
   }
 
-  /// The road back of bend() and of the mean on the screen, by the lens's own adjoint at the point and at the clamped point
-  /// (clamped * z, z), which moves with z alone where the clamp holds.
+  /// The road back of bend() and of the mean on the screen, by the lens's own adjoint at the point and at the clamped
+  /// point (clamped * z, z), which moves with z alone where the clamp holds.
   void unbend(const detail::ReferenceGeometry<T>& g, const std::array<T, 2>& d_screen, const detail::Matrix23<T>& d_m,
               std::array<T, 3>& d_point) const {
     const typename Effects::Lens& lens = settings_.lens;
@@ -492,7 +493,8 @@ class ReferenceRasterizer {
     splat.opacity = gaussians.opacity[i];
     if constexpr (filtered) splat.opacity *= filter(g.v).rho;
 
-    // Covariance V V^T + e I. Its determinant by Cauchy and Binet, |V0 x V1|^2 + e (|V0|^2 + |V1|^2) + e^2: nothing cancels (case CV1).
+    // Covariance V V^T + e I. Its determinant by Cauchy and Binet, |V0 x V1|^2 + e (|V0|^2 + |V1|^2) + e^2: nothing
+    // cancels (case CV1).
     const T e = settings_.blur_variance;
     const auto& v = g.v;
     const std::array<T, 3> cross{v[0][1] * v[1][2] - v[0][2] * v[1][1], v[0][2] * v[1][0] - v[0][0] * v[1][2],
@@ -572,7 +574,8 @@ class ReferenceRasterizer {
     d.rotation[3][i] += 2 * (w * (d_r[1][0] - d_r[0][1]) + x * (d_r[0][2] + d_r[2][0]) + y * (d_r[1][2] + d_r[2][1]) -
                              2 * z * (d_r[0][0] + d_r[1][1]));
 
-    // The point: through the mean on the screen, u = f x/z + c, through the depth, and through J = f/z [1, 0, -clamped] (case PR3).
+    // The point: through the mean on the screen, u = f x/z + c, through the depth, and through J = f/z [1, 0, -clamped]
+    // (case PR3).
     const std::array<T, 2> d_screen{sum.gx, sum.gy};
     std::array<T, 3> d_point{0, 0, sum.depth};
     if constexpr (has_lens) {

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// TileRasterizer: project, sort, bin, blend tile by tile; the production rasterizer (concept Rasterizer, laws R1 to R6). Tiles are the
-// chunks of the executor and every sum has a fixed order, so the bits do not depend on the number of threads.
-// Cost (docs/concepts/TileRasterizer.md), all included, measured with AVX-512 at 3.8 GHz: ~27 cycles forward and ~47 backward per block of
-// 4 x 4 pixels and splat. Memory: 128 bytes a visible Gaussian, 72 bytes a (splat, tile) pair, 0.6 MB a worker.
+// TileRasterizer: project, sort, bin, blend tile by tile (concept Rasterizer, laws R1 to R6). Tiles are the chunks of
+// the executor and every sum has a fixed order, so the bits do not depend on the number of threads. Cost
+// (docs/concepts/TileRasterizer.md), all included, measured with AVX-512 at 3.8 GHz: ~27 cycles forward and ~47
+// backward per block of 4 x 4 pixels and splat. Memory: 128 bytes a visible Gaussian, 72 bytes a (splat, tile) pair,
+// 0.6 MB a worker.
 #pragma once
 
 #include <algorithm>
@@ -33,7 +34,7 @@
 
 namespace compmark {
 
-/// See raster/concept.hpp. `W` is the pack width; other widths than the native one are for tests. `Effects` is a RasterEffects.
+/// See raster/concept.hpp. `W` is the pack width, other than native for tests; `Effects` is a RasterEffects.
 template <class T, Accuracy accuracy = accuracy::standard, RasterOutputs outputs = RasterOutputs{},
           int W = detail::block_width<T>, class Effects = NoRasterEffects>
 class TileRasterizer {

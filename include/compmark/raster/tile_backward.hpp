@@ -3,14 +3,17 @@
 //
 // The gradient of blending (docs/spec/numerics.md, BB1), one cell of 16 x 16 pixels at a time, chunks of 256 splats
 // from the back:
-//   1. front to back, each block recomputes alpha and the blend weight w of the splats that blended in it and keeps both in scratch;
-//   2. back to front, splat by splat: with d = dot(colour, dL/dC) and A = dot(what lies behind, dL/dC), one scalar a pixel,
+//   1. front to back, each block recomputes alpha and the blend weight w of the splats that blended in it and keeps
+//     both in scratch;
+//   2. back to front, splat by splat: with d = dot(colour, dL/dC) and A = dot(what lies behind, dL/dC), one scalar a
+//     pixel,
 //        dL/dalpha = T (d - A),  dlnalpha: g = w (d - A),  A <- A + alpha (d - A),  A starts with the background.
-// No division, no separate background term; where all colours equal the background d - A is exactly 0. Because the dot product is linear,
-// carrying dot(behind, dL/dC) instead of the colour behind saves six instructions of nine.
+// No division, no separate background term; where all colours equal the background d - A is exactly 0. Because the dot
+// product is linear, carrying dot(behind, dL/dC) instead of the colour behind saves six instructions of nine.
 //
-// The sums of SplatGradient are kept in registers over the blocks of a cell: relative to the middle of the block, where w and d_b are
-// scalars, so six multiply-adds do; the offsets inside the block are added once a cell. Then one transposing reduction writes the record.
+// The sums of SplatGradient are kept in registers over the blocks of a cell: relative to the middle of the block, where
+// w and d_b are scalars, so six multiply-adds do; the offsets inside the block are added once a cell. Then one
+// transposing reduction writes the record.
 #pragma once
 
 #include <array>
@@ -70,7 +73,8 @@ inline void recompute_block(const std::uint64_t (&blended)[chunk_words], std::si
 /// Lane of a pair's record that holds sum i, in the order of SplatGradient: what the reduction below leaves.
 inline constexpr std::array<std::size_t, 10> record_lane{0, 8, 4, 12, 2, 10, 6, 14, 1, 9};
 
-/// Half a step of the reduction: lanes without `bit` hold the sums of a over pairs of lanes that differ in that bit, lanes with it those of b.
+/// Half a step of the reduction: lanes without `bit` hold the sums of a over pairs of lanes that differ in that bit,
+/// lanes with it those of b.
 template <std::size_t bit, class P, std::size_t... lane>
 [[nodiscard]] COMPMARK_INLINE P fold_two(P a, P b, std::index_sequence<lane...> /*lanes*/) {
   constexpr std::size_t W = P::width;
@@ -84,11 +88,12 @@ template <std::size_t bit, class P, std::size_t... lane>
   return P::from_native(a.native + __builtin_shufflevector(a.native, a.native, (lane ^ bit)...));
 }
 
-/// More bytes of records than this are written past the caches: they are next read, in another order, when all of them are written.
+/// More bytes of records than this are written past the caches: they are next read, in another order, when all of them
+/// are written.
 inline constexpr std::size_t streaming_records = (std::size_t{8} << 20) / 64;
 
-/// Sums over all lanes of ten packs: record[record_lane[i]] = the sum of sums[i], other elements are of no use. At W = 16 the packs are
-/// folded into one: 11 additions and 19 shuffles in place of 40 and 40.
+/// Sums over all lanes of ten packs: record[record_lane[i]] = the sum of sums[i], other elements are of no use. At W =
+/// 16 the packs are folded into one: 11 additions and 19 shuffles in place of 40 and 40.
 /// `streaming`: see Pack::store_streaming.
 template <class T, int W>
 COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* record, bool streaming) {
@@ -111,7 +116,8 @@ COMPMARK_INLINE void reduce_columns(const std::array<Pack<T, W>, 10>& sums, T* r
   }
 }
 
-/// Step 2 for one splat: adds into nothing, overwrites `record` with the sums over the blocks of `mask` (in whitened units).
+/// Step 2 for one splat: adds into nothing, overwrites `record` with the sums over the blocks of `mask` (in whitened
+/// units).
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 COMPMARK_INLINE void gradient_of_splat(std::size_t k, unsigned mask, BackwardScratch<accuracy, T>& scratch, T* record,
                                        bool streaming) {
@@ -233,8 +239,9 @@ inline void load_gradients(const CellPlace& place, const std::array<T, 3>& backg
   }
 }
 
-/// One cell: for each entry of the list, the sums of its pixels go to the entry's record (added to it when `add`), in the order and the
-/// units of the pixel loop: see record_lane. `streaming`: the records are written past the caches (only where the tile is one cell).
+/// One cell: for each entry of the list, the sums of its pixels go to the entry's record (added to it when `add`), in
+/// the order and the units of the pixel loop: see record_lane. `streaming`: the records are written past the caches
+/// (only where the tile is one cell).
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 inline void backward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list,
                           std::span<const std::uint32_t> upcoming, const CellPlace& place,

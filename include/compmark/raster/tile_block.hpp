@@ -85,8 +85,9 @@ COMPMARK_INLINE void store_white(WhiteSplat<typename P::Scalar>* white, std::siz
   store_records<P>(whiten<accuracy>(splats), record);
 }
 
-/// Bit b is set where the splat can reach alpha_min inside block b: the least sigma over the rectangle of the block's pixel centres, exact
-/// and without a square root (it lies on one of the two edges that face the mean). ~30 instructions for the 16 blocks at W = 16.
+/// Bit b is set where the splat can reach alpha_min inside block b: the least sigma over the rectangle of the block's
+/// pixel centres, exact and without a square root (it lies on one of the two edges that face the mean). ~30
+/// instructions for the 16 blocks at W = 16.
 template <int W, class T>
 [[nodiscard]] COMPMARK_INLINE unsigned blocks_reached(const WhiteSplat<T>& splat, T cell_x, T cell_y) {
   using P = Pack<T, W>;
@@ -132,8 +133,9 @@ COMPMARK_INLINE void to_cell(const WhiteSplat<T>& splat, T cell_x, T cell_y, Cel
   local.b0 = splat.bx * x + splat.by * y;
 }
 
-/// N packs that are computed in step: N independent chains of instructions next to each other, so that the processor waits for none of
-/// them. (One chain after the other fills its scheduler with instructions that wait: measured 17.7 cycles a block and splat, in step 13.)
+/// N packs that are computed in step: N independent chains of instructions next to each other, so that the processor
+/// waits for none of them. (One chain after the other fills its scheduler with instructions that wait: measured 17.7
+/// cycles a block and splat, in step 13.)
 template <class P, int N>
 struct InStep {
   using Scalar = typename P::Scalar;
@@ -163,7 +165,8 @@ struct InStep {
   }
 };
 
-/// opacity * exp(-sigma) of N splats at W pixels: x, y their centres in the cell, `axis` where the pivot coordinate of the first is.
+/// opacity * exp(-sigma) of N splats at W pixels: x, y their centres in the cell, `axis` where the pivot coordinate of
+/// the first is.
 template <Accuracy accuracy, int N, class T, int W>
 [[nodiscard]] COMPMARK_INLINE InStep<Pack<T, W>, N> raw_alpha(const std::array<const CellSplat<T>*, N>& splat,
                                                               Pack<T, W> x, Pack<T, W> y, const T* axis) {
@@ -235,7 +238,8 @@ template <Accuracy accuracy, bool want_chain, class T, int W>
   } else {
     met = raw >= P(alpha_min);
   }
-  // Skipped lanes get alpha 0 before the transmittance comes in: the chain from splat to splat is one comparison and one multiply-add.
+  // Skipped lanes get alpha 0 before the transmittance comes in: the chain from splat to splat is one comparison and
+  // one multiply-add.
   alpha = keep(met, alpha);
   const P before = transmittance;
   const P after = fma(-alpha, before, before);  // one rounding (docs/spec/numerics.md, BF2)

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The geometry of the pixel loop: blocks of 4 x 4 pixels, whose pixels are the lanes, and cells of 4 x 4 blocks (16 x 16 pixels).
-// Why 4 x 4 and not 16 x 1: an ellipse of 30 x 30 pixels touches 22 % fewer blocks, one of 15 x 15 30 % fewer.
+// The geometry of the pixel loop: blocks of 4 x 4 pixels, whose pixels are the lanes, and cells of 4 x 4 blocks (16 x
+// 16 pixels). Why 4 x 4 and not 16 x 1: an ellipse of 30 x 30 pixels touches 22 % fewer blocks, one of 15 x 15 30 %
+// fewer.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +26,8 @@ inline constexpr int block_pixels = 16;  ///< row-major in the block
 template <class T>
 inline constexpr int block_width = native_width<T> < block_pixels ? native_width<T> : block_pixels;
 
-/// Pixel centres of a cell relative to its corner: at[axis][block][lane], axis 0 is x; and per block its first pixel and its middle.
+/// Pixel centres of a cell relative to its corner: at[axis][block][lane], axis 0 is x; and per block its first pixel
+/// and its middle.
 template <class T>
 struct CellTable {
   alignas(64) T at[2][cell_blocks][block_pixels];
@@ -69,8 +71,9 @@ struct CellPlace {
   }
 };
 
-/// Calls row(block, lane, offset, count) for each row of four pixels of a cell: block and lane of its first pixel, the offset of that pixel
-/// in a plane, and how many of the four are in the image (0 to 4; the offset is valid if there are any).
+/// Calls row(block, lane, offset, count) for each row of four pixels of a cell: block and lane of its first pixel, the
+/// offset of that pixel in a plane, and how many of the four are in the image (0 to 4; the offset is valid if there are
+/// any).
 template <class Row>
 COMPMARK_INLINE void each_block_row(const CellPlace& place, const Row& row) {
   const bool whole = place.x + cell_side <= place.width && place.y + cell_side <= place.height;

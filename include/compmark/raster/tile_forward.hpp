@@ -6,8 +6,8 @@
 // that reach it with transmittance and colour in registers: ~22 instructions per block and splat, no branch but the
 // loop's. A block stops when all its pixels are finished.
 //
-// Backward finds in the context the transmittance at the start of each chunk (4 bytes a pair) and which splats did blend in which block
-// (2 bits a pair): it neither tests nor searches again.
+// Backward finds in the context the transmittance at the start of each chunk (4 bytes a pair) and which splats did
+// blend in which block (2 bits a pair): it neither tests nor searches again.
 #pragma once
 
 #include <array>
@@ -55,8 +55,8 @@ inline void open_chunk(std::span<const WhiteSplat<T>> splats, std::span<const st
   }
 }
 
-/// Asks for a sixteenth of the splats that this worker takes next, while the present ones are computed. They lie all over the memory, and
-/// waiting for them was a third of the time at 500,000 splats.
+/// Asks for a sixteenth of the splats that this worker takes next, while the present ones are computed. They lie all
+/// over the memory, and waiting for them was a third of the time at 500,000 splats.
 template <class T>
 COMPMARK_INLINE void prefetch_share(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> upcoming,
                                     int block) {
@@ -65,7 +65,8 @@ COMPMARK_INLINE void prefetch_share(std::span<const WhiteSplat<T>> splats, std::
   for (std::size_t k = start; k < std::min(start + share, count); ++k) __builtin_prefetch(&splats[upcoming[k]]);
 }
 
-/// One block through one chunk. `blended` gets the bits of the splats that were met before the block was finished. Returns whether it was.
+/// One block through one chunk. `blended` gets the bits of the splats that were met before the block was finished.
+/// Returns whether it was.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 inline bool forward_block(const CellSplat<T>* splats, const std::uint64_t (&reached)[chunk_words], std::size_t words,
                           int block, ForwardScratch<T>& scratch, std::uint64_t (&blended)[chunk_words]) {
@@ -135,7 +136,8 @@ struct ForwardPlanes {
   T* depth = nullptr;
 };
 
-/// One cell: overwrites its pixels, fills `records` (one per chunk of the list) and returns how many chunks were opened.
+/// One cell: overwrites its pixels, fills `records` (one per chunk of the list) and returns how many chunks were
+/// opened.
 template <Accuracy accuracy, RasterOutputs outputs, int W, class T>
 inline std::size_t forward_cell(std::span<const WhiteSplat<T>> splats, std::span<const std::uint32_t> list,
                                 std::span<const std::uint32_t> upcoming, const CellPlace& place,

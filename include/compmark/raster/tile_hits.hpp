@@ -30,7 +30,8 @@ struct TileBox {
 template <class P>
 using PackedSplats = std::array<P, 16>;
 
-/// Splats asked for in advance: projection wrote them past the caches (measured: the wait for them was half of the time of binning).
+/// Splats asked for in advance: projection wrote them past the caches (measured: the wait for them was half of the time
+/// of binning).
 inline constexpr std::size_t splats_ahead = 32;
 
 /// A pack of splats from memory; the lanes from `count` on hold the first of them again.
@@ -50,7 +51,8 @@ struct PackedBoxes {
   P x, y, width, height;
 };
 
-/// Boxes of at most this many tiles on a side are tested as packs. Their masks are whole numbers below 2^16, exact in a lane.
+/// Boxes of at most this many tiles on a side are tested as packs. Their masks are whole numbers below 2^16, exact in a
+/// lane.
 inline constexpr int packed_side = 4;
 
 /// tile_rectangle of footprint.hpp for W splats, all rules but the published square.
@@ -77,7 +79,8 @@ template <int tile_size, class P>
   return {keep(some, box.x), keep(some, box.y), keep(some, box.width), keep(some, box.height)};
 }
 
-/// For boxes of at most packed_side x packed_side tiles the mask of those that are hit, bit row * width + column, as a whole number.
+/// For boxes of at most packed_side x packed_side tiles the mask of those that are hit, bit row * width + column, as a
+/// whole number.
 template <int tile_size, class P>
 [[nodiscard]] COMPMARK_INLINE P packed_hits(const PackedSplats<P>& splats, const PackedBoxes<P>& box,
                                             typename P::MaskType lanes, int width, int height) {
@@ -164,7 +167,8 @@ template <int tile_size, class T, int W>
     return major * w * w + minor * b * b;
   };
   const auto clamp = [](P x, P low, P high) { return min(max(x, low), high); };
-  // The minimum lies on an edge that faces the mean: b fixed at its value nearest the mean and a free, or the other way round.
+  // The minimum lies on an edge that faces the mean: b fixed at its value nearest the mean and a free, or the other way
+  // round.
   const P b_near = clamp(zero, b_low, b_high), a_near = clamp(zero, a_low, a_high);
   const P first = sigma(clamp(slope * b_near, a_low, a_high), b_near);
   const T back = splat.major * splat.slope / (splat.major * splat.slope * splat.slope + splat.minor);
@@ -179,8 +183,8 @@ template <int W>
   return box.width <= W && box.width * box.height <= 64;
 }
 
-/// Calls visit(row, column, columns, bits) for groups of at most W tiles of a splat's box: whole rows where the box is at most W wide, else
-/// parts of one row. Bit k of a group is its tile (k / columns, k % columns).
+/// Calls visit(row, column, columns, bits) for groups of at most W tiles of a splat's box: whole rows where the box is
+/// at most W wide, else parts of one row. Bit k of a group is its tile (k / columns, k % columns).
 template <Accuracy accuracy, class T, int W, class Visit>
 COMPMARK_INLINE void each_tile_group(const Splat<T>& splat, const TileBox& box, int width, int height,
                                      const Visit& visit) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which splats reach which block of a cell, as a bit matrix that is read both ways: by splat (which blocks?) and by block (which splats?).
-// Lists are worked on in chunks of 256 splats, so that this, and everything kept a splat, has a fixed size.
+// Which splats reach which block of a cell, as a bit matrix that is read both ways: by splat (which blocks?) and by
+// block (which splats?). Lists are worked on in chunks of 256 splats, so that this, and everything kept a splat, has a
+// fixed size.
 #pragma once
 
 #include <bit>
@@ -70,8 +71,9 @@ struct ReachBits {
   }
 };
 
-/// The splats of one block in order, as indices into the chunk, padded to whole steps with `chunk_splats` (a splat of opacity 0).
-/// With mask registers, sixteen bits become their indices by one compressing store, and there is no branch to mispredict.
+/// The splats of one block in order, as indices into the chunk, padded to whole steps with `chunk_splats` (a splat of
+/// opacity 0). With mask registers, sixteen bits become their indices by one compressing store, and there is no branch
+/// to mispredict.
 struct BlockList {
   alignas(64) std::uint32_t index[chunk_splats + 16];
   std::size_t size = 0;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Between structure of arrays (lanes are Gaussians) and array of structures (one cache line a Gaussian): a W x W transposition in
-// registers, log2 W rounds of W shuffles, where W is 16 or 8; plain loops elsewhere.
+// Between structure of arrays (lanes are Gaussians) and array of structures (one cache line a Gaussian): a W x W
+// transposition in registers, log2 W rounds of W shuffles, where W is 16 or 8; plain loops elsewhere.
 #pragma once
 
 #include <array>

@@ -22,8 +22,8 @@
 
 namespace compmark {
 
-/// `from` moved towards `to` by `fraction` in [0, 1]: at 0 it is `from` to the bit, at 1 it stands and looks as `to` does. Works on
-/// LensCamera too; the lens stays.
+/// `from` moved towards `to` by `fraction` in [0, 1]: at 0 it is `from` to the bit, at 1 it stands and looks as `to`
+/// does. Works on LensCamera too; the lens stays.
 template <class AnyCamera>
 [[nodiscard]] AnyCamera camera_between(const AnyCamera& from, const AnyCamera& to, double fraction) {
   AnyCamera camera = from;
@@ -61,8 +61,8 @@ inline constexpr double same_way =
     0.5;  ///< least cosine between the directions of two cameras that see the same things
 }
 
-/// One of the `nearest` views that stand closest to `view` and look the same way within 60 degrees, drawn with number `draw` of `random`; `view` itself
-/// where there is none. `cameras(i)` gives the camera of view i < views.
+/// One of the `nearest` views that stand closest to `view` and look the same way within 60 degrees, drawn with number
+/// `draw` of `random`; `view` itself where there is none. `cameras(i)` gives the camera of view i < views.
 template <class Cameras>
 [[nodiscard]] std::size_t neighbouring_view(const Cameras& cameras, std::size_t views, std::size_t view,
                                             const Random& random, std::uint64_t draw = 0) {
@@ -178,8 +178,8 @@ class PhotographDistance {
   }
 
   [[nodiscard]] bool empty() const { return center_.empty(); }
-  /// 0 at a photograph, infinite where no view looks that way. 1 everywhere where the photographs say nothing of what is far: most of them were taken from
-  /// one place, or less than half of them has another one that looks the same way.
+  /// 0 at a photograph, infinite where no view looks that way. 1 everywhere where the photographs say nothing of what
+  /// is far: most of them were taken from one place, or less than half of them has another one that looks the same way.
   template <class AnyCamera>
   [[nodiscard]] double medians(const AnyCamera& camera) const {
     if (median_ == 0) return 1;

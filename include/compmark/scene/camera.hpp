@@ -3,8 +3,10 @@
 //
 // The pinhole camera. One convention inside the library, all conversions at the readers:
 //   camera frame  x right, y down, z forward (OpenCV, COLMAP);   point_camera = rotation * (point_world - center)
-//   image frame   pixel (i, j) covers [i, i+1) x [j, j+1), its centre is (i + 1/2, j + 1/2);   u = fx x/z + cx,  v = fy y/z + cy
-// The published rasterizer puts pixel centres at integers and the principal point at the image centre minus one half: the same rays.
+//   image frame   pixel (i, j) covers [i, i+1) x [j, j+1), its centre is (i + 1/2, j + 1/2);
+//                 u = fx x/z + cx,  v = fy y/z + cy
+// The published rasterizer puts pixel centres at integers and the principal point at the image centre minus one half:
+// the same rays.
 #pragma once
 
 #include <array>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras that are most likely not where their photographs were taken: poses that were inverted or have other axes look past the scene, and poses
-// that were not filled in are all the same. Nothing is wrong with such a file as a file, and a training of it is wasted: that is said.
-// Cost: at most 1,000 points are looked at from every camera, about 10 us each.
+// Cameras that are most likely not where their photographs were taken: poses that were inverted or have other axes look
+// past the scene, and poses that were not filled in are all the same. Nothing is wrong with such a file as a file, and
+// a training of it is wasted: that is said. Cost: at most 1,000 points are looked at from every camera, about 10 us
+// each.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Before a training begins: that there is something to learn from, and something to measure. Masks may count for nothing at the size they are
-// delivered in although their files do not: a few white pixels of a large photograph, or white where the lens has no pixel.
-// Photographs of one colour alone (an export that failed, everything transparent) teach nothing either.
-// Cost: decodes the views that have masks, which the store keeps as far as it can, and the training views up to the first that has two colours.
+// Before a training begins: that there is something to learn from, and something to measure. Masks may count for
+// nothing at the size they are delivered in although their files do not: a few white pixels of a large photograph, or
+// white where the lens has no pixel. Photographs of one colour alone (an export that failed, everything transparent)
+// teach nothing either. Cost: decodes the views that have masks, which the store keeps as far as it can, and the
+// training views up to the first that has two colours.
 #pragma once
 
 #include <algorithm>
@@ -64,8 +65,8 @@ namespace detail {
 
 }  // namespace detail
 
-/// An Error if all training photographs are one colour, if no pixel of any training view counts, or if a view that is measured (a test view; a
-/// training view where there are no test views) has no pixel that counts for half or more.
+/// An Error if all training photographs are one colour, if no pixel of any training view counts, or if a view that is
+/// measured (a test view; a training view where there are no test views) has no pixel that counts for half or more.
 [[nodiscard]] inline Result<Done> check_weights(const Dataset& dataset, ImageStore& store) {
   if (const Result<Done> colors = detail::check_colors(dataset, store); !colors) return colors.error();
   const bool tests = !dataset.indices(Split::test).empty();

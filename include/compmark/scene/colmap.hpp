@@ -44,7 +44,8 @@ namespace detail {
   return {base.substr(0, base.find('.')), name};
 }
 
-/// Pairs the images of the model with files; an empty path is a missing image. As they are written, or else by scene/pairing.hpp.
+/// Pairs the images of the model with files; an empty path is a missing image. As they are written, or else by
+/// scene/pairing.hpp.
 [[nodiscard]] inline Result<std::vector<std::filesystem::path>> match_images(
     const std::vector<const ColmapImage*>& images, const std::filesystem::path& folder, Dataset& dataset) {
   std::vector<std::string> names;
@@ -73,8 +74,8 @@ namespace detail {
       "add the images the model was made from, under their names"};
 }
 
-/// The points of a model, or of points3D.ply beside it where the model came without its file (a cached copy in the published format). Both
-/// missing is a model to be started from random points.
+/// The points of a model, or of points3D.ply beside it where the model came without its file (a cached copy in the
+/// published format). Both missing is a model to be started from random points.
 [[nodiscard]] inline Result<PrecisePoints> colmap_points(const ColmapModel& model, const std::filesystem::path& folder,
                                                          const std::string& suffix, Dataset& dataset) {
   PrecisePoints points;

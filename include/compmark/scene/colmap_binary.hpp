@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// COLMAP's binary files cameras.bin, images.bin, points3D.bin: little-endian records after a 64-bit count. A count is compared with the
-// bytes that are left before anything is allocated, so a damaged count is an Error and not a crash. Cost: one pass over the bytes.
+// COLMAP's binary files cameras.bin, images.bin, points3D.bin: little-endian records after a 64-bit count. A count is
+// compared with the bytes that are left before anything is allocated, so a damaged count is an Error and not a crash.
+// Cost: one pass over the bytes.
 #pragma once
 
 #include <array>
@@ -73,7 +74,8 @@ class BinaryCursor {
   bool good_ = true;
 };
 
-/// Reads a file whose first value is a count of records of at least `least` bytes and calls record(cursor) for each; record returns Result<Done>.
+/// Reads a file whose first value is a count of records of at least `least` bytes and calls record(cursor) for each;
+/// record returns Result<Done>.
 template <class Record>
 [[nodiscard]] Result<Done> parse_colmap_records(std::span<const std::byte> bytes, const std::filesystem::path& path,
                                                 std::size_t least, Record record) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From a COLMAP camera to intrinsics and a lens: all models but the panorama, which has no pinhole. And the folder of a model: of several
-// sub-models the one with the most images.
+// From a COLMAP camera to intrinsics and a lens: all models but the panorama, which has no pinhole. And the folder of a
+// model: of several sub-models the one with the most images.
 #pragma once
 
 #include <algorithm>
@@ -59,7 +59,8 @@ namespace detail {
   return !status && count <= size / 73 ? count : 0;  // 73 bytes an image at least
 }
 
-/// The folder with the model (a sub-folder of sparse, sparse, or the root itself), or an empty path; and what else was there.
+/// The folder with the model (a sub-folder of sparse, sparse, or the root itself), or an empty path; and what else was
+/// there.
 struct ColmapFolder {
   std::filesystem::path path;
   std::uint64_t images = 0;

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// COLMAP's text files cameras.txt, images.txt, points3D.txt. "#" starts a comment line; images take two lines each, of which the second
-// may be empty, or left out altogether as some writers do; a name is the rest of its line and may contain spaces. Numbers are read independently
-// of the locale; lines end as on any system.
+// COLMAP's text files cameras.txt, images.txt, points3D.txt. "#" starts a comment line; images take two lines each, of
+// which the second may be empty, or left out altogether as some writers do; a name is the rest of its line and may
+// contain spaces. Numbers are read independently of the locale; lines end as on any system.
 #pragma once
 
 #include <array>
@@ -137,8 +137,8 @@ class LineReader {
   return std::pair{id, std::move(image)};
 }
 
-/// Whether a line can be the second one of an image, by its first four triples X Y POINT3D_ID: the tenth word of a line that describes an image
-/// is its name, which is no number, or a tenth number that begins no whole triple.
+/// Whether a line can be the second one of an image, by its first four triples X Y POINT3D_ID: the tenth word of a line
+/// that describes an image is its name, which is no number, or a tenth number that begins no whole triple.
 [[nodiscard]] inline bool may_be_features(std::string_view line) {
   LineCursor cursor(line);
   for (int i = 0; i < 12; ++i) {

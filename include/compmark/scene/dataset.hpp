@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What every reader produces: cameras with the names of their images, a point cloud to start from, and what was noticed on the way.
-// No pixel is decoded here; ImageStore does that on demand.
+// What every reader produces: cameras with the names of their images, a point cloud to start from, and what was noticed
+// on the way. No pixel is decoded here; ImageStore does that on demand.
 #pragma once
 
 #include <array>
@@ -21,7 +21,8 @@ enum class Split { train, test };
 
 /// What becomes of a lens that is not a pinhole.
 enum class LensTreatment : std::uint8_t {
-  undistort,  ///< images are resampled to the pinhole when they are loaded, with a mask of the pixels that the photograph has
+  /// images are resampled to the pinhole when they are loaded, with a mask of the pixels that the photograph has
+  undistort,
   ignore,  ///< as if it were a pinhole (what the published loaders do with SIMPLE_RADIAL)
   keep     ///< images stay as they are; whoever renders projects through the lens
 };

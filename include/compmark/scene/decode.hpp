@@ -66,7 +66,8 @@ inline Result<Done> check_size(const View& view, const ImageBytes& file) {
 
 }  // namespace detail
 
-/// The image of a view at the size of its camera. Pixels are those of the published pipeline where there is no lens to take out.
+/// The image of a view at the size of its camera. Pixels are those of the published pipeline where there is no lens to
+/// take out.
 [[nodiscard]] inline Result<StoredImage> decode_view(const View& view, const DecodeSettings& settings) {
   Result<ImageBytes> file = read_image(view.image_path);
   if (!file) return file.error();

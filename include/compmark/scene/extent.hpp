@@ -28,7 +28,8 @@ struct SceneExtent {
 
 namespace detail {
 
-/// Distance of the middle point from a place: the scale of a scene whose cameras stand in one place; 0 without finite points.
+/// Distance of the middle point from a place: the scale of a scene whose cameras stand in one place; 0 without finite
+/// points.
 template <class Points>
 [[nodiscard]] double median_distance(const Points& points, const std::array<double, 3>& from) {
   std::vector<double> distance;
@@ -44,7 +45,8 @@ template <class Points>
   return *middle;
 }
 
-/// The ball of some cameras, and how far from its centre one may stand and still count: the core (math/robust_ball.hpp), which counts what they see too.
+/// The ball of some cameras, and how far from its centre one may stand and still count: the core
+/// (math/robust_ball.hpp), which counts what they see too.
 struct CameraCore {
   RobustBall ball;
   double size = 0;  ///< the longer of `wide` and the distance of the middle point
@@ -85,8 +87,8 @@ template <class Points>
   return extent;
 }
 
-/// The cameras' extent; where they stand in one place, to a millionth of what they see, 1.1 times the distance of the middle point instead, or
-/// without points of what they look at. 0 without training views.
+/// The cameras' extent; where they stand in one place, to a millionth of what they see, 1.1 times the distance of the
+/// middle point instead, or without points of what they look at. 0 without training views.
 [[nodiscard]] inline SceneExtent scene_extent(const Dataset& dataset) {
   SceneExtent extent = camera_extent(dataset);
   if (dataset.indices(Split::train).empty()) return extent;

@@ -38,8 +38,8 @@ namespace detail {
   return views;
 }
 
-/// Mean and largest distance from it of the cameras' centres (middle_spread: medians of both), without those that stand beyond their core
-/// (scene/extent.hpp).
+/// Mean and largest distance from it of the cameras' centres (middle_spread: medians of both), without those that stand
+/// beyond their core (scene/extent.hpp).
 struct CameraSpread {
   std::array<double, 3> mean{0, 0, 0};
   double radius = 0;
@@ -68,7 +68,8 @@ template <class Points>
   return camera_spread(dataset, dataset.points);
 }
 
-/// Moves cameras and points so that the cameras' mean is at the origin, where it was more than 100 times the scene's size away from it.
+/// Moves cameras and points so that the cameras' mean is at the origin, where it was more than 100 times the scene's
+/// size away from it.
 inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
   const CameraSpread spread = camera_spread(dataset, points);
   const double size = std::fmax(spread.radius, median_distance(points, spread.mean));
@@ -85,12 +86,13 @@ inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
                              " times its size from the origin of its coordinates and is moved to it");
 }
 
-/// Sizes within which a scene keeps its unit; others are brought to 4 … 8, where the cameras of the published scenes and of ordinary captures
-/// are. A power of two, so that the same scene in other units that are powers of two is the same scene to the bit.
+/// Sizes within which a scene keeps its unit; others are brought to 4 … 8, where the cameras of the published scenes
+/// and of ordinary captures are. A power of two, so that the same scene in other units that are powers of two is the
+/// same scene to the bit.
 inline constexpr double least_scene_size = 0.1, greatest_scene_size = 100;
 
-/// The median of the cameras' centres along each axis, and the middle camera's distance from it: one camera that was registered far away moves
-/// neither, as it would their mean and the largest distance.
+/// The median of the cameras' centres along each axis, and the middle camera's distance from it: one camera that was
+/// registered far away moves neither, as it would their mean and the largest distance.
 [[nodiscard]] inline CameraSpread middle_spread(const Dataset& dataset) {
   CameraSpread spread;
   PrecisePoints centers;
@@ -159,8 +161,9 @@ inline void name_far_cameras(Dataset& dataset) {
                              " and does not count for the scene's extent; its photograph is still trained on");
 }
 
-/// Points as floats, without those that no camera can use: not finite, in the centre of a camera, or beyond the reach of the scene
-/// (math/robust_ball.hpp), whose size is that of the points or the distance of the middle camera from their middle.
+/// Points as floats, without those that no camera can use: not finite, in the centre of a camera, or beyond the reach
+/// of the scene (math/robust_ball.hpp), whose size is that of the points or the distance of the middle camera from
+/// their middle.
 inline void take_points(Dataset& dataset, PrecisePoints points) {
   std::vector<std::array<double, 3>> centers;
   for (const View& view : dataset.views) centers.push_back(view.camera.center_world);
@@ -172,7 +175,8 @@ inline void take_points(Dataset& dataset, PrecisePoints points) {
   cameras.position = centers;
   const double size = median_distance(cameras, ball.center), reach = ball.reach(size);
   double farthest = 0;
-  // A millionth of the scene: far below a pixel from anywhere else, far above the rounding of positions stored in double.
+  // A millionth of the scene: far below a pixel from anywhere else, far above the rounding of positions stored in
+  // double.
   const double near = 1e-6 * std::fmax(spread.radius, median_distance(points, spread.mean));
   const auto at_camera = [&](const std::array<double, 3>& p) {
     auto candidate =

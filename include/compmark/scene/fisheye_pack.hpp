@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// FisheyeLens::plane for packs of floats without a loop over lanes: the same equations with A(q) = atan(sqrt q) / sqrt q and its derivatives
-// in ~90 flop, two divisions and a root, where the library's arctangent three times a lane was 80 ns a Gaussian. Other lenses and scalars
-// go to the policy itself.
+// FisheyeLens::plane for packs of floats without a loop over lanes: the same equations with A(q) = atan(sqrt q) / sqrt
+// q and its derivatives in ~90 flop, two divisions and a root, where the library's arctangent three times a lane was 80
+// ns a Gaussian. Other lenses and scalars go to the policy itself.
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@ namespace compmark {
 
 namespace detail {
 
-/// A(q), A'(q), A''(q) for q >= 0: below 1/4 the series sum of (-q)^n / (2n + 1), above it Cephes' arctangent (2e-7) and the derivatives by
-/// differences, which lose eps / q^2 there.
+/// A(q), A'(q), A''(q) for q >= 0: below 1/4 the series sum of (-q)^n / (2n + 1), above it Cephes' arctangent (2e-7)
+/// and the derivatives by differences, which lose eps / q^2 there.
 template <int W>
 [[nodiscard]] COMPMARK_INLINE RadialFactor<Pack<float, W>> arctangent_ratio(Pack<float, W> q) {
   using P = Pack<float, W>;

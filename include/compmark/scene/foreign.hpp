@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Captures that are not read here, told by their files: what they are and what turns them into one that is (docs/capture_formats.md). Asked only
-// where no reader knows a folder. Cost: names of the folder and the first bytes of a few files.
+// Captures that are not read here, told by their files: what they are and what turns them into one that is
+// (docs/capture_formats.md). Asked only where no reader knows a folder. Cost: names of the folder and the first bytes
+// of a few files.
 #pragma once
 
 #include <algorithm>

@@ -18,10 +18,12 @@
 
 namespace compmark {
 
-/// How a composited value becomes a byte. The published code truncates, which darkens by half a level on average; nearest does not.
+/// How a composited value becomes a byte. The published code truncates, which darkens by half a level on average;
+/// nearest does not.
 enum class AlphaRounding { truncate, nearest };
 
-/// Planar RGB [3, height, width], 8 bits, and where there is a mask how much each pixel counts: 0 not at all, 255 whole.
+/// Planar RGB [3, height, width], 8 bits, and where there is a mask how much each pixel counts: 0 not at all, 255
+/// whole.
 struct StoredImage {
   int width = 0;
   int height = 0;

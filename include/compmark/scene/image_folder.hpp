@@ -20,7 +20,8 @@
 namespace compmark {
 namespace detail {
 
-/// True for the name of a PNG or JPEG in any capitals. What a system left beside the photographs (._a.png, .hidden.png) is none.
+/// True for the name of a PNG or JPEG in any capitals. What a system left beside the photographs (._a.png, .hidden.png)
+/// is none.
 [[nodiscard]] inline bool is_image_name(const std::string& name) {
   const std::string extension = folded(std::filesystem::path(name).extension().string());
   return !name.empty() && name.front() != '.' && (extension == ".png" || extension == ".jpg" || extension == ".jpeg");
@@ -54,8 +55,8 @@ namespace detail {
          });
 }
 
-/// Paths of the photographs below a folder, relative to it, sorted. Hidden folders and links to folders are not followed; `all`: nor are
-/// left out the folders that hold other images.
+/// Paths of the photographs below a folder, relative to it, sorted. Hidden folders and links to folders are not
+/// followed; `all`: nor are left out the folders that hold other images.
 [[nodiscard]] inline std::vector<std::string> image_paths(const std::filesystem::path& folder, bool all) {
   std::vector<std::string> paths;
   std::error_code status;
@@ -82,8 +83,9 @@ namespace detail {
   return false;
 }
 
-/// `images`, or else the first of images_2, images_4, images_8; where there is none of them, or no photograph in it, one of the names that other
-/// programs give it, in any capitals (Images, image, input, rgb, …), or the folder of the model itself, with what is below it.
+/// `images`, or else the first of images_2, images_4, images_8; where there is none of them, or no photograph in it,
+/// one of the names that other programs give it, in any capitals (Images, image, input, rgb, …), or the folder of the
+/// model itself, with what is below it.
 [[nodiscard]] inline Result<std::filesystem::path> image_folder(const std::filesystem::path& root) {
   std::filesystem::path empty;
   for (const char* name : {"images", "images_2", "images_4", "images_8"}) {

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From the name of an image in a file of cameras to the image on the disk: backslashes, a missing extension, an extension in other capitals
-// (a.jpg for a.JPG, as they are after a copy from a camera's card), and folders of smaller copies (images_4 for images). The exact name
-// always comes first. Cost: one look at the disk for an image that is there, at most 92 for one that is not.
+// From the name of an image in a file of cameras to the image on the disk: backslashes, a missing extension, an
+// extension in other capitals (a.jpg for a.JPG, as they are after a copy from a camera's card), and folders of smaller
+// copies (images_4 for images). The exact name always comes first. Cost: one look at the disk for an image that is
+// there, at most 92 for one that is not.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +28,8 @@ namespace detail {
   return std::filesystem::path(name).lexically_normal().generic_string();
 }
 
-/// The same name with its extension in all other capitals: small letters first, then capitals, then mixed ones. Images (PNG, JPEG) only.
+/// The same name with its extension in all other capitals: small letters first, then capitals, then mixed ones. Images
+/// (PNG, JPEG) only.
 [[nodiscard]] inline std::vector<std::filesystem::path> other_capitals(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   std::string small = extension;
@@ -90,14 +92,15 @@ namespace detail {
   return {};
 }
 
-/// An image on the disk, and the folder of smaller copies that it was found in: 2 for images_2, 1 for the folder that was named.
+/// An image on the disk, and the folder of smaller copies that it was found in: 2 for images_2, 1 for the folder that
+/// was named.
 struct FoundImage {
   std::filesystem::path path;
   int reduction = 1;
 };
 
-/// file_path relative to the file of cameras; where there is no such file also with an extension, and in the folders that hold smaller copies
-/// (images_2 for images). The path is empty if nothing is found.
+/// file_path relative to the file of cameras; where there is no such file also with an extension, and in the folders
+/// that hold smaller copies (images_2 for images). The path is empty if nothing is found.
 [[nodiscard]] inline FoundImage find_image(const std::filesystem::path& folder, const std::string& file_path) {
   const std::filesystem::path given = plain_name(file_path);
   for (const int reduction : {1, 2, 4, 8}) {

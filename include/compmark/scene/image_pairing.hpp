@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images of a capture by their names: as they are written where they are, and by scene/pairing.hpp where they are not. What was not found
-// as it is written is said. Cost: one look at the disk for an image that is there; where one is not, the folder is listed once.
+// The images of a capture by their names: as they are written where they are, and by scene/pairing.hpp where they are
+// not. What was not found as it is written is said. Cost: one look at the disk for an image that is there; where one is
+// not, the folder is listed once.
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where a point of the world is on the image of a pinhole camera, in doubles from end to end. Cost: nine multiplications and two divisions.
+// Where a point of the world is on the image of a pinhole camera, in doubles from end to end. Cost: nine
+// multiplications and two divisions.
 #pragma once
 
 #include <array>
@@ -11,7 +12,8 @@
 
 namespace compmark {
 
-/// {u, v} in the image frame of camera.hpp, pixels. Of a point in the plane of the camera it is not finite, behind it that of its mirror image.
+/// {u, v} in the image frame of camera.hpp, pixels. Of a point in the plane of the camera it is not finite, behind it
+/// that of its mirror image.
 template <class T>
 [[nodiscard]] std::array<T, 2> image_point(const Camera<double>& camera, const std::array<double, 3>& point_world) {
   std::array<double, 3> seen{};

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images of a dataset, decoded when first asked for and kept in 8 bits within a memory budget; the least recently used go first.
-// What an image is made of, and in which order, says scene/decode.hpp. What the store delivers always has the size of the view's camera; a
-// file that no longer has the size it had when the dataset was opened is an Error, and so is one that would take more than the budget to decode.
-// Cost of a hit: O(1); of a miss: decoding (~20 ns a pixel) and resizing. The result never depends on the budget or on the order of use.
+// The images of a dataset, decoded when first asked for and kept in 8 bits within a memory budget; the least recently
+// used go first. What an image is made of, and in which order, says scene/decode.hpp. What the store delivers always
+// has the size of the view's camera; a file that no longer has the size it had when the dataset was opened is an Error,
+// and so is one that would take more than the budget to decode. Cost of a hit: O(1); of a miss: decoding (~20 ns a
+// pixel) and resizing. The result never depends on the budget or on the order of use.
 #pragma once
 
 #include <algorithm>
@@ -84,7 +85,8 @@ class ImageStore {
     }
     return get(found->second);
   }
-  /// How much each pixel of view i counts, 0 … 255, [height, width]; empty: all of them, whole. Valid as long as the pointer of get.
+  /// How much each pixel of view i counts, 0 … 255, [height, width]; empty: all of them, whole. Valid as long as the
+  /// pointer of get.
   [[nodiscard]] Result<std::span<const std::uint8_t>> mask(std::size_t i) {
     const Result<const StoredImage*> image = get(i);
     if (!image) return image.error();
@@ -94,8 +96,8 @@ class ImageStore {
   [[nodiscard]] Result<Done> load(const View& view, ImageView<float> image) { return load(get(view), image); }
   [[nodiscard]] Result<Done> load(std::size_t i, ImageView<float> image) { return load(get(i), image); }
 
-  /// The same over `background` instead of the dataset's (needs keep_alpha), with the planes of effects: `alpha` and `weight` are
-  /// [height, width] or null. An opaque image has alpha 1, one without a mask weight 1.
+  /// The same over `background` instead of the dataset's (needs keep_alpha), with the planes of effects: `alpha` and
+  /// `weight` are [height, width] or null. An opaque image has alpha 1, one without a mask weight 1.
   [[nodiscard]] Result<Done> load_planes(std::size_t i, const std::array<float, 3>& background, ImageView<float> image,
                                          float* alpha, float* weight) {
     const Result<const StoredImage*> stored = get(i);
@@ -130,7 +132,8 @@ class ImageStore {
     std::uint64_t last_use = 0;
   };
 
-  /// Photographs of ordinary cameras are always decoded; larger ones must fit into the budget, whatever size they are delivered in.
+  /// Photographs of ordinary cameras are always decoded; larger ones must fit into the budget, whatever size they are
+  /// delivered in.
   [[nodiscard]] Result<Done> check_budget(const View& view) const {
     constexpr std::size_t ordinary = std::size_t{256} << 20;
     const std::size_t bytes =

@@ -51,7 +51,8 @@ template <class T>
   return {d[0].dx, d[0].dy, d[1].dx, d[1].dy};
 }
 
-/// Up to which radius a lens is one-to-one, in every direction: the first one where the determinant of the Jacobian is not positive.
+/// Up to which radius a lens is one-to-one, in every direction: the first one where the determinant of the Jacobian is
+/// not positive.
 struct LensLimit {
   double ray = std::numeric_limits<double>::infinity();  ///< of rays, hypot(x/z, y/z)
   double plane =
@@ -75,7 +76,8 @@ struct LensLimit {
       const double phi = 2 * std::numbers::pi * i / directions;
       using D = detail::Dual<double>;
       const std::array<D, 2> d = detail::bend(lens, D(radius * std::cos(phi), 1, 0), D(radius * std::sin(phi), 0, 1));
-      // The sum of the diagonal is positive too as long as no direction has turned around: both eigenvalues change sign together else.
+      // The sum of the diagonal is positive too as long as no direction has turned around: both eigenvalues change sign
+      // together else.
       if (!(d[0].dx * d[1].dy - d[0].dy * d[1].dx > 0) || !(d[0].dx + d[1].dy > 0)) return false;
     }
     return true;
@@ -99,14 +101,16 @@ struct LensLimit {
   return limit;
 }
 
-/// A ray found from a distorted point. Where `converged` is false no ray within the limit lands there, and (x, y) is the nearest try.
+/// A ray found from a distorted point. Where `converged` is false no ray within the limit lands there, and (x, y) is
+/// the nearest try.
 struct Undistorted {
   double x = 0, y = 0;
   bool converged = false;
   int iterations = 0;
 };
 
-/// The inverse of distort to 1e-12 of residual, which is 1e-9 of the ray wherever the lens compresses by less than a thousand.
+/// The inverse of distort to 1e-12 of residual, which is 1e-9 of the ray wherever the lens compresses by less than a
+/// thousand.
 [[nodiscard]] inline Undistorted undistort(const Lens& lens, const LensLimit& limit, double x, double y) {
   if (is_pinhole(lens)) return {x, y, true, 0};
   if (detail::has_closed_inverse(lens.model)) {
@@ -163,8 +167,8 @@ struct Undistorted {
   return undistort(lens, lens_limit(lens), x, y);
 }
 
-/// By how many pixels the lens moves points of the camera's image at most: the evidence for treating it at all. A grid of 33 x 33 points,
-/// corners included; points beyond the limit count as moved by the image's diagonal.
+/// By how many pixels the lens moves points of the camera's image at most: the evidence for treating it at all. A grid
+/// of 33 x 33 points, corners included; points beyond the limit count as moved by the image's diagonal.
 [[nodiscard]] inline double lens_displacement(const Camera<double>& camera, const Lens& lens) {
   if (is_pinhole(lens)) return 0;
   const LensLimit limit = lens_limit(lens);

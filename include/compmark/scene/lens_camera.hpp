@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A camera and the lens before it: what a pipeline that projects through lenses is given for each view. Coefficients are on normalised
-// coordinates, so that a resized or cropped camera keeps them. Cost: those of the policy, 24 to 48 bytes.
+// A camera and the lens before it: what a pipeline that projects through lenses is given for each view. Coefficients
+// are on normalised coordinates, so that a resized or cropped camera keeps them. Cost: those of the policy, 24 to 48
+// bytes.
 #pragma once
 
 #include <optional>
@@ -14,8 +15,8 @@
 
 namespace compmark {
 
-/// Made of a camera alone it has the ideal lens of its family: a pinhole for RadialTangentialLens, d = theta for FisheyeLens. That is what a
-/// viewer that knows no lens shows.
+/// Made of a camera alone it has the ideal lens of its family: a pinhole for RadialTangentialLens, d = theta for
+/// FisheyeLens. That is what a viewer that knows no lens shows.
 template <class LensPolicy>
 struct LensCamera : Camera<double> {
   LensPolicy lens{};
@@ -55,7 +56,8 @@ struct LensConversion<FisheyeLens<T>> {
 };
 }  // namespace detail
 
-/// The policy of a photograph's lens, if it is of the policy's family. Cost: up to half a millisecond (lens_limit): once for each camera.
+/// The policy of a photograph's lens, if it is of the policy's family. Cost: up to half a millisecond (lens_limit):
+/// once for each camera.
 template <class LensPolicy>
 [[nodiscard]] std::optional<LensPolicy> lens_policy(const Lens& lens) {
   return detail::LensConversion<LensPolicy>::from(lens);

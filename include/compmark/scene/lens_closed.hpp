@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lenses whose inverse is a formula: the field-of-view model (Devernay and Faugeras 2001), the division model (Fitzgibbon 2001) and the
-// enhanced unified camera model (Khomutenko et al. 2016). Each scales (x, y) by a factor of r2 = x^2 + y^2.
-//   FOV       c atan(c r) / (c r omega), c = 2 tan(omega/2)              DIVISION  2 / (1 + sqrt(1 - 4 k r2)), back 1 / (1 + k r'^2)
+// Lenses whose inverse is a formula: the field-of-view model (Devernay and Faugeras 2001), the division model
+// (Fitzgibbon 2001) and the enhanced unified camera model (Khomutenko et al. 2016). Each scales (x, y) by a factor of
+// r2 = x^2 + y^2.
+//   FOV       c atan(c r) / (c r omega), c = 2 tan(omega/2)
+//   DIVISION  2 / (1 + sqrt(1 - 4 k r2)), back 1 / (1 + k r'^2)
 //   EUCM      1 / (alpha sqrt(beta r2 + 1) + 1 - alpha)
 #pragma once
 

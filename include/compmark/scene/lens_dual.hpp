@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A number with its derivatives by x and y: what a formula computes on it are its value and its exact 2 x 2 Jacobian at once, so that the
-// seventeen lens models need no derivative written by hand. Cost: three times the formula.
+// A number with its derivatives by x and y: what a formula computes on it are its value and its exact 2 x 2 Jacobian at
+// once, so that the seventeen lens models need no derivative written by hand. Cost: three times the formula.
 #pragma once
 
 #include <cmath>

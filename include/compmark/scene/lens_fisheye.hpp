@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Fisheye lenses (Kannala and Brandt 2006; COLMAP's FISHEYE families): a ray at the angle theta from the axis lands at the distance theta
-// instead of tan theta; polynomials then bend that plane. Near the axis atan(r)/r is its series, so that nothing is divided by r.
-//   (u, v) = (x, y) atan(r) / r,  r = hypot(x, y)                back: (x, y) = (u, v) tan(theta) / theta,  theta = hypot(u, v) < pi/2
+// Fisheye lenses (Kannala and Brandt 2006; COLMAP's FISHEYE families): a ray at the angle theta from the axis lands at
+// the distance theta instead of tan theta; polynomials then bend that plane. Near the axis atan(r)/r is its series, so
+// that nothing is divided by r.
+//   (u, v) = (x, y) atan(r) / r,  r = hypot(x, y)
+//   back: (x, y) = (u, v) tan(theta) / theta,  theta = hypot(u, v) < pi/2
 #pragma once
 
 #include <array>

@@ -36,7 +36,8 @@ enum class LensModel : std::uint8_t {
 
 inline constexpr std::size_t lens_model_count = 17;
 
-/// Focal lengths and principal point that come before a model's distortion parameters in COLMAP's order: f cx cy, or fx fy cx cy.
+/// Focal lengths and principal point that come before a model's distortion parameters in COLMAP's order: f cx cy, or fx
+/// fy cx cy.
 [[nodiscard]] constexpr std::size_t lens_intrinsics(LensModel model) {
   switch (model) {
     case LensModel::simple_pinhole:
@@ -76,7 +77,8 @@ struct Lens {
   }
 }
 
-/// True if the lens moves nothing: a pinhole model, or one whose coefficients are zero. Without alpha EUCM is a pinhole whatever beta.
+/// True if the lens moves nothing: a pinhole model, or one whose coefficients are zero. Without alpha EUCM is a pinhole
+/// whatever beta.
 [[nodiscard]] inline bool is_pinhole(const Lens& lens) {
   if (is_fisheye(lens.model)) return false;
   if (lens.model == LensModel::simple_pinhole || lens.model == LensModel::pinhole) return true;

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lenses as policies of a projection: types that map a point of the camera frame to normalised distorted coordinates, with the Jacobian that
-// carries a covariance to the image and the second derivatives that its gradient needs. On the plane a = x/z, b = y/z all of them are
+// Lenses as policies of a projection: types that map a point of the camera frame to normalised distorted coordinates,
+// with the Jacobian that carries a covariance to the image and the second derivatives that its gradient needs. On the
+// plane a = x/z, b = y/z all of them are
 //   u = a s(q) + 2 p1 a b + p2 (q + 2 a^2),   v = b s(q) + 2 p2 a b + p1 (q + 2 b^2),   q = a^2 + b^2,   z > 0
-// and differ in s alone. PinholeLens is empty and costs nothing. Methods are templates on the value: a scalar or a Pack. Cost above a
-// pinhole: ~30 flop forward, ~60 backward; a fisheye adds one arctangent.
+// and differ in s alone. PinholeLens is empty and costs nothing. Methods are templates on the value: a scalar or a
+// Pack. Cost above a pinhole: ~30 flop forward, ~60 backward; a fisheye adds one arctangent.
 #pragma once
 
 #include <array>
@@ -19,7 +20,8 @@
 
 namespace compmark {
 
-/// A map of the plane at one point: value, Jacobian and second derivatives. The Jacobian is symmetric for every lens here.
+/// A map of the plane at one point: value, Jacobian and second derivatives. The Jacobian is symmetric for every lens
+/// here.
 template <class V>
 struct LensPlane {
   V u, v;
@@ -141,8 +143,9 @@ struct RadialTangentialLens : detail::LensProjection<RadialTangentialLens<T>> {
   }
 };
 
-/// COLMAP's equidistant fisheye with a polynomial in theta^2 (Kannala and Brandt). With A(q) = atan(r)/r and w = q A^2 = theta^2,
-/// s = A (1 + k1 w + k2 w^2 + k3 w^3 + k4 w^4): only A needs a series near the axis, everything else is products.
+/// COLMAP's equidistant fisheye with a polynomial in theta^2 (Kannala and Brandt). With A(q) = atan(r)/r and w = q A^2
+/// = theta^2, s = A (1 + k1 w + k2 w^2 + k3 w^3 + k4 w^4): only A needs a series near the axis, everything else is
+/// products.
 template <class T>
 struct FisheyeLens : detail::LensProjection<FisheyeLens<T>> {
   T k1{}, k2{}, k3{}, k4{};
@@ -170,8 +173,8 @@ struct FisheyeLens : detail::LensProjection<FisheyeLens<T>> {
   }
 
  private:
-  /// A(q) = atan(sqrt q) / sqrt q and its derivatives. The series holds to rounding below its bound, which balances the digits that the
-  /// differences lose above it: eps / q^2 of the second derivative.
+  /// A(q) = atan(sqrt q) / sqrt q and its derivatives. The series holds to rounding below its bound, which balances the
+  /// digits that the differences lose above it: eps / q^2 of the second derivative.
   [[nodiscard]] static T ratio(T q, int derivative) {
     constexpr T bound = sizeof(T) < sizeof(double) ? T(0.25) : T(0.0625);
     if (q < bound) {

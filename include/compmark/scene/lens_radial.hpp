@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lenses that bend the plane of a pinhole by polynomials (Brown 1966; COLMAP's RADIAL and OPENCV families): with r2 = x^2 + y^2
+// Lenses that bend the plane of a pinhole by polynomials (Brown 1966; COLMAP's RADIAL and OPENCV families): with r2 =
+// x^2 + y^2
 //   x' = x R(r2) + 2 p1 x y + p2 (r2 + 2 x^2),   y' = y R(r2) + 2 p2 x y + p1 (r2 + 2 y^2)
 //   R = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)
 #pragma once

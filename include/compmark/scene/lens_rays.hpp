@@ -22,7 +22,8 @@ namespace detail {
 template <class Lens>
 inline constexpr bool is_pinhole_policy = std::is_same_v<Lens, PinholeLens>;
 
-/// The ray (x/z, y/z) that lands at (u, v), by damped Newton steps; where no ray does, one at the edge of the region that is one-to-one.
+/// The ray (x/z, y/z) that lands at (u, v), by damped Newton steps; where no ray does, one at the edge of the region
+/// that is one-to-one.
 template <class T, class Lens>
 [[nodiscard]] std::array<T, 2> ray_through(const Lens& lens, T u, T v) {
   T a = u, b = v;

@@ -37,7 +37,8 @@ namespace compmark {
 
 namespace detail {
 
-/// Points on random rays of random views, uniform in inverse depth between the view's bounds: as dense in the image near and far.
+/// Points on random rays of random views, uniform in inverse depth between the view's bounds: as dense in the image
+/// near and far.
 [[nodiscard]] inline PrecisePoints points_between(const Dataset& dataset,
                                                   const std::vector<std::array<double, 2>>& bounds, std::size_t count,
                                                   std::uint64_t seed) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One mask as its file has it: 8 or 16 bits, grey, colours (a palette is expanded), with an alpha channel or without. What the numbers mean is
-// decided over all masks of a capture (scene/mask_reading.hpp). Cost: decoding, ~20 ns a pixel.
+// One mask as its file has it: 8 or 16 bits, grey, colours (a palette is expanded), with an alpha channel or without.
+// What the numbers mean is decided over all masks of a capture (scene/mask_reading.hpp). Cost: decoding, ~20 ns a
+// pixel.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Masks that are found by the names of the images, for views whose file of cameras names none. A mask that more than one image could mean
-// (masks/r_0.png beside train/r_0.png and test/r_0.png) is nobody's: a guess would hide parts of the wrong photograph. Masks that have other names
-// (a_mask.png for a.jpg) are found by scene/pairing.hpp, and those that belong to no image are said.
+// Masks that are found by the names of the images, for views whose file of cameras names none. A mask that more than
+// one image could mean (masks/r_0.png beside train/r_0.png and test/r_0.png) is nobody's: a guess would hide parts of
+// the wrong photograph. Masks that have other names (a_mask.png for a.jpg) are found by scene/pairing.hpp, and those
+// that belong to no image are said.
 #pragma once
 
 #include <algorithm>
@@ -27,8 +28,9 @@
 namespace compmark {
 namespace detail {
 
-/// The mask of the image `root`/<folder>/<rest>: masks/<folder>/<rest>, then masks/<rest>, with the image's name and ".png", its stem and
-/// ".png", or its name. A folder like images_4 looks into masks_4 before masks. Empty if there is none.
+/// The mask of the image `root`/<folder>/<rest>: masks/<folder>/<rest>, then masks/<rest>, with the image's name and
+/// ".png", its stem and ".png", or its name. A folder like images_4 looks into masks_4 before masks. Empty if there is
+/// none.
 [[nodiscard]] inline std::filesystem::path find_mask(const std::filesystem::path& root,
                                                      const std::filesystem::path& image) {
   std::vector<std::filesystem::path> parts;
@@ -155,8 +157,8 @@ inline void say_unread_masks(Dataset& dataset, const std::filesystem::path& root
   }
 }
 
-/// Looks for masks of views that have none among those that nobody has, by the ends of their names, and says which of them belong to no image.
-/// `nobodys`: masks of which that was said before.
+/// Looks for masks of views that have none among those that nobody has, by the ends of their names, and says which of
+/// them belong to no image. `nobodys`: masks of which that was said before.
 inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
                        const std::set<std::filesystem::path>& nobodys) {
   int told = 0;
@@ -218,7 +220,8 @@ inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
   }
 }
 
-/// Gives every view that has no mask yet the one that is found by its name, and says what is missing or could not be decided.
+/// Gives every view that has no mask yet the one that is found by its name, and says what is missing or could not be
+/// decided.
 inline void find_masks(Dataset& dataset, const std::filesystem::path& root) {
   std::map<std::filesystem::path, std::vector<std::size_t>> users;  // of the masks that are found by name
   for (std::size_t i = 0; i < dataset.views.size(); ++i) {

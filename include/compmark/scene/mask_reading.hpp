@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the numbers in the masks of a capture mean. Black is ignored, white counts and between is a weight; but masks are also written as 0 and 1
-// (not 0 counts), as labels, with the colours of a palette, with 16 bits, or in the alpha channel of an image of one colour. All masks of a
-// capture are looked at together, as one alone may be all black or all white; how they were read is said where it is not by their levels.
-// Views of which nothing counts are left out, and a capture of which nothing counts is refused: there is nothing to learn from.
-// Cost: decodes every mask once.
+// What the numbers in the masks of a capture mean. Black is ignored, white counts and between is a weight; but masks
+// are also written as 0 and 1 (not 0 counts), as labels, with the colours of a palette, with 16 bits, or in the alpha
+// channel of an image of one colour. All masks of a capture are looked at together, as one alone may be all black or
+// all white; how they were read is said where it is not by their levels. Views of which nothing counts are left out,
+// and a capture of which nothing counts is refused: there is nothing to learn from. Cost: decodes every mask once.
 #pragma once
 
 #include <algorithm>
@@ -131,7 +131,8 @@ struct MaskDecision {
   if (colored && all.least > 0)
     return fail(*first_colored,
                 "has colours, and no pixel of any mask is black, so it is not known what is to be ignored", plain);
-  // Labels and counts stay small; a soft edge of a mask has a white side. One level beside black is what counts, whatever its number.
+  // Labels and counts stay small; a soft edge of a mask has a white side. One level beside black is what counts,
+  // whatever its number.
   const bool any = colored || all.most < dark_mask || (levels.size() == 1 && all.most < 1);
   MaskDecision decision;
   decision.reading = any ? (in_alpha ? MaskReading::any_alpha : MaskReading::any)

@@ -44,7 +44,8 @@ namespace detail {
   return dataset;
 }
 
-/// The folder below, at most three deep, that holds a capture which can be opened, the nearest and first by name; empty if there is none.
+/// The folder below, at most three deep, that holds a capture which can be opened, the nearest and first by name; empty
+/// if there is none.
 [[nodiscard]] inline std::filesystem::path folder_of_capture(const std::filesystem::path& folder) {
   std::vector<std::pair<int, std::filesystem::path>> folders;
   std::error_code status;
@@ -60,7 +61,8 @@ namespace detail {
   return found == folders.end() ? std::filesystem::path() : found->second;
 }
 
-/// What is said of a capture below the folder that was named: its own path, or, where its photographs are not in it, where to put them.
+/// What is said of a capture below the folder that was named: its own path, or, where its photographs are not in it,
+/// where to put them.
 [[nodiscard]] inline Error capture_below(const std::filesystem::path& folder, const std::filesystem::path& inner) {
   const bool whole = holds_images(inner);
   return {ErrorKind::not_found, folder.string(), "",
@@ -71,7 +73,8 @@ namespace detail {
                       (is_colmap(inner) ? ", or move its model to " + (folder / "sparse/0").string() : "")};
 }
 
-/// A file of poses under a name that is not looked for (transforms_test.json alone, Transforms.JSON, cameras.json); empty if there is none.
+/// A file of poses under a name that is not looked for (transforms_test.json alone, Transforms.JSON, cameras.json);
+/// empty if there is none.
 [[nodiscard]] inline std::filesystem::path file_of_poses(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> files;
   std::error_code status, ignored;
@@ -160,7 +163,8 @@ template <class Json>
 
 }  // namespace detail
 
-/// Opens the dataset in a folder. Every image file is looked at (header only), no pixel is decoded. Cost: reading the files once.
+/// Opens the dataset in a folder. Every image file is looked at (header only), no pixel is decoded. Cost: reading the
+/// files once.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Dataset> open_dataset(const std::filesystem::path& folder, const DatasetSettings& settings) {
   Result<Dataset> dataset = detail::with_names_checked(detail::open_by_kind<Json>(folder, settings));

@@ -1,20 +1,24 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which file is meant by which name. The one place where this is decided, for photographs of every kind of capture and for their masks.
+// Which file is meant by which name. The one place where this is decided, for photographs of every kind of capture and
+// for their masks.
 //
-// A name means the file with which it shares the longest end of its path: first the stem, then folder by folder, whatever the capitals, the
-// extension, the slashes and the drive (scene/path_key.hpp). Of files with equally long ends the one whose path is nothing but that end comes
-// first, then the same extension, then the same letters. What is left undecided after that is given to nobody:
+// A name means the file with which it shares the longest end of its path: first the stem, then folder by folder,
+// whatever the capitals, the extension, the slashes and the drive (scene/path_key.hpp). Of files with equally long ends
+// the one whose path is nothing but that end comes first, then the same extension, then the same letters. What is left
+// undecided after that is given to nobody:
 //   - a name for which two files are equally good, and names for which one file is equally good;
-//   - a name whose neighbours in its folder were found better than it is (in their folder, say): its file is missing, and a file of the same stem
+//   - a name whose neighbours in its folder were found better than it is (in their folder, say): its file is missing,
+//     and a file of the same stem
 //     elsewhere is another one (the other camera's, a thumbnail);
 //   - the same for a folder of names whose neighbours were found in their folders while it was not;
-//   - a name of which a part and a file of which a part do not agree (a/b/1 and a/c/1), if any other name was found without; and where they share
+//   - a name of which a part and a file of which a part do not agree (a/b/1 and a/c/1), if any other name was found
+//     without; and where they share
 //     no more than the stem, if another name or another file has that stem.
-// Only where not one stem agrees, and there are as many files as names, the i-th name may mean the i-th file (PairingSettings::by_order): if the
-// order by text and the order by number say the same, and the numbers in the names do not contradict it.
-// Cost: O((n + m) log(n + m)) comparisons.
+// Only where not one stem agrees, and there are as many files as names, the i-th name may mean the i-th file
+// (PairingSettings::by_order): if the order by text and the order by number say the same, and the numbers in the names
+// do not contradict it. Cost: O((n + m) log(n + m)) comparisons.
 #pragma once
 
 #include <algorithm>
@@ -207,7 +211,8 @@ class NamePairs {
     return std::stoll(text.substr(begin));
   }
 
-  /// The stems without what begins and what ends all of them, so far as that is no part of a number: "07" of v07_undistorted.
+  /// The stems without what begins and what ends all of them, so far as that is no part of a number: "07" of
+  /// v07_undistorted.
   [[nodiscard]] static std::vector<std::string> cores(const std::vector<PathKey>& keys) {
     const std::string first = stem(keys[0]);
     std::size_t begin = first.size(), end = first.size();

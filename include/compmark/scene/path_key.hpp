@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the name of a photograph says wherever it was written: on another system, in capitals or small letters, with another extension, in an
-// address. Two spellings of one path have one key. Cost: linear in the name.
+// What the name of a photograph says wherever it was written: on another system, in capitals or small letters, with
+// another extension, in an address. Two spellings of one path have one key. Cost: linear in the name.
 #pragma once
 
 #include <algorithm>
@@ -17,8 +17,8 @@
 namespace compmark {
 namespace detail {
 
-/// Small letters, accents apart from their letters: ASCII, Latin-1, Greek and Cyrillic as UTF-8; anything else stays. (Systems differ in whether
-/// an accented letter is one character or two.)
+/// Small letters, accents apart from their letters: ASCII, Latin-1, Greek and Cyrillic as UTF-8; anything else stays.
+/// (Systems differ in whether an accented letter is one character or two.)
 [[nodiscard]] inline std::string folded(std::string_view text) {
   static constexpr std::string_view letters = "aaaaaa?ceeeeiiii?nooooo??uuuuy?y",
                                     accents = "`'^~:o?,`'^:`'^:?~`'^~:??`'^:'?:";
@@ -81,7 +81,8 @@ namespace detail {
   return result;
 }
 
-/// Where the extension begins, dot included; the size of the name if it has none that photographs have ("r_0.5" has none).
+/// Where the extension begins, dot included; the size of the name if it has none that photographs have ("r_0.5" has
+/// none).
 [[nodiscard]] inline std::size_t extension_place(std::string_view name) {
   static constexpr std::array<std::string_view, 26> known{
       "png", "jpg", "jpeg", "jpe", "jfif", "tif", "tiff", "bmp", "webp", "heic", "heif", "avif", "exr",
@@ -101,8 +102,8 @@ struct PathKey {
   [[nodiscard]] std::size_t folders() const { return parts.size() - 1; }
 };
 
-/// Backslashes are slashes; the drive, the scheme of an address and what follows a "?" in one are dropped. `parts` is empty for a name without
-/// any letter of its own.
+/// Backslashes are slashes; the drive, the scheme of an address and what follows a "?" in one are dropped. `parts` is
+/// empty for a name without any letter of its own.
 [[nodiscard]] inline PathKey path_key(std::string_view name) {
   std::string text(name);
   if (text.size() > 2 && text.front() == text.back() && (text.front() == '"' || text.front() == '\''))

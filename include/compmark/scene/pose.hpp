@@ -73,8 +73,8 @@ struct NearestRotation {
   return NearestRotation{x, scale, defect};
 }
 
-/// OpenGL camera-to-world matrix (row-major 4 x 4; x right, y up, looking along -z), as transforms.json stores it: columns y and z
-/// change sign, the transpose of the rotation maps world to camera, the last column is the centre.
+/// OpenGL camera-to-world matrix (row-major 4 x 4; x right, y up, looking along -z), as transforms.json stores it:
+/// columns y and z change sign, the transpose of the rotation maps world to camera, the last column is the centre.
 [[nodiscard]] inline std::optional<Pose> pose_from_opengl(const std::array<double, 16>& camera_to_world) {
   const std::array<double, 16>& m = camera_to_world;
   const std::optional<NearestRotation> nearest =

@@ -151,8 +151,9 @@ struct GeometryEvidence {
 
 }  // namespace detail
 
-/// The effects of which this dataset says too little, so that their absence from a probe's answer means nothing: exposure is measured on
-/// COLMAP's features; distances, scales and depths on points that are not random (else on one place, where all cameras look).
+/// The effects of which this dataset says too little, so that their absence from a probe's answer means nothing:
+/// exposure is measured on COLMAP's features; distances, scales and depths on points that are not random (else on one
+/// place, where all cameras look).
 [[nodiscard]] inline std::vector<SceneEffect> unmeasured_effects(const Dataset& dataset) {
   std::vector<SceneEffect> effects;
   if (!detail::features_of(dataset).are_features) effects.push_back(SceneEffect::exposure);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a sample of a dataset's photographs tells, for scene/probe.hpp: transparency, a constant border, drift of exposure. Cost: decodes the
-// sample once, 128 photographs at most.
+// What a sample of a dataset's photographs tells, for scene/probe.hpp: transparency, a constant border, drift of
+// exposure. Cost: decodes the sample once, 128 photographs at most.
 #pragma once
 
 #include <algorithm>
@@ -39,8 +39,9 @@ struct PixelEvidence {
   std::size_t exposure_matches = 0;
 };
 
-/// Gains of photographs from the brightness of the same points: ln L_ij = gain_i + point_j, by alternating medians, as a few points are on
-/// edges or highlights. The mean gain is the gauge. `brightness` holds (view, point, ln L), by point.
+/// Gains of photographs from the brightness of the same points: ln L_ij = gain_i + point_j, by alternating medians, as
+/// a few points are on edges or highlights. The mean gain is the gauge. `brightness` holds (view, point, ln L), by
+/// point.
 struct PointBrightness {
   std::size_t view, point;
   double log_value;
@@ -77,9 +78,10 @@ struct PointBrightness {
   return count < 2 ? 0 : std::sqrt(std::fmax(0, square / count - mean * mean / (count * count)));
 }
 
-/// The photographs that are looked at: all of 128, else 64 pairs of neighbours over the whole capture. Pairs, as neighbours see the same points
-/// however long the capture is, and as a fixed stride would be blind to what alternates from photograph to photograph. (A sample of 26 of a real
-/// capture's 77 gave a drift of 0.044 or 0.069, by which it began with; all of them, 0.060.)
+/// The photographs that are looked at: all of 128, else 64 pairs of neighbours over the whole capture. Pairs, as
+/// neighbours see the same points however long the capture is, and as a fixed stride would be blind to what alternates
+/// from photograph to photograph. (A sample of 26 of a real capture's 77 gave a drift of 0.044 or 0.069, by which it
+/// began with; all of them, 0.060.)
 [[nodiscard]] inline std::vector<std::size_t> sampled_views(std::size_t count) {
   std::vector<std::size_t> views;
   if (count <= 128) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which camera sees which point where, for scene/probe.hpp: COLMAP's own features where the dataset has them, else the points projected into
-// the images, else (random points say nothing of the scene) the one place all cameras look at. Cost: reads the model once more.
+// Which camera sees which point where, for scene/probe.hpp: COLMAP's own features where the dataset has them, else the
+// points projected into the images, else (random points say nothing of the scene) the one place all cameras look at.
+// Cost: reads the model once more.
 #pragma once
 
 #include <array>

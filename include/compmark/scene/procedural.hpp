@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The built-in scene: a still life of textured solids on a turntable, ray-traced from formulas, so that everything can be tried and
-// measured without any data. It is made to be informative: fine textures (checker, stripes, veins, ticks) beside smooth ones,
-// saturated colours beside greys, soft shadows, and a weak highlight that depends on the view. Geometry and cameras are exact.
-// World frame: z up, everything within radius 1.3 of the origin. Colours are computed linearly and stored as sRGB.
+// The built-in scene: a still life of textured solids on a turntable, ray-traced from formulas, so that everything can
+// be tried and measured without any data. It is made to be informative: fine textures (checker, stripes, veins, ticks)
+// beside smooth ones, saturated colours beside greys, soft shadows, and a weak highlight that depends on the view.
+// Geometry and cameras are exact. World frame: z up, everything within radius 1.3 of the origin. Colours are computed
+// linearly and stored as sRGB.
 #pragma once
 
 #include <algorithm>
@@ -47,7 +48,8 @@ struct SceneHit {
   std::size_t object = 0;
 };
 
-/// The scene of a seed: seeds differ in the pattern of the veins and in nothing else. Cost of a ray: ~0.2 us with its shadow.
+/// The scene of a seed: seeds differ in the pattern of the veins and in nothing else. Cost of a ray: ~0.2 us with its
+/// shadow.
 class ProceduralScene {
  public:
   explicit ProceduralScene(std::uint64_t seed = 0) : noise_(seed, 0, random_stage("procedural texture")) { build(); }
@@ -73,7 +75,8 @@ class ProceduralScene {
     return hit;
   }
 
-  /// Bit i is set if object i may be hit by a ray from `origin` that leaves `direction` by at most `spread` (a tangent, small).
+  /// Bit i is set if object i may be hit by a ray from `origin` that leaves `direction` by at most `spread` (a tangent,
+  /// small).
   [[nodiscard]] std::uint32_t candidates(const Vector3& origin, const Vector3& direction, double spread) const {
     static_assert(sizeof(std::uint32_t) * 8 >= 12, "one bit for each of the twelve objects");
     std::uint32_t bits = 0;
@@ -87,8 +90,8 @@ class ProceduralScene {
     return bits;
   }
 
-  /// Linear radiance at a hit towards `direction` reversed. `light_sample` in [0, light_samples) picks a place on the lamp's disc, so
-  /// that the samples of one pixel together make a soft shadow.
+  /// Linear radiance at a hit towards `direction` reversed. `light_sample` in [0, light_samples) picks a place on the
+  /// lamp's disc, so that the samples of one pixel together make a soft shadow.
   [[nodiscard]] Vector3 shade(const SceneHit& hit, const Vector3& direction, std::size_t light_sample) const {
     const SceneObject& object = objects_[hit.object];
     const Vector3 albedo = color(object, hit);
@@ -153,7 +156,8 @@ class ProceduralScene {
     return false;
   }
 
-  /// Smooth darkening near other solids, from their bounding spheres (exact for spheres above the horizon): 1 - sum cos (r / d)^2.
+  /// Smooth darkening near other solids, from their bounding spheres (exact for spheres above the horizon): 1 - sum cos
+  /// (r / d)^2.
   [[nodiscard]] double ambient_occlusion(const SceneHit& hit) const {
     double open = 1;
     for (std::size_t i = 1; i < objects_.size(); ++i) {

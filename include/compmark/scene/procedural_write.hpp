@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Renders the built-in scene from cameras on a hemisphere and writes it as a Blender dataset: RGBA PNGs with straight alpha and
-// transforms_{train,test}.json with the exact poses. Every pixel depends on its camera and the seed alone, so the files are the same
-// for any number of threads. Cost: 16 rays a pixel; 125 views of 400 x 400 take ~20 s on two cores.
+// Renders the built-in scene from cameras on a hemisphere and writes it as a Blender dataset: RGBA PNGs with straight
+// alpha and transforms_{train,test}.json with the exact poses. Every pixel depends on its camera and the seed alone, so
+// the files are the same for any number of threads. Cost: 16 rays a pixel; 125 views of 400 x 400 take ~20 s on two
+// cores.
 #pragma once
 
 #include <array>
@@ -44,8 +45,8 @@ struct ProceduralSettings {
   Lens lens;                                   ///< of every camera
 };
 
-/// The i-th camera. Training cameras are spread evenly over the hemisphere with a seeded jitter; test cameras circle it on a wave, so
-/// that they fall between the training cameras.
+/// The i-th camera. Training cameras are spread evenly over the hemisphere with a seeded jitter; test cameras circle it
+/// on a wave, so that they fall between the training cameras.
 [[nodiscard]] inline Camera<double> procedural_camera(const ProceduralSettings& settings, Split split, int i) {
   using std::numbers::pi;
   const Random random(settings.seed, split == Split::train ? 0 : 1, random_stage("procedural cameras"));
@@ -103,8 +104,8 @@ namespace detail {
 }
 }  // namespace detail
 
-/// RGBA with straight alpha. 4 x 4 samples a pixel: the colour is the mean over the covered ones, alpha their share. What a lens does not
-/// show is transparent.
+/// RGBA with straight alpha. 4 x 4 samples a pixel: the colour is the mean over the covered ones, alpha their share.
+/// What a lens does not show is transparent.
 template <Executor E>
 [[nodiscard]] ImageBytes render_procedural(const ProceduralScene& scene, const Camera<double>& camera, E& executor,
                                            const Lens& lens = {}) {
@@ -195,7 +196,8 @@ void put_lens(Json& json, const Lens& lens) {
 
 }  // namespace detail
 
-/// Writes the built-in scene into a folder, which is created. The JSON files come last: an interrupted call leaves no dataset behind.
+/// Writes the built-in scene into a folder, which is created. The JSON files come last: an interrupted call leaves no
+/// dataset behind.
 template <class Json = nlohmann::ordered_json, Executor E>
 [[nodiscard]] Result<Done> write_procedural_scene(const std::filesystem::path& folder,
                                                   const ProceduralSettings& settings, E& executor) {

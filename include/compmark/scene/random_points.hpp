@@ -86,7 +86,8 @@ struct LookAt {
   return result;
 }
 
-/// Half of the published cube's edge, and the same as a share of the distance at which the cameras of those scenes stand.
+/// Half of the published cube's edge, and the same as a share of the distance at which the cameras of those scenes
+/// stand.
 inline constexpr double published_cube = 1.3, published_reach = published_cube / 4.03;
 
 /// Random points in the cube around what the cameras look at, whose half edge is `reach` of their distance from there.

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One photograph, one view. A photograph that two frames name would count twice, and where one of them is a test view the figures would be those
-// of what was trained on. Cost: one look at the disk for each view; files of one size are read once more.
+// One photograph, one view. A photograph that two frames name would count twice, and where one of them is a test view
+// the figures would be those of what was trained on. Cost: one look at the disk for each view; files of one size are
+// read once more.
 #pragma once
 
 #include <algorithm>
@@ -37,7 +38,8 @@ namespace detail {
   return apart <= 1e-5 * size;
 }
 
-/// Leaves out views whose photograph an earlier view has, training views first; an Error where the two have different poses.
+/// Leaves out views whose photograph an earlier view has, training views first; an Error where the two have different
+/// poses.
 [[nodiscard]] inline Result<Done> leave_out_repeated(Dataset& dataset, const std::string& source) {
   std::map<std::filesystem::path, std::size_t> known;  // the file behind all links: view
   std::vector<bool> repeated(dataset.views.size(), false);
@@ -73,8 +75,8 @@ namespace detail {
   return Done{};
 }
 
-/// Says how many test photographs are, byte by byte, training photographs under another name. Captures of which all photographs are one picture
-/// have nothing to tell apart.
+/// Says how many test photographs are, byte by byte, training photographs under another name. Captures of which all
+/// photographs are one picture have nothing to tell apart.
 inline void say_copies(Dataset& dataset) {
   std::map<std::uintmax_t, std::vector<std::size_t>> sizes;
   for (std::size_t i = 0; i < dataset.views.size(); ++i) {

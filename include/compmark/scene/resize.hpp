@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Downscaling of 8-bit planes with antialiasing: separable, support widened by the scale, rows first and rounded to 8 bits between the
-// passes. The bicubic (Keys, a = -1/2) repeats the published data preparation, which uses Pillow: coefficients are rounded to 22 bits
-// and summed in integers, so every machine gets the same pixels. Cost: O(pixels x support), ~10 ns a pixel and pass.
+// Downscaling of 8-bit planes with antialiasing: separable, support widened by the scale, rows first and rounded to 8
+// bits between the passes. The bicubic (Keys, a = -1/2) repeats the published data preparation, which uses Pillow:
+// coefficients are rounded to 22 bits and summed in integers, so every machine gets the same pixels. Cost: O(pixels x
+// support), ~10 ns a pixel and pass.
 #pragma once
 
 #include <algorithm>
@@ -41,7 +42,8 @@ struct ImageSize {
 
 namespace detail {
 
-/// Contribution of input samples [first, first + count) to one output sample; integer weights that nominally sum to 2^22.
+/// Contribution of input samples [first, first + count) to one output sample; integer weights that nominally sum to
+/// 2^22.
 struct ResizeTap {
   int first = 0;
   int count = 0;

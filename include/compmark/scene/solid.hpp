@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Solids with exact ray intersections for the built-in scene: sphere, box turned about z, capped cylinder along z, torus about z.
-// All but the torus are closed forms; the torus is found by marching its exact distance function (Hart 1996) to 1e-9.
+// Solids with exact ray intersections for the built-in scene: sphere, box turned about z, capped cylinder along z,
+// torus about z. All but the torus are closed forms; the torus is found by marching its exact distance function (Hart
+// 1996) to 1e-9.
 #pragma once
 
 #include <algorithm>

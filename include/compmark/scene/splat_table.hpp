@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Explicit Gaussians as the 3DGS file format stores them: log scales, opacity as a logit, quaternion w x y z (any norm), colour as spherical
-// harmonics. A table of named columns; nothing here trains. to_gaussians evaluates it for one camera: what a viewer does.
+// Explicit Gaussians as the 3DGS file format stores them: log scales, opacity as a logit, quaternion w x y z (any
+// norm), colour as spherical harmonics. A table of named columns; nothing here trains. to_gaussians evaluates it for
+// one camera: what a viewer does.
 //   colour = max(0, 1/2 + sum_i f_i Y_i(d)),  d = (mean - camera centre) normalised
 #pragma once
 
@@ -55,7 +56,8 @@ struct SplatTable {
   }
 };
 
-/// The table seen from a camera centre, row i of the table is row i of the batch. A rotation of norm zero becomes the identity.
+/// The table seen from a camera centre, row i of the table is row i of the batch. A rotation of norm zero becomes the
+/// identity.
 template <class T, Executor E>
 void to_gaussians(const SplatTable& table, const std::array<double, 3>& camera_center, GaussianBatch<T>& batch,
                   E& executor) {
@@ -102,8 +104,8 @@ struct SplatTableGradient {
   std::vector<T*> sh;
 };
 
-/// Gradient of to_gaussians: ADDS into `d_table`. `gaussians` is what to_gaussians gave for the same table and camera. A colour held at zero
-/// passes no gradient.
+/// Gradient of to_gaussians: ADDS into `d_table`. `gaussians` is what to_gaussians gave for the same table and camera.
+/// A colour held at zero passes no gradient.
 template <class T, Executor E>
 void to_gaussians_backward(const SplatTable& table, const std::array<double, 3>& camera_center,
                            const GaussianColumns<const T>& gaussians, const GaussianColumns<const T>& d_gaussians,
@@ -142,8 +144,8 @@ void to_gaussians_backward(const SplatTable& table, const std::array<double, 3>&
   });
 }
 
-/// Explicit Gaussians of one view (colours as they are) as a table of degree 0: exact for that view, whatever the camera. Opacities are
-/// held below 1 - 1e-6 and scales above 1e-20, so that every stored number is finite.
+/// Explicit Gaussians of one view (colours as they are) as a table of degree 0: exact for that view, whatever the
+/// camera. Opacities are held below 1 - 1e-6 and scales above 1e-20, so that every stored number is finite.
 template <class T>
 [[nodiscard]] SplatTable to_splat_table(const GaussianColumns<const T>& gaussians) {
   SplatTable table;

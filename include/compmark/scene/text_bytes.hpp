@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Text as editors and other systems leave it: with a byte order mark, in UTF-16, with zero bytes at its end. Every text file of a capture goes
-// through here, so that a mark nobody sees is neither a part of the first word nor a reason to drop a line. Cost: one pass over the first bytes.
+// Text as editors and other systems leave it: with a byte order mark, in UTF-16, with zero bytes at its end. Every text
+// file of a capture goes through here, so that a mark nobody sees is neither a part of the first word nor a reason to
+// drop a line. Cost: one pass over the first bytes.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +20,8 @@
 namespace compmark {
 namespace detail {
 
-/// The bytes of a text without the byte order mark of UTF-8 and without zero bytes at the end; UTF-16 and UTF-32 are an Error that names them.
+/// The bytes of a text without the byte order mark of UTF-8 and without zero bytes at the end; UTF-16 and UTF-32 are an
+/// Error that names them.
 [[nodiscard]] inline Result<std::vector<std::byte>> plain_text(std::vector<std::byte> bytes, const std::string& name) {
   const auto at = [&](std::size_t i) { return i < bytes.size() ? std::to_integer<unsigned>(bytes[i]) : 256u; };
   const bool marked = (at(0) == 0xFF && at(1) == 0xFE) || (at(0) == 0xFE && at(1) == 0xFF);
@@ -32,7 +34,8 @@ namespace detail {
   return bytes;
 }
 
-/// The text of a file of at most `limit` bytes. A large one that does not begin as a text is refused before the rest of it is read.
+/// The text of a file of at most `limit` bytes. A large one that does not begin as a text is refused before the rest of
+/// it is read.
 [[nodiscard]] inline Result<std::vector<std::byte>> read_text(const std::filesystem::path& path,
                                                               std::uintmax_t limit = std::uintmax_t{1} << 40) {
   Result<std::vector<std::byte>> bytes =

@@ -44,7 +44,8 @@ namespace compmark {
 
 namespace detail {
 
-/// Appends the frames of one file. `images`: of find_frame_images, one a frame. A list of test frames may be empty, and may have poses alone.
+/// Appends the frames of one file. `images`: of find_frame_images, one a frame. A list of test frames may be empty, and
+/// may have poses alone.
 template <class Json>
 [[nodiscard]] Result<Done> append_frames(const std::filesystem::path& file, const Json& json, Split split,
                                          std::span<const FoundImage> images, const DatasetSettings& settings,
@@ -163,8 +164,8 @@ template <class Json>
   return {};
 }
 
-/// Opens a dataset by its JSON file; for transforms_train.json the test views are those of transforms_test.json beside it, if there
-/// (transforms_val.json is not used, as in the published evaluation).
+/// Opens a dataset by its JSON file; for transforms_train.json the test views are those of transforms_test.json beside
+/// it, if there (transforms_val.json is not used, as in the published evaluation).
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Dataset> open_transforms(const std::filesystem::path& file, const DatasetSettings& settings) {
   const bool blender = file.filename() == "transforms_train.json";

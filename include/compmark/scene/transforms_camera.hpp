@@ -121,9 +121,10 @@ template <class Json>
   return (source != nullptr && source->unit == 0) || fields.find("cx") != nullptr || fields.find("cy") != nullptr;
 }
 
-/// How many times larger than the image found, a copy made smaller by `reduction`, the images are whose pixels the intrinsics count: 1 or
-/// `reduction`, whichever everything agrees with that tells of their size. Sizes of copies are rounded and principal points are not quite
-/// central, so the answer is one of the two and not the quotient. Asked only where w and h are missing.
+/// How many times larger than the image found, a copy made smaller by `reduction`, the images are whose pixels the
+/// intrinsics count: 1 or `reduction`, whichever everything agrees with that tells of their size. Sizes of copies are
+/// rounded and principal points are not quite central, so the answer is one of the two and not the quotient. Asked only
+/// where w and h are missing.
 template <class Json>
 [[nodiscard]] Result<int> pixel_reduction(const TransformsFields<Json>& fields, int width, int height, int reduction) {
   const auto number = [&](const char* key) {
@@ -139,7 +140,8 @@ template <class Json>
   const std::optional<double> focal = number("fl_x"), angle = number("camera_angle_x");
   if (focal && angle) ratios.push_back(2 * *focal * std::tan(*angle / 2) / width);
   for (const int candidate : {reduction, 1}) {
-    // A quarter off: less than half the way to the other candidate, more than any principal point of an uncropped image.
+    // A quarter off: less than half the way to the other candidate, more than any principal point of an uncropped
+    // image.
     const bool agrees = std::all_of(ratios.begin(), ratios.end(),
                                     [&](double ratio) { return ratio < 1.25 * candidate && ratio > candidate / 1.25; });
     if (agrees && !ratios.empty()) return candidate;
@@ -150,8 +152,8 @@ template <class Json>
                       "give w and h of the images that the focal length is for, or add those images");
 }
 
-/// The size whose pixels the intrinsics count: w and h; where only one of them is there, of the image's proportions; where none is, the image's own, or
-/// that of the folder which it is a smaller copy of. What was not written is noted.
+/// The size whose pixels the intrinsics count: w and h; where only one of them is there, of the image's proportions;
+/// where none is, the image's own, or that of the folder which it is a smaller copy of. What was not written is noted.
 template <class Json>
 [[nodiscard]] Result<std::array<int, 2>> counted_size(const TransformsFields<Json>& fields,
                                                       const std::array<int, 2>& written, const ImageInfo& image,

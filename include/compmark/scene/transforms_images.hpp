@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images of all frames of a capture of transforms*.json at once, so that no frame is given what another one names. As they are written, with
-// an extension, from a folder of smaller copies; where that finds nothing, by scene/pairing.hpp among the photographs below the folder.
+// The images of all frames of a capture of transforms*.json at once, so that no frame is given what another one names.
+// As they are written, with an extension, from a folder of smaller copies; where that finds nothing, by
+// scene/pairing.hpp among the photographs below the folder.
 #pragma once
 
 #include <array>

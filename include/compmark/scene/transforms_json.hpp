@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Parsing of transforms*.json: numbers that Python wrote as NaN, poses as 4 x 4 or 3 x 4 matrices. Every Error names the field by its path
-// in the file.
+// Parsing of transforms*.json: numbers that Python wrote as NaN, poses as 4 x 4 or 3 x 4 matrices. Every Error names
+// the field by its path in the file.
 #pragma once
 
 #include <array>
@@ -26,9 +26,9 @@
 namespace compmark {
 namespace detail {
 
-/// Python writes NaN and Infinity, which JSON does not have: outside strings they become null, so that the field that holds one can be
-/// named instead of a line and column. Empty if brackets are nested deeper than `deepest`, which no capture needs: a parser would take memory
-/// for each level.
+/// Python writes NaN and Infinity, which JSON does not have: outside strings they become null, so that the field that
+/// holds one can be named instead of a line and column. Empty if brackets are nested deeper than `deepest`, which no
+/// capture needs: a parser would take memory for each level.
 [[nodiscard]] inline std::optional<std::string> without_nan(std::span<const std::byte> bytes, int deepest = 64) {
   static constexpr std::array<std::string_view, 7> words{"NaN", "nan", "-nan", "Infinity", "-Infinity", "inf", "-inf"};
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -113,7 +113,8 @@ template <class Json>
   return value.is_null() || (value.is_number() && value.template get<double>() == 0);
 }
 
-/// What is wrong with the last row of a pose, which is 0 0 0 1; empty if nothing is. Written by columns, the translation lies in it.
+/// What is wrong with the last row of a pose, which is 0 0 0 1; empty if nothing is. Written by columns, the
+/// translation lies in it.
 [[nodiscard]] inline std::string last_row_problem(const std::array<double, 16>& m) {
   // 1e-6: rows that went through float32 and a product or two are off by less.
   const auto is = [](double value, double expected) { return std::abs(value - expected) <= 1e-6; };

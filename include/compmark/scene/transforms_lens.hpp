@@ -23,7 +23,8 @@
 namespace compmark {
 namespace detail {
 
-/// Nothing if the file asks for no lens that only other programs know: instant-ngp's f-theta polynomial and its maps of the sphere.
+/// Nothing if the file asks for no lens that only other programs know: instant-ngp's f-theta polynomial and its maps of
+/// the sphere.
 template <class Json>
 [[nodiscard]] Result<Done> no_foreign_lens(const TransformsFields<Json>& fields) {
   for (const std::string& key : fields.keys_from("ftheta_")) {

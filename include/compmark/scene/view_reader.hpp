@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What all readers do with one image: look at its header, decide how it is turned, bring the intrinsics of the file to its true size, say
-// what becomes of the lens. And what they do at the end: split, say in one sentence each what was noticed.
+// What all readers do with one image: look at its header, decide how it is turned, bring the intrinsics of the file to
+// its true size, say what becomes of the lens. And what they do at the end: split, say in one sentence each what was
+// noticed.
 #pragma once
 
 #include <array>
@@ -72,8 +73,8 @@ struct ReaderNotes {
   }
 };
 
-/// Notes intrinsics that are most likely in another unit, or for images of another size: an opening beyond 169 or below 0.6 degrees, pixels twice as
-/// high as wide, or the principal point near or beyond the border (which a crop may have).
+/// Notes intrinsics that are most likely in another unit, or for images of another size: an opening beyond 169 or below
+/// 0.6 degrees, pixels twice as high as wide, or the principal point near or beyond the border (which a crop may have).
 inline void look_at_intrinsics(const View& view, const Camera<double>& c, ReaderNotes& notes) {
   const auto focal = [](double f, int side) { return f >= 0.05 * side && f <= 100.0 * side; };
   const auto middle = [](double p, int side) { return p >= 0.05 * side && p <= 0.95 * side; };
@@ -87,8 +88,9 @@ inline void look_at_intrinsics(const View& view, const Camera<double>& c, Reader
   notes.first_odd = text.str();
 }
 
-/// Looks at the header of view.image_path. `camera_width` x `camera_height` is what the intrinsics are for, 0 where that is not known.
-/// Structure from motion reads pixels as they are stored and ignores the orientation; an image is turned only where the camera says so.
+/// Looks at the header of view.image_path. `camera_width` x `camera_height` is what the intrinsics are for, 0 where
+/// that is not known. Structure from motion reads pixels as they are stored and ignores the orientation; an image is
+/// turned only where the camera says so.
 [[nodiscard]] inline Result<ImageInfo> look_at_image(View& view, int camera_width, int camera_height,
                                                      ReaderNotes& notes) {
   Result<ImageInfo> info = read_image_info(view.image_path);

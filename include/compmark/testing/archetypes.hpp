@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One archetype per concept: it has what the concept requires and nothing more, and does as little as the laws allow. They prove that a
-// concept asks for no more than it says (an archetype that grows shows a concept that grew), and are the shortest policies to copy.
+// One archetype per concept: it has what the concept requires and nothing more, and does as little as the laws allow.
+// They prove that a concept asks for no more than it says (an archetype that grows shows a concept that grew), and are
+// the shortest policies to copy.
 #pragma once
 
 #include <array>

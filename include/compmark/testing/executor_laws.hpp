@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Laws E1-E4 of core/executor.hpp, for any executor:
-//   const std::string broken = compmark::testing::executor_laws([](std::size_t threads) { return MyExecutor(threads); });
+//   const std::string broken = compmark::testing::executor_laws([](std::size_t threads) { return MyExecutor(threads);
+//     });
 //   REQUIRE_MESSAGE(broken.empty(), broken);
 #pragma once
 
@@ -24,7 +25,8 @@ namespace testing {
 
 namespace detail {
 
-/// Law E1 on one executor and one (n, grain): every index once, boundaries at multiples of the grain, worker ids below concurrency().
+/// Law E1 on one executor and one (n, grain): every index once, boundaries at multiples of the grain, worker ids below
+/// concurrency().
 template <Executor E>
 void check_chunks(E& executor, std::size_t n, std::size_t grain, Violations& violations) {
   const std::string name = "n = " + std::to_string(n) + ", grain = " + std::to_string(grain) +

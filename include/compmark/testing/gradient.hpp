@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The gradient law: an analytic gradient against central differences in double. The step is h = cbrt(eps) (1 + |x|), where the truncation
-// and the rounding of a central difference balance; an error well above 1e-7 of the gradient's size is then a defect, not noise.
+// The gradient law: an analytic gradient against central differences in double. The step is h = cbrt(eps) (1 + |x|),
+// where the truncation and the rounding of a central difference balance; an error well above 1e-7 of the gradient's
+// size is then a defect, not noise.
 #pragma once
 
 #include <algorithm>
@@ -35,8 +36,9 @@ template <class Loss>
   return (above - below) / (up - down);
 }
 
-/// Checks `samples` randomly chosen entries (all of them when samples >= x.size()) of `gradient` against differences of loss() with
-/// respect to x, which loss() must read. `tolerance` is relative to the largest gradient met. Empty text when the law holds.
+/// Checks `samples` randomly chosen entries (all of them when samples >= x.size()) of `gradient` against differences of
+/// loss() with respect to x, which loss() must read. `tolerance` is relative to the largest gradient met. Empty text
+/// when the law holds.
 template <class Loss>
 [[nodiscard]] std::string gradient_law(const Loss& loss, std::span<double> x, std::span<const double> gradient,
                                        double tolerance = 1e-6, std::size_t samples = 64, std::uint64_t seed = 1) {
@@ -59,9 +61,10 @@ template <class Loss>
   return violations.text();
 }
 
-/// The derivative of loss() along a random direction through all variables at once, against the sum of gradient times direction: one
-/// number for a whole pipeline. Variable k is x[k] with gradients gradient[k]; entries move in proportion to (1 + |x|). Two step sizes are
-/// combined so that the truncation is of fourth order. Returns |analytic - difference| / max(|analytic|, |difference|); x is restored.
+/// The derivative of loss() along a random direction through all variables at once, against the sum of gradient times
+/// direction: one number for a whole pipeline. Variable k is x[k] with gradients gradient[k]; entries move in
+/// proportion to (1 + |x|). Two step sizes are combined so that the truncation is of fourth order. Returns |analytic -
+/// difference| / max(|analytic|, |difference|); x is restored.
 template <class Loss>
 [[nodiscard]] double directional_error(const Loss& loss, std::span<const std::span<double>> x,
                                        std::span<const std::span<const double>> gradient, double step = 1e-4,

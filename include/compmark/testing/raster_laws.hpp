@@ -3,7 +3,8 @@
 //
 // Laws R1 and R3-R6 of raster/concept.hpp, for any rasterizer:
 //   const std::string broken = compmark::testing::raster_laws(MyRasterizer{});
-//   const std::string apart = compmark::testing::raster_agrees(MyRasterizer{}, ReferenceRasterizer<double>{}, {.image = 2e-5});
+//   const std::string apart = compmark::testing::raster_agrees(MyRasterizer{}, ReferenceRasterizer<double>{}, {.image =
+//     2e-5});
 // R2, the gradient law, needs double and CutoffRule::smooth: use testing/gradient.hpp on a rasterizer built with both.
 #pragma once
 
@@ -92,8 +93,9 @@ template <class T>
 
 }  // namespace detail
 
-/// R3-R6, and that backward adds, on random scenes of `count` Gaussians. `tolerance` bounds |image - 1| in R6 and the relative error of
-/// the doubled gradient; 0 takes 1e-5 for float and 1e-13 for double (300 layers x 1 unit in the last place, rounded up).
+/// R3-R6, and that backward adds, on random scenes of `count` Gaussians. `tolerance` bounds |image - 1| in R6 and the
+/// relative error of the doubled gradient; 0 takes 1e-5 for float and 1e-13 for double (300 layers x 1 unit in the last
+/// place, rounded up).
 template <Rasterizer R>
 [[nodiscard]] std::string raster_laws(const R& rasterizer, std::uint64_t seed = 1, std::size_t count = 300,
                                       double tolerance = 0) {
@@ -129,7 +131,7 @@ template <Rasterizer R>
     const T center = tie.image[16 * 32 + 16];
     violations.expect(center < T(0.5), "R3", "of two Gaussians at one depth the second was blended first");
   }
-  {  // R4: Gaussians that are culled change no bit of the image or of the others' gradients, and get zero gradient themselves.
+  {  // R4: Gaussians that are culled change no bit of the image or of the others' gradients, and get none themselves.
     RasterScene<T> more;
     std::vector<std::size_t> order(count + 4, 0);
     for (std::size_t i = 0; i < count; ++i) order[i] = i;
@@ -189,7 +191,8 @@ template <Rasterizer R>
   return violations.text();
 }
 
-/// What R1 allows: the largest absolute error of a pixel, and of the gradients ||difference|| / ||reference|| per column.
+/// What R1 allows: the largest absolute error of a pixel, and of the gradients ||difference|| / ||reference|| per
+/// column.
 struct RasterTolerance {
   double image = 2e-5;
   double gradient = 1e-3;

@@ -23,7 +23,8 @@ struct RasterScene {
   std::array<T, 3> background{};
 };
 
-/// `count` Gaussians in the view cone, depths 2 to 8 and all different, standard deviations 0.01 to 0.2, opacities 0.05 to 0.95.
+/// `count` Gaussians in the view cone, depths 2 to 8 and all different, standard deviations 0.01 to 0.2, opacities 0.05
+/// to 0.95.
 template <class T>
 [[nodiscard]] RasterScene<T> raster_scene(std::uint64_t seed, std::size_t count, int width, int height) {
   const Random random(seed, 0, random_stage("testing/raster_scene"));

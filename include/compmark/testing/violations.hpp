@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a law returns: text, empty when the law holds, else one line for every violation (law, case, expected, actual), so that the laws
-// need no test framework.
+// What a law returns: text, empty when the law holds, else one line for every violation (law, case, expected, actual),
+// so that the laws need no test framework.
 #pragma once
 
 #include <string>

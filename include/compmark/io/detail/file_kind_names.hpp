@@ -144,7 +144,8 @@ enum class FileKind {
   return "a file of an unknown kind";
 }
 
-/// Which command of the tool takes such a file, as a remedy: "verify and extract --decoder take it"; empty where none does.
+/// Which command of the tool takes such a file, as a remedy: "verify and extract --decoder take it"; empty where none
+/// does.
 [[nodiscard]] inline std::string_view file_kind_use(FileKind kind) {
   switch (kind) {
     case FileKind::model:

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One open output of the operating system. On POSIX systems: created exclusively, locked while it is written (the lock ends with the
-// process, so what a killed one left is recognised), and written so that a closed pipe or a size limit is an error code, not a signal.
-// Elsewhere: the standard library's exclusive mode, and nothing is locked.
+// One open output of the operating system. On POSIX systems: created exclusively, locked while it is written (the lock
+// ends with the process, so what a killed one left is recognised), and written so that a closed pipe or a size limit is
+// an error code, not a signal. Elsewhere: the standard library's exclusive mode, and nothing is locked.
 #pragma once
 
 #include <cerrno>
@@ -28,7 +28,8 @@ namespace compmark::detail {
 
 #if defined(COMPMARK_POSIX_FILES)
 
-/// While it lives, SIGPIPE and SIGXFSZ of this thread wait, and those that came are taken away at the end: write() says the same by its errno.
+/// While it lives, SIGPIPE and SIGXFSZ of this thread wait, and those that came are taken away at the end: write() says
+/// the same by its errno.
 class WriteSignalsHeld {
  public:
   WriteSignalsHeld() {
@@ -89,14 +90,15 @@ class OutputStream {
   OutputStream& operator=(const OutputStream&) = delete;
   ~OutputStream() { static_cast<void>(close()); }
 
-  /// All functions return 0 or an errno. EEXIST: the name is taken by a file that somebody writes, or that is not a stale one of ours.
+  /// All functions return 0 or an errno. EEXIST: the name is taken by a file that somebody writes, or that is not a
+  /// stale one of ours.
   [[nodiscard]] int create(const std::filesystem::path& path, unsigned mode) {
     constexpr int attempts = 100;
     for (int attempt = 0; attempt < attempts; ++attempt) {
       descriptor_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, static_cast<::mode_t>(mode));
       if (descriptor_ >= 0) {
-        // Before our lock another program may have taken the file for a stale one: then it holds the lock, or the name is gone.
-        // A file system without locks (ENOLCK, ENOSYS …) still creates exclusively.
+        // Before our lock another program may have taken the file for a stale one: then it holds the lock, or the name
+        // is gone. A file system without locks (ENOLCK, ENOSYS …) still creates exclusively.
         const bool locked = ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
         const bool taken = locked ? !is_name_of(path, descriptor_) : errno == EWOULDBLOCK;
         if (!taken) return 0;
@@ -161,7 +163,8 @@ class OutputStream {
   }
 
  private:
-  /// Removes a partial file whose writer is dead: nobody holds its lock. While we hold it, nobody renames or removes the name but us.
+  /// Removes a partial file whose writer is dead: nobody holds its lock. While we hold it, nobody renames or removes
+  /// the name but us.
   [[nodiscard]] static bool remove_stale(const std::filesystem::path& path) {
     constexpr int flags = O_NONBLOCK | O_CLOEXEC | O_NOFOLLOW;
     int descriptor = ::open(path.c_str(), O_WRONLY | flags);

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// stb_image and stb_image_write, compiled privately: every name is static inside compmark::detail::stb, and the macros that configure
-// stb are put back afterwards. A program that uses stb itself, in any order and with any options, is not affected.
-// Warnings inside stb are not ours; they are silenced for these two includes only.
+// stb_image and stb_image_write, compiled privately: every name is static inside compmark::detail::stb, and the macros
+// that configure stb are put back afterwards. A program that uses stb itself, in any order and with any options, is not
+// affected. Warnings inside stb are not ours; they are silenced for these two includes only.
 #pragma once
 
 // Everything stb includes comes first, so that nothing of it is declared inside our namespace.

@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One block of a network in training, on a batch of images of any sizes: convolution, batch normalisation with the statistics of the batch
-// (Ioffe and Szegedy, arXiv 1502.03167), exact GELU. With x over all positions of all images of the batch, per channel,
-//   y = gain (x - mean) / sqrt(variance + epsilon) + shift,    running += momentum (statistic - running),  the variance as n / (n - 1) times it
+// One block of a network in training, on a batch of images of any sizes: convolution, batch normalisation with the
+// statistics of the batch (Ioffe and Szegedy, arXiv 1502.03167), exact GELU. With x over all positions of all images of
+// the batch, per channel,
+//   y = gain (x - mean) / sqrt(variance + epsilon) + shift,
+//   running += momentum (statistic - running),  the variance as n / (n - 1) times it
 //   dx = gain / sqrt(variance + epsilon) (dy - mean(dy) - xhat mean(dy xhat))
 // A frozen decoder uses the running statistics; after few steps of momentum 0.01 they still remember their start
 // (docs/spec/watermark.md, 1.6). Cost: three convolutions of the forward's size in all, and ~100 operations a value.

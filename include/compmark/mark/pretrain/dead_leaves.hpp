@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images from formulas, to train and to whiten a decoder without anybody's photographs: dead leaves (shapes with radii of density r^-3 that
-// occlude one another, whose edges and spectrum are those of photographs: Lee, Mumford and Huang, Int. J. Computer Vision 41, 2001), coloured
-// around a palette, flat, shaded, or textured with 1/f noise or gratings, under a gradient of light, slightly blurred. An image is a function
-// of (seed, index). Cost: ~5 ms for 256 x 256.
+// Images from formulas, to train and to whiten a decoder without anybody's photographs: dead leaves (shapes with radii
+// of density r^-3 that occlude one another, whose edges and spectrum are those of photographs: Lee, Mumford and Huang,
+// Int. J. Computer Vision 41, 2001), coloured around a palette, flat, shaded, or textured with 1/f noise or gratings,
+// under a gradient of light, slightly blurred. An image is a function of (seed, index). Cost: ~5 ms for 256 x 256.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +25,8 @@ namespace compmark {
 
 namespace detail {
 
-/// Sum of bilinear value noise over octaves, amplitude in proportion to the wavelength: a 1/f spectrum, roughly within [-1, 1].
+/// Sum of bilinear value noise over octaves, amplitude in proportion to the wavelength: a 1/f spectrum, roughly within
+/// [-1, 1].
 class OctaveNoise {
  public:
   explicit OctaveNoise(const Random& random, std::uint64_t first) : random_(random), first_(first) {}

@@ -24,8 +24,9 @@
 
 namespace compmark {
 
-/// Frequencies of length 1 / period in a random direction, uniform phases, no head yet (lattice_head). One period an octave of contrast, or a
-/// blur of colour; with a `spread` above 0 a wave's periods are all longer or shorter by up to so many octaves.
+/// Frequencies of length 1 / period in a random direction, uniform phases, no head yet (lattice_head). One period an
+/// octave of contrast, or a blur of colour; with a `spread` above 0 a wave's periods are all longer or shorter by up to
+/// so many octaves.
 template <class T>
 [[nodiscard]] LatticeWeights<T> random_lattice(const LatticeSettings& settings, std::span<const double> period,
                                                std::uint64_t seed, double spread = 0) {

@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Trains a message decoder without an encoder. An encoder is a means to get marked images; in a scene the message is put in by gradient steps
-// through the decoder, so the training pairs come from the same steps: every slot of a batch holds a crop of a photograph, a random message
-// and a change of bounded PSNR, and each iteration distorts all slots, reads them, and uses the one backward pass twice, for a step of the
-// weights and for a step of every slot's pixels. After `life` steps a slot starts again with another crop and another message, so that
-// nothing but the message can be learned. Young slots carry little yet and count less in the weights' loss.
-// Curriculum: the PSNR rises from `first_psnr`, and the distortions come in one after the other. Every number is a function of
-// (seed, iteration) and of the state, so a resumed run ends in the same bits. Cost: one forward and backward pass of the network a slot.
+// Trains a message decoder without an encoder. An encoder is a means to get marked images; in a scene the message is
+// put in by gradient steps through the decoder, so the training pairs come from the same steps: every slot of a batch
+// holds a crop of a photograph, a random message and a change of bounded PSNR, and each iteration distorts all slots,
+// reads them, and uses the one backward pass twice, for a step of the weights and for a step of every slot's pixels.
+// After `life` steps a slot starts again with another crop and another message, so that nothing but the message can be
+// learned. Young slots carry little yet and count less in the weights' loss. Curriculum: the PSNR rises from
+// `first_psnr`, and the distortions come in one after the other. Every number is a function of (seed, iteration) and of
+// the state, so a resumed run ends in the same bits. Cost: one forward and backward pass of the network a slot.
 #pragma once
 
 #include <algorithm>
@@ -57,7 +58,8 @@ struct PretrainSettings {
   const double at = static_cast<double>(iteration) / static_cast<double>(s.steps);
   return s.first_psnr + (s.psnr - s.first_psnr) * std::min(1.0, at / s.strength_until);
 }
-/// The settings with the distortions that have come in by now, in the order of the enumeration; `none` counts from the start.
+/// The settings with the distortions that have come in by now, in the order of the enumeration; `none` counts from the
+/// start.
 [[nodiscard]] inline AugmentationSettings pretrain_augmentation(const PretrainSettings& s, std::int64_t iteration) {
   AugmentationSettings now = s.augmentation;
   const double at = static_cast<double>(iteration) / static_cast<double>(s.steps);
@@ -87,7 +89,8 @@ struct PretrainState {
   std::vector<PretrainSlot<T>> slots;
 };
 
-/// What one iteration saw; accuracies are of the slots in their last third of life, under the distortion they were read through.
+/// What one iteration saw; accuracies are of the slots in their last third of life, under the distortion they were read
+/// through.
 struct PretrainReport {
   double loss = 0;
   double psnr = 0;
@@ -95,7 +98,8 @@ struct PretrainReport {
   std::array<double, augmentation_count> read{};
 };
 
-/// Photographs: size(), and read(index, random, side, view), which fills a square RGB crop in [0, 1] chosen by the stream.
+/// Photographs: size(), and read(index, random, side, view), which fills a square RGB crop in [0, 1] chosen by the
+/// stream.
 template <class Network>
 class Pretrainer {
  public:

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A decoder training on disk, exactly: the arena, the optimizer's moments and step counts, the slots with their pixels. Random numbers are
-// functions of (seed, iteration) and need no state, so a run that is resumed ends in the same bits. The settings are stored as text and
-// compared before anything is believed. `Writer` and `TensorFile` are SafetensorsWriter and SafetensorsFile or their like.
+// A decoder training on disk, exactly: the arena, the optimizer's moments and step counts, the slots with their pixels.
+// Random numbers are functions of (seed, iteration) and need no state, so a run that is resumed ends in the same bits.
+// The settings are stored as text and compared before anything is believed. `Writer` and `TensorFile` are
+// SafetensorsWriter and SafetensorsFile or their like.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +22,8 @@ namespace compmark {
 
 inline constexpr const char* pretrain_format = "compmark decoder training";
 
-/// Writes a checkpoint. `identity` is all that the run depends on, as text. OptimizerState: first_moment, second_moment, steps.
+/// Writes a checkpoint. `identity` is all that the run depends on, as text. OptimizerState: first_moment,
+/// second_moment, steps.
 template <class Writer, class OptimizerState, class Path>
 [[nodiscard]] Result<Done> write_pretrain_state(const ParameterArena<float>& arena, const OptimizerState& optimizer,
                                                 const PretrainState<float>& state, const std::string& identity,
@@ -53,7 +55,8 @@ template <class Writer, class OptimizerState, class Path>
   return writer.write(path);
 }
 
-/// Reads what write_pretrain_state wrote into an arena, an optimizer state and slots that were prepared with the same settings.
+/// Reads what write_pretrain_state wrote into an arena, an optimizer state and slots that were prepared with the same
+/// settings.
 template <class TensorFile, class OptimizerState>
 [[nodiscard]] Result<Done> read_pretrain_state(const TensorFile& file, const std::string& identity,
                                                ParameterArena<float>& arena, OptimizerState& optimizer,

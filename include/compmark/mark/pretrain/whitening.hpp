@@ -27,8 +27,8 @@ struct TriangularWhitening {
   std::vector<double> deviation;  ///< of y, for reports
 };
 
-/// From samples [count, size]. `ridge` is added to the variances as a share of their mean: without it, fewer samples than features divide by
-/// zero, and with few more the smallest directions are noise.
+/// From samples [count, size]. `ridge` is added to the variances as a share of their mean: without it, fewer samples
+/// than features divide by zero, and with few more the smallest directions are noise.
 [[nodiscard]] inline TriangularWhitening triangular_whitening(std::span<const double> samples, std::size_t size,
                                                               double ridge) {
   COMPMARK_ASSERT(size > 0 && samples.size() >= size && samples.size() % size == 0, "triangular_whitening: samples");
@@ -112,7 +112,8 @@ void whitened_head(std::span<const double> directions, const TriangularWhitening
   }
 }
 
-/// Whitens the logits of a linear head [rows, columns] in place: head = W head, bias = W (bias - mean), with a whitening of its logits.
+/// Whitens the logits of a linear head [rows, columns] in place: head = W head, bias = W (bias - mean), with a
+/// whitening of its logits.
 template <class T>
 void whiten_head(const TriangularWhitening& whitening, std::span<T> head, std::span<T> bias) {
   const std::size_t rows = bias.size(), columns = head.size() / rows;
