@@ -7,8 +7,9 @@
 //
 //   ablations --out DIR [--data SCENE ...] [--iterations N] [--seeds S] [--threads T] [--only ROW[,ROW...]]
 //
-// Each training leaves a file in DIR/runs as soon as it is finished; the same command goes on with those that are missing. DIR/ablations.json,
-// .md and .html are written after each. The same bits for any number of threads. Cost: docs/ablations.md.
+// Each training leaves a file in DIR/runs as soon as it is finished; the same command goes on with those that are
+// missing. DIR/ablations.json, .md and .html are written after each. The same bits for any number of threads. Cost:
+// docs/notebook/ablations.md.
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
