@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How many bits the weights of a context network get. Every bit a weight is 3 KB of a file; too few bits cost rate. How
-// many is different for the parts of the network, so each part is tried with 5 (ContextGS: 2) to 14 bits, the others
-// kept fine, on a sample of a thousand anchors, and gets those that make the file smallest; the parts hardly meet. On a
-// trained lego of 600 KB this takes 1 % off what the best common number gives. Cost: 0.2 s of one core, in parallel.
+// How many bits the weights of a context network get. Every bit a weight is 3 KB of a file; too few bits cost rate. The
+// best number differs between the parts of the network. So each part is tried with 5 (ContextGS: 2) to 14 bits on a
+// sample of a thousand anchors, while the others are kept fine, and gets the number that makes the file smallest; the
+// choice for one part hardly depends on the others. On a trained lego of 600 KB this takes 1 % off what the best common
+// number gives. Cost: 0.2 s of one core, in parallel.
 #pragma once
 
 #include <algorithm>

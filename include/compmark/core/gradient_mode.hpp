@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Whether a stage adds to the gradient it is given or is the first to write it. Adding is the rule, so that losses can
-// be stacked; the first stage of a road may set, which saves clearing the memory before and reading it back: 112 bytes
-// a Gaussian in projection's way back.
+// be stacked; the first stage of a backward pass may set, which saves clearing the memory before and reading it back:
+// 112 bytes a Gaussian in that of projection.
 #pragma once
 
 namespace compmark {

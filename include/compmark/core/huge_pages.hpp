@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Large pages for large buffers. The way back of projection reads records in depth order, all over the buffer: with 4
-// KiB pages a quarter of its time at 300,000 Gaussians went into page-table walks. A hint only: where it is not heeded
-// nothing changes but the time.
+// Large pages for large buffers. The backward pass of projection reads records in depth order, all over the buffer:
+// with 4 KiB pages a quarter of its time at 300,000 Gaussians went into page-table walks. A hint only: where it is not
+// heeded nothing changes but the time.
 #pragma once
 
 #include <cstddef>

@@ -4,8 +4,8 @@
 // What HacModel and ContextGsModel do alike: an anchor's attributes carry the noise of the steps that a network says,
 // their bits under the Gaussians it says are counted for a sample of the anchors, and the gradients of both go back to
 // the attributes, the steps and the masks. The two differ in what their networks read. `entry` numbers the anchors a
-// model looks at in an iteration, `rated` those of them whose rate counts; what has to last until the way back is kept
-// in tables with a row each.
+// model looks at in an iteration, `rated` those of them whose rate counts; what has to last until the backward pass is
+// kept in tables with a row each.
 #pragma once
 
 #include <algorithm>

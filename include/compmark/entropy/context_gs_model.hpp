@@ -83,7 +83,7 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
     ContextGsPlan plan;
     Buffer<T> input;   ///< of the networks, by entry; rows of `input_row`
     Buffer<T> hidden;  ///< by entry
-    // The way back takes only those light entries that have a gradient.
+    // The backward pass takes only those light entries that have a gradient.
     Buffer<T> d_seen;             ///< by entry: gradients by what it read of its parent
     Buffer<std::uint8_t> active;  ///< by entry: whether it has
     Buffer<std::uint32_t> back;   ///< light entries of a level that have

@@ -57,8 +57,8 @@ struct HacAttributes {
   }
   /// The steps of the file, whole sixteenths of an octave: with others, values near the border of two symbols are
   /// another one there than here. The coder's own function of r (integer_functions.hpp), of a float instead of a whole
-  /// number of 2^-16. Straight through, the way back is that of the step itself; at its greatest, 2 Q0, that is zero,
-  /// so that who trains steps while they are rounded finds them stuck there.
+  /// number of 2^-16. The gradient passes straight through, as that of the step itself. It is zero at the greatest
+  /// step, 2 Q0: a step that reaches it while it is rounded never leaves it.
   static void coded_steps(const T* raw, const std::array<T, 3>& base, T* q) {
     constexpr double unit = 1 << StepGrid::r_bits;
     for (std::size_t g = 0; g < 3; ++g) {
@@ -133,8 +133,8 @@ struct HacAttributes {
     std::copy_n(slope, 6, extents + 6);
   }
 
-  /// The way back, in place: gradients by the distorted table rows into those by the rows before. `rate` [row], if any,
-  /// holds gradients by the distorted scalars and is added. Returns the gradients by the three steps.
+  /// The backward pass, in place: gradients by the distorted table rows become those by the rows before. `rate` [row],
+  /// if any, holds gradients by the distorted scalars and is added. Returns the gradients by the three steps.
   static std::array<T, 3> pull_back(const T* noise, const T* extents, const T* rate, T* d_feature, T* d_scaling,
                                     T* d_offset) {
     std::array<T, 3> d_step{};

@@ -77,7 +77,8 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     HacEntries entries;
     double hash_weight = 0;  ///< loss of one bit of the grid
     Buffer<T> position;      ///< [3] in the box
-    // The way back takes only those light entries that have a gradient: of those that are seen, Settings::step_share.
+    // The backward pass takes only those light entries that have a gradient: of those that are seen,
+    // Settings::step_share.
     Buffer<std::uint32_t> back;  ///< light entries with one
     Buffer<T> back_position;     ///< [3] of these, to whole panels, then of the full ones
     Buffer<T> d_grid;            ///< by the network's inputs, level-major, rows as back_position

@@ -5,9 +5,9 @@
 // 1.1): every trained value counts as its sign, +1 or -1, interpolated linearly between the vertices of each level;
 // straight-through gradients where |value| <= 1. Once an iteration the table becomes one byte an entry (four signs,
 // four "gradient passes"), 0.44 MB instead of 7, so that the 144 corners of an anchor are reads of the second-level
-// cache. The way back runs a level a task, rows in order: same bits at any thread count. The grid itself is coded too:
-// bits = n1 log2(n / n1) + n0 log2(n / n0) + 32, derivative log2((1 - P) / P) / 2 by each value. Cost an anchor: 576
-// multiply-adds each way; an iteration: one read of the table, one pass over its gradients.
+// cache. The backward pass runs a level a task, rows in order: same bits at any thread count. The grid itself is coded
+// too: bits = n1 log2(n / n1) + n0 log2(n / n0) + 32, derivative log2((1 - P) / P) / 2 by each value. Cost an anchor:
+// 576 multiply-adds each way; an iteration: one read of the table, one pass over its gradients.
 #pragma once
 
 #include <algorithm>

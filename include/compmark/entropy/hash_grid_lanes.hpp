@@ -26,7 +26,7 @@ COMPMARK_INLINE void by_axis(const float* unit, float* soa) {
   }
 }
 
-/// What the way back needs of them, in memory, to be read corner by corner.
+/// What the backward pass needs of them, in memory, to be read corner by corner.
 template <int corners>
 struct GridBlock {
   alignas(64) std::uint32_t entry[corners][16];

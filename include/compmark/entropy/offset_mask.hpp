@@ -4,7 +4,7 @@
 // Masks of offsets (HAC; docs/spec/compression.md, 1.5): offset k of an anchor lives while sigmoid(logit) > 0.01, with
 // gradients straight through to sigmoid(logit). A dead offset is neither rendered (its Gaussian's opacity is set to 0,
 // which the rasterizer drops) nor coded, and an anchor without a live offset is not coded at all. The table holds logit
-// - 1, so that the zeros of a newborn row are the initial logit 1. Cost: a few operations a Gaussian.
+// - 1, so that the zeros of a new row are the initial logit 1. Cost: a few operations a Gaussian.
 #pragma once
 
 #include <cmath>

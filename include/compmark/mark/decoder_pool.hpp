@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pooling with a way back: the mean of a map over all positions, and the maximum over 3 x 3 windows at stride 2 that
-// remembers which of the nine it was. Sums over rows are added in order in double; a channel is one chunk, so the bits
-// do not depend on the number of threads. A NaN stays one: std::max would drop it.
+// Pooling, forward and backward: the mean of a map over all positions, and the maximum over 3 x 3 windows at stride 2
+// that remembers which of the nine it was. Sums over rows are added in order in double; a channel is one chunk, so the
+// bits do not depend on the number of threads. A NaN stays one: std::max would drop it.
 #pragma once
 
 #include <algorithm>

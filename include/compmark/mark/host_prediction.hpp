@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a scene says to a decoder by itself, as a function of where it is seen from. Of a decoder's features p, a few
-// directions are moved much by the view and hardly by a mark, and so tell the view; what the unmarked host says there
-// is a smooth function of them, fitted once (pipeline/decoder_fit.hpp):
+// What an unmarked scene gives as logits (cover interference), predicted from the view. A few directions of a decoder's
+// features p change much with the view and hardly with a mark, so that they tell the view; the logits of the unmarked
+// model are a smooth function of them, which is fitted once (pipeline/decoder_fit.hpp):
 //   x = direction p - offset,   logits -= sum_i exp(-|x - centre_i|^2 / 2) coefficient_i.
-// Far from every centre nothing is subtracted, so an image that is no render of the scene is read as without. Empty by
-// default, and then free. Cost: centres (coordinates + bits) multiply-adds an image, and as many exponentials as
-// centres.
+// Far from every centre nothing is subtracted: an image that is no render of the scene is read as if there were no
+// prediction. Empty by default, and then free. Cost: centres (coordinates + bits) multiply-adds an image, and as many
+// exponentials as centres.
 #pragma once
 
 #include <cmath>
@@ -34,7 +34,7 @@ struct HostPrediction {
   [[nodiscard]] std::size_t coordinates() const { return offset.size(); }
   [[nodiscard]] std::size_t centres() const { return empty() ? 0 : centre.size() / offset.size(); }
 
-  /// Subtracts from logits [bits] what the host says where `features` [features] were read.
+  /// Subtracts from logits [bits] those of the unmarked model at the view that `features` [features] tell.
   void subtract(std::span<const T> features, std::span<T> logits, Context& context) const {
     const std::size_t n = coordinates();
     context.x.resize(n);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the lattice decoder reads at each position, and the way back. With a_0 ... a_n the image blurred at growing
+// What the lattice decoder reads at each position, and its gradient. With a_0 ... a_n the image blurred at growing
 // sigmas, every stride-th pixel,
 //   u = (log(a_0 + e) - log(a_1 + e), ..., log(a_(n-1) + e) - log(a_n + e))           contrast: octaves x 3 colours
 //   u = (a_0, ..., a_n)                                                               colour: blurs x 3 colours

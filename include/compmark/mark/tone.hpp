@@ -3,8 +3,9 @@
 //
 // The light in which an image is seen: every channel times a gain, plus an offset. A capture has one for each
 // photograph (exposure, white balance), an editor adds another, and a surface that shines has its own from every side.
-// A decoder that was fitted to renders of one host alone has never seen another light, and hears 2 % of it louder than
-// a message (docs/notebook/watermark_experiments.md). Cost: a multiplication, an addition and two comparisons a value.
+// A decoder that was fitted to renders of one unmarked model has never seen another light, and a change of 2 % moves
+// its logits more than a message does (docs/notebook/watermark_experiments.md). Cost: a multiplication, an addition and
+// two comparisons a value.
 #pragma once
 
 #include <algorithm>

@@ -283,7 +283,7 @@ class TileRasterizer {
     const bool pivot_x = white.bx != T(0);
     const T w = T(1) / (pivot_x ? white.wy : white.wx), b = T(1) / (white.bx + white.by);
     const auto sum = [&](std::size_t m) { return total[detail::record_lane[m]]; };
-    // To the row of its Gaussian, whole lines past the caches, so that projection's way back reads in sequence.
+    // To the row of its Gaussian, whole lines past the caches, so that projection's backward pass reads in sequence.
     alignas(64) const std::array<T, 16> result{sum(0),         sum(1) * w, sum(2) * b, sum(3) * w * w, sum(4) * w * b,
                                                sum(5) * b * b, sum(6),     sum(7),     sum(8),         sum(9)};
     T* const target = &ctx.splat_gradients[ctx.projected.source[i]].g;
