@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The paper's ablation tables at a short schedule: target attribute (T4), components (T5), f' (T6) and capacity (T3), on two small scenes that
-// need no data, or on those that are given. Every training is marked in the loss of the photographs as published, all phases scaled to the run;
-// what is read "after compression" is read from a file that the HAC codec wrote.
+// The paper's ablation tables at a short schedule: target attribute (T4), components (T5), f' (T6) and capacity (T3),
+// on two small scenes that need no data, or on those that are given. Every training is marked in the loss of the
+// photographs as published, all phases scaled to the run; what is read "after compression" is read from a file that the
+// HAC codec wrote.
 //
 //   ablations --out DIR [--data SCENE ...] [--iterations N] [--seeds S] [--threads T] [--only ROW[,ROW...]]
 //

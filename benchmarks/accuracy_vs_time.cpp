@@ -5,11 +5,12 @@
 // preset and with every single knob turned away from `standard`, and compares image and gradient with two references in
 // double, never mixed: exact (no cut-offs) and spec (the published constants).
 //
-//   accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json FILE] [--html FILE] [--svg FILE] [--splats N] [--size N]
+//   accuracy_vs_time [MODEL.safetensors] [--views N] [--repetitions N] [--threads N] [--json FILE] [--html FILE] [--svg
+//     FILE] [--splats N] [--size N]
 //
-// Time is the median over the repetitions of the mean over the views; the cases are interleaved, so that a slow moment of the machine hits
-// all of them; with --threads 1 it is processor time. Bytes are counted by this program's own operator new.
-// The rows are in support/accuracy_cases.hpp.
+// Time is the median over the repetitions of the mean over the views; the cases are interleaved, so that a slow moment
+// of the machine hits all of them; with --threads 1 it is processor time. Bytes are counted by this program's own
+// operator new. The rows are in support/accuracy_cases.hpp.
 
 #include <algorithm>
 #include <array>
@@ -43,7 +44,8 @@ namespace {
 
 using namespace accuracy_bench;
 
-// ---- scenes ---------------------------------------------------------------------------------------------------------------------------
+// ---- scenes
+// ---------------------------------------------------------------------------------------------------------------------------
 
 void finish_view(BenchView& view) {
   const std::size_t count = view.gaussians.size();
@@ -153,7 +155,8 @@ Result<std::vector<BenchView>> load_views(const std::filesystem::path& path, std
   return views;
 }
 
-/// TileRasterizer<double> stands in for the slow ReferenceRasterizer; here it is compared with it on a crop of every view.
+/// TileRasterizer<double> stands in for the slow ReferenceRasterizer; here it is compared with it on a crop of every
+/// view.
 template <Accuracy accuracy>
 std::string prove_reference(const std::vector<BenchView>& views, int crop) {
   double image_error = 0, gradient_error = 0;

@@ -1,15 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What accuracy costs in time, third part: bits a scalar against symbols a second, for every knob of the coding side turned away from what is
-// shipped: precision of the frequencies and their floor, grids of deviation and mean, tables against erfc, symbols a chunk; and of whole files, context
-// included: bits of the context network's weights, anchors a chunk, threads.
+// What accuracy costs in time, third part: bits a scalar against symbols a second, for every knob of the coding side
+// turned away from what is shipped: precision of the frequencies and their floor, grids of deviation and mean, tables
+// against erfc, symbols a chunk; and of whole files, context included: bits of the context network's weights, anchors a
+// chunk, threads.
 //
-//   accuracy_vs_time_codec [MODEL.safetensors] [--symbols N] [--anchors N] [--repetitions N] [--json FILE] [--html FILE] [--svg FILE]
+//   accuracy_vs_time_codec [MODEL.safetensors] [--symbols N] [--anchors N] [--repetitions N] [--json FILE] [--html
+//     FILE] [--svg FILE]
 //
-// Symbols are those of the trained model (recipe hac) with the Gaussians of its context, or drawn from Gaussians; the ideal is what these
-// cost in long double, and the excess is what a coder needs more. Times are the best of the repetitions, the cases interleaved: of symbols,
-// and of files on one thread, the thread's processor time; of files on more, wall clock. Every case decodes to what went in, or the program stops.
+// Symbols are those of the trained model (recipe hac) with the Gaussians of its context, or drawn from Gaussians; the
+// ideal is what these cost in long double, and the excess is what a coder needs more. Times are the best of the
+// repetitions, the cases interleaved: of symbols, and of files on one thread, the thread's processor time; of files on
+// more, wall clock. Every case decodes to what went in, or the program stops.
 #include <ctime>
 
 #include <algorithm>
@@ -185,7 +188,8 @@ Case file_case(std::string group, std::string name, const CodecModel& model, std
   return one;
 }
 
-/// Files whose context network has weights of so many bits; symbols and steps are those of the finest, so that only the prediction differs.
+/// Files whose context network has weights of so many bits; symbols and steps are those of the finest, so that only the
+/// prediction differs.
 std::vector<Case> network_cases(const CodecModel& model, const GaussianTables& tables, std::size_t threads) {
   CodecModel live = live_anchors(model);
   ThreadExecutor executor(threads);
@@ -264,7 +268,8 @@ std::optional<Options> parse(int argc, char** argv) {
   return options;
 }
 
-/// Short enough to stand beside a point: the number that is turned. Three groups share the point of the full grid, which is named once.
+/// Short enough to stand beside a point: the number that is turned. Three groups share the point of the full grid,
+/// which is named once.
 std::string plot_label(const Case& one) {
   if (one.group == "erfc") return one.name.find("float") == std::string::npos ? "" : "erfc, float and double";
   if (one.name == "16 bits") return "16 bits, 8, 1/32";

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Growing: adding the statistics of one view (each iteration) and one adjustment (each 100 iterations), for 100,000 anchors of 10 Gaussians,
-// half of them decoded. `observe` reads a slot, a flag and a norm (9 bytes) and updates two floats (16 bytes) a Gaussian.
+// Growing: adding the statistics of one view (each iteration) and one adjustment (each 100 iterations), for 100,000
+// anchors of 10 Gaussians, half of them decoded. `observe` reads a slot, a flag and a norm (9 bytes) and updates two
+// floats (16 bytes) a Gaussian.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The codecs at the published sizes (D = 50, K = 10, HAC's context 96 -> 100 -> 175, ContextGS' three networks) on synthetic models: whole files
-// both ways by threads, the integer contexts by themselves, the octree, and the checks (CRC-32C, SHA-256). `symbols/s` counts all scalars of a file over the whole of
-// its coding, context included; `bits` are those of a scalar. Published coders need seconds of a GPU for larger scenes.
+// The codecs at the published sizes (D = 50, K = 10, HAC's context 96 -> 100 -> 175, ContextGS' three networks) on
+// synthetic models: whole files both ways by threads, the integer contexts by themselves, the octree, and the checks
+// (CRC-32C, SHA-256). `symbols/s` counts all scalars of a file over the whole of its coding, context included; `bits`
+// are those of a scalar. Published coders need seconds of a GPU for larger scenes.
 #include <benchmark/benchmark.h>
 
 #include <cstddef>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The symbol coder: speed and bits against ideal bits in long double, by size of chunk; what its grids cost (precision of the frequencies,
-// levels of the deviation, positions of the mean), as the mean Kullback-Leibler divergence over Gaussians whose deviation is spread evenly
-// in its logarithm; an interval from the tables against the same from erfc; and the adaptive binary coder. One thread.
+// The symbol coder: speed and bits against ideal bits in long double, by size of chunk; what its grids cost (precision
+// of the frequencies, levels of the deviation, positions of the mean), as the mean Kullback-Leibler divergence over
+// Gaussians whose deviation is spread evenly in its logarithm; an interval from the tables against the same from erfc;
+// and the adaptive binary coder. One thread.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

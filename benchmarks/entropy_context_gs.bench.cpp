@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// ContextGS while training, D = 50, K = 10, z of 12: 100,000 anchors on a surface, of which 20,000 neighbours are visible and half of these have
-// a gradient; `sample` in thousandths of all anchors. HAC on the same anchors stands beside. `looked_at` are entries: visible, sampled, and
-// the parents of both. Operations are those of the networks: 2 (7,400) an entry forward, twice that backward, 35,000 and 70,000 more where the
-// rate counts, and 12 scalars of the prior of 1,500 each. Below: the levels, which an iteration pays only when something changed, and the
-// prior in packs beside the same in scalars.
+// ContextGS while training, D = 50, K = 10, z of 12: 100,000 anchors on a surface, of which 20,000 neighbours are
+// visible and half of these have a gradient; `sample` in thousandths of all anchors. HAC on the same anchors stands
+// beside. `looked_at` are entries: visible, sampled, and the parents of both. Operations are those of the networks: 2
+// (7,400) an entry forward, twice that backward, 35,000 and 70,000 more where the rate counts, and 12 scalars of the
+// prior of 1,500 each. Below: the levels, which an iteration pays only when something changed, and the prior in packs
+// beside the same in scalars.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

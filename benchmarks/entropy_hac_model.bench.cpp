@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// HAC while training, D = 50, K = 10, published grid: what an iteration with a rate pays for n visible anchors of 1.5 n, a twentieth of all
-// sampled. Operations are those of the formulas: 2 (576 + 9,900) an anchor forward and 2 (576 + 19,800) backward (what backward recomputes is not counted), for a sampled one 35,000
-// and 70,000 more and 90 a scalar; bytes are the three attribute tables read and written, what forward leaves for backward written and
-// read, and the grid's table. `floor` is time over the larger of operations / measured rate and bytes / measured bandwidth. Below: the
-// pieces, and the bits of a Gaussian interval in packs beside the scalar in double and the difference of two erf.
+// HAC while training, D = 50, K = 10, published grid: what an iteration with a rate pays for n visible anchors of 1.5
+// n, a twentieth of all sampled. Operations are those of the formulas: 2 (576 + 9,900) an anchor forward and 2 (576 +
+// 19,800) backward (what backward recomputes is not counted), for a sampled one 35,000 and 70,000 more and 90 a scalar;
+// bytes are the three attribute tables read and written, what forward leaves for backward written and read, and the
+// grid's table. `floor` is time over the larger of operations / measured rate and bytes / measured bandwidth. Below:
+// the pieces, and the bits of a Gaussian interval in packs beside the scalar in double and the difference of two erf.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

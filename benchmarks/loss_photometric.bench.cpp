@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// L1 + SSIM of 3 x 800 x 800, value and gradient, against its floor and its reference. Operations are counted from the formulas, a fused
-// multiply-add as two, without the halo rows a band recomputes:
+// L1 + SSIM of 3 x 800 x 800, value and gradient, against its floor and its reference. Operations are counted from the
+// formulas, a fused multiply-add as two, without the halo rows a band recomputes:
 //   forward 225 a sample: 4 blurs of 11 + 11 taps (172), products and differences (18), the point formula (35);
-//   backward 144: 3 blurs (129), the combination with x, d and sign (15). The loss's own arithmetic is 369 a sample, its bytes are 16.
+//   backward 144: 3 blurs (129), the combination with x, d and sign (15). The loss's own arithmetic is 369 a sample,
+//     its bytes are 16.
 // `floor` is best time / (operations / multiply-add rate measured at start), so 1 is perfect; `reference` is the plain
 // two-dimensional window on 3 x 96 x 96, in double, on one thread. Also the figures of merit of one view: PSNR, SSIM.
 #include <benchmark/benchmark.h>

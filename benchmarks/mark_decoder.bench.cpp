@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What reading a message costs a training iteration: forward to the logits and backward to the image, frozen, 48 bits, random weights (time does
-// not depend on them). Sides are those of the network's input (no Haar level), so 128 stands for a render of 256. `forward_ms` is the part without the
-// gradient. GFLOP/s are effective: 2 operations a weight and position, forward and backward, whatever the convolution; `floor` is best time over
-// those operations at the multiply-add rate measured at start, so Winograd may be below 1. `reference` is the definition in plain loops.
+// What reading a message costs a training iteration: forward to the logits and backward to the image, frozen, 48 bits,
+// random weights (time does not depend on them). Sides are those of the network's input (no Haar level), so 128 stands
+// for a render of 256. `forward_ms` is the part without the gradient. GFLOP/s are effective: 2 operations a weight and
+// position, forward and backward, whatever the convolution; `floor` is best time over those operations at the
+// multiply-add rate measured at start, so Winograd may be below 1. `reference` is the definition in plain loops.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -104,8 +105,8 @@ BENCHMARK(lattice)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
 
-/// Arguments: side of the image, percent of its rows that are not background, regions that are limited (1: none), threads. Every other region of random
-/// colours is held back.
+/// Arguments: side of the image, percent of its rows that are not background, regions that are limited (1: none),
+/// threads. Every other region of random colours is held back.
 void lattice_of_colour(benchmark::State& bench) {
   const int side = static_cast<int>(bench.range(0));
   ThreadExecutor executor(static_cast<std::size_t>(bench.range(3)));

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Convolutions of the watermark decoders: direct and Winograd, forward, gradient to the input, gradient to the weights, and eight layers of
-// 64 channels forward and backward (the HiDDeN decoder without its head). GFLOP/s are effective: 2 in out 9 operations a pixel whatever the
-// policy; `floor` is best time / (operations the policy needs / multiply-add rate measured at start), so 1 is perfect: Winograd needs
-// n^2 / (9 m^2) of them. `error` is the largest error over the sum of |w| |x|, from the same layer in double. The peer, where it is
-// installed, is oneDNN with its Winograd and its direct algorithm in its own blocked layouts (reorders not counted).
+// Convolutions of the watermark decoders: direct and Winograd, forward, gradient to the input, gradient to the weights,
+// and eight layers of 64 channels forward and backward (the HiDDeN decoder without its head). GFLOP/s are effective: 2
+// in out 9 operations a pixel whatever the policy; `floor` is best time / (operations the policy needs / multiply-add
+// rate measured at start), so 1 is perfect: Winograd needs n^2 / (9 m^2) of them. `error` is the largest error over the
+// sum of |w| |x|, from the same layer in double. The peer, where it is installed, is oneDNN with its Winograd and its
+// direct algorithm in its own blocked layouts (reorders not counted).
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

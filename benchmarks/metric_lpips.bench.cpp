@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The convolution that LPIPS runs on, and LPIPS of two images of 800 x 800 with random weights (time does not depend on their values).
-// Operations are 2 in out kernel^2 a pixel of output; `floor` is best time / (operations / multiply-add rate measured at start), so 1 is perfect.
-// `reference` is the definition in plain loops.
+// The convolution that LPIPS runs on, and LPIPS of two images of 800 x 800 with random weights (time does not depend on
+// their values). Operations are 2 in out kernel^2 a pixel of output; `floor` is best time / (operations / multiply-add
+// rate measured at start), so 1 is perfect. `reference` is the definition in plain loops.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Adam on the 7.6 million parameters of 100,000 anchors (32 + 3 + 6 + 30 + 4 + 1 columns), the size that performance tables of this field
-// use. Bytes are counted from the formula: 28 a parameter (read p, g, m, v; write p, m, v), 4 more for the guard's read of the gradient, 4
-// more to zero it. `stream` moves the same seven streams without arithmetic: what this machine's memory allows. `floor` is time over that
-// of 28 bytes at the measured bandwidth, so 1 is perfect.
+// Adam on the 7.6 million parameters of 100,000 anchors (32 + 3 + 6 + 30 + 4 + 1 columns), the size that performance
+// tables of this field use. Bytes are counted from the formula: 28 a parameter (read p, g, m, v; write p, m, v), 4 more
+// for the guard's read of the gradient, 4 more to zero it. `stream` moves the same seven streams without arithmetic:
+// what this machine's memory allows. `floor` is time over that of 28 bytes at the measured bandwidth, so 1 is perfect.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

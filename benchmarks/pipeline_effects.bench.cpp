@@ -1,12 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What each effect of a capture costs: one whole training iteration of workload (a) of pipeline_iteration by recipe, with one thread and with
-// two, and the bytes of what it needs. After Google Benchmark's lines comes one table of all effects, off and on, which docs/effects.md
-// shows a copy of; with repetitions its times are medians. On a quiet machine, in about three minutes:
-//   bench_pipeline_effects --benchmark_filter=effect --benchmark_repetitions=9 --benchmark_enable_random_interleaving=true
-// Bytes: "parameters" are values, gradients and both moments; "memory" is all that a trained view lives on, counted by this program's own
-// operator new: parameters, images, scratch; "file" is the model file, of 30,000 anchors and one view.
+// What each effect of a capture costs: one whole training iteration of workload (a) of pipeline_iteration by recipe,
+// with one thread and with two, and the bytes of what it needs. After Google Benchmark's lines comes one table of all
+// effects, off and on, which docs/effects.md shows a copy of; with repetitions its times are medians. On a quiet
+// machine, in about three minutes:
+//   bench_pipeline_effects --benchmark_filter=effect --benchmark_repetitions=9
+//     --benchmark_enable_random_interleaving=true
+// Bytes: "parameters" are values, gradients and both moments; "memory" is all that a trained view lives on, counted by
+// this program's own operator new: parameters, images, scratch; "file" is the model file, of 30,000 anchors and one
+// view.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -86,7 +89,8 @@ void effect(const char* name) {
       ->UseRealTime();
 }
 
-/// What a space does cost: cells of 30,000 points, once at the start (and as many at each adjustment), beside those of the world.
+/// What a space does cost: cells of 30,000 points, once at the start (and as many at each adjustment), beside those of
+/// the world.
 template <class S>
 void initial_cells(benchmark::State& state) {
   const Random random(1, 0, random_stage("benchmark points"));

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The quantizers on the features of a million anchors (32 columns, 128 MB: beyond the caches), one thread. Bytes are those of the formula:
-// rounding reads 4 and writes 4 a value, finding the scales reads 4, to and from 8-bit integers move 5. `floor` is time over these bytes at
-// the measured bandwidth; divisions have no part in it. Beside them the plain reference, one value at a time, and the naive formula that
-// compilers make vectors of, which overflows at both ends.
+// The quantizers on the features of a million anchors (32 columns, 128 MB: beyond the caches), one thread. Bytes are
+// those of the formula: rounding reads 4 and writes 4 a value, finding the scales reads 4, to and from 8-bit integers
+// move 5. `floor` is time over these bytes at the measured bandwidth; divisions have no part in it. Beside them the
+// plain reference, one value at a time, and the naive formula that compilers make vectors of, which overflows at both
+// ends.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Projection (without the sort), its backward, the depth sort and binning. `floor` is time over the larger of bytes / measured bandwidth
-// and flops / measured multiply-add rate, so 1 is perfect; both are measured at start with as many threads (support/ceiling.hpp). Bytes a Gaussian,
-// from the formulas in project.hpp: forward 56 + 56 read, 64 + 13 + 4 written; backward 124 read, 56 read and written again.
+// Projection (without the sort), its backward, the depth sort and binning. `floor` is time over the larger of bytes /
+// measured bandwidth and flops / measured multiply-add rate, so 1 is perfect; both are measured at start with as many
+// threads (support/ceiling.hpp). Bytes a Gaussian, from the formulas in project.hpp: forward 56 + 56 read, 64 + 13 + 4
+// written; backward 124 read, 56 read and written again.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -126,8 +127,8 @@ void projection_both(benchmark::State& bench) {
     p.backward<native>();
   });
 }
-/// The same road with each effect; projection_forward and projection_backward are "off". The image hardly changes: the lens bends it by a few
-/// pixels.
+/// The same road with each effect; projection_forward and projection_backward are "off". The image hardly changes: the
+/// lens bends it by a few pixels.
 template <class Effects>
 void effect_forward(benchmark::State& bench) {
   run<Effects>(bench, 193, 0, [](Problem<float, Effects>& p) { p.template forward<native>(); });

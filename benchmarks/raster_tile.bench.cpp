@@ -5,11 +5,14 @@
 // forward + backward together; beside them the reference rasterizer on a scene that it can bear. Arguments: Gaussians,
 // image size, threads.
 //
-// Operations are counted by lane, a multiply-add as two, on the lanes that are evaluated (16 a block and splat that reaches it):
-//   forward 36:  w 4, b 2, sigma 3, exp 13, opacity 1, clamp 1, two comparisons 2, weight 1, transmittance 2, colour 6, block test 1
+// Operations are counted by lane, a multiply-add as two, on the lanes that are evaluated (16 a block and splat that
+// reaches it):
+//   forward 36:  w 4, b 2, sigma 3, exp 13, opacity 1, clamp 1, two comparisons 2, weight 1, transmittance 2, colour 6,
+//     block test 1
 //   backward 56: the same without colour 29, dot 5, difference 1, behind 2, gate 1, g 1, six sums 11, colour 6
-// `from_floor` is the median against operations / multiply-add ceiling: many of them are not multiply-adds, so that 1 is out of reach; about 2 is
-// what the instruction mix allows. Blended are (Gaussian, pixel) pairs whose weight is not zero: about four fifths of the evaluated lanes here.
+// `from_floor` is the median against operations / multiply-add ceiling: many of them are not multiply-adds, so that 1
+// is out of reach; about 2 is what the instruction mix allows. Blended are (Gaussian, pixel) pairs whose weight is not
+// zero: about four fifths of the evaluated lanes here.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -146,7 +149,8 @@ BENCHMARK(raster<Part::whole>)->Name("project_to_gradient")->Apply(one_size);
 BENCHMARK(raster<Part::pixels, accuracy::quality>)->Name("bin_forward_backward/quality")->Apply(one_size);
 BENCHMARK(raster<Part::pixels, accuracy::draft>)->Name("bin_forward_backward/draft")->Apply(one_size);
 
-/// The reference and the fast path on 300 Gaussians at 96 x 96, one thread: what the fast path is checked against, and what it gains.
+/// The reference and the fast path on 300 Gaussians at 96 x 96, one thread: what the fast path is checked against, and
+/// what it gains.
 template <class R>
 void small(benchmark::State& bench) {
   constexpr int side = 96;

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The recipe of the ablations: HAC as the host, with everything that the method adds and every part of it switched at run time, so that one
-// type a target attribute is compiled. What remains of a training is a model of the host, which the codec writes and reads.
+// The recipe of the ablations: HAC as the host, with everything that the method adds and every part of it switched at
+// run time, so that one type a target attribute is compiled. What remains of a training is a model of the host, which
+// the codec writes and reads.
 #pragma once
 
 #include "ablations/switched_noise.hpp"

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What one training of the ablations leaves behind: a JSON file of its own, written whole or not at all as soon as it is finished, so that a run
-// that was stopped goes on where it was. A file counts only for the settings that it names. Cost: one small file a training.
+// What one training of the ablations leaves behind: a JSON file of its own, written whole or not at all as soon as it
+// is finished, so that a run that was stopped goes on where it was. A file counts only for the settings that it names.
+// Cost: one small file a training.
 #pragma once
 
 #include <cstdint>

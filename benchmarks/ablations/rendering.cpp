@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What of the ablations renders: trainings and their measurement, in one place because they share the rasterizer's code (half a minute of a compiler).
+// What of the ablations renders: trainings and their measurement, in one place because they share the rasterizer's code
+// (half a minute of a compiler).
 #include <algorithm>
 
 #include "ablations/loop.hpp"

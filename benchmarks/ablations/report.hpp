@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The tables of the ablations as ablations.json, ablations.md and ablations.html. Which rows agree with the paper is said, not hidden. Cost: none.
+// The tables of the ablations as ablations.json, ablations.md and ablations.html. Which rows agree with the paper is
+// said, not hidden. Cost: none.
 #pragma once
 
 #include <cmath>

@@ -76,7 +76,8 @@ inline constexpr std::string_view full_name = "full";
   return rows;
 }
 
-/// With HAC as the host where the paper has both hosts; T6 is of ContextGS and T3 the mean over both, as it has nothing else.
+/// With HAC as the host where the paper has both hosts; T6 is of ContextGS and T3 the mean over both, as it has nothing
+/// else.
 [[nodiscard]] inline std::vector<TableOfPaper> tables_of_paper() {
   return {
       {"T4",

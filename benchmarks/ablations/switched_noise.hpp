@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// An entropy model whose noise can be left out at run time: the rate is a loss and the steps are learned as ever, so that the file is written by the
-// same codec, but what is rendered in training carries no noise of quantization. That is the row "without QDL" of the ablations, and nothing
-// that a codec should be trained with. Cost without noise: two copies of the visible anchors' attributes each way.
+// An entropy model whose noise can be left out at run time: the rate is a loss and the steps are learned as ever, so
+// that the file is written by the same codec, but what is rendered in training carries no noise of quantization. That
+// is the row "without QDL" of the ablations, and nothing that a codec should be trained with. Cost without noise: two
+// copies of the visible anchors' attributes each way.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From finished trainings to the paper's tables: means over scenes and seeds with their spread, what is lost against the unmarked twin of the same
-// scene and seed, and whether a row differs from the method in the direction that the paper says. Differences are of pairs of the same scene and
-// seed, so that what scenes differ by does not count; a mean below twice its standard error says nothing, and is called so. Cost: none.
+// From finished trainings to the paper's tables: means over scenes and seeds with their spread, what is lost against
+// the unmarked twin of the same scene and seed, and whether a row differs from the method in the direction that the
+// paper says. Differences are of pairs of the same scene and seed, so that what scenes differ by does not count; a mean
+// below twice its standard error says nothing, and is called so. Cost: none.
 #pragma once
 
 #include <algorithm>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What one training of the ablations is given and what it fills in; the scenes, the short schedule and the message are those of every row.
+// What one training of the ablations is given and what it fills in; the scenes, the short schedule and the message are
+// those of every row.
 #pragma once
 
 #include <cstddef>
@@ -46,14 +47,16 @@ struct Scene {
   Views train, test;
   double extent = 1;
 };
-/// The two scenes that need no data, rendered into `folder` when they are not there: the whole still life, and a closer look with other veins.
+/// The two scenes that need no data, rendered into `folder` when they are not there: the whole still life, and a closer
+/// look with other veins.
 compmark::Result<std::vector<std::unique_ptr<Scene>>> built_in_scenes(const std::filesystem::path& folder,
                                                                       compmark::ThreadExecutor& executor);
 /// A dataset, scaled down by a whole number so that no side is longer than `longest_side`.
 compmark::Result<std::unique_ptr<Scene>> open_scene(const std::filesystem::path& folder, std::string name);
 inline constexpr int built_in_side = 96, longest_side = 128;
 
-/// The numbers of every row at this length: the published ones of a mark in the loss of the photographs, scaled to the run.
+/// The numbers of every row at this length: the published ones of a mark in the loss of the photographs, scaled to the
+/// run.
 compmark::TrainSettings training_settings(std::int64_t iterations, std::uint64_t seed);
 /// The same for one row: parts switched off.
 compmark::TrainSettings row_settings(const Row& row, std::int64_t iterations, std::uint64_t seed);
@@ -64,11 +67,13 @@ nlohmann::ordered_json settings_json(const Scene& scene, std::int64_t iterations
 Decoder waves(int bits, std::uint64_t seed);
 std::vector<std::uint8_t> message_bits(int bits, std::uint64_t seed);
 
-/// Trains one row and measures it, before compression and from the file that the codec wrote. The file is at `scratch` while it runs.
+/// Trains one row and measures it, before compression and from the file that the codec wrote. The file is at `scratch`
+/// while it runs.
 compmark::Result<Record> train_row(const Row& row, Scene& scene, std::int64_t iterations, std::uint64_t seed,
                                    const std::filesystem::path& scratch, compmark::ThreadExecutor& executor);
 
-/// The two halves of it that render, which are compiled apart: a training, its mark baked in; and what is read from a model.
+/// The two halves of it that render, which are compiled apart: a training, its mark baked in; and what is read from a
+/// model.
 compmark::Result<compmark::Model<Host>> train_host(const Row& row, Scene& scene,
                                                    const compmark::TrainSettings& settings, const Decoder& decoder,
                                                    const std::vector<std::uint8_t>& bits,

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The rows of accuracy_vs_time: every preset, every knob turned alone, and the ladder from `inria` to `standard`, each a rasterizer type
-// behind a virtual call that renders one view, times it and hands out image and gradient in double.
+// The rows of accuracy_vs_time: every preset, every knob turned alone, and the ladder from `inria` to `standard`, each
+// a rasterizer type behind a virtual call that renders one view, times it and hands out image and gradient in double.
 #pragma once
 
 #include <time.h>
@@ -69,7 +69,8 @@ struct Scene {
 inline ThreadExecutor* executor = nullptr;
 inline Scene scene;
 
-/// Milliseconds of the wall clock; with one thread of that thread's processor time, which other programs do not disturb.
+/// Milliseconds of the wall clock; with one thread of that thread's processor time, which other programs do not
+/// disturb.
 inline double now_ms() {
   if (executor->concurrency() == 1) {
     timespec time{};

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the machine can do at best, measured once a program: the rate of fused multiply-adds in registers and the bandwidth of a triad
-// c = a + s b over 192 MB (12 bytes an element; stores that first read their line are not counted, as is the custom). A kernel's floor is
-// the larger of operations / rate and bytes / bandwidth; its distance from it is time / floor, so 1 is perfect.
+// What the machine can do at best, measured once a program: the rate of fused multiply-adds in registers and the
+// bandwidth of a triad c = a + s b over 192 MB (12 bytes an element; stores that first read their line are not counted,
+// as is the custom). A kernel's floor is the larger of operations / rate and bytes / bandwidth; its distance from it is
+// time / floor, so 1 is perfect.
 #pragma once
 
 #include <benchmark/benchmark.h>

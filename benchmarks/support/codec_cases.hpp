@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What accuracy_vs_time_codec compares: symbols with the exact Gaussian of each, and coders of them that differ from the shipped one in one knob.
-// All are four interleaved rANS states over one sequence of words, as in entropy/symbol_coder.hpp; the shipped one is measured by itself.
+// What accuracy_vs_time_codec compares: symbols with the exact Gaussian of each, and coders of them that differ from
+// the shipped one in one knob. All are four interleaved rANS states over one sequence of words, as in
+// entropy/symbol_coder.hpp; the shipped one is measured by itself.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +29,8 @@ T upper_tail(T z) {
   return T(0.5) * std::erfc(z / std::numbers::sqrt2_v<T>);
 }
 
-/// Symbols and what is known of each: mean and deviation in bins before any grid, and the shipped coder's name for them.
+/// Symbols and what is known of each: mean and deviation in bins before any grid, and the shipped coder's name for
+/// them.
 struct SymbolSet {
   std::vector<double> mean, sigma;
   std::vector<std::int32_t> value;
@@ -117,7 +119,8 @@ struct Slot {
   bool escape = false;
 };
 
-/// Tables of any grid: levels of the deviation an octave (a divisor of 16) and positions of the mean in a bin (a divisor of 32).
+/// Tables of any grid: levels of the deviation an octave (a divisor of 16) and positions of the mean in a bin (a
+/// divisor of 32).
 template <int bits_>
 class GridModel {
  public:
@@ -209,8 +212,8 @@ class GridModel {
   std::vector<Ref> refs_;
 };
 
-/// No tables: two evaluations of erfc to encode, a binary search of them to decode, as published coders do in floats. Not the same numbers on
-/// another machine (EN6).
+/// No tables: two evaluations of erfc to encode, a binary search of them to decode, as published coders do in floats.
+/// Not the same numbers on another machine (EN6).
 template <class T>
 class ErfcModel {
  public:

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Decoders of the sizes that are in use, with weights that mean nothing: their time does not depend on them where there is a gradient at all.
+// Decoders of the sizes that are in use, with weights that mean nothing: their time does not depend on them where there
+// is a gradient at all.
 #pragma once
 
 #include <algorithm>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bytes that a program has allocated and not yet freed: replaces operator new and delete, so it belongs into one file of a program.
+// Bytes that a program has allocated and not yet freed: replaces operator new and delete, so it belongs into one file
+// of a program.
 #pragma once
 
 #include <malloc.h>

@@ -9,7 +9,8 @@
 
 namespace compmark::benchmarks {
 
-/// Of times, of which a shared machine makes a few long; of an even number the mean of the two in the middle, NaN of none.
+/// Of times, of which a shared machine makes a few long; of an even number the mean of the two in the middle, NaN of
+/// none.
 [[nodiscard]] inline double median(std::vector<double> values) {
   if (values.empty()) return NAN;
   std::sort(values.begin(), values.end());

@@ -21,7 +21,8 @@ using namespace compmark;
 
 constexpr std::size_t hidden = 6, inputs = 5, embedded = 3, view_count = 4;
 
-/// First layer of a colour head [6, 5 + 3], its bias, a table of four views, and a weight for each hidden unit in the loss.
+/// First layer of a colour head [6, 5 + 3], its bias, a table of four views, and a weight for each hidden unit in the
+/// loss.
 struct Layer {
   std::vector<double> weight = noise(hidden * (inputs + embedded), 1), bias = noise(hidden, 2),
                       table = noise(view_count * embedded, 3), d_bias = noise(hidden, 4);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The contraction against its closed forms, the laws S1 and S2 of anchor/space.hpp, and what it is for: a far field in few cells of the size
-// that it is seen at. Negative control throughout: cells of the world.
+// The contraction against its closed forms, the laws S1 and S2 of anchor/space.hpp, and what it is for: a far field in
+// few cells of the size that it is seen at. Negative control throughout: cells of the world.
 #include "compmark/anchor/contracted_space.hpp"
 
 #include <doctest/doctest.h>
@@ -150,7 +150,8 @@ TEST_CASE("anchor/contracted_space: turns, moves and scales with the scene") {
     CHECK(distance(moved.contract(q.data()), similar(space.contract(p.data()))) < 1e-11 * scale);
     CHECK(moved.stretch(q.data()) == doctest::Approx(space.stretch(p.data())).epsilon(1e-10));
   }
-  // Cells have axes: they follow what maps the grid onto itself. Axes exchanged, one reflected, scale 4, a move by 96 cells.
+  // Cells have axes: they follow what maps the grid onto itself. Axes exchanged, one reflected, scale 4, a move by 96
+  // cells.
   const auto grid = [](const Point& p) { return Point{4 * p[1], -4 * p[2], 4 * p[0] + 24}; };
   const ContractedSpace origin{{0.5, -0.25, 0.125}, 2}, on_grid{grid(origin.origin), 8};
   for (std::uint64_t i = 0; i < 500; ++i) {
@@ -163,8 +164,8 @@ TEST_CASE("anchor/contracted_space: turns, moves and scales with the scene") {
 }
 
 TEST_CASE("anchor/contracted_space: a far field in few cells of the size that it is seen at, and none is lost") {
-  // A near cloud, a wall 50 radii away as densely triangulated as its photographs (40,000 points over 0.2 radians: one each 1/1000), and
-  // points up to 1e9 radii away.
+  // A near cloud, a wall 50 radii away as densely triangulated as its photographs (40,000 points over 0.2 radians: one
+  // each 1/1000), and points up to 1e9 radii away.
   const double voxel = 0.004 * space.radius;
   std::vector<std::array<float, 3>> near, wall, remote;
   const Random random(8, 0, random_stage("test contraction"));
@@ -195,7 +196,8 @@ TEST_CASE("anchor/contracted_space: a far field in few cells of the size that it
   CHECK((!far_world.ok() || far_world->skipped_points > 100));  // the control: 2^31 voxels are 8.6e6 radii
   for (const float x : far_contracted->position) CHECK(std::isfinite(x));
 
-  // As large as seen from the cameras, wherever they are: a newborn is 1/2 to 1 voxel / radius wide, in radians. In the world it vanishes.
+  // As large as seen from the cameras, wherever they are: a newborn is 1/2 to 1 voxel / radius wide, in radians. In the
+  // world it vanishes.
   for (const double radii : {1.0, 2.0, 10.0, 100.0, 1000.0}) {
     const Point p = at(space, {0, 0, 1}, radii);
     const double angle = voxel * space.stretch(p.data()) / (radii * space.radius);

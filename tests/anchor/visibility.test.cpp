@@ -253,8 +253,8 @@ TEST_CASE("anchor/visibility: the set does not change far from the origin (PR7)"
 
 namespace {
 
-/// Which anchors of a cloud the rasterizer draws, each taken as one upright Gaussian of its own scales. At an opacity of 0.35 a Gaussian ends
-/// at 0.35 e^(-r^2 / 2) = 1/255, 2.996 standard deviations: within the published three.
+/// Which anchors of a cloud the rasterizer draws, each taken as one upright Gaussian of its own scales. At an opacity
+/// of 0.35 a Gaussian ends at 0.35 e^(-r^2 / 2) = 1/255, 2.996 standard deviations: within the published three.
 template <class Lens>
 std::vector<bool> drawn(const Cloud<float>& cloud, const Camera<float>& camera, const Lens& lens) {
   GaussianBatch<float> gaussians;

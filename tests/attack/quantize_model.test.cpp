@@ -97,7 +97,8 @@ TEST_CASE("attack/quantize_model: settings keep positions or networks; a scale a
   const auto nearer = quantize_model(fine.arena, int8(Int8Channels::columns), int8(Int8Channels::rows));
   REQUIRE(coarse);
   REQUIRE(nearer);
-  // Columns differ a hundredfold. What is large keeps its error; that of the rest falls to a tenth and a hundredth: rms to sqrt(1/3).
+  // Columns differ a hundredfold. What is large keeps its error; that of the rest falls to a tenth and a hundredth: rms
+  // to sqrt(1/3).
   REQUIRE(coarse->size() == nearer->size());
   REQUIRE(coarse->size() >= 4);
   for (std::size_t i = 0; i < coarse->size(); ++i) {

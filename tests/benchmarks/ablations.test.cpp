@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The ablations' program without its trainings: what is found again and what is not, what the tables say of finished runs, and the entropy model
-// without its noise.
+// The ablations' program without its trainings: what is found again and what is not, what the tables say of finished
+// runs, and the entropy model without its noise.
 #include <doctest/doctest.h>
 
 #include <algorithm>

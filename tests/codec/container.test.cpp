@@ -32,7 +32,8 @@ std::vector<Section> three() {
   return {section("META", "numbers"), section("STRM", "", 0), section("STRM", "symbols", 1)};
 }
 
-/// Writes a number into a file and repairs the checksums of header and table: what a clever damage, not a random one, looks like.
+/// Writes a number into a file and repairs the checksums of header and table: what a clever damage, not a random one,
+/// looks like.
 template <class T>
 std::vector<std::byte> forged(std::vector<std::byte> file, std::size_t offset, T value) {
   for (std::size_t i = 0; i < sizeof(T); ++i)

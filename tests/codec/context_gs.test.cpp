@@ -33,8 +33,9 @@ TEST_CASE("codec/context_gs: a file decodes to the encoder's own quantised model
   CHECK(levels[2] > 0);
   CHECK(levels[1] > levels[2]);
   CHECK(levels[0] > levels[1]);
-  // Every coded value is within half a step of what it was (a step is at most 2 Q0), and z is what it was. The order is that of the levels of
-  // the anchors, along the Morton curve within each: a decoder sorts them out of the voxels alone.
+  // Every coded value is within half a step of what it was (a step is at most 2 Q0), and z is what it was. The order is
+  // that of the levels of the anchors, along the Morton curve within each: a decoder sorts them out of the voxels
+  // alone.
   std::vector<Voxel> curve;
   std::vector<std::uint32_t> rows;
   for (std::uint32_t i = 0; i < model.anchors(); ++i) {

@@ -29,7 +29,8 @@ TEST_CASE("codec/damage: of compressed models of both codecs no damage is accept
           if (!read) return Reading::refused;
           return read->verified && testing::same(read->model, whole.model) ? Reading::same : Reading::other;
         });
-    // The control: with the sections' checksums made right, some damage of a payload is noticed by the digest of the model alone, which is one more.
+    // The control: with the sections' checksums made right, some damage of a payload is noticed by the digest of the
+    // model alone, which is one more.
     testing::CmkFile file(*bytes);
     file.sections.back().bytes.back() ^= std::byte{1};
     CHECK(!testing::decode(file.bytes()).ok());

@@ -34,7 +34,8 @@ std::size_t coded_size(const std::vector<Voxel>& voxels) {
   return bytes.size();
 }
 
-/// A sphere's surface as a trained scene samples it: some anchors on the voxel grid, most grown on grids of 4 and 16 voxels.
+/// A sphere's surface as a trained scene samples it: some anchors on the voxel grid, most grown on grids of 4 and 16
+/// voxels.
 std::vector<Voxel> surface(std::size_t n, int fine_in_ten, int coarse = 16) {
   const Random random(3, 0, random_stage("geometry test"));
   std::vector<Voxel> voxels;

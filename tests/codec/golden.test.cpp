@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Files of the first release, which decode for ever, to the same bits with every compiler, flag and number of threads (tests/golden/codec). The
-// digests here are taken of the decoded arrays by this file's own hand, not by the codec. To write files for a new format version, run
-// with COMPMARK_WRITE_GOLDEN=<folder>: the old ones stay.
+// Files of the first release, which decode for ever, to the same bits with every compiler, flag and number of threads
+// (tests/golden/codec). The digests here are taken of the decoded arrays by this file's own hand, not by the codec. To
+// write files for a new format version, run with COMPMARK_WRITE_GOLDEN=<folder>: the old ones stay.
 #include <doctest/doctest.h>
 
 #include <cstdlib>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The law of a stage that may set: what it leaves on poisoned memory is what it adds to zeros. Photometric loss and projection have it in
-// their own tests; here are whole rasterizers, with planes, effects and Gaussians that no pixel sees.
+// The law of a stage that may set: what it leaves on poisoned memory is what it adds to zeros. Photometric loss and
+// projection have it in their own tests; here are whole rasterizers, with planes, effects and Gaussians that no pixel
+// sees.
 #include "compmark/core/gradient_mode.hpp"
 
 #include <doctest/doctest.h>

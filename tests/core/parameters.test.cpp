@@ -55,7 +55,8 @@ TEST_CASE_TEMPLATE("core/parameters: blocks are named, aligned and do not overla
 }
 
 TEST_CASE("core/parameters: a block more does not copy those that stand already") {
-  // A model adds a few large blocks and some twenty small ones. An arena that takes exactly what it needs moves with every one of them.
+  // A model adds a few large blocks and some twenty small ones. An arena that takes exactly what it needs moves with
+  // every one of them.
   ParameterArena<float> arena;
   int moves = 0;
   const float* last = nullptr;

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What both entropy models take from AnchorRateModel; the gradients of the whole are in hac_model.test.cpp and context_gs_model.test.cpp.
+// What both entropy models take from AnchorRateModel; the gradients of the whole are in hac_model.test.cpp and
+// context_gs_model.test.cpp.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -76,7 +77,8 @@ TEST_CASE(
   CHECK(std::equal(there.scaling, there.scaling + 6, in_place.view().scaling.row(3)));
   CHECK(std::equal(there.offset, there.offset + 3 * offsets, in_place.view().offset.row(3)));
 
-  // The way back: what a listed row turns in place, an unlisted one adds to the arena's, where others have added before.
+  // The way back: what a listed row turns in place, an unlisted one adds to the arena's, where others have added
+  // before.
   Table d_in_place(0), d_outside(2);
   const std::vector<double> rate(static_cast<std::size_t>(Parts::Attributes::row), 0.25);
   const std::array<double, 3> d_listed = Parts::pull_back(0, 3, rate.data(), d_in_place.view(), listed);

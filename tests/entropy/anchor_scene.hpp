@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the tests of both entropy models share: a table of anchors in an arena, its model, and a loss: slopes times the distorted rows, plus the
-// rate. A model's own scene derives from it and fills it.
+// What the tests of both entropy models share: a table of anchors in an arena, its model, and a loss: slopes times the
+// distorted rows, plus the rate. A model's own scene derives from it and fills it.
 #pragma once
 
 #include <algorithm>

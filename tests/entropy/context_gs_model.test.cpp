@@ -144,7 +144,8 @@ TEST_CASE("entropy/context_gs_model: an anchor looks at its parent as the parent
     ++seen;
   }
   CHECK(seen > 20);
-  // Another value of an anchor of level 0 changes nobody else's; another value of a head changes some of its children's steps.
+  // Another value of an anchor of level 0 changes nobody else's; another value of a head changes some of its children's
+  // steps.
   const std::vector<double> before = scene.out[0];
   const auto changed_by = [&](int level) {
     std::size_t row = 0;
@@ -224,7 +225,8 @@ TEST_CASE("entropy/context_gs_model: loss, sample and report fit together; masks
   CHECK(report.step_feature > 0.3);
   CHECK(report.step_feature < 2);
   scene.backward(serial);
-  // One offset of an anchor of level 0 less, that stays alive: its bits, and the share of what the last would take along.
+  // One offset of an anchor of level 0 less, that stays alive: its bits, and the share of what the last would take
+  // along.
   const MatrixView<double> mask = scene.arena.values(scene.handles.mask), d = scene.arena.gradients(scene.handles.mask);
   std::size_t tested = 0;
   for (std::size_t row = 0; row < context_gs_anchors && tested < 12; ++row) {

@@ -45,7 +45,8 @@ std::vector<T> cell_positions(std::size_t count) {
   return unit;
 }
 
-/// Corners against the layout's own numbering and against products of weights in double; how many neighbours the clamp has moved.
+/// Corners against the layout's own numbering and against products of weights in double; how many neighbours the clamp
+/// has moved.
 template <class T>
 std::size_t check_corners(double tolerance) {
   constexpr std::size_t count = 64;

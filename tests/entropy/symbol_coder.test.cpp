@@ -64,7 +64,8 @@ bool round_trip(const Chunk& chunk) {
   return decode_symbols(shared_tables(), chunk.models, chunk.encoded(), symbols).ok() && symbols == chunk.symbols;
 }
 
-/// A second decoder, written from the description of the layout: one state after the other, a linear search, numbers read one by one.
+/// A second decoder, written from the description of the layout: one state after the other, a linear search, numbers
+/// read one by one.
 std::vector<std::int64_t> plain_decode(const std::vector<SymbolModel>& models, const Bytes& chunk, bool& ended) {
   std::size_t at = 1;
   const auto number = [&] {

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A folder with a capture in it, opened as the tool opens it, and its views decoded: what is accepted has finite cameras, and images of their cameras' size.
+// A folder with a capture in it, opened as the tool opens it, and its views decoded: what is accepted has finite
+// cameras, and images of their cameras' size.
 #pragma once
 
 #include <cmath>

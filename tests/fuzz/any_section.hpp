@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes in place of one section of a small file, checksums made right: the payload decoders of a codec and what holds them together give an
-// answer, never a crash, and never a model that says it is verified.
+// Any bytes in place of one section of a small file, checksums made right: the payload decoders of a codec and what
+// holds them together give an answer, never a crash, and never a model that says it is verified.
 #pragma once
 
 #include <compmark/codec/cmk.hpp>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any change of a tensor file with a right checksum, because a fuzzer does not guess one: metadata, types, shapes, numbers. And the law of the checksum
-// itself on the way: one byte changed afterwards is found, or changes nothing that is read.
+// Any change of a tensor file with a right checksum, because a fuzzer does not guess one: metadata, types, shapes,
+// numbers. And the law of the checksum itself on the way: one byte changed afterwards is found, or changes nothing that
+// is read.
 #pragma once
 
 #include <unistd.h>
@@ -171,7 +172,8 @@ struct LooseTensors {
   }
 };
 
-/// The bytes of one of some good files, changed as the input says, or of a file that is all the input's; empty where there is none.
+/// The bytes of one of some good files, changed as the input says, or of a file that is all the input's; empty where
+/// there is none.
 inline std::vector<std::byte> any_tensor_file(const std::vector<LooseTensors>& good, FuzzInput& input) {
   const std::size_t choice = input.byte();
   const std::size_t damaged = input.word() * 256 + input.byte();

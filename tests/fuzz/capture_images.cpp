@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as transforms.json, as the photograph that it names, and as that photograph's mask, beside good ones: two lengths of 16 bits and a byte of
-// choices, then the three files. A file of no bytes is the good one.
+// Any bytes as transforms.json, as the photograph that it names, and as that photograph's mask, beside good ones: two
+// lengths of 16 bits and a byte of choices, then the three files. A file of no bytes is the good one.
 #include "any_capture.hpp"
 
 using namespace compmark;

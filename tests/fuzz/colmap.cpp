@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as the three binary files of a COLMAP model: two lengths of 16 bits, then the files. Cameras and poses of an accepted model are
-// brought to ours.
+// Any bytes as the three binary files of a COLMAP model: two lengths of 16 bits, then the files. Cameras and poses of
+// an accepted model are brought to ours.
 #include <compmark/scene/colmap.hpp>
 
 #include <algorithm>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as the three text files of a COLMAP model and as the name of one photograph, beside photographs: two lengths of 16 bits, a byte of choices
-// and a name, then the files. A file of no bytes is the good one. Its binary files have colmap.cpp.
+// Any bytes as the three text files of a COLMAP model and as the name of one photograph, beside photographs: two
+// lengths of 16 bits, a byte of choices and a name, then the files. A file of no bytes is the good one. Its binary
+// files have colmap.cpp.
 #include <algorithm>
 
 #include "any_capture.hpp"

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as a .cmk file: an answer, never a crash; and as the header and table of contents of one whose checksums are right, because
-// a fuzzer does not guess checksums. What is accepted lies inside the file and tiles it.
+// Any bytes as a .cmk file: an answer, never a crash; and as the header and table of contents of one whose checksums
+// are right, because a fuzzer does not guess checksums. What is accepted lies inside the file and tiles it.
 #include <compmark/codec/inspect.hpp>
 
 #include <algorithm>

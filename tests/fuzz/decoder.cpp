@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any change of a decoder file of each kind, its checksum made right: an answer, never a crash; an accepted one reads a small image.
+// Any change of a decoder file of each kind, its checksum made right: an answer, never a crash; an accepted one reads a
+// small image.
 #include <compmark/core/executor.hpp>
 #include <compmark/mark/decoder_file.hpp>
 #include <compmark/mark/lattice_file.hpp>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as a file of any kind: it is named the same way twice, from memory and from disk, and no reader takes what is named as another's.
+// Any bytes as a file of any kind: it is named the same way twice, from memory and from disk, and no reader takes what
+// is named as another's.
 #include <compmark/io/file_kind.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>

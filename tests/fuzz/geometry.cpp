@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as an octree of any number of anchors up to 65,535: an answer, never a crash, and never another number of anchors. What is
-// accepted is in order and encodes again.
+// Any bytes as an octree of any number of anchors up to 65,535: an answer, never a crash, and never another number of
+// anchors. What is accepted is in order and encodes again.
 #include <compmark/codec/geometry.hpp>
 
 #include <cstdint>

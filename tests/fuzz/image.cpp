@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as an image file, and as the chunks of a PNG (whose checksums stb_image does not look at, so they need no mending): decoded whole within its
-// limit, or refused. As a mask of 16 bits too.
+// Any bytes as an image file, and as the chunks of a PNG (whose checksums stb_image does not look at, so they need no
+// mending): decoded whole within its limit, or refused. As a mask of 16 bits too.
 #include <compmark/io/image_file.hpp>
 #include <compmark/scene/mask_file.hpp>
 

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any change of a model file, its checksum made right: an answer, never a crash. What is accepted is finite, and is written and read again the same.
+// Any change of a model file, its checksum made right: an answer, never a crash. What is accepted is finite, and is
+// written and read again the same.
 #include <compmark/pipeline/model_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
 

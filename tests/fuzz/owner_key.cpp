@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as an owner's key, as its fields with commitment, id and checksum made right, and as the record beside a key: an answer, never a crash. A
-// key that is accepted is written and read again the same; and one byte changed in what was written never gives another key.
+// Any bytes as an owner's key, as its fields with commitment, id and checksum made right, and as the record beside a
+// key: an answer, never a crash. A key that is accepted is written and read again the same; and one byte changed in
+// what was written never gives another key.
 #include <compmark/io/owner_key.hpp>
 #include <compmark/mark/key.hpp>
 #include <compmark/mark/message.hpp>
@@ -87,7 +88,8 @@ std::vector<std::byte> repaired(std::span<const std::byte> bytes) {
   return {out.begin(), out.end()};
 }
 
-/// The line that a mark with this decoder leaves, with the input's bytes in place of some of it; then lines of the input alone.
+/// The line that a mark with this decoder leaves, with the input's bytes in place of some of it; then lines of the
+/// input alone.
 void look_at_record(const Place& place, std::span<const std::byte> bytes) {
   std::string text =
       R"({"schema":"compmark.mark.1","key":{"id":"","commitment":")" + place.known.commitment() +
@@ -98,7 +100,8 @@ void look_at_record(const Place& place, std::span<const std::byte> bytes) {
   const auto record = std::as_bytes(std::span<const char>(text.data(), text.size()));
   testing::put_bytes(place.owner.string() + ".record", record);
   testing::put_bytes(place.folder / "mark.json", bytes);
-  // There is a mark on record with another decoder, and no line can hide it: only one that names this decoder lifts the refusal.
+  // There is a mark on record with another decoder, and no line can hide it: only one that names this decoder lifts the
+  // refusal.
   const Result<Done> checked = tool::check_recorded(place.owner, place.known, place.decoder, place.model);
   if (!checked) testing::require_words(checked.error());
   static const std::string own = tool::tensors_sha256(*read_safetensors(place.decoder));

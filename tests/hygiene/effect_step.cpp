@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One training iteration of a recipe, for effects_free.sh. EFFECT_RECIPE is the recipe; with EFFECT_BY_HAND the road is written out here
-// stage by stage, as it is without effects, and the recipe is plain. One thread; as many iterations as the argument says.
+// One training iteration of a recipe, for effects_free.sh. EFFECT_RECIPE is the recipe; with EFFECT_BY_HAND the road is
+// written out here stage by stage, as it is without effects, and the recipe is plain. One thread; as many iterations as
+// the argument says.
 #include <array>
 #include <bit>
 #include <compmark/core/executor.hpp>
@@ -19,7 +20,8 @@ namespace {
 using namespace compmark;
 using namespace compmark::recipes;
 
-/// The one effect of a capture that is in no recipe of the library: a shape of the decoder, which belongs to a trained model.
+/// The one effect of a capture that is in no recipe of the library: a shape of the decoder, which belongs to a trained
+/// model.
 struct ScaffoldAppearance : DefaultRecipe<float, DecoderShape{.appearance_dim = 32}> {};
 
 #ifdef EFFECT_BY_HAND
@@ -31,7 +33,8 @@ struct R : EFFECT_RECIPE {};
 constexpr int width = 96, height = 64;
 
 #ifdef EFFECT_BY_HAND
-/// The road as it is without effects, cut into the same three functions as Pipeline, so that a compiler inlines the same.
+/// The road as it is without effects, cut into the same three functions as Pipeline, so that a compiler inlines the
+/// same.
 struct Road {
   using Context = Pipeline<R>::Context;
   template <Executor E>
@@ -108,7 +111,8 @@ void iterate(Model<R>& model, const Camera<double>& camera, ImageView<const floa
 
 }  // namespace
 
-#ifdef EFFECT_TRAINER  // the anchors' cells are in no iteration, but in how anchors begin and grow; backgrounds are drawn before one
+// the anchors' cells are in no iteration, but in how anchors begin and grow; backgrounds are drawn before one
+#ifdef EFFECT_TRAINER
 template class compmark::Trainer<R, SerialExecutor>;
 void grow(Trainer<R, SerialExecutor>& trainer) {
   struct Views {

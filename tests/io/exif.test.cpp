@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The file format byte by byte (Exif 2.32, TIFF 6.0, JPEG's segments). Whole photographs with an orientation are in tests/scene/turn.test.cpp.
+// The file format byte by byte (Exif 2.32, TIFF 6.0, JPEG's segments). Whole photographs with an orientation are in
+// tests/scene/turn.test.cpp.
 #include "compmark/io/exif.hpp"
 
 #include <doctest/doctest.h>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What small files promise: the smallest file of an image is read, a smaller one that promises as much is refused before memory is taken.
+// What small files promise: the smallest file of an image is read, a smaller one that promises as much is refused
+// before memory is taken.
 #include "compmark/io/image_limit.hpp"
 
 #include <doctest/doctest.h>
@@ -46,7 +47,8 @@ class Deflate {
   std::size_t used_ = 0;
 };
 
-/// `count` zeros as deflate says it in the fewest bits: copies of 258 bytes, each a code of one bit for the length and one for the distance.
+/// `count` zeros as deflate says it in the fewest bits: copies of 258 bytes, each a code of one bit for the length and
+/// one for the distance.
 Data packed_zeros(std::size_t count) {
   Deflate out;
   out.bits(0x78, 8);
@@ -58,7 +60,8 @@ Data packed_zeros(std::size_t count) {
   out.bits(14, 4);  // 18 lengths of the code of lengths, in the format's order: 18, 0, 1 and 2 have two bits
   for (const int symbol : {16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1})
     out.bits(symbol == 18 || symbol <= 2 ? 2 : 0, 3);
-  // Two bits each, in the order of the symbols: 0 -> 00, 1 -> 01, 2 -> 10, 18 -> 11; codes go in from their highest bit.
+  // Two bits each, in the order of the symbols: 0 -> 00, 1 -> 01, 2 -> 10, 18 -> 11; codes go in from their highest
+  // bit.
   const auto length = [&](int symbol) {
     constexpr unsigned codes[] = {0, 2, 1};  // reversed
     out.bits(codes[symbol], 2);
@@ -107,7 +110,8 @@ Data black_png(std::uint32_t width, std::uint32_t height, int depth, int type, s
   return file;
 }
 
-/// A progressive JPEG of one grey component, one bit a block; `interval`: units between restarts, of which `restarts` are there.
+/// A progressive JPEG of one grey component, one bit a block; `interval`: units between restarts, of which `restarts`
+/// are there.
 Data flat_jpeg(unsigned side, unsigned interval, unsigned restarts, bool with_scan = true) {
   Data file;
   put_number(file, 0xFFD8, 2);

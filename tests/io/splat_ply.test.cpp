@@ -104,7 +104,8 @@ TEST_CASE("io/splat_ply: the layout is the published one, byte for byte") {
     CHECK(value(row, 1) == table.mean[1][row]);
     CHECK(value(row, 4) == 0.0f);
     CHECK(value(row, 7) == table.color(1, 0)[row]);
-    // Planar by channel: f_rest index = channel * 15 + (coefficient - 1). Interleaving would put green's first coefficient at 10.
+    // Planar by channel: f_rest index = channel * 15 + (coefficient - 1). Interleaving would put green's first
+    // coefficient at 10.
     CHECK(value(row, 9) == table.color(0, 1)[row]);
     CHECK(value(row, 9 + 15) == table.color(1, 1)[row]);
     CHECK(value(row, 9 + 1) == table.color(0, 2)[row]);

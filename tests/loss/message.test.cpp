@@ -154,7 +154,8 @@ TEST_CASE("loss/message: a power of the hinge costs the margin where nothing is 
     CHECK(
         std::isnan(MessageLoss<double>(settings).forward(std::vector<double>{nan}, std::vector<std::uint8_t>{1}).loss));
   }
-  // far off in float: what is right costs nothing, what is wrong (1e4 + 4) / 4 times as much as what says nothing, squared
+  // far off in float: what is right costs nothing, what is wrong (1e4 + 4) / 4 times as much as what says nothing,
+  // squared
   MessageLoss<float>::Settings single;
   single.rule = MessageRule::hinge;
   single.logit_scale = 1;

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The null of the p-value: 10,000 random keys against unmarked and marked images of a lattice decoder. The law is that the exact interval around
-// the measured rate holds the rate that the test claims; tests that people are tempted to use instead fail it.
+// The null of the p-value: 10,000 random keys against unmarked and marked images of a lattice decoder. The law is that
+// the exact interval around the measured rate holds the rate that the test claims; tests that people are tempted to use
+// instead fail it.
 #include "compmark/mark/calibrate.hpp"
 
 #include <doctest/doctest.h>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Damage of decoder files of every kind: an error, or nothing that is read is another. A decoder with one other number reads another message.
+// Damage of decoder files of every kind: an error, or nothing that is read is another. A decoder with one other number
+// reads another message.
 #include <doctest/doctest.h>
 
 #include <string>

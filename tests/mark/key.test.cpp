@@ -42,7 +42,8 @@ TEST_CASE("mark/key: message, payload mask and carrier seed come from one secret
 }
 
 TEST_CASE("mark/key: messages of different secrets are as different as random ones") {
-  // 300 secrets that differ in one counter: 44,850 pairs at 48 bits; the mean match is 24 with standard error sqrt(12 / 44850) = 0.016
+  // 300 secrets that differ in one counter: 44,850 pairs at 48 bits; the mean match is 24 with standard error sqrt(12 /
+  // 44850) = 0.016
   std::vector<Message> messages;
   for (std::uint64_t i = 0; i < 300; ++i) messages.push_back(message_of(numbered(i)));
   double total = 0, pairs = 0;
@@ -77,7 +78,8 @@ TEST_CASE("mark/key: a payload is read back under the secret, from bits of which
     CHECK(reading.data.hex() == "5eed");
     CHECK(reading.corrected == message_of(key).size() - read.matches(message));
   }
-  // Under another secret the bits are noise: 1.3 % of them lie near a code word, and the CRC lets one in 256 of those through.
+  // Under another secret the bits are noise: 1.3 % of them lie near a code word, and the CRC lets one in 256 of those
+  // through.
   std::size_t read = 0;
   for (std::uint64_t i = 0; i < 2000; ++i) {
     OwnerKey other = numbered(100 + i);

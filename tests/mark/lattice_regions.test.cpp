@@ -209,7 +209,8 @@ TEST_CASE(
       CHECK(after.context.region_norm[r] * after.context.region_share[r] * mean_of <= 1.1 * 1.2 * loudest);
   }
   MESSAGE("moved by up to ", worst_naive, ", limited by up to ", worst, ", the loudest region of the scene ", loudest);
-  // What the corner said before and what it says now, a limit each, the blur's rim in its neighbours and their shares: measured 1.96 limits.
+  // What the corner said before and what it says now, a limit each, the blur's rim in its neighbours and their shares:
+  // measured 1.96 limits.
   CHECK(worst < 2.2 * 1.2 * loudest);
   CHECK(worst_naive > 2 * worst);  // the control: measured 2.4 times
 }

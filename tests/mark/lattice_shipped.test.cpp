@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The decoders of weights/: each is the file its card speaks of, loads, and reads a message from a procedural image marked at 38 dB.
+// The decoders of weights/: each is the file its card speaks of, loads, and reads a message from a procedural image
+// marked at 38 dB.
 #include <doctest/doctest.h>
 
 #include <cmath>

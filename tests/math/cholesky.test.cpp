@@ -121,7 +121,8 @@ TEST_CASE("math/cholesky: what is not positive definite to rounding, or not fini
   CHECK_FALSE(factors({0}, 1));
   CHECK_FALSE(factors({4, 0, 2, std::numeric_limits<double>::quiet_NaN()}, 2));
   CHECK_FALSE(factors({std::numeric_limits<double>::infinity()}, 1));
-  // One direction twice: the second pivot is what rounding left of 0.1 + 0.2 - 0.3, a test against zero alone would take it.
+  // One direction twice: the second pivot is what rounding left of 0.1 + 0.2 - 0.3, a test against zero alone would
+  // take it.
   const double third = 0.1 + 0.2, row = 0.3;
   CHECK(third - row * row / row > 0);
   CHECK_FALSE(factors({row, 0, row, third}, 2));

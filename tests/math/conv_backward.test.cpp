@@ -78,7 +78,8 @@ double dot(const std::vector<double>& a, const std::vector<double>& b) {
   return sum;
 }
 
-/// |<conv x - bias, y> - <x, conv^T y>| and |<conv x, y> - <w, dw> - <b, db>|, relative to the sum of the products' sizes.
+/// |<conv x - bias, y> - <x, conv^T y>| and |<conv x, y> - <w, dw> - <b, db>|, relative to the sum of the products'
+/// sizes.
 std::pair<double, double> adjoint_errors(const ConvShape& shape, int height, int width) {
   SerialExecutor executor;
   Layer<double> layer(shape, height, width, executor);
@@ -97,7 +98,8 @@ std::pair<double, double> adjoint_errors(const ConvShape& shape, int height, int
 TEST_CASE(
     "math/conv_backward: <conv x, y> = <x, conv^T y> = <w, dw> + <b, db> for kernels, strides, paddings and small "
     "sizes") {
-  // sums of at most 5 * 363 * 81 products in double: a few hundred roundings of 1.1e-16; a wrong tap is an error of order 0.1
+  // sums of at most 5 * 363 * 81 products in double: a few hundred roundings of 1.1e-16; a wrong tap is an error of
+  // order 0.1
   double worst_input = 0, worst_weight = 0;
   int cases = 0;
   for (const int kernel : {1, 2, 3, 4, 5, 11}) {

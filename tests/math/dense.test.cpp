@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Small products against a plain loop, bit for bit: every tile shape, both orientations of A, padded rows, every start and finish.
+// Small products against a plain loop, bit for bit: every tile shape, both orientations of A, padded rows, every start
+// and finish.
 #include "compmark/math/dense.hpp"
 
 #include <doctest/doctest.h>

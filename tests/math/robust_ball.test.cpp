@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The robust ball on planted scenes: what a few far places do to it (nothing), what they do to a box from minimum to maximum (the control), and
-// that a scene whose far field is real keeps all of it.
+// The robust ball on planted scenes: what a few far places do to it (nothing), what they do to a box from minimum to
+// maximum (the control), and that a scene whose far field is real keeps all of it.
 #include "compmark/math/robust_ball.hpp"
 
 #include <doctest/doctest.h>
@@ -51,7 +51,8 @@ Places drawn(std::size_t count, std::uint64_t seed, double (*coordinate)(double)
   }
   return places;
 }
-/// Scenes without an outlier. The last has a real far field: a twentieth of it in a sky at 60 radii, and some all the way there.
+/// Scenes without an outlier. The last has a real far field: a twentieth of it in a sky at 60 radii, and some all the
+/// way there.
 std::vector<Planted> planted_scenes() {
   std::vector<Planted> scenes{{"a cube", drawn(1000, 1, [](double u) { return 2 * u - 1; })},
                               {"a dense middle", drawn(3000, 2, [](double u) { return std::pow(2 * u - 1, 3); })},

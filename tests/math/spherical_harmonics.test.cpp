@@ -82,7 +82,8 @@ double orthonormality_error(const F& f) {
   return worst;
 }
 
-/// Colour of rotated coefficients in rotated directions against the original; D(R) by projection, D_ij = int Y_i(R d) Y_j(d).
+/// Colour of rotated coefficients in rotated directions against the original; D(R) by projection, D_ij = int Y_i(R d)
+/// Y_j(d).
 template <class F>
 double rotation_error(const F& f) {
   const Random random(2, 0, random_stage("sh test"));

@@ -44,7 +44,8 @@ TEST_CASE("metric/ssim: equals the reference on noise, on bright flat images and
 }
 
 TEST_CASE("metric/ssim: closed form for constant images, away from the border") {
-  // sigma = 0, so S = (2 a b + C1) / (a^2 + b^2 + C1) inside; the border sees zeros on both sides and is larger or smaller.
+  // sigma = 0, so S = (2 a b + C1) / (a^2 + b^2 + C1) inside; the border sees zeros on both sides and is larger or
+  // smaller.
   const int size = 401;
   const std::vector<float> a(static_cast<std::size_t>(size * size), 0.5f);
   const std::vector<float> b(static_cast<std::size_t>(size * size), 0.25f);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// COLMAP itself as a peer: what its model_converter makes of a model, text or binary, reads as the same model. Label peer; without the
-// program the tests say so and are skipped.
+// COLMAP itself as a peer: what its model_converter makes of a model, text or binary, reads as the same model. Label
+// peer; without the program the tests say so and are skipped.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -48,8 +48,8 @@ ColmapModel read(const fs::path& folder, bool binary) {
   return *model;
 }
 
-/// How many numbers differ in any bit; -1 where the structure differs. Rotations are compared with `ulps` in units of the last place of 1:
-/// COLMAP normalises quaternions again when it reads them.
+/// How many numbers differ in any bit; -1 where the structure differs. Rotations are compared with `ulps` in units of
+/// the last place of 1: COLMAP normalises quaternions again when it reads them.
 long differences(const ColmapModel& a, const ColmapModel& b, double ulps) {
   long different = 0;
   const auto compare = [&](double x, double y) { different += x == y ? 0 : 1; };
@@ -85,8 +85,8 @@ long differences(const ColmapModel& a, const ColmapModel& b, double ulps) {
   return different;
 }
 
-/// Binary files with a camera of each model that COLMAP 3.8 knows, an image for each, and points that all of them see: tracks and features
-/// name each other, as COLMAP insists.
+/// Binary files with a camera of each model that COLMAP 3.8 knows, an image for each, and points that all of them see:
+/// tracks and features name each other, as COLMAP insists.
 void put_model_of_every_camera(const fs::path& folder) {
   constexpr std::uint32_t models = 11;
   constexpr std::uint64_t points = 3;

@@ -94,7 +94,8 @@ std::size_t channel_of(const Int8Quantizer<T>& quantizer, std::size_t i, std::si
   }
 }
 
-/// Values further than s / 2 (1 + 2^-13 eps / 2^-23) from themselves: 255 times a rounding of each of quotient and product, and two of s.
+/// Values further than s / 2 (1 + 2^-13 eps / 2^-23) from themselves: 255 times a rounding of each of quotient and
+/// product, and two of s.
 template <class T>
 std::size_t beyond_half_a_step(const Tensor<T>& tensor, const std::vector<T>& out, const auto& scale_of_value) {
   const long double slack = 255.0L * 4 * std::numeric_limits<T>::epsilon();

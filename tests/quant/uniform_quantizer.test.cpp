@@ -156,7 +156,8 @@ TEST_CASE("quant/uniform: what is not finite is refused, and so are steps that d
 }
 
 TEST_CASE("quant/uniform: gradients pass straight through, and are added") {
-  // The surrogate that is differentiated: x plus the residual of the rounding, held. The rounding itself has derivative 0 almost everywhere.
+  // The surrogate that is differentiated: x plus the residual of the rounding, held. The rounding itself has derivative
+  // 0 almost everywhere.
   const auto quantizer = UniformQuantizer<double>::create({0.25});
   const Random random(6, 0, 1);
   std::vector<double> x(50), out(50), residual(50), d_out(50), d_x(50, 0.0);

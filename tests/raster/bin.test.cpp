@@ -57,7 +57,8 @@ RasterScene<float> thin_scene(std::uint64_t seed, std::size_t count, int width, 
   return scene;
 }
 
-/// The tiles that splat s must be in: those with a pixel centre where alpha >= alpha_min, by evaluating every pixel in double.
+/// The tiles that splat s must be in: those with a pixel centre where alpha >= alpha_min, by evaluating every pixel in
+/// double.
 std::vector<char> tiles_by_force(const Splat<float>& s, int width, int height, int tiles_x, int tiles_y, double slack) {
   std::vector<char> hit(static_cast<std::size_t>(tiles_x * tiles_y), 0);
   for (int y = 0; y < height; ++y) {
@@ -79,7 +80,8 @@ bool same_lists(const TileLists& a, const TileLists& b) {
          std::equal(a.first_slot.begin(), a.first_slot.end(), b.first_slot.begin(), b.first_slot.end());
 }
 
-/// What TileLists promises: ascending splats in each tile; slots are a permutation, splat by splat, tiles row-major within a splat.
+/// What TileLists promises: ascending splats in each tile; slots are a permutation, splat by splat, tiles row-major
+/// within a splat.
 template <class T>
 void check_structure(const Binned<T>& binned) {
   const TileLists& lists = binned.lists;
@@ -129,7 +131,8 @@ TEST_CASE("raster/bin: exact tiles: no tile is missed, at most 1 % are too many,
   }
   MESSAGE(pairs, " pairs, ", in_boxes, " in boxes, ", extra, " without a pixel centre inside");
   CHECK(missed == 0);
-  // The test minimises over the whole rectangle of pixel centres, a thin ellipse may pass between two of them: that is not an error.
+  // The test minimises over the whole rectangle of pixel centres, a thin ellipse may pass between two of them: that is
+  // not an error.
   CHECK(static_cast<double>(extra) <= 0.01 * static_cast<double>(pairs));
   CHECK(2 * pairs < in_boxes);
 }
@@ -164,7 +167,8 @@ TEST_CASE("raster/bin: a crop of whole tiles has the lists of the full image (TB
       for (std::size_t p = crop.lists.begin[b]; p < crop.lists.begin[b + 1]; ++p)
         in_crop.push_back(crop.projected.source[crop.lists.splat[p]]);
       compared += in_full.size();
-      // The Jacobian's clamp follows the image, so a few splats beyond the crop's limits may differ: none here is dropped from both.
+      // The Jacobian's clamp follows the image, so a few splats beyond the crop's limits may differ: none here is
+      // dropped from both.
       CHECK(std::abs(static_cast<int>(in_full.size()) - static_cast<int>(in_crop.size())) <=
             static_cast<int>(in_full.size()) / 4 + 2);
     }

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Case BF6: forward and backward must blend the very same splats at every pixel, whatever the compiler's flags made of the two loops. Seen
-// from outside: with splat i alone white on black, the picture is its weight at every pixel; with one pixel alone in the gradient of the
-// picture, the gradient of the colours is the weight of every splat there. tests/CMakeLists.txt builds this file with several sets of flags.
+// Case BF6: forward and backward must blend the very same splats at every pixel, whatever the compiler's flags made of
+// the two loops. Seen from outside: with splat i alone white on black, the picture is its weight at every pixel; with
+// one pixel alone in the gradient of the picture, the gradient of the colours is the weight of every splat there.
+// tests/CMakeLists.txt builds this file with several sets of flags.
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -54,7 +54,8 @@ static_assert(sizeof(TileWith<float, accuracy::standard, Mip>) == sizeof(TileRas
 static_assert(Rasterizer<TileWith<float, accuracy::standard, WideMip<float>>>);
 static_assert(Rasterizer<ReferenceRasterizer<long double, accuracy::spec, PhoneMip<long double>>>);
 
-/// One isotropic Gaussian of `pixels` standard deviation, its mean moved by (x, y) pixels from the centre of an odd image.
+/// One isotropic Gaussian of `pixels` standard deviation, its mean moved by (x, y) pixels from the centre of an odd
+/// image.
 RasterScene<double> small_gaussian(double pixels, double x, double y) {
   RasterScene<double> scene = stack<double>(1, 0.9);
   scene.background = {};
@@ -69,8 +70,9 @@ RasterScene<double> small_gaussian(double pixels, double x, double y) {
   return scene;
 }
 
-/// Sum of the image's first channel over opacity, averaged over 4 x 4 positions of the mean in its pixel: sampling a blurred splat once a
-/// pixel ripples by 0.5 %, and the average of four positions cancels all harmonics below the fourth.
+/// Sum of the image's first channel over opacity, averaged over 4 x 4 positions of the mean in its pixel: sampling a
+/// blurred splat once a pixel ripples by 0.5 %, and the average of four positions cancels all harmonics below the
+/// fourth.
 template <class R>
 double energy(double pixels) {
   double total = 0;

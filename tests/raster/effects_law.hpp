@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the tests of the lens and of the mip filter share: rasterizers with effects, pictures on black, and the gradient law with settings.
+// What the tests of the lens and of the mip filter share: rasterizers with effects, pictures on black, and the gradient
+// law with settings.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -58,9 +59,9 @@ R with_lens() {
   return R(settings);
 }
 
-/// Law R2 with effects: every entry of every column against central differences of two widths, whose truncation is extrapolated away: the
-/// steps follow the entry, because scales are a hundredth of everything else. Relative to the largest gradient of the column. For rasterizers
-/// without a hard cut.
+/// Law R2 with effects: every entry of every column against central differences of two widths, whose truncation is
+/// extrapolated away: the steps follow the entry, because scales are a hundredth of everything else. Relative to the
+/// largest gradient of the column. For rasterizers without a hard cut.
 template <class R>
 void check_gradients(const R& rasterizer, RasterScene<double>& scene, double tolerance) {
   const std::size_t n = scene.gaussians.size();

@@ -311,7 +311,8 @@ TEST_CASE("raster/project: opacities at and above the cut-off survive, those bel
        {0.0f, -0.0f, -0.5f, std::nextafter(cut, 0.0f), std::nanf(""), std::numeric_limits<float>::denorm_min()}) {
     CHECK(visible(opacity) == 0);
   }
-  // Negative controls: the extent of an opacity below the cut-off is no number (TB8), and other ways to ask for "above 0" let through what is not (TB9).
+  // Negative controls: the extent of an opacity below the cut-off is no number (TB8), and other ways to ask for "above
+  // 0" let through what is not (TB9).
   CHECK(std::isnan(std::sqrt(2 * std::log(255 * std::nextafter(cut, 0.0f)))));
   for (const float opacity : {0.0f, -0.0f}) CHECK(opacity >= 0);
   CHECK_FALSE(std::nanf("") < 0);

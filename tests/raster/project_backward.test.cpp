@@ -26,8 +26,8 @@ namespace {
 constexpr Accuracy published{.exp_degree = 0, .published_backward = true};
 constexpr std::size_t probes = 6;
 
-/// A loss that sees a splat through a few points around its mean, as pixels do: sum c_p opacity exp(-sigma(p)) + colours and depth.
-/// The points stay where they are when the parameters move.
+/// A loss that sees a splat through a few points around its mean, as pixels do: sum c_p opacity exp(-sigma(p)) +
+/// colours and depth. The points stay where they are when the parameters move.
 template <class T>
 struct Probes {
   std::vector<std::array<T, 3>> point;  // [probes per Gaussian]: x, y, c
@@ -93,7 +93,8 @@ ProjectedSplats<T> projected(const RasterScene<T>& scene, ProjectionSettings<T> 
   return result;
 }
 
-/// One sum per splat, in depth order, to one per Gaussian; those of invisible ones are NaN, because nobody may use them.
+/// One sum per splat, in depth order, to one per Gaussian; those of invisible ones are NaN, because nobody may use
+/// them.
 template <class T>
 std::vector<SplatGradient<T>> by_gaussian(const ProjectedSplats<T>& splats, const std::vector<SplatGradient<T>>& sums) {
   constexpr T nan = std::numeric_limits<T>::quiet_NaN();

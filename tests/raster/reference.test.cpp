@@ -96,7 +96,8 @@ TEST_CASE(
   const double exclusive = at(scene, render(ReferenceRasterizer<double, accuracy::inria>{}, scene).image, 0, 16, 16);
   CHECK(inclusive <= 1e-4 * 1.0001);
   CHECK(exclusive >= inclusive);
-  // With a layer of transmittance 0.009 first, the published rule drops the wall behind it and 90 times the threshold shines through.
+  // With a layer of transmittance 0.009 first, the published rule drops the wall behind it and 90 times the threshold
+  // shines through.
   scene.gaussians.columns().opacity[0] = 0.98;
   scene.gaussians.columns().opacity[1] = 0.55;  // 0.02 * 0.45 = 0.009
   CHECK(at(scene, render(ReferenceRasterizer<double>{}, scene).image, 0, 16, 16) <= 1e-4);

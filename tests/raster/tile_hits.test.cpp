@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The two forms of the tile test agree: boxes exactly, hits but for the last bits where a splat only just touches a tile.
+// The two forms of the tile test agree: boxes exactly, hits but for the last bits where a splat only just touches a
+// tile.
 #include "compmark/raster/tile_hits.hpp"
 
 #include <doctest/doctest.h>

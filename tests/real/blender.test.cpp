@@ -73,8 +73,9 @@ TEST_CASE("real/blender: lego and chair open with their counts and sizes") {
 }
 
 TEST_CASE("real/blender: the objects are where the cameras look (case CA2)") {
-  // The centroid of a convex object's silhouette is near the projection of its centre. A flipped axis or a transposed rotation moves it
-  // by hundreds of pixels. Measured at 800 pixels for lego: mean distance 20; with the rotation transposed: 7,900.
+  // The centroid of a convex object's silhouette is near the projection of its centre. A flipped axis or a transposed
+  // rotation moves it by hundreds of pixels. Measured at 800 pixels for lego: mean distance 20; with the rotation
+  // transposed: 7,900.
   const auto data = testing::data_dir();
   if (!data) {
     MESSAGE("skipped: no real data (set COMPMARK_DATA_DIR)");
@@ -82,7 +83,8 @@ TEST_CASE("real/blender: the objects are where the cameras look (case CA2)") {
   }
   const Result<Dataset> dataset = open_dataset(*data / "blender" / "lego", {});
   REQUIRE(dataset.ok());
-  // The centre of the object: least squares over 12 views of the rays through the centroids, then the distances of the reprojections.
+  // The centre of the object: least squares over 12 views of the rays through the centroids, then the distances of the
+  // reprojections.
   std::array<double, 9> normal{};
   std::array<double, 3> right{};
   std::vector<Silhouette> shapes;

@@ -129,8 +129,8 @@ TEST_CASE("real/captures: every shared scene opens, and its first image decodes 
 }
 
 TEST_CASE("real/captures: fern's points land on its features through its lens, and not without") {
-  // The lens moves corners by 3.7 pixels. The features of this file were computed from the points through COLMAP's own formula, so ours
-  // must agree to rounding; measured: 5e-13 pixels, 1.6 without the lens.
+  // The lens moves corners by 3.7 pixels. The features of this file were computed from the points through COLMAP's own
+  // formula, so ours must agree to rounding; measured: 5e-13 pixels, 1.6 without the lens.
   const auto data = testing::data_dir();
   if (!data) {
     MESSAGE("skipped: no real data (set COMPMARK_DATA_DIR)");

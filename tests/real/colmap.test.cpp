@@ -24,8 +24,8 @@ constexpr ExpectedCapture scenes[] = {{"colmap_king", 23, 3, 1443, 0},
                                       {"colmap_gerrard_hall", 100, 13, 11726, 0},
                                       {"llff_fern", 20, 3, 10091, 4}};
 
-/// Distances in pixels between the features COLMAP found and its points through our camera, sorted. `quaternion_last` reads the
-/// rotation in the wrong order: the negative control.
+/// Distances in pixels between the features COLMAP found and its points through our camera, sorted. `quaternion_last`
+/// reads the rotation in the wrong order: the negative control.
 std::vector<double> reprojection_errors(const Dataset& dataset, const ColmapModel& model,
                                         bool quaternion_last = false) {
   std::vector<double> errors;

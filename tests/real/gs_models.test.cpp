@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Splat files that other tools wrote (data/gs_models): the reader takes them, and writing them again keeps every number.
+// Splat files that other tools wrote (data/gs_models): the reader takes them, and writing them again keeps every
+// number.
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -80,8 +80,8 @@ TEST_CASE("mark/lattice: shipped decoders on photographs that were held out, cle
       CAPTURE(name);
       CAPTURE(result.accuracy[d]);
       if (name == "none") CHECK(result.accuracy[d] >= 0.99);
-      // The cards measure 32 photographs and twice the steps; six of them scatter by about two points. 64 bits read .862 after scaling
-      // here (.916 on the card), and .823 before the training.
+      // The cards measure 32 photographs and twice the steps; six of them scatter by about two points. 64 bits read
+      // .862 after scaling here (.916 on the card), and .823 before the training.
       const double least = bits == 64 ? 0.84 : 0.88;
       if (name == "noise 0.1" || name == "JPEG 50" || name == "scale 75 % (side)" || name == "crop 40 % (area)")
         CHECK(result.accuracy[d] >= least);

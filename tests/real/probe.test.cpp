@@ -18,8 +18,8 @@ TEST_CASE("real/probe: what the shared captures call for") {
     const char* scene;
     const char* effects;
   };
-  // Fox's principal point is 3.6 pixels off the centre. In the photographs of gerrard_hall and king the brightness of the
-  // same features differs by 14 % and 10 % from one to the next, in those of cup by 6 %.
+  // Fox's principal point is 3.6 pixels off the centre. In the photographs of gerrard_hall and king the brightness of
+  // the same features differs by 14 % and 10 % from one to the next, in those of cup by 6 %.
   for (const Expected& expected : {Expected{"blender/lego", "alpha "}, Expected{"blender/chair", "alpha "},
                                    Expected{"transforms_fox", "principal_point lens_distortion "},
                                    Expected{"llff_fern", "lens_distortion forward_facing "},

@@ -101,7 +101,8 @@ TEST_CASE(
   REQUIRE(unmarked.ok());
   MESSAGE(calibration_text(*unmarked));
   CHECK(unmarked->holds());
-  // Photographs are far from independent for this decoder: their p-values must not be multiplied, and a fixed message would not do.
+  // Photographs are far from independent for this decoder: their p-values must not be multiplied, and a fixed message
+  // would not do.
   CHECK(unmarked->images_worth < 0.8 * static_cast<double>(views.size()));
   CHECK(unmarked->largest_bias > 0.15);
 

@@ -122,8 +122,9 @@ TEST_CASE("scene/between: drawn cameras fill the triangle of a view and two neig
     places.insert(drawn.center_world[0]);
   }
   CHECK(places.size() > 90);
-  // As often near by as far: a quarter of them in the quarter of the way that is nearest to the view. Uniform in the triangle it were a sixteenth.
-  // A view and one neighbour, so that the way is a line; of 400 draws a quarter is 100 with a deviation of 8.7.
+  // As often near by as far: a quarter of them in the quarter of the way that is nearest to the view. Uniform in the
+  // triangle it were a sixteenth. A view and one neighbour, so that the way is a line; of 400 draws a quarter is 100
+  // with a deviation of 8.7.
   int near_by = 0;
   for (std::uint64_t t = 0; t < 400; ++t) {
     const Camera<double> drawn = drawn_camera(camera, 2, 0, Random(2, t, random_stage("test")));

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One capture in every dialect that is read: twelve cameras on a tilted circle around a cube, whose eight corners are the points. Poses are
-// exact; each writer converts them to its own axes.
+// One capture in every dialect that is read: twelve cameras on a tilted circle around a cube, whose eight corners are
+// the points. Poses are exact; each writer converts them to its own axes.
 #pragma once
 
 #include <array>

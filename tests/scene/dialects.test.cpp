@@ -212,8 +212,8 @@ TEST_CASE("scene/dialects: masks by frame, by folder and by the image's full nam
 }
 
 TEST_CASE("scene/dialects: a scene far from the origin, large or small loads to the same scene (cases PR7, PR8)") {
-  // The same numbers in another unit or place: cameras and points agree after undoing both. Without moving to the origin floats at 1e5
-  // would be off by 4e-3.
+  // The same numbers in another unit or place: cameras and points agree after undoing both. Without moving to the
+  // origin floats at 1e5 would be off by 4e-3.
   const CubeCapture plain = cube_capture();
   double plain_radius = 0;  // of the first case, which is the plain one
   struct Case {

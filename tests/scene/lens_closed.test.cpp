@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The three lenses with a formula back, against what their papers say of them; round trips and Jacobians of all models are in lens.test.cpp.
+// The three lenses with a formula back, against what their papers say of them; round trips and Jacobians of all models
+// are in lens.test.cpp.
 #include "compmark/scene/lens_closed.hpp"
 
 #include <doctest/doctest.h>
@@ -70,7 +71,8 @@ TEST_CASE(
       }
     }
   }
-  // Barrel: at r_d = 1 / sqrt(-k) the ray is at 90 degrees. Pincushion: rays end at 1 / (2 sqrt(k)), which lands at 1 / sqrt(k).
+  // Barrel: at r_d = 1 / sqrt(-k) the ray is at 90 degrees. Pincushion: rays end at 1 / (2 sqrt(k)), which lands at 1 /
+  // sqrt(k).
   CHECK(back({M::division, {-0.25}}, 2.001) == -1);
   CHECK(back({M::division, {-0.25}}, 1.999) > 500);
   CHECK(detail::closed_limit({M::division, {-0.25}}) == std::numeric_limits<double>::infinity());
@@ -94,8 +96,8 @@ TEST_CASE(
       for (const double beta : {0.6, 1.0, 1.7}) {
         const Lens lens{M::eucm, {alpha, beta}};
         const double landed = radius(lens, ray);
-        // m_z = (1 - beta alpha^2 r^2) / (alpha sqrt(1 - (2 alpha - 1) beta r^2) + 1 - alpha), the paper's unprojection. Near 90 degrees
-        // the ray is a quotient of two small numbers.
+        // m_z = (1 - beta alpha^2 r^2) / (alpha sqrt(1 - (2 alpha - 1) beta r^2) + 1 - alpha), the paper's
+        // unprojection. Near 90 degrees the ray is a quotient of two small numbers.
         const double q = landed * landed;
         const double root = std::sqrt(std::fmax(0.0, 1 - (2 * alpha - 1) * beta * q));
         const double m = (1 - beta * alpha * alpha * q) / (alpha * root + 1 - alpha);
@@ -104,7 +106,8 @@ TEST_CASE(
       }
     }
   }
-  // Above alpha = 1/2 the image ends at 1 / sqrt((2 alpha - 1) beta); below, beyond 1 / (alpha sqrt(beta)) rays come from behind.
+  // Above alpha = 1/2 the image ends at 1 / sqrt((2 alpha - 1) beta); below, beyond 1 / (alpha sqrt(beta)) rays come
+  // from behind.
   CHECK(back({M::eucm, {0.7, 1}}, 1.001 / std::sqrt(0.4)) == -1);
   CHECK(back({M::eucm, {0.5, 1}}, 1.999) > 500);
   CHECK(back({M::eucm, {0.5, 1}}, 2.001) == -1);

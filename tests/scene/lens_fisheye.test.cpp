@@ -114,7 +114,8 @@ TEST_CASE("scene/lens_fisheye: radial models turn with the image, tangential and
     prism.parameters[i] = 0.01;
     CHECK(turned(prism) > 1e-4);
   }
-  // Project Aria's order: p0 belongs to x (its own axis counts three times), p1 to y; s0 s1 move along x, s2 s3 along y.
+  // Project Aria's order: p0 belongs to x (its own axis counts three times), p1 to y; s0 s1 move along x, s2 s3 along
+  // y.
   const auto at = [](std::size_t i) {
     Lens lens{M::rad_tan_thin_prism_fisheye, {}};
     lens.parameters[i] = 0.01;

@@ -17,7 +17,8 @@ const Lens opencv{LensModel::opencv, {-0.2, 0.06, 0.002, -0.003}};
 const Lens cubic{LensModel::full_opencv, {-0.2, 0.06, 0.002, -0.003, 0.01}};
 const Lens kannala_brandt{LensModel::opencv_fisheye, {-0.03, 0.004, -0.001, 0.0002}};
 
-/// Points in front of the camera: on the axis, around both borders of the fisheye's series (r = 1/4, 1/2), at the image's edge.
+/// Points in front of the camera: on the axis, around both borders of the fisheye's series (r = 1/4, 1/2), at the
+/// image's edge.
 const std::vector<std::array<double, 3>> lens_points{{0, 0, 2},        {1e-9, -2e-9, 1}, {0.1, -0.2, 2},
                                                      {0.2499, 0, 1},   {0.2501, 0, 1},   {0.3, 0.3999, 1},
                                                      {-0.9, 0.7, 1.3}, {120, -80, 200},  {3e-4, 4e-4, 1e-3}};

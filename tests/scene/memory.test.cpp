@@ -30,7 +30,8 @@ std::string another_name(const std::filesystem::path& file, int i) {
 }  // namespace
 
 TEST_CASE("scene/image_store: a thousand images of four megapixels stay below 2 GiB (80 of them under a sanitizer)") {
-  // One grey PNG, the cheapest file to decode, stands for all of them; each view is decoded and kept on its own. All together are 12 GB.
+  // One grey PNG, the cheapest file to decode, stands for all of them; each view is decoded and kept on its own. All
+  // together are 12 GB.
   const TemporaryFolder folder;
   constexpr std::size_t width = 2500, height = 1600;
   ImageBytes grey{width, height, 1, std::vector<std::uint8_t>(width * height, 77)};

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A few points or one camera far away: the scene is the same as without them, and what is left out is said with its number.
+// A few points or one camera far away: the scene is the same as without them, and what is left out is said with its
+// number.
 #include <doctest/doctest.h>
 
 #include <algorithm>

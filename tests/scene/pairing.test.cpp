@@ -54,7 +54,8 @@ std::string number(std::size_t i, std::size_t digits) {
   return std::string(text.size() < digits ? digits - text.size() : 0, '0') + text;
 }
 
-/// A capture in one to four folders with stems that may be in several of them, and its names as another machine wrote them.
+/// A capture in one to four folders with stems that may be in several of them, and its names as another machine wrote
+/// them.
 Renaming renamed_capture(std::uint64_t seed) {
   Choices any(seed);
   static const Names all_folders{"",          "cam0",     "cam1",  "cam10",     "left/raw",

@@ -17,8 +17,8 @@ using namespace compmark::testing;
 
 namespace {
 
-/// A capture that calls for nothing: twelve cameras around a cube of 64 points, grey photographs with a border of many colours, a feature
-/// for every point in every view. What is planted is changed before it is written.
+/// A capture that calls for nothing: twelve cameras around a cube of 64 points, grey photographs with a border of many
+/// colours, a feature for every point in every view. What is planted is changed before it is written.
 struct Plant {
   CubeCapture capture = cube_capture();
   ColmapModel model;
@@ -285,7 +285,8 @@ TEST_CASE("scene/probe: a screen behind opaque photographs is a background, with
     CHECK(effects[0].effect == SceneEffect::constant_background);
     for (std::size_t c = 0; c < 3; ++c) CHECK(std::abs(effects[0].color[c] * 255 - color[c]) < 1);
   }
-  // Not one colour: a screen of another colour in one photograph, a subject that touches the border of one, noise of a wall.
+  // Not one colour: a screen of another colour in one photograph, a subject that touches the border of one, noise of a
+  // wall.
   CHECK(probed([&](Plant& p) {
           for (ImageBytes& image : p.images) image = screen({255, 255, 255}, 1);
           p.images[7] = screen({230, 255, 255}, 1);
@@ -301,7 +302,8 @@ TEST_CASE("scene/probe: a screen behind opaque photographs is a background, with
 
 namespace {
 
-/// Depth ratio of the probe for points as twelve cameras on a circle of radius 1 see them, looking at the centre; or from `centers`.
+/// Depth ratio of the probe for points as twelve cameras on a circle of radius 1 see them, looking at the centre; or
+/// from `centers`.
 struct Surroundings {
   std::vector<std::array<double, 3>> centers, targets;
   std::vector<std::array<float, 3>> points;
@@ -432,7 +434,8 @@ TEST_CASE("scene/probe: the limit of the far field parts a family of bounded sce
 }
 
 TEST_CASE("scene/probe: gains of photographs are found through points that disagree") {
-  // Eight views with known gains; a fifth of the points change their brightness at random (highlights). Medians do not care.
+  // Eight views with known gains; a fifth of the points change their brightness at random (highlights). Medians do not
+  // care.
   std::vector<detail::PointBrightness> brightness;
   double mean = 0, square = 0;
   for (std::size_t v = 0; v < 8; ++v) {

@@ -96,8 +96,8 @@ TEST_CASE("scene/procedural: the written dataset opens with the exact cameras") 
 }
 
 TEST_CASE("scene/procedural: a known point of the scene lies on its pixel, through files and readers") {
-  // The red, cyan and magenta spheres are single-coloured: in each view, the centroid of the pixels the picture shows in that colour
-  // must lie where the camera of the opened dataset puts the sphere, if the sphere is wholly seen.
+  // The red, cyan and magenta spheres are single-coloured: in each view, the centroid of the pixels the picture shows
+  // in that colour must lie where the camera of the opened dataset puts the sphere, if the sphere is wholly seen.
   const TemporaryFolder folder;
   ProceduralSettings settings = small_settings();
   settings.width = settings.height = 160;
@@ -153,7 +153,8 @@ TEST_CASE("scene/procedural: a known point of the scene lies on its pixel, throu
       CAPTURE(i);
       CAPTURE(object);
       REQUIRE(weight > 5);
-      // Measured: one at 1.4 pixels, where the white highlight is large, the others below 0.25; a wrong axis is off by tens.
+      // Measured: one at 1.4 pixels, where the white highlight is large, the others below 0.25; a wrong axis is off by
+      // tens.
       CHECK(std::abs(sum[0] / weight - expected[0]) < 2.0);
       CHECK(std::abs(sum[1] / weight - expected[1]) < 2.0);
       ++compared;

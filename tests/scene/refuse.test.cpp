@@ -63,7 +63,8 @@ TEST_CASE("scene/refuse: every malformed file gets one line with file, field and
     CHECK(names(*error, file, field, remedy));
     CHECK(!error->remedy.empty());
   }
-  // The largest of these files has 5 KB and several ask for 2^60 records: all of them together take less than a decoder's buffers.
+  // The largest of these files has 5 KB and several ask for 2^60 records: all of them together take less than a
+  // decoder's buffers.
   CHECK(peak_memory() < before + (std::size_t{64} << 20));
 }
 

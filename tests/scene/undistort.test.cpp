@@ -62,8 +62,8 @@ TEST_CASE("scene/undistort: the photograph without its lens is what a pinhole se
       worst = std::fmax(worst, std::abs(straight.planes[i] - expected[i]));
       ignored_worst = std::fmax(ignored_worst, std::abs(taken[i] - expected[i]));
     }
-    // Bilinear: h^2 / 8 of a second derivative of 70 * 81 + 40 * 137 = 11,150 a unit^2, and h = 1/160 stretched by up to 1.5 by the lens:
-    // 0.12; half a level of rounding twice; half a pixel of replicated border. Measured: 1 or 2.
+    // Bilinear: h^2 / 8 of a second derivative of 70 * 81 + 40 * 137 = 11,150 a unit^2, and h = 1/160 stretched by up
+    // to 1.5 by the lens: 0.12; half a level of rounding twice; half a pixel of replicated border. Measured: 1 or 2.
     CHECK(worst <= 2);
     CHECK(ignored_worst > 5);  // the negative control, measured 7 (the weak lens) to 151
     CHECK(valid > expected.size() * 3 / 4);
@@ -72,7 +72,8 @@ TEST_CASE("scene/undistort: the photograph without its lens is what a pinhole se
 
 TEST_CASE("scene/undistort: a pixel is valid exactly where the photograph has its ray") {
   const Camera<double> camera = camera_of(80, 60, 70);
-  // A lens that pulls the corners in shows rays beyond the pinhole's corners: everything is valid. One that pushes them out does not.
+  // A lens that pulls the corners in shows rays beyond the pinhole's corners: everything is valid. One that pushes them
+  // out does not.
   const std::vector<std::uint8_t> grey(80 * 60, 100);
   CHECK(undistort_planes(camera, {LensModel::simple_radial, {-0.1}}, grey).valid.empty());
   const UndistortedPlanes outward = undistort_planes(camera, {LensModel::simple_radial, {0.2}}, grey);
@@ -80,7 +81,8 @@ TEST_CASE("scene/undistort: a pixel is valid exactly where the photograph has it
   CHECK(outward.valid[0] == 0);
   CHECK(outward.valid[30 * 80 + 40] == 255);
   CHECK(outward.planes == grey);  // the border is repeated, not black
-  // Beyond the fold of the lens nothing is valid, although the formula lands inside the image again: r = 1/sqrt(3 * 0.9) = 0.609.
+  // Beyond the fold of the lens nothing is valid, although the formula lands inside the image again: r = 1/sqrt(3 *
+  // 0.9) = 0.609.
   const Camera<double> wide = camera_of(80, 60, 30);
   const UndistortedPlanes folded = undistort_planes(wide, {LensModel::simple_radial, {-0.9}}, grey);
   REQUIRE(folded.valid.size() == grey.size());

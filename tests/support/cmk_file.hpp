@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// For the tests of both codecs: models compared to the bit, files taken apart and forged (with right checksums: they stand for a program that
-// writes nonsense, which no checksum finds), and the laws that hold for a file of either codec.
+// For the tests of both codecs: models compared to the bit, files taken apart and forged (with right checksums: they
+// stand for a program that writes nonsense, which no checksum finds), and the laws that hold for a file of either
+// codec.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -96,8 +97,9 @@ Error error_of_forged(std::span<const std::byte> good, const Change& change) {
   return result.error();
 }
 
-/// Every flipped bit of a file is found; with salvage (tried at every `stride`-th byte: it reads the rest, a millisecond each) what comes back is
-/// never called whole. `alone`: no chunk needs another, so that one bit costs one chunk.
+/// Every flipped bit of a file is found; with salvage (tried at every `stride`-th byte: it reads the rest, a
+/// millisecond each) what comes back is never called whole. `alone`: no chunk needs another, so that one bit costs one
+/// chunk.
 inline void check_flipped_bits(const std::vector<std::byte>& good, std::size_t stride, bool alone) {
   REQUIRE(decode(good).ok());
   MESSAGE("the file has ", good.size(), " bytes");

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model as a codec gets it, for tests and benchmarks: anchors on a bumpy sphere, on grids of 1, 4 and 16 voxels as growing leaves them, values
-// drawn from what its own context predicts (so that files have a real rate), masks that resemble those of their neighbours.
+// A model as a codec gets it, for tests and benchmarks: anchors on a bumpy sphere, on grids of 1, 4 and 16 voxels as
+// growing leaves them, values drawn from what its own context predicts (so that files have a real rate), masks that
+// resemble those of their neighbours.
 #pragma once
 
 #include <algorithm>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A ContextGS model as a codec gets it, for tests and benchmarks: the anchors of codec_model.hpp with a hyperprior, networks from a counter, and
-// values drawn level by level from what the model's own context predicts, so that files have a real rate.
+// A ContextGS model as a codec gets it, for tests and benchmarks: the anchors of codec_model.hpp with a hyperprior,
+// networks from a counter, and values drawn level by level from what the model's own context predicts, so that files
+// have a real rate.
 #pragma once
 
 #include <algorithm>

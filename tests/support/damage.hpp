@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Random damage of files, and the law for files of ours: damage is an error, or changes nothing that is read. COMPMARK_CORRUPTIONS says how often each
-// kind is tried, for a campaign (5000); 100 times otherwise.
+// Random damage of files, and the law for files of ours: damage is an error, or changes nothing that is read.
+// COMPMARK_CORRUPTIONS says how often each kind is tried, for a campaign (5000); 100 times otherwise.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -36,8 +36,8 @@ inline int corruptions() {
   return text != nullptr ? std::atoi(text) : 100;
 }
 
-/// One damage of `good`: a bit, a byte, a run of bytes, the end cut off, bytes behind it, two blocks exchanged, zeros. Half of them lie in the first
-/// `header` bytes.
+/// One damage of `good`: a bit, a byte, a run of bytes, the end cut off, bytes behind it, two blocks exchanged, zeros.
+/// Half of them lie in the first `header` bytes.
 inline FileBytes damaged(const FileBytes& good, std::size_t header, std::mt19937& random) {
   FileBytes bytes = good;
   const auto below = [&](std::size_t limit) { return static_cast<std::size_t>(random()) % limit; };
@@ -134,7 +134,8 @@ void check_damage(const std::string& kind, const FileBytes& good, std::size_t he
   return bytes;
 }
 
-/// The law for a tensor file that `accepts(file, bytes)`, a reader of its kind, takes; and that without its checksum it does not hold.
+/// The law for a tensor file that `accepts(file, bytes)`, a reader of its kind, takes; and that without its checksum it
+/// does not hold.
 template <class Accepts>
 void check_tensor_damage(const std::string& kind, const FileBytes& good, const Accepts& accepts) {
   std::uint64_t header = 0;

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where the real data lies, for the tests that need it. They are never part of the repository: where they are missing, a test says
+// Where the real data lies, for the tests that need it. They are never part of the repository: where they are missing,
+// a test says
 //   if (!data) { MESSAGE("skipped: no real data (set COMPMARK_DATA_DIR)"); return; }
 // and tests/run.sh counts it as skipped, with that line as its reason.
 #pragma once
@@ -13,8 +14,8 @@
 
 namespace compmark::testing {
 
-/// The data folder: environment variable COMPMARK_DATA_DIR, else ../shared/data of the working directory, which is the project's root in every test;
-/// nothing where there is none.
+/// The data folder: environment variable COMPMARK_DATA_DIR, else ../shared/data of the working directory, which is the
+/// project's root in every test; nothing where there is none.
 inline std::optional<std::filesystem::path> data_dir() {
   const char* from_environment = std::getenv("COMPMARK_DATA_DIR");
   const std::filesystem::path path = from_environment != nullptr ? from_environment : "../shared/data";

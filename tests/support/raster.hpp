@@ -32,7 +32,8 @@ inline constexpr Accuracy smooth{.exp_degree = 0, .transmittance_stop = 0, .cuto
 inline constexpr Accuracy nearly_opaque{
     .exp_degree = 0, .alpha_min = 1e-7f, .alpha_max = 0.9999f, .transmittance_stop = 0};
 
-/// `count` identical isotropic Gaussians behind each other on the optical axis, which goes through the centre of pixel (w/2, h/2).
+/// `count` identical isotropic Gaussians behind each other on the optical axis, which goes through the centre of pixel
+/// (w/2, h/2).
 template <class T>
 RasterScene<T> stack(std::size_t count, T opacity, int width = 33, int height = 33) {
   RasterScene<T> scene = raster_scene<T>(1, count, width, height);
@@ -102,7 +103,8 @@ GaussianBatch<typename R::Scalar> gradient_of(const R& rasterizer, const RasterS
   return render(rasterizer, scene).gradient;
 }
 
-/// Laws R2 and BF4: every column and one direction through all of them against central differences, alpha and depth planes included.
+/// Laws R2 and BF4: every column and one direction through all of them against central differences, alpha and depth
+/// planes included.
 template <class R>
 void check_gradient_law() {
   constexpr int width = 26, height = 19;
@@ -162,7 +164,8 @@ inline constexpr std::array<BlendPattern, 7> blend_patterns{{
     {"fog at the cut-off", 2300, [](std::size_t, double) { return 1.0 / 255.0; }},
 }};
 
-/// Layers of the pattern with random colours before a random background: the gradient of the first layer's to the last layer's alpha.
+/// Layers of the pattern with random colours before a random background: the gradient of the first layer's to the last
+/// layer's alpha.
 inline RasterScene<float> blend_scene(const BlendPattern& pattern, std::uint64_t seed) {
   RasterScene<float> scene = one_pixel_stack<float>(pattern.layers, 0.5f);
   const Random random(seed, 0, random_stage("test/blend"));
@@ -176,7 +179,8 @@ inline RasterScene<float> blend_scene(const BlendPattern& pattern, std::uint64_t
   return scene;
 }
 
-/// What BB1 replaces, in float, for d_image of ones: colour in front, transmittance and a separate background term, divided by 1 - alpha.
+/// What BB1 replaces, in float, for d_image of ones: colour in front, transmittance and a separate background term,
+/// divided by 1 - alpha.
 inline std::vector<float> classic_alpha_gradient(const RasterScene<float>& scene) {
   const GaussianColumns<const float> g = scene.gaussians.columns();
   const auto color = [&](std::size_t i) { return g.color[0][i] + g.color[1][i] + g.color[2][i]; };
@@ -236,7 +240,8 @@ void check_blend_table() {
   }
 }
 
-/// Where every colour is the background's, nothing but the colour has a gradient: not even rounding. The classic scheme gives noise.
+/// Where every colour is the background's, nothing but the colour has a gradient: not even rounding. The classic scheme
+/// gives noise.
 template <class R>
 void check_flat_color() {
   using T = typename R::Scalar;

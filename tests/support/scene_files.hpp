@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Small datasets written by the tests themselves: a folder that cleans up after itself, a two-view Blender scene, a COLMAP model in both
-// formats. Failures are asserted by the place they name: `names(error, file, field, remedy)`.
+// Small datasets written by the tests themselves: a folder that cleans up after itself, a two-view Blender scene, a
+// COLMAP model in both formats. Failures are asserted by the place they name: `names(error, file, field, remedy)`.
 #pragma once
 
 #include <unistd.h>

@@ -24,7 +24,8 @@ struct Outcome {
   std::string text;  ///< stdout and stderr
 };
 
-/// Runs `program` with these arguments through the shell; `before` and `after` are words of the shell around the command.
+/// Runs `program` with these arguments through the shell; `before` and `after` are words of the shell around the
+/// command.
 inline Outcome run_tool(const std::string& program, const std::string& arguments, const std::string& before = {},
                         const std::string& after = {}) {
   Outcome outcome;

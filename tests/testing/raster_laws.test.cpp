@@ -25,7 +25,8 @@ TEST_CASE_TEMPLATE("testing/raster_laws: the shipped rasterizers obey R3 to R6",
 }
 
 TEST_CASE("testing/raster_laws: the tile rasterizer agrees with the reference (R1)") {
-  // Both have spec accuracy. float: ~40 blended layers, each one rounding of its weight, and exp of an argument known to 1e-6.
+  // Both have spec accuracy. float: ~40 blended layers, each one rounding of its weight, and exp of an argument known
+  // to 1e-6.
   const std::string apart =
       raster_agrees(TileRasterizer<float, accuracy::spec>{}, ReferenceRasterizer<double, accuracy::spec>{}, {});
   CHECK_MESSAGE(apart.empty(), apart);
