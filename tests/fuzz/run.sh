@@ -16,6 +16,7 @@ if [ $# -eq 0 ]; then
   mapfile -t targets < <(sed -n '/^foreach(name/,/)/p' tests/fuzz/CMakeLists.txt | tr -d '\n' | sed 's/foreach(name *//; s/).*//' | tr -s ' ' '\n')
 fi
 
+mkdir -p "$(dirname "$build")" # a fresh clone has none
 cmake -B "$build" -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=None -DCOMPMARK_BUILD_FUZZERS=ON -DCOMPMARK_BUILD_BENCHMARKS=OFF \
   -DCOMPMARK_BUILD_EXAMPLES=OFF >"$build.configure.log" 2>&1 || { cat "$build.configure.log"; exit 1; }
 rm -f "$build.configure.log"
