@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The CompMark authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# The INTERFACE targets and their header sets. Each header set is compiled alone by the target all_verify_interface_header_sets
+# The INTERFACE targets and their header sets, and the one compiled target. Each header set is compiled alone by the target all_verify_interface_header_sets
 # (configure with -DCMAKE_VERIFY_INTERFACE_HEADER_SETS=ON).
 file(GLOB_RECURSE compmark_headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/include/compmark/*.hpp")
 
@@ -52,3 +52,6 @@ foreach(entry IN LISTS COMPMARK_OPTIONAL_COMPONENTS)
     set_target_properties(compmark_${name} PROPERTIES VERIFY_INTERFACE_HEADER_SETS OFF)
   endif()
 endforeach()
+
+include(CompmarkApp)
+compmark_add_app("${PROJECT_SOURCE_DIR}/include/compmark/app/app.cpp" compmark)

@@ -75,5 +75,10 @@ int main() {
   const double psnr = compmark::psnr(context.image, truth);
   std::printf("a view that was not trained on: %.1f dB\n", psnr);
   if (const auto written = compmark::write_png("render.png", context.image); !written) return fail(written.error());
+  compmark::ModelInfo info{"scaffold", "scaffold", settings.iterations, settings.seed, {}, {}};  // what 04 renders
+  for (const compmark::View& view : dataset->views)
+    info.views.push_back({view.name, view.split == compmark::Split::test, view.camera});
+  if (const auto written = compmark::write_model("model.safetensors", trainer.model(), info); !written)
+    return fail(written.error());
   return psnr > 18 ? 0 : 1;  // an untrained model is below 12 dB
 }

@@ -13,9 +13,9 @@
 #include <system_error>
 #include <vector>
 
-#include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
+#include "model_files.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -35,9 +35,9 @@ struct AttackOptions {
 
 int attack(const AttackOptions& options) {
   using Quantizer = Int8Quantizer<float>;
-  Result<std::unique_ptr<AnyModel>> loaded = load_model(options.model);
+  Result<AnyModel> loaded = load_model(options.model);
   if (!loaded) return fail(loaded.error());
-  AnyModel& model = **loaded;
+  AnyModel& model = *loaded;
   const Int8Scheme scheme = options.symmetric ? Int8Scheme::symmetric : Int8Scheme::affine;
   const bool channels = options.int8 == "channel";
   const Result<Quantizer> anchors =

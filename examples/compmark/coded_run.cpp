@@ -139,11 +139,10 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
   if (!encoded) return encoded.error();
   run.metrics.encode_seconds = since(encoding);
   const auto decoding = Clock::now();
-  Result<std::unique_ptr<AnyModel>> decoded =
-      load_model(file, executor.concurrency());  // what was written is what is measured
+  Result<AnyModel> decoded = load_model(file, executor.concurrency());  // what was written is what is measured
   if (!decoded) return decoded.error();
   run.metrics.decode_seconds = since(decoding);
-  Result<Evaluation> evaluation = evaluate_views(**decoded, measured, lpips, executor, keep);
+  Result<Evaluation> evaluation = evaluate_views(*decoded, measured, lpips, executor, keep);
   if (!evaluation) return evaluation.error();
   const CodecReport& report = encoded->report;
   run.metrics.codec = codec_file_name(report.profile);
@@ -158,7 +157,7 @@ Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesyste
   if (mark != nullptr) {
     MarkInput compared = *mark;
     if (!mark->coded_twin.empty()) compared.twin = mark->coded_twin;
-    Result<MarkMeasurement> found = measure_mark(**decoded, compared, measured, executor);
+    Result<MarkMeasurement> found = measure_mark(*decoded, compared, measured, executor);
     if (!found) return found.error();
     WatermarkMetrics metrics = watermark_metrics(found->report.verification);
     if (found->unmarked_psnr) metrics.psnr_cost_vs_unmarked = *found->unmarked_psnr - run.metrics.test.psnr;

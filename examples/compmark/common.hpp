@@ -27,6 +27,14 @@ enum : int { success = 0, not_detected = 1, failure = 2, inconclusive = 3, salva
 /// Prints "compmark: error: <line>" and returns the exit code.
 int fail(const compmark::Error& error);
 
+/// A generic lambda of recipes (compmark/app/recipe_list.hpp) that returns an exit code, which is that of a name that is in no list.
+template <class F>
+struct ExitCode : F {
+  explicit ExitCode(F f) : F(f) {}
+  using F::operator();
+  [[nodiscard]] int unknown(const compmark::Error& error) const { return fail(error); }
+};
+
 /// Says, once, that there are fewer threads than were asked for (`wanted`; 0 asks for none in particular).
 void tell_threads(const compmark::ThreadExecutor& executor, std::size_t wanted);
 

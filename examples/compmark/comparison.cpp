@@ -29,7 +29,7 @@ using namespace compmark;
 /// A model with the photographs as its own lens, unit and background want them.
 struct Opened {
   std::filesystem::path path;
-  std::unique_ptr<AnyModel> model;
+  std::optional<AnyModel> model;
   Dataset dataset;
   std::unique_ptr<ImageStore> store;
   DatasetViews views;
@@ -39,14 +39,14 @@ Result<std::unique_ptr<Opened>> open_model(const std::filesystem::path& path, co
                                            std::set<std::string>& warned) {
   auto opened = std::make_unique<Opened>();
   opened->path = path;
-  Result<std::unique_ptr<AnyModel>> model = load_model(path, input.threads);
+  Result<AnyModel> model = load_model(path, input.threads);
   if (!model) return model.error();
   opened->model = std::move(*model);
-  DatasetSettings settings = settings_of(opened->model->info);
+  DatasetSettings settings = settings_of(opened->model->info());
   settings.downscale = input.downscale;
   for (std::size_t c = 0; c < 3; ++c)
-    settings.background[c] = static_cast<float>(opened->model->render_settings.background[c]);
-  Result<Dataset> dataset = open_for(opened->model->info, input.data, settings);
+    settings.background[c] = static_cast<float>(opened->model->render_settings().background[c]);
+  Result<Dataset> dataset = open_for(opened->model->info(), input.data, settings);
   if (!dataset) return dataset.error();
   opened->dataset = std::move(*dataset);
   for (const std::string& warning : opened->dataset.warnings) {

@@ -10,12 +10,11 @@
 #include <string>
 #include <utility>
 
-#include "any_model.hpp"
 #include "codec_file.hpp"
 #include "coded_run.hpp"
 #include "commands.hpp"
 #include "common.hpp"
-#include "model_source.hpp"
+#include "model_files.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -30,14 +29,14 @@ struct CompressOptions {
 };
 
 int compress(const CompressOptions& options) {
-  const Result<std::unique_ptr<AnyModel>> loaded = load_model(options.model, options.threads);
+  const Result<AnyModel> loaded = load_model(options.model, options.threads);
   if (!loaded) return fail(loaded.error());
   CodedModelSettings settings;
   settings.networks = options.networks == "single" ? TensorStorage::single : TensorStorage::half;
   settings.cameras = options.cameras == "none"  ? StoredCameras::none
                      : options.cameras == "all" ? StoredCameras::all
                                                 : StoredCameras::test;
-  Result<CodecModel> model = (*loaded)->coded(settings);
+  Result<CodecModel> model = loaded->coded(settings);
   if (!model) {
     Error error = model.error();
     error.file = options.model.string();
@@ -62,11 +61,10 @@ struct DecompressOptions {
 int decompress(const DecompressOptions& options, CodecDecoded decoded) {
   const Result<std::string> recipe = model_recipe(decoded.model);
   if (!recipe) return fail(recipe.error());
-  const Result<std::unique_ptr<AnyModel>> loaded =
-      load_model(ModelSource{options.model, *recipe, std::move(decoded.model)});
+  const Result<AnyModel> loaded = AnyModel::load(ModelSource{options.model, *recipe, std::move(decoded.model)});
   if (!loaded) return fail(loaded.error());
-  if (Result<Done> written = (*loaded)->write(options.out); !written) return fail(written.error());
-  std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), (*loaded)->anchor_count(),
+  if (Result<Done> written = loaded->write(options.out); !written) return fail(written.error());
+  std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), loaded->anchor_count(),
               decoded.verified ? ", verified" : "");
   if (decoded.absent_bytes > 0) {
     std::fprintf(

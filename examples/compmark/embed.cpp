@@ -14,13 +14,13 @@
 #include <string_view>
 #include <utility>
 
-#include "any_model.hpp"
+#include <compmark/app/recipe_list.hpp>
 #include "codec_file.hpp"
 #include "commands.hpp"
 #include "finished_run.hpp"
 #include "fit_run.hpp"
 #include "mark_record.hpp"
-#include "recipe_list.hpp"
+#include "model_files.hpp"
 #include "run_folder.hpp"
 #include "train_coded.hpp"
 #include "train_marked.hpp"
@@ -140,9 +140,9 @@ Result<Done> make_decoder(TrainOptions& options) {
 
 /// What a codec writes of the unmarked model; an Error if it cannot.
 Result<CodecModel> coded_host(const TrainOptions& options) {
-  const Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
+  const Result<AnyModel> model = load_model(options.model, options.threads);
   if (!model) return model.error();
-  Result<CodecModel> coded = (*model)->coded({});
+  Result<CodecModel> coded = model->coded({});
   if (coded) return coded;
   return in_file(coded.error(), options.model);
 }

@@ -52,20 +52,20 @@ double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<
   return -10 * std::log10(squares / (3 * static_cast<double>(counted)));
 }
 
-compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
+compmark::Result<Evaluation> evaluate_views(compmark::AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
                                             compmark::ThreadExecutor& executor, const KeepView& keep) {
   using namespace compmark;
   Result<LpipsNets> nets = LpipsNets::open(lpips);
   if (!nets) return nets.error();
 
   // The gauge of an exposure is free: what the photograph's own exposure costs is told apart.
-  const std::vector<std::string>& effects = model.info.effects;
+  const std::vector<std::string>& effects = model.info().effects;
   const bool exposure = std::find(effects.begin(), effects.end(), "exposure") != effects.end();
   Evaluation evaluation;
   Buffer<float> measured_storage, truth_storage, weight_storage;
-  const std::array<float, 3> background{static_cast<float>(model.render_settings.background[0]),
-                                        static_cast<float>(model.render_settings.background[1]),
-                                        static_cast<float>(model.render_settings.background[2])};
+  const std::array<double, 3> behind = model.render_settings().background;
+  const std::array<float, 3> background{static_cast<float>(behind[0]), static_cast<float>(behind[1]),
+                                        static_cast<float>(behind[2])};
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Camera<double> camera = views.camera(i);
     const auto begin = std::chrono::steady_clock::now();

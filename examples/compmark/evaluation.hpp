@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "any_model.hpp"
 #include "common.hpp"
+#include "model_files.hpp"
 
 namespace tool {
 
@@ -67,7 +67,7 @@ using KeepView = std::function<void(const SeenView& view)>;
 double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<const float> target,
                     std::span<const float> weight);
 
-compmark::Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
+compmark::Result<Evaluation> evaluate_views(compmark::AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
                                             compmark::ThreadExecutor& executor, const KeepView& keep);
 
 }  // namespace tool

@@ -22,11 +22,11 @@
 #include <type_traits>
 #include <vector>
 
+#include <compmark/app/recipe_list.hpp>
 #include "commands.hpp"
 #include "common.hpp"
 #include "effects.hpp"
-#include "model_source.hpp"
-#include "recipe_list.hpp"
+#include "model_files.hpp"
 
 namespace tool {
 namespace {
@@ -261,7 +261,7 @@ Command add_export(Options& app) {
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
   app.writes("--json", options->json, OutputKind::words, "write counts, figures and warnings to this file");
   return [options]() -> int {
-    const Result<ModelSource> source = ModelSource::open(options->model, options->threads);
+    const Result<ModelSource> source = open_source(options->model, options->threads);
     if (!source) return fail(source.error());
     return with_reading_recipe(
         source->recipe, ExitCode([&](auto tag) { return run<typename decltype(tag)::Recipe>(*options, *source); }));

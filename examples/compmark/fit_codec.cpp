@@ -13,12 +13,12 @@
 #include <string>
 #include <utility>
 
+#include <compmark/app/recipe_list.hpp>
 #include "commands.hpp"
 #include "common.hpp"
 #include "mark_input.hpp"
 #include "mark_record.hpp"
-#include "model_source.hpp"
-#include "recipe_list.hpp"
+#include "model_files.hpp"
 #include "run_folder.hpp"
 #include "train_coded.hpp"
 #include "train_run.hpp"

@@ -22,7 +22,7 @@
 #include "effects.hpp"
 #include "fit_run.hpp"
 #include "jpeg_codec.hpp"
-#include "model_source.hpp"
+#include "model_files.hpp"
 #include "progress.hpp"
 
 namespace tool {

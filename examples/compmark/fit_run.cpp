@@ -12,9 +12,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include <compmark/app/recipe_list.hpp>
 #include "fit_model.hpp"
 #include "reading.hpp"
-#include "recipe_list.hpp"
 #include "run_folder.hpp"
 
 namespace tool {
@@ -48,7 +48,7 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   if (!held) return held.error();
   if (Result<Done> free = check_no_decoder(options.out, options.force); !free)
     return free.error();  // one may have ended
-  const Result<ModelSource> source = ModelSource::open(options.model, options.threads);
+  const Result<ModelSource> source = open_source(options.model, options.threads);
   if (!source) return source.error();
   if (!is_markable_recipe(source->recipe)) {
     return Error{ErrorKind::unsupported, options.model.string(), "recipe",

@@ -18,7 +18,7 @@
 #include "codec_file.hpp"
 #include "commands.hpp"
 #include "common.hpp"
-#include "model_source.hpp"
+#include "model_files.hpp"
 
 namespace tool {
 namespace {

@@ -127,8 +127,8 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (!options.twin.empty()) {  // better now than after the training
     const auto twin = load_model(options.twin);
     if (!twin) return twin.error();
-    input.twin_unit = (*twin)->info.unit;
-    input.twin_origin = (*twin)->info.origin;
+    input.twin_unit = twin->info().unit;
+    input.twin_origin = twin->info().origin;
   }
   input.message = message_of(*key);
   for (std::size_t i = 0; i < input.message.size(); ++i) input.bits.push_back(input.message[i] ? 1 : 0);
@@ -180,9 +180,9 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
 
 Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, DatasetViews views,
                                      ThreadExecutor& executor) {
-  std::unique_ptr<AnyModel> twin;
+  std::optional<AnyModel> twin;
   if (!mark.twin.empty()) {
-    Result<std::unique_ptr<AnyModel>> loaded = load_model(mark.twin);
+    Result<AnyModel> loaded = load_model(mark.twin);
     if (!loaded) return loaded.error();
     twin = std::move(*loaded);
   }

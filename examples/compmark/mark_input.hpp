@@ -16,8 +16,8 @@
 #include <string>
 #include <vector>
 
-#include "any_model.hpp"
 #include "common.hpp"
+#include "model_files.hpp"
 #include "options.hpp"
 #include "reading.hpp"
 #include "results.hpp"
@@ -87,7 +87,7 @@ struct MarkMeasurement {
   std::optional<double> psnr_marked_vs_unmarked;  ///< of the two renders, mean over the views, dB
 };
 /// Reads the message from every view of a marked model, as whoever checks it does: from renders rounded to 8 bits.
-compmark::Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, DatasetViews views,
+compmark::Result<MarkMeasurement> measure_mark(compmark::AnyModel& model, const MarkInput& mark, DatasetViews views,
                                                compmark::ThreadExecutor& executor);
 
 /// The fused logits, a dot a bit: above 0 those that are right.

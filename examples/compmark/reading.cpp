@@ -21,8 +21,8 @@
 #include <system_error>
 #include <utility>
 
-#include "any_model.hpp"
 #include "common.hpp"
+#include "model_files.hpp"
 
 namespace tool {
 namespace {
@@ -105,10 +105,10 @@ Result<Done> read_images(const ReadingOptions& options, const Decoder& decoder, 
 }
 
 /// The unmarked model of the scene that `marked` is of: its lengths are counted alike, or the cameras of one show nothing of the other.
-Result<std::unique_ptr<AnyModel>> load_unmarked(const fs::path& path, const ModelInfo& marked, Reading& reading) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(path);
+Result<AnyModel> load_unmarked(const fs::path& path, const ModelInfo& marked, Reading& reading) {
+  Result<AnyModel> model = load_model(path);
   if (!model) return model;
-  if ((*model)->info.unit != marked.unit || (*model)->info.origin != marked.origin) {
+  if (model->info().unit != marked.unit || model->info().origin != marked.origin) {
     return Error{ErrorKind::invalid, path.string(), "--unmarked",
                  "counts its lengths in another unit, or from another origin, than the model",
                  "give the model that was marked"};
@@ -122,13 +122,13 @@ Result<std::unique_ptr<AnyModel>> load_unmarked(const fs::path& path, const Mode
 
 Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder, ThreadExecutor& executor,
                           Reading& reading) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
+  Result<AnyModel> model = load_model(options.model, options.threads);
   if (!model) return model.error();
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return digest.error();
   reading.sources.model = options.model.filename().string();
   reading.sources.model_sha256 = *digest;
-  std::vector<StoredView> views = (*model)->info.views;
+  std::vector<StoredView> views = model->info().views;
   const bool any_test = std::any_of(views.begin(), views.end(), [](const StoredView& view) { return view.test; });
   if (options.split != "all") {
     const bool test = options.split == "test" && any_test;
@@ -139,9 +139,9 @@ Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder,
                  "render images of it and give them with --images"};
   }
   keep_evenly(views, options.views);
-  std::unique_ptr<AnyModel> unmarked;
+  std::optional<AnyModel> unmarked;
   if (!options.unmarked.empty()) {
-    Result<std::unique_ptr<AnyModel>> loaded = load_unmarked(options.unmarked, (*model)->info, reading);
+    Result<AnyModel> loaded = load_unmarked(options.unmarked, model->info(), reading);
     if (!loaded) return loaded.error();
     unmarked = std::move(*loaded);
   }
@@ -156,7 +156,7 @@ Result<Done> read_renders(const ReadingOptions& options, const Decoder& decoder,
     return logits;
   };
   for (const StoredView& view : views) {
-    Result<ViewLogits> read = read_render(**model, view);
+    Result<ViewLogits> read = read_render(*model, view);
     if (!read) return read.error();
     if (unmarked) {
       const Result<ViewLogits> said = read_render(*unmarked, view);

@@ -18,10 +18,10 @@
 #include <utility>
 #include <vector>
 
-#include "any_model.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 #include "effects.hpp"
+#include "model_files.hpp"
 #include "run_folder.hpp"
 #include "view_files.hpp"
 
@@ -73,14 +73,14 @@ Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::
 }
 
 int run(const RenderOptions& options) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(options.model, options.threads);
+  Result<AnyModel> model = load_model(options.model, options.threads);
   if (!model) return fail(model.error());
-  std::vector<StoredView> views = (*model)->info.views;
+  std::vector<StoredView> views = model->info().views;
   std::optional<Dataset> opened;
   if (!options.data.empty()) {
-    DatasetSettings settings = settings_of((*model)->info);
+    DatasetSettings settings = settings_of(model->info());
     settings.downscale = options.downscale;
-    Result<Dataset> dataset = open_for((*model)->info, options.data, settings);
+    Result<Dataset> dataset = open_for(model->info(), options.data, settings);
     if (!dataset) return fail(dataset.error());
     views.clear();
     for (const View& view : dataset->views) views.push_back(stored_view(view));
@@ -130,7 +130,7 @@ int run(const RenderOptions& options) {
   std::vector<double> milliseconds;
   for (const auto& [view, path] : wanted) {
     const auto begin = std::chrono::steady_clock::now();
-    const Result<RenderedView> render = (*model)->render(view.camera, view.lens, executor);
+    const Result<RenderedView> render = model->render(view.camera, view.lens, executor);
     if (!render) return fail(render.error());
     const RenderedView& rendered = *render;
     milliseconds.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());

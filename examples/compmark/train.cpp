@@ -19,11 +19,11 @@
 #include <utility>
 #include <vector>
 
+#include <compmark/app/recipe_list.hpp>
 #include "commands.hpp"
 #include "effects.hpp"
 #include "mark_record.hpp"
 #include "presets.hpp"
-#include "recipe_list.hpp"
 #include "results.hpp"
 #include "run_folder.hpp"
 #include "train_coded.hpp"

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "train_coded.hpp"
 
-#include "recipe_list.hpp"
+#include <compmark/app/recipe_list.hpp>
 #include "train_recipe.hpp"
 
 namespace tool {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "recipe_list.hpp"
+#include <compmark/app/recipe_list.hpp>
 #include "train_coded.hpp"
 #include "train_recipe.hpp"
 

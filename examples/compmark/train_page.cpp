@@ -13,8 +13,8 @@
 #include <system_error>
 #include <utility>
 
-#include "any_model.hpp"
 #include "common.hpp"
+#include "model_files.hpp"
 #include "progress.hpp"
 
 namespace tool {
@@ -141,9 +141,9 @@ KeepView ShownViews::keep() {
 }
 
 Result<Done> ShownViews::add_unmarked(const std::filesystem::path& twin, ThreadExecutor& executor) {
-  Result<std::unique_ptr<AnyModel>> model = load_model(twin, executor.concurrency());
+  Result<AnyModel> model = load_model(twin, executor.concurrency());
   if (!model) return model.error();
-  const Result<Evaluation> seen = evaluate_views(**model, views_, {}, executor, [&](const SeenView& view) {
+  const Result<Evaluation> seen = evaluate_views(*model, views_, {}, executor, [&](const SeenView& view) {
     pictures[view.index].unmarked = {twin.filename().string(), make_report_image(view.measured), view.result.psnr,
                                      view.result.ssim};
   });

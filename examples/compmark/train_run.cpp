@@ -209,9 +209,9 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   ShownViews shown(measured);
   // Pictures are of what others get: of the compressed file where there is one.
   const KeepView keep = shown.keep(), pass = [](const SeenView&) {};
-  Result<std::unique_ptr<AnyModel>> model = load_model(run.model);  // what was written is what is measured
+  Result<AnyModel> model = load_model(run.model);  // what was written is what is measured
   if (!model) return fail(model.error());
-  Result<Evaluation> evaluation = evaluate_views(**model, measured, options.lpips, executor, end.coded ? pass : keep);
+  Result<Evaluation> evaluation = evaluate_views(*model, measured, options.lpips, executor, end.coded ? pass : keep);
   if (!evaluation) return fail(evaluation.error());
   const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
   const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });
@@ -232,7 +232,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
 
   std::optional<MarkMeasurement> measured_mark;
   if (mark != nullptr) {
-    Result<MarkMeasurement> found = measure_mark(**model, *mark, measured, executor);
+    Result<MarkMeasurement> found = measure_mark(*model, *mark, measured, executor);
     if (!found) return fail(found.error());
     measured_mark = std::move(*found);
     measured_mark->report.sources.model = run.model.filename().string();

@@ -1,29 +1,29 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "any_model.hpp"
+//
+// The model of one recipe as AnyModel holds it.
+#pragma once
 
-#include <compmark/pipeline/pipeline.hpp>
+#include <cstddef>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
 
-#include "model_source.hpp"
-#include "recipe_list.hpp"
+#include "compmark/app/detail/held_model.hpp"
+#include "compmark/app/recipe_names.hpp"
+#include "compmark/core/absent.hpp"
+#include "compmark/pipeline/coded_model.hpp"
+#include "compmark/pipeline/model_file.hpp"
+#include "compmark/pipeline/pipeline.hpp"
 
-namespace tool {
-namespace {
-
-using namespace compmark;
-using Loaded = Result<std::unique_ptr<AnyModel>>;
+namespace compmark::detail {
 
 template <class R>
-class RecipeModel final : public AnyModel {
+class RecipeModel final : public HeldModel {
  public:
-  explicit RecipeModel(LoadedModel<R> loaded) : model_(std::move(loaded.model)) {
-    info = std::move(loaded.info);
-    render_settings = model_.render;
-  }
+  explicit RecipeModel(LoadedModel<R> loaded) : model_(std::move(loaded.model)) { info = std::move(loaded.info); }
   Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
     if (!is_pinhole(lens) && !(policy_ && lens == lens_)) {
       policy_ = lens_policy<RecipeLens<R>>(lens);
@@ -46,6 +46,7 @@ class RecipeModel final : public AnyModel {
   }
   ParameterArena<float>& arena() override { return model_.arena; }
   [[nodiscard]] std::size_t anchor_count() const override { return model_.anchor_count(); }
+  [[nodiscard]] RenderSettings render_settings() const override { return model_.render; }
   [[nodiscard]] Result<Done> write(const std::filesystem::path& path) const override {
     return write_model(path, model_, info);
   }
@@ -62,6 +63,7 @@ class RecipeModel final : public AnyModel {
                        : "train with --codec hac or context_gs"};
     }
   }
+  [[nodiscard]] Model<R>& model() { return model_; }
 
  private:
   Model<R> model_;
@@ -71,28 +73,4 @@ class RecipeModel final : public AnyModel {
   std::optional<RecipeLens<R>> policy_;  ///< of lens_: finding where a lens ends takes half a millisecond
 };
 
-struct Load {
-  const ModelSource& source;
-  template <class R>
-  Loaded operator()(Tag<R>) const {
-    Result<LoadedModel<R>> loaded = source.load<R>();
-    if (!loaded) return loaded.error();
-    return Loaded(std::make_unique<RecipeModel<R>>(std::move(*loaded)));
-  }
-  [[nodiscard]] Loaded unknown(Error error) const {
-    error.file = source.path.string();
-    return error;
-  }
-};
-
-}  // namespace
-
-Loaded load_model(const std::filesystem::path& path, std::size_t threads) {
-  const Result<ModelSource> source = ModelSource::open(path, threads);
-  if (!source) return source.error();
-  return load_model(*source);
-}
-
-Loaded load_model(const ModelSource& source) { return with_reading_recipe(source.recipe, Load{source}); }
-
-}  // namespace tool
+}  // namespace compmark::detail

@@ -1,26 +1,24 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "model_source.hpp"
+//
+// The functions of app/model_source.hpp.
+#pragma once
 
 #include <array>
-#include <compmark/codec/container.hpp>
-#include <compmark/core/thread_executor.hpp>
-#include <compmark/pipeline/coded_model.hpp>
 #include <cstddef>
 #include <fstream>
 #include <memory>
 #include <system_error>
 #include <utility>
 
-#include "codec_file.hpp"
-#include "common.hpp"
-#include "recipe_list.hpp"
+#include "compmark/app/model_source.hpp"
+#include "compmark/codec/cmk.hpp"
+#include "compmark/core/absent.hpp"
+#include "compmark/pipeline/coded_model.hpp"
 
-namespace tool {
+namespace compmark {
 
-using namespace compmark;
-
-bool is_coded_file(const std::filesystem::path& path) {
+COMPMARK_APP_INLINE bool is_coded_file(const std::filesystem::path& path) {
   std::error_code status;
   if (!std::filesystem::is_regular_file(path, status)) return false;  // a pipe would wait for its writer
   std::array<char, 8> begin{};
@@ -33,13 +31,11 @@ bool is_coded_file(const std::filesystem::path& path) {
   return true;
 }
 
-Result<ModelSource> ModelSource::open(const std::filesystem::path& path, std::size_t threads) {
+COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem::path& path, ThreadExecutor& executor) {
   ModelSource source;
   source.path = path;
   if (is_coded_file(path)) {
-    ThreadExecutor executor(threads);
-    tell_threads(executor, threads);
-    Result<CodecDecoded> decoded = read_codec_file(path, {}, executor);
+    Result<CodecDecoded> decoded = read_cmk(path, CodecDecodeSettings{}, executor);
     if (!decoded) return decoded.error();
     Result<std::string> recipe = model_recipe(decoded->model);
     if (!recipe) {
@@ -75,25 +71,4 @@ Result<LoadedModel<R>> ModelSource::load() const {
   }
 }
 
-// Every recipe of with_reading_recipe: one that is missing here does not link.
-#define COMPMARK_TOOL_LOADS(name) template Result<LoadedModel<recipes::name>> ModelSource::load<recipes::name>() const
-COMPMARK_TOOL_LOADS(Scaffold);
-COMPMARK_TOOL_LOADS(ScaffoldAntiAliased);
-COMPMARK_TOOL_LOADS(ScaffoldLens);
-COMPMARK_TOOL_LOADS(ScaffoldFisheye);
-COMPMARK_TOOL_LOADS(ScaffoldExposure);
-COMPMARK_TOOL_LOADS(ScaffoldFarField);
-COMPMARK_TOOL_LOADS(ScaffoldFarFieldExposure);
-COMPMARK_TOOL_LOADS(CompMarkHost);
-COMPMARK_TOOL_LOADS(CompMarkPaperHost);
-COMPMARK_TOOL_LOADS(HacScaffold);
-COMPMARK_TOOL_LOADS(HacExposure);
-COMPMARK_TOOL_LOADS(HacFitted);
-COMPMARK_TOOL_LOADS(HacFittedExposure);
-COMPMARK_TOOL_LOADS(ContextGsScaffold);
-COMPMARK_TOOL_LOADS(ContextGsExposure);
-COMPMARK_TOOL_LOADS(ContextGsFitted);
-COMPMARK_TOOL_LOADS(ContextGsFittedExposure);
-#undef COMPMARK_TOOL_LOADS
-
-}  // namespace tool
+}  // namespace compmark

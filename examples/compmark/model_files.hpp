@@ -1,0 +1,20 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Models by path, as commands have them: compmark/app on so many threads as --threads says.
+#pragma once
+
+#include <compmark/app/any_model.hpp>
+#include <compmark/app/model_source.hpp>
+#include <compmark/core/result.hpp>
+#include <cstddef>
+#include <filesystem>
+
+namespace tool {
+
+/// A model file or a .cmk, of whichever recipe.
+compmark::Result<compmark::AnyModel> load_model(const std::filesystem::path& path, std::size_t threads = 0);
+/// The same file before its recipe is chosen.
+compmark::Result<compmark::ModelSource> open_source(const std::filesystem::path& path, std::size_t threads = 0);
+
+}  // namespace tool

@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A model of any shipped recipe, from model.safetensors or a .cmk, behind one type: what a viewer holds. Who renders, edits or writes models
+// needs no recipe's type, and compiles them once where compmark::app is linked (compiled.hpp). Not part of compmark.hpp, as it compiles every
+// stage of every recipe: include it by itself.
+//   auto model = AnyModel::open("scene.cmk", threads);             // Result<AnyModel>
+//   auto view = model->render(model->info().views[0], threads);    // Result<RenderedView>
+// Who needs the type asks with_model (recipe_model.hpp).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "compmark/app/compiled.hpp"
+#include "compmark/app/detail/held_model.hpp"
+#include "compmark/app/model_source.hpp"
+#include "compmark/codec/codec_model.hpp"
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/pipeline/coded_model.hpp"
+#include "compmark/pipeline/model_info.hpp"
+#include "compmark/scene/camera.hpp"
+#include "compmark/scene/lens_model.hpp"
+
+namespace compmark {
+
+namespace detail {
+struct HeldAccess;
+}
+
+class AnyModel {
+ public:
+  /// Opens either kind of file; the recipe's name in it chooses the type. Errors are those of ModelSource::open, and a recipe that is none of
+  /// the shipped ones.
+  [[nodiscard]] static Result<AnyModel> open(const std::filesystem::path& path, ThreadExecutor& executor);
+  [[nodiscard]] static Result<AnyModel> load(const ModelSource& source);
+
+  /// Renders a camera of the model's coordinates through `lens`, that of the photograph; a model that does not project through lenses has no
+  /// use for one. Error: a lens of another family than the model's. Memory: the picture and what its Gaussians take, kept for the next.
+  [[nodiscard]] Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) {
+    return held_->render(camera, lens, executor);
+  }
+  [[nodiscard]] Result<RenderedView> render(const Camera<double>& camera, ThreadExecutor& executor) {
+    return held_->render(camera, Lens{}, executor);
+  }
+  /// A camera that the model was trained with: one of info().views.
+  [[nodiscard]] Result<RenderedView> render(const StoredView& view, ThreadExecutor& executor) {
+    return held_->render(view.camera, view.lens, executor);
+  }
+
+  /// Recipe, profile, cameras, unit and origin of the lengths.
+  [[nodiscard]] const ModelInfo& info() const { return held_->info; }
+  [[nodiscard]] RenderSettings render_settings() const { return held_->render_settings(); }
+  [[nodiscard]] std::size_t anchor_count() const { return held_->anchor_count(); }
+  /// Every number of the model, by blocks; they may be changed.
+  [[nodiscard]] ParameterArena<float>& arena() { return held_->arena(); }
+  /// Of the file that it was read from; 0 where there is none any more.
+  [[nodiscard]] std::uint64_t file_bytes() const { return file_bytes_; }
+
+  /// As model.safetensors, under a temporary name and renamed.
+  [[nodiscard]] Result<Done> write(const std::filesystem::path& path) const { return held_->write(path); }
+  /// What a .cmk holds of it (codec/cmk.hpp writes it). Error: its recipe does not train for compression.
+  [[nodiscard]] Result<CodecModel> coded(const CodedModelSettings& settings = {}) const {
+    return held_->coded(settings);
+  }
+
+ private:
+  friend struct detail::HeldAccess;
+  explicit AnyModel(std::unique_ptr<detail::HeldModel> held) : held_(std::move(held)) {}
+
+  std::unique_ptr<detail::HeldModel> held_;
+  std::uint64_t file_bytes_ = 0;
+};
+
+namespace detail {
+
+struct HeldAccess {
+  [[nodiscard]] static AnyModel made(std::unique_ptr<HeldModel> held, std::uint64_t file_bytes) {
+    AnyModel model(std::move(held));
+    model.file_bytes_ = file_bytes;
+    return model;
+  }
+  [[nodiscard]] static HeldModel& held(AnyModel& model) { return *model.held_; }
+};
+
+}  // namespace detail
+}  // namespace compmark
+
+#if !defined(COMPMARK_APP_COMPILED)
+#include "compmark/app/detail/any_model.hpp"
+#endif

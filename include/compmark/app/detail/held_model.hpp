@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What AnyModel asks of the model that it holds.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+
+#include "compmark/codec/codec_model.hpp"
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/pipeline/coded_model.hpp"
+#include "compmark/pipeline/model_info.hpp"
+#include "compmark/scene/camera.hpp"
+#include "compmark/scene/lens_model.hpp"
+
+namespace compmark {
+
+struct RenderedView {
+  ImageView<float> image;     ///< [3, height, width], in [0, 1] but for rounding; valid until the next render
+  std::size_t gaussians = 0;  ///< with positive opacity
+};
+
+namespace detail {
+
+class HeldModel {
+ public:
+  HeldModel() = default;
+  HeldModel(const HeldModel&) = delete;
+  HeldModel& operator=(const HeldModel&) = delete;
+  virtual ~HeldModel() = default;
+  virtual Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) = 0;
+  virtual ParameterArena<float>& arena() = 0;
+  [[nodiscard]] virtual std::size_t anchor_count() const = 0;
+  [[nodiscard]] virtual RenderSettings render_settings() const = 0;
+  [[nodiscard]] virtual Result<Done> write(const std::filesystem::path& path) const = 0;
+  [[nodiscard]] virtual Result<CodecModel> coded(const CodedModelSettings& settings) const = 0;
+
+  ModelInfo info;
+};
+
+}  // namespace detail
+
+}  // namespace compmark

@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A model's file, whichever of the two it is: model.safetensors of a run, or a compressed .cmk. Opened first, because the recipe that stands
+// in it chooses the type it is loaded as. Who needs no type opens an AnyModel (any_model.hpp).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "compmark/app/compiled.hpp"
+#include "compmark/codec/codec_model.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/io/safetensors_reader.hpp"
+#include "compmark/pipeline/model_file.hpp"
+
+namespace compmark {
+
+/// Whether a file begins as a .cmk does. No error: what cannot be read does not.
+[[nodiscard]] bool is_coded_file(const std::filesystem::path& path);
+
+struct ModelSource {
+  std::filesystem::path path;
+  std::string recipe;
+  std::optional<CodecModel> coded;                   ///< decoded, of a .cmk
+  std::shared_ptr<const SafetensorsFile> file = {};  ///< else, as it was read
+
+  /// Reads the file and, of a .cmk, decodes it. Error: what it is instead, where it is no model; what is damaged. Cost: the file's bytes and,
+  /// of a .cmk, its model.
+  [[nodiscard]] static Result<ModelSource> open(const std::filesystem::path& path, ThreadExecutor& executor);
+
+  /// R is one of with_reading_recipe (recipe_list.hpp). Error: a shape or a number that is none of this recipe.
+  template <class R>
+  [[nodiscard]] Result<LoadedModel<R>> load() const;
+};
+
+}  // namespace compmark
+
+#if !defined(COMPMARK_APP_COMPILED)
+#include "compmark/app/detail/model_source.hpp"
+#endif

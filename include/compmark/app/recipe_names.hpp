@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the names of recipes say: which codec a recipe trains for, and as which recipe a finished model is read or marked. Text alone: the
+// types are in recipe_list.hpp.
+#pragma once
+
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace compmark {
+
+/// The codec that a recipe trains for; "none" for the others.
+inline const char* recipe_codec(std::string_view name) {
+  const std::string_view head = name.substr(0, name.find('+'));
+  return head == "hac" ? "hac" : head == "context_gs" ? "context_gs" : "none";
+}
+inline bool is_coded_recipe(std::string_view name) { return std::string_view(recipe_codec(name)) != "none"; }
+/// A recipe's name without these effects.
+inline std::string without_effects(std::string name, std::initializer_list<std::string_view> effects) {
+  for (const std::string_view effect : effects) {
+    if (const std::size_t at = name.find(effect); at != std::string::npos) name.erase(at, effect.size());
+  }
+  return name;
+}
+/// The recipe that a trained model of another one is read as: masks and the loss on alpha are of training alone, and leave nothing in a
+/// model. Its ModelInfo keeps the name.
+inline std::string reading_recipe(std::string name) { return without_effects(std::move(name), {"+mask", "+alpha"}); }
+/// The recipe that a finished model of another one is marked as: the exposures of the photographs are in no render, which is where a mark is.
+inline std::string marking_recipe(std::string name) { return without_effects(std::move(name), {"+exposure"}); }
+/// Whether a message can be hidden in a finished model of this recipe.
+inline bool is_markable_recipe(std::string_view name) {
+  const std::string plain = marking_recipe(reading_recipe(std::string(name)));
+  const std::string codec = recipe_codec(name);
+  return codec == "none" ? plain == "scaffold" : plain == codec || plain == codec + "+fitted";
+}
+/// True for the recipes that project through a lens.
+inline bool projects_lens(std::string_view recipe) {
+  return recipe.find("+lens") != std::string_view::npos || recipe.find("+fisheye") != std::string_view::npos;
+}
+
+}  // namespace compmark
