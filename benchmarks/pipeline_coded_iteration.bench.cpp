@@ -44,19 +44,18 @@ struct CodedScene : IterationScene<R> {
     numbers.noise_after = 0;
     numbers.context_after = stage == Stage::noise ? numbers.context_after : 0;
     if (stage == Stage::rounded) numbers.round_after = 0;
-    phases = RatePhases(numbers, 30000);
-    this->pipeline.road() = typename Pipeline<R>::Road(entropy_model<R>(numbers));
+    schedule = RatePhases(numbers, 30000);
+    this->pipeline.template stage<RateStage>() = RateStage(entropy_model<R>(numbers));
     this->model.voxel_size = 0.01;
-    Pipeline<R>::Road::initialise(this->model.arena, this->model.road, 1);
-    prepare_context(this->model, phases, 1);
+    prepare_context<typename R::EntropyModel>(this->model, this->model.template blocks<RateStage>(), schedule, 1);
   }
   template <class E>
   void next(E& executor) {
-    this->context.road.rate.phase = phases.template at<typename R::EntropyModel::Phase>(++iteration, 1);
+    this->phases.template of<RateStage>() = schedule.template at<typename R::EntropyModel::Phase>(++iteration, 1);
     this->step(executor);
   }
 
-  RatePhases phases;
+  RatePhases schedule;
   std::int64_t iteration = 0;
 };
 
@@ -104,8 +103,8 @@ void held(benchmark::State& state, const Workload& work, std::size_t threads) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   };
   const auto hold = [&] {
-    steps.hold(coded.pipeline, coded.context.road.rate.phase,
-               {numbers.feature_step, numbers.scaling_step, numbers.offset_step}, coded.model, context, executor);
+    steps.hold(coded.pipeline, coded.phases, {numbers.feature_step, numbers.scaling_step, numbers.offset_step},
+               coded.model, context, executor);
   };
   for (int i = 0; i < 4; ++i) {
     coded.next(executor);

@@ -61,9 +61,10 @@ void in_turns(benchmark::State& state, IterationScene<R>& marked) {
 template <class Decoder>
 void message(benchmark::State& state, Decoder decoder) {
   IterationScene<recipes::Marked<recipes::Scaffold, Decoder>> scene(workload_a);
-  scene.pipeline.marks().decoder = std::move(decoder);
-  scene.pipeline.marks().message.assign(bits, 1);
-  scene.context.marks.weights = {.message = 0.002, .hsv = 0.02};
+  scene.pipeline.template stage<MessageStage>().decoder = std::move(decoder);
+  scene.pipeline.template stage<MessageStage>().message.assign(bits, 1);
+  scene.phases.template of<MessageStage>().weight = 0.002;
+  scene.phases.template of<HsvStage>().weight = 0.02;
   in_turns(state, scene);
 }
 void lattice(benchmark::State& state) { message(state, benchmarks::shipped_lattice()); }
@@ -73,7 +74,7 @@ void hidden(benchmark::State& state) {
 }
 void frequency(benchmark::State& state) {
   IterationScene<WithFrequencyLoss> scene(workload_a);
-  scene.context.marks.weights = {.frequency = 0.01};
+  scene.phases.of<FrequencyStage>().weight = 0.01;
   in_turns(state, scene);
 }
 

@@ -47,11 +47,11 @@ class Loop {
     typename R::EntropyModel::Settings rate;
     static_cast<typename Host::EntropyModel::Settings&>(rate) = compmark::entropy_model<R>(settings.rate).settings();
     rate.noise = row.noise;
-    pipeline_.road() = typename compmark::Model<R>::Road(typename R::EntropyModel(rate));
-    auto& marks = pipeline_.marks();
-    marks.decoder = decoder;
-    marks.message = bits;
-    marks.message_loss.settings.logit_scale = static_cast<float>(settings.mark.logit_scale);
+    pipeline_.template stage<compmark::RateStage>() = compmark::RateStage(typename R::EntropyModel(rate));
+    auto& message = pipeline_.template stage<compmark::MessageStage>();
+    message.decoder = decoder;
+    message.message = bits;
+    message.message_loss.settings.logit_scale = static_cast<float>(settings.mark.logit_scale);
   }
 
   [[nodiscard]] compmark::Result<compmark::Model<R>> run() {
@@ -78,7 +78,7 @@ class Loop {
     std::copy_n(anchors->position.begin(), rows * 3, columns.position.data);
     std::copy_n(anchors->scaling.begin(), rows * 6, columns.scaling.data);
     R::GaussianDecoder::initialise(model_.arena, model_.decoder, settings_.seed);
-    compmark::Model<R>::Road::initialise(model_.arena, model_.road, settings_.seed);
+    model_.initialise_stages(settings_.seed);
     optimizer_.prepare(model_.arena.layout(), moments_);
     growth(1).prepare(rows, statistics_);
     return compmark::Done{};
@@ -89,12 +89,19 @@ class Loop {
     const compmark::Camera<double> camera = scene_.train.camera(view);
     if (auto loaded = target_.load(scene_.train, view, camera, pipeline_.background(model_.render)); !loaded)
       return loaded;
-    compmark::prepare_context(model_, rate_phases_, t);
-    context_.road.rate.phase = rate_phases_.template at<typename R::EntropyModel::Phase>(t, settings_.seed);
-    context_.marks.weights = mark_phases_.weights(t);
-    static_cast<void>(pipeline_.forward(model_, camera, view, context_, executor_));
-    static_cast<void>(
-        pipeline_.loss(target_.view(), {settings_.lambda_dssim, settings_.lambda_volume}, context_, executor_));
+    compmark::prepare_context<typename R::EntropyModel>(model_, model_.template blocks<compmark::RateStage>(),
+                                                        rate_phases_, t);
+    typename compmark::Pipeline<R>::Phases phases;
+    phases.template of<compmark::RateStage>() =
+        rate_phases_.template at<typename R::EntropyModel::Phase>(t, settings_.seed);
+    const compmark::MarkWeights weights = mark_phases_.weights(t);
+    phases.template of<compmark::MessageStage>().weight = weights.message;
+    if constexpr (compmark::present<typename R::HsvLoss>) phases.template of<compmark::HsvStage>().weight = weights.hsv;
+    if constexpr (compmark::present<typename R::FrequencyLoss>)
+      phases.template of<compmark::FrequencyStage>().weight = weights.frequency;
+    static_cast<void>(pipeline_.forward(model_, camera, view, context_, executor_, phases));
+    static_cast<void>(pipeline_.loss(target_.view(), {settings_.lambda_dssim, settings_.lambda_volume, weights.image},
+                                     context_, executor_));
     pipeline_.backward(model_, camera, view, context_, executor_);
     bool adjusted = false;
     if (density_.observes(t)) {
@@ -132,8 +139,9 @@ class Loop {
     const auto mean = [&](std::size_t i) {
       return compmark::image_point<float>(camera, {gaussians.mean[0][i], gaussians.mean[1][i], gaussians.mean[2][i]});
     };
-    density.observe(decoded, screen.visible, screen.gradient_norm, context_.marks.frequency.error_map(), camera.height,
-                    camera.width, mean, statistics_, executor_);
+    density.observe(decoded, screen.visible, screen.gradient_norm,
+                    context_.template of<compmark::FrequencyStage>().frequency.error_map(), camera.height, camera.width,
+                    mean, statistics_, executor_);
   }
 
   void adjust(std::int64_t t) {

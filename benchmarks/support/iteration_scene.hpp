@@ -33,7 +33,7 @@ struct IterationScene {
     camera.center_world = {0, 0, -4};
     model.create(work.anchors, 1);
     R::GaussianDecoder::initialise(model.arena, model.decoder, 1);
-    if constexpr (present<typename R::Exposure>) R::Exposure::initialise(model.arena, model.exposure);
+    model.initialise_stages(1);
     const MatrixView<float> bias = model.arena.values(model.decoder.opacity.bias2);
     for (std::size_t k = 0; k < bias.columns; ++k) bias(0, k) -= static_cast<float>(work.opacity_shift);
     const AnchorColumns<float> columns = anchor_values(model.arena, model.anchors);
@@ -69,16 +69,17 @@ struct IterationScene {
   std::vector<double> rates;
   Pipeline<R> pipeline;
   typename Pipeline<R>::Context context;
+  typename Pipeline<R>::Phases phases;  ///< of the next iteration
 
   /// One whole iteration, as Trainer::step but for images and growing.
   template <class E>
   ForwardReport step(E& executor) {
-    const ForwardReport report = pipeline.forward(model, camera, 0, context, executor);
+    const ForwardReport report = pipeline.forward(model, camera, 0, context, executor, phases);
     const TargetView<float> view(target, planes.data(), planes.data());
     pipeline.loss(view, {}, context, executor);
     pipeline.backward(model, camera, 0, context, executor);
     optimizer.step(model.arena, rates, adam, executor, {.zero_gradients_after = true});
-    if constexpr (present<typename R::Exposure>) R::Exposure::fix_gauge(model.arena, model.exposure);
+    Pipeline<R>::Stages::forward([&]<class S>() { S::after_step(model.arena, model.template blocks<S>(), rates); });
     return report;
   }
 };

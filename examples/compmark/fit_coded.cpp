@@ -21,7 +21,8 @@ Result<DecoderFit<float>> fit(ModelSource source, FitOptions& options, ThreadExe
     const Result<LoadedModel<R>> loaded = source.load<R>();
     if (!loaded) return loaded.error();
     const auto& arena = loaded->model.arena;
-    const std::vector<float> statistics = detail::coded_floats(arena.values(loaded->model.road.rate.statistics));
+    const std::vector<float> statistics =
+        detail::coded_floats(arena.values(loaded->model.template blocks<RateStage>().statistics));
     if (!detail::check_statistics(statistics)) return fit_model<R>(source, options, executor);  // decompressed
     CodedModelSettings settings;
     settings.cameras = StoredCameras::all;

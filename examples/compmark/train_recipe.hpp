@@ -76,13 +76,12 @@ struct TrainObserver {
     line.psnr = last_psnr;
     line.anchors = report.anchors;
     line.gaussians = report.forward.gaussians;
-    if constexpr (requires { trainer.rate_report(); }) {
-      if (const auto& rate = trainer.rate_report(); rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
+    if constexpr (requires { trainer.context().template of<RateStage>().report; }) {
+      const auto& rate = trainer.context().template of<RateStage>().report;
+      if (rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
     }
-    if constexpr (requires { trainer.mark_report(); }) {
-      const MarkReport& mark = trainer.mark_report();
-      if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
-    }
+    const MarkReport mark = mark_report(trainer);
+    if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
     progress->show(line);
     if (report.skipped_blocks != 0) {
       progress->note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
@@ -323,7 +322,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
   if constexpr (is_marked) {
     if (data.settings.mark.fidelity > 0) {
       PosthocEmbedding<R, ThreadExecutor> embedding(data.settings, executor);
-      embedding.set_watermark(mark->decoder, mark->bits);
+      set_watermark(embedding, mark->decoder, mark->bits);
       const Result<std::optional<double>> before = take_up(options, data, embedding);
       if (!before) return fail(before.error());
       if (!*before) {
@@ -333,7 +332,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     }
   }
   Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
-  if constexpr (is_marked) trainer.set_watermark(mark->decoder, mark->bits);
+  if constexpr (is_marked) set_watermark(trainer, mark->decoder, mark->bits);
   const Result<std::optional<double>> before = take_up(options, data, trainer);
   if (!before) return fail(before.error());
   if (!*before && loaded) {

@@ -227,7 +227,7 @@ int main() {
   const Message message = message_of(key);
   std::vector<std::uint8_t> bits;
   for (std::size_t i = 0; i < message.size(); ++i) bits.push_back(message[i] ? 1 : 0);
-  trainer.set_watermark(SecretWaves(key), bits);
+  set_watermark(trainer, SecretWaves(key), bits);
   std::vector<std::array<float, 3>> points;  // to start from: anything within the scene
   const Random random(1, 0, random_stage("points"));
   for (std::uint64_t i = 0; i < 4000; ++i) {

@@ -48,18 +48,16 @@ struct AdoptionBench {
   /// Of the model, rounded to its own steps.
   std::vector<float> rounded(const Model<R>& of) {
     Pipeline<R> pipeline;
-    pipeline.road() = typename Pipeline<R>::Road(entropy_model<R>(compmark::testing::short_settings(300).rate));
-    typename Pipeline<R>::Context context;
-    context.road.rate.phase.context = context.road.rate.phase.round = true;
-    return render(pipeline, of, context);
+    pipeline.template stage<RateStage>() = RateStage(entropy_model<R>(compmark::testing::short_settings(300).rate));
+    typename Pipeline<R>::Phases phases;
+    phases.template of<RateStage>().context = phases.template of<RateStage>().round = true;
+    return render(pipeline, of, phases);
   }
-  std::vector<float> plain(const Model<R>& of) {
-    Pipeline<R> pipeline;
+  std::vector<float> plain(const Model<R>& of) { return render({}, of, {}); }
+  std::vector<float> render(const Pipeline<R>& pipeline, const Model<R>& of,
+                            const typename Pipeline<R>::Phases& phases) {
     typename Pipeline<R>::Context context;
-    return render(pipeline, of, context);
-  }
-  std::vector<float> render(Pipeline<R>& pipeline, const Model<R>& of, typename Pipeline<R>::Context& context) {
-    static_cast<void>(pipeline.forward(of, ring_camera(2, 6, 48, 40), unseen_view, context, *executor));
+    static_cast<void>(pipeline.forward(of, ring_camera(2, 6, 48, 40), unseen_view, context, *executor, phases));
     return {context.image.data, context.image.data + context.image.size()};
   }
 

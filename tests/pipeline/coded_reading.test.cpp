@@ -36,14 +36,15 @@ struct CodedReadingBench {
     lattice.bits = lattice.features = 4;
     lattice.sigma = {0.5};
     lattice.stride = 2;
-    pipeline.marks().decoder = {lattice, random_lattice<float>(lattice, std::vector<double>{0.4}, 1, 1)};
-    pipeline.marks().message = {1, 0, 0, 1};
+    pipeline.template stage<MessageStage>().decoder = {lattice,
+                                                       random_lattice<float>(lattice, std::vector<double>{0.4}, 1, 1)};
+    pipeline.template stage<MessageStage>().message = {1, 0, 0, 1};
     const Random random(8, 0, random_stage("test residual"));
-    const MatrixView<float> residual = model.arena.values(model.road.embedder.residual);
+    const MatrixView<float> residual = model.arena.values(model.template blocks<EmbedderStage>().residual);
     for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = 0.3f * static_cast<float>(random.normal(i));
     RateNumbers numbers = testing::short_settings(90).rate;
     numbers.lambda = lambda;
-    pipeline.road() = Pipeline<MarkedSmallHac>::Road(entropy_model<MarkedSmallHac>(numbers));
+    pipeline.stage<RateStage>() = RateStage(entropy_model<MarkedSmallHac>(numbers));
     rounded.context = rounded.round = true;
     rounded.seed = seed;
   }
@@ -56,8 +57,8 @@ struct CodedReadingBench {
     return {numbers, 100};
   }
   void read(DrawnReading<MarkedSmallHac>& drawn) {
-    Pipeline<MarkedSmallHac>::Context photographed;
-    photographed.road.rate.phase = rounded;
+    Pipeline<MarkedSmallHac>::Phases photographed;
+    photographed.of<RateStage>() = rounded;
     std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0f);
     static_cast<void>(drawn.read_held(pipeline, model, views, view, seed, iteration, phases(), photographed, executor));
   }
@@ -66,16 +67,17 @@ struct CodedReadingBench {
     const Random random(seed, static_cast<std::uint64_t>(iteration), random_stage("between"));
     const auto cameras = [&](std::size_t i) -> Camera<double> { return views.camera(i); };
     Pipeline<MarkedSmallHac>::Context context;
-    context.road.embeds = marked;
-    context.road.rate.phase = phase;
+    Pipeline<MarkedSmallHac>::Phases plain;
+    plain.of<EmbedderStage>().embeds = marked;
+    plain.of<RateStage>() = phase;
     static_cast<void>(
         pipeline.forward(model, drawn_camera(cameras, views.size(), view, random, DrawnReading<MarkedSmallHac>::reach),
-                         view, context, executor));
+                         view, context, executor, plain));
     return {context.image.data, context.image.data + context.image.size()};
   }
   [[nodiscard]] double residual_gradient() const {
     double sum = 0;
-    for (const float d : std::as_const(model).arena.gradients(model.road.embedder.residual).flat())
+    for (const float d : std::as_const(model).arena.gradients(model.template blocks<EmbedderStage>().residual).flat())
       sum += std::abs(static_cast<double>(d));
     return sum;
   }

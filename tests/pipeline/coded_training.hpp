@@ -74,7 +74,7 @@ template <class R>
 Trained<R> train_coded(std::size_t threads, std::int64_t iterations = 90, std::int64_t stop = 0) {
   Trained<R> trained;
   train_until<R>(short_settings(iterations), threads, iterations, stop, [&](const auto& trainer) {
-    trained = {trainer.model(), trainer.rate_report()};
+    trained = {trainer.model(), trainer.context().template of<RateStage>().report};
   });
   return trained;
 }

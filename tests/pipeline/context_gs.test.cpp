@@ -62,7 +62,7 @@ TEST_CASE("pipeline/context_gs: the rate is a loss: more weight, fewer bits") {
     Trainer<SmallContextGs, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
     REQUIRE(trainer.initialise(compmark::testing::cloud(300, 7)));
     REQUIRE(trainer.run(views));
-    return trainer.rate_report().bits_per_scalar;
+    return trainer.context().template of<RateStage>().report.bits_per_scalar;
   };
   const double free = bits(0), cheap = bits(0.02);
   MESSAGE("bits a scalar: ", free, " at lambda 0, ", cheap, " at 0.02");
@@ -130,9 +130,9 @@ TEST_CASE(
   std::vector<std::uint32_t> rows(model.anchor_count());
   std::iota(rows.begin(), rows.end(), 0u);
   const std::vector<float> position(columns.position.data, columns.position.data + 3 * rows.size());
-  const RateReport report =
-      rate.forward(model.arena, model.road.rate, rows, phase, MatrixView<const float>{position.data(), rows.size(), 3},
-                   columns.feature, columns.scaling, columns.offset, context, executor);
+  const RateReport report = rate.forward(model.arena, model.template blocks<RateStage>(), rows, phase,
+                                         MatrixView<const float>{position.data(), rows.size(), 3}, columns.feature,
+                                         columns.scaling, columns.offset, context, executor);
   const double scalars = 8 + 6 + 9, n = static_cast<double>(rows.size());
   const double bytes = (report.bits_per_scalar * scalars * n + report.hash_bits) / 8;
   std::size_t whole = 0;

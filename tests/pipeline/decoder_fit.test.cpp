@@ -234,13 +234,13 @@ TEST_CASE(
     settings.mark.message_after = settings.mark.residual_after = settings.mark.hsv_after = 0;
     ThreadExecutor executor(2);
     PosthocEmbedding<ColourMarked, ThreadExecutor> trainer(settings, executor);
-    trainer.set_watermark(decoder, message);
+    set_watermark(trainer, decoder, message);
     trainer.start_from(with_room_for_stages<ColourMarked>(finished(), 0));
     BlobViews views;
     double departure = 0;
     while (!trainer.finished()) {
       REQUIRE(trainer.step(views));
-      if (trainer.state().iteration > 500) departure += trainer.mark_report().departure / 100;
+      if (trainer.state().iteration > 500) departure += mark_report(trainer).departure / 100;
     }
     departure_db -= 10 * std::log10(departure) / seeds;
     const std::vector<double> logits = logits_of(baked_host(trainer.model()), decoder, 40);

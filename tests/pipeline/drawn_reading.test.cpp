@@ -38,14 +38,18 @@ struct DrawnReadingBench {
     lattice.stride = 2;
     LatticeWeights<double> waves = random_lattice<double>(lattice, std::vector<double>{0.4}, 1, 1);
     for (std::size_t b = 0; b < 4; ++b) waves.head[b * 5] = 30;
-    pipeline.marks().decoder = {lattice, std::move(waves)};
-    pipeline.marks().message = {1, 0, 0, 1};
+    pipeline.template stage<MessageStage>().decoder = {lattice, std::move(waves)};
+    pipeline.template stage<MessageStage>().message = {1, 0, 0, 1};
     const MatrixView<double> residual = values(model);
     const Random random(8, 0, random_stage("test residual"));
     for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = 0.2 * random.normal(i);
   }
-  static MatrixView<double> values(Model<MarkedSmooth>& of) { return of.arena.values(of.road.embedder.residual); }
-  static MatrixView<double> gradients(Model<MarkedSmooth>& of) { return of.arena.gradients(of.road.embedder.residual); }
+  static MatrixView<double> values(Model<MarkedSmooth>& of) {
+    return of.arena.values(of.template blocks<EmbedderStage>().residual);
+  }
+  static MatrixView<double> gradients(Model<MarkedSmooth>& of) {
+    return of.arena.gradients(of.template blocks<EmbedderStage>().residual);
+  }
   static MarkPhases phases(double fidelity, double fall = 0) {
     MarkNumbers numbers = fidelity > 0 ? posthoc_mark() : mark_in_the_photographs();
     numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
@@ -57,7 +61,7 @@ struct DrawnReadingBench {
   }
   void clear() { std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0); }
   double read(DrawnReading<MarkedSmooth>& drawn, double fidelity, double fall = 0) {
-    const Pipeline<MarkedSmooth>::Context photographed;
+    const Pipeline<MarkedSmooth>::Phases photographed;
     const MarkPhases now = phases(fidelity, fall);
     static_cast<void>(fidelity > 0
                           ? drawn.read_held(pipeline, model, views, view, seed, iteration, now, photographed, executor)
@@ -81,7 +85,7 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
     CAPTURE(power);
     DrawnReadingBench bench;
     if (power > 0) {
-      auto& loss = bench.pipeline.marks().message_loss.settings;
+      auto& loss = bench.pipeline.stage<MessageStage>().message_loss.settings;
       loss.rule = MessageRule::hinge;
       loss.margin = 30;  // of logits up to 30, scaled by 10: some bits are right by it, some are not
       loss.power = power;
@@ -92,8 +96,9 @@ TEST_CASE("pipeline/drawn_reading: its gradient is that of what it reports, with
     CHECK(std::isfinite(total));
     if (power > 0) {  // the power is felt: another costs something else
       DrawnReadingBench linear;
-      linear.pipeline.marks().message_loss.settings = bench.pipeline.marks().message_loss.settings;
-      linear.pipeline.marks().message_loss.settings.power = 1;
+      linear.pipeline.template stage<MessageStage>().message_loss.settings =
+          bench.pipeline.stage<MessageStage>().message_loss.settings;
+      linear.pipeline.template stage<MessageStage>().message_loss.settings.power = 1;
       DrawnReading<MarkedSmooth> read_linear;
       CHECK(std::abs(linear.read(read_linear, fidelity, fall) - total) > 1e-3 * total);
     }
@@ -183,7 +188,7 @@ TEST_CASE("pipeline/drawn_reading: the host is the render without the residual, 
 TEST_CASE("pipeline/drawn_reading: the view is drawn anew in every iteration, and is not the training view") {
   DrawnReadingBench bench;
   DrawnReading<MarkedSmooth> one, two;
-  const Pipeline<MarkedSmooth>::Context photographed;
+  const Pipeline<MarkedSmooth>::Phases photographed;
   static_cast<void>(one.read_held(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view,
                                   DrawnReadingBench::seed, DrawnReadingBench::iteration, DrawnReadingBench::phases(40),
                                   photographed, bench.executor));

@@ -68,8 +68,8 @@ TEST_CASE_TEMPLATE("pipeline/effects: the directional derivative of the whole ro
   const Camera<double> camera = ring_camera(1, 5, width, height);
   const Random random(5, 0, random_stage("test target"));
   if constexpr (present<typename R::Exposure>) {
-    R::Exposure::initialise(model.arena, model.exposure);
-    for (double& x : model.arena.values(model.exposure.affine).flat()) {
+    R::Exposure::initialise(model.arena, model.template blocks<ExposureStage>());
+    for (double& x : model.arena.values(model.template blocks<ExposureStage>().affine).flat()) {
       x += 0.1 * random.centered(static_cast<std::uint64_t>(&x - model.arena.all_values().data()) + (1u << 30));
     }
   }
@@ -85,12 +85,11 @@ TEST_CASE_TEMPLATE("pipeline/effects: the directional derivative of the whole ro
   SerialExecutor executor;
   const Pipeline<R> pipeline;
   const auto loss = [&](Context& context) {
-    if constexpr (present<typename R::Background>) {
-      context.background.color = {0.7, 0.2, 0.5};
-      context.background.drawn = true;
-    }
-    static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
-    return pipeline.loss(view, {0.2, 0.01, 0.3}, context, executor).total;
+    typename Pipeline<R>::Phases phases;
+    if constexpr (present<typename R::Background>) phases.template of<BackgroundStage>() = {{0.7, 0.2, 0.5}, true};
+    if constexpr (present<typename R::AlphaLoss>) phases.template of<AlphaLossStage>().weight = 0.3;
+    static_cast<void>(pipeline.forward(model, camera, 1, context, executor, phases));
+    return pipeline.loss(view, {0.2, 0.01}, context, executor).total;
   };
   compmark::testing::check_directional_derivative(
       model, loss, [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); });

@@ -81,8 +81,9 @@ TEST_CASE("pipeline/finished_host: a codec is fitted to anchors that do not move
     double bits = 0;
     while (!trainer.finished()) {
       REQUIRE(trainer.step(views));
-      REQUIRE(trainer.rate_report().sampled > 0);
-      if (trainer.state().iteration > 70) bits += trainer.rate_report().bits_per_scalar / 10;
+      REQUIRE(trainer.context().template of<RateStage>().report.sampled > 0);
+      if (trainer.state().iteration > 70)
+        bits += trainer.context().template of<RateStage>().report.bits_per_scalar / 10;
     }
     CHECK(testing::same_bits(host_alone(trainer.model()), before));
     return bits;

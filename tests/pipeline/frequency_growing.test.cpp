@@ -158,7 +158,7 @@ TEST_CASE_TEMPLATE("pipeline/frequency_growing: the whole method inside the code
   lattice.sigma = {0.5};
   lattice.stride = 2;
   const std::vector<std::uint8_t> message{1, 0, 0, 1};
-  trainer.set_watermark({lattice, random_lattice<float>(lattice, std::vector<double>{0.4}, 1, 1)}, message);
+  set_watermark(trainer, {lattice, random_lattice<float>(lattice, std::vector<double>{0.4}, 1, 1)}, message);
   REQUIRE(trainer.initialise(testing::cloud(300, 7)));
   std::size_t adjusted = 0, selected = 0;
   while (!trainer.finished()) {
@@ -170,10 +170,10 @@ TEST_CASE_TEMPLATE("pipeline/frequency_growing: the whole method inside the code
   }
   CHECK(adjusted > 3);
   CHECK(selected > 0);
-  CHECK(trainer.rate_report().sampled > 0);
+  CHECK(trainer.context().template of<RateStage>().report.sampled > 0);
   double size = 0;
   const Model<R>& model = trainer.model();
-  for (const float f : model.arena.values(model.road.embedder.residual).flat())
+  for (const float f : model.arena.values(model.template blocks<EmbedderStage>().residual).flat())
     size += std::abs(static_cast<double>(f));
   CHECK(size > 0);
 }

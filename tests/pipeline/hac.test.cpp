@@ -50,16 +50,17 @@ TEST_CASE_TEMPLATE(
     "pipeline/hac: the directional derivative of the road with noise and rate equals central differences", R, SmoothHac,
     SmoothMarkedHac) {
   Model<R> model = compmark::testing::random_model<R>(24);
-  Model<R>::Road::initialise(model.arena, model.road, 4);
+  model.initialise_stages(4);
   {
     const AnchorColumns<const double> c = std::as_const(model).columns();
-    R::EntropyModel::begin_context(model.arena, model.road.rate, c.position, c.feature, c.scaling, c.offset);
+    R::EntropyModel::begin_context(model.arena, model.template blocks<RateStage>(), c.position, c.feature, c.scaling,
+                                   c.offset);
   }
   if constexpr (present<typename R::Embedder>) {
     const Random residual(12, 0, random_stage("test residual"));  // no opacity within 1e-4 of 0, where it has a kink
     for (double& value : model.arena.values(model.arena.layout().find("anchor.residual")).flat()) {
-      value = 0.3 * residual.normal(
-                        static_cast<std::uint64_t>(&value - model.arena.values(model.road.embedder.residual).data));
+      value = 0.3 * residual.normal(static_cast<std::uint64_t>(
+                        &value - model.arena.values(model.template blocks<EmbedderStage>().residual).data));
     }
   }
   const Camera<double> camera = ring_camera(1, 5, 37, 29);
@@ -75,16 +76,17 @@ TEST_CASE_TEMPLATE(
     numbers.lambda = 0.05;  // much, so that an error of the rate's gradient would show
     numbers.sample = 0.5;
     numbers.step_share = 1;  // a share of the anchors has the gradient in the mean alone
-    pipeline.road() = typename Model<R>::Road(entropy_model<R>(numbers));
+    pipeline.template stage<RateStage>() = RateStage(entropy_model<R>(numbers));
+    typename Pipeline<R>::Phases phases;
+    phases.template of<RateStage>().noise = !context_on;
+    phases.template of<RateStage>().context = context_on;
+    phases.template of<RateStage>().iteration = 3;
     SerialExecutor executor;
     using Context = typename Pipeline<R>::Context;
     compmark::testing::check_directional_derivative(
         model,
         [&](Context& context) {
-          context.road.rate.phase.noise = !context_on;
-          context.road.rate.phase.context = context_on;
-          context.road.rate.phase.iteration = 3;
-          static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
+          static_cast<void>(pipeline.forward(model, camera, 1, context, executor, phases));
           return pipeline.loss(target, {0.2, 0.01}, context, executor).total;
         },
         [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); },
@@ -204,7 +206,7 @@ TEST_CASE("pipeline/hac: a trained model goes through a file and renders the sam
 
 TEST_CASE("pipeline/hac: dead offsets are not rendered and not stored; a model off the grid is refused") {
   Model<SmallGridHac> model = trained_hac().model;
-  const MatrixView<float> mask = model.arena.values(model.road.rate.mask);
+  const MatrixView<float> mask = model.arena.values(model.template blocks<RateStage>().mask);
   Pipeline<SmallGridHac> pipeline;
   SerialExecutor executor;
   const Camera<double> camera = ring_camera(2, 6, 48, 40);

@@ -115,12 +115,12 @@ TEST_CASE("pipeline/held_steps: a mark moves the steps of a file, and held they 
 
   Model<MarkedSteps> model = with_room_for_stages<MarkedSteps>(host, 1);
   Pipeline<MarkedSteps> pipeline;
-  pipeline.road() =
-      Pipeline<MarkedSteps>::Road(entropy_model<MarkedSteps>(compmark::testing::short_settings(300).rate));
+  pipeline.stage<RateStage>() = RateStage(entropy_model<MarkedSteps>(compmark::testing::short_settings(300).rate));
   Pipeline<MarkedSteps>::Context context;
-  const RatePhase phase{.context = true, .round = true};
+  Pipeline<MarkedSteps>::Phases phases;
+  phases.of<RateStage>() = {.context = true, .round = true};
   HeldSteps steps;
-  steps.hold(pipeline, phase, info.base_step, model, context, executor);
+  steps.hold(pipeline, phases, info.base_step, model, context, executor);
   REQUIRE(steps.wanted.size() == 9);
   const CodecModel before = file_of(model);
   CHECK(before.context_gs == file.context_gs);  // nothing has moved
@@ -133,12 +133,12 @@ TEST_CASE("pipeline/held_steps: a mark moves the steps of a file, and held they 
 
   // A loud mark: what a network makes of ancestors it has not seen the like of.
   const Random random(9, 0, random_stage("test held steps"));
-  const MatrixView<float> residual = model.arena.values(model.road.embedder.residual);
+  const MatrixView<float> residual = model.arena.values(model.template blocks<EmbedderStage>().residual);
   for (std::size_t i = 0; i < residual.size(); ++i) residual.data[i] = static_cast<float>(random.normal(i));
   const double moved = largest(steps_of(file_of(model)), wanted);
   std::vector<double> left;
   for (int i = 0; i < 20; ++i) {
-    steps.hold(pipeline, phase, info.base_step, model, context, executor);
+    steps.hold(pipeline, phases, info.base_step, model, context, executor);
     left.push_back(largest(steps_of(file_of(model)), wanted));
   }
   MESSAGE("octaves from the unmarked file's steps: ", moved, ", held once ", left[0], ", ten times ", left[9],
@@ -166,7 +166,7 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
   const std::vector<std::uint8_t> message{1, 0, 0, 1, 1, 0, 1, 0};
   const auto begun = [&](ThreadExecutor& executor, const TrainSettings& with) {
     PosthocEmbedding<MarkedSteps, ThreadExecutor> trainer(with, executor);
-    trainer.set_watermark(compmark::testing::colours(), message);
+    set_watermark(trainer, compmark::testing::colours(), message);
     trainer.start_from(with_room_for_stages<MarkedSteps>(host, 1));
     return trainer;
   };
@@ -180,7 +180,7 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
   CHECK(compmark::testing::same_bits(once, straight(3, settings)));
   const auto biases = [](const Model<MarkedSteps>& model) {
     std::vector<float> all;
-    for (const auto& network : model.road.rate.network) {
+    for (const auto& network : model.template blocks<RateStage>().network) {
       const MatrixView<const float> bias = model.arena.values(network.bias2);
       all.insert(all.end(), bias.data, bias.data + bias.size());
     }

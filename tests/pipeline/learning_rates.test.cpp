@@ -106,6 +106,7 @@ TEST_CASE("pipeline/learning_rates: a residual trains under any name, from where
   // Without settings: what it was declared with.
   Model<OwnMarked> model;
   model.create(2, 3);
-  const LearningSchedule& declared = model.arena.layout().block(model.road.embedder.residual).schedule;
+  const LearningSchedule& declared =
+      model.arena.layout().block(model.template blocks<EmbedderStage>().residual).schedule;
   CHECK(learning_rate(declared, 300, 1, 7) == 0.25);
 }

@@ -15,9 +15,10 @@
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/entropy/context_gs_model.hpp"
 #include "compmark/mark/residual.hpp"
-#include "compmark/pipeline/anchor_road.hpp"
+#include "compmark/pipeline/recipe_stages.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "small_scene.hpp"
+#include "stage_scene.hpp"
 
 namespace {
 
@@ -25,16 +26,14 @@ using namespace compmark;
 
 using testing::small_shape;
 
-struct AncestorScene {
+using Rate = ContextGsModel<double, small_shape.feature_dim, small_shape.offsets, 5>;
+using MarkedRate = StageList<EmbedderStage<ResidualFeature<double>>, RateStage<Rate>>;
+
+struct AncestorScene : testing::StageScene<double, MarkedRate> {
   static constexpr std::size_t anchors = 300;
   static constexpr double voxel_size = 0.02;
-  using Rate = ContextGsModel<double, small_shape.feature_dim, small_shape.offsets, 5>;
-  using Road = AnchorRoad<double, ResidualFeature<double>, NoDistortion, Rate>;
-  ParameterArena<double> arena;
-  AnchorHandles table = add_anchor_blocks(arena, anchors, small_shape);
-  Road::Handles handles = Road::add_parameters(arena, table);
-  Road road{Rate(settings())};
-  Road::Context context;
+  ParameterArena<double>& arena = model.arena;
+  AnchorHandles& table = model.anchors;
   std::vector<std::uint32_t> visible;
 
   static Rate::Settings settings() {
@@ -43,8 +42,9 @@ struct AncestorScene {
     s.sample = 0.3;
     return s;
   }
-  AncestorScene() {
-    Road::initialise(arena, handles, 3);
+  AncestorScene() : StageScene(anchors, small_shape) {
+    stages.of<RateStage>() = RateStage(Rate(settings()));
+    const Rate::Handles& rate = model.stages.of<RateStage>();
     const Random random(2, 0, random_stage("marked ancestors test"));
     std::uint64_t at = 0;
     const auto fill = [&](BlockHandle block, double scale, double shift) {
@@ -55,27 +55,27 @@ struct AncestorScene {
     fill(table.feature, 2, 0.3);
     fill(table.scaling, 0.7, -4);
     fill(table.offset, 0.8, 0);
-    fill(handles.rate.mask, 2, 0);
-    fill(handles.rate.hyperprior, 1.5, 0);
-    for (const auto& network : handles.rate.network)
+    fill(rate.mask, 2, 0);
+    fill(rate.hyperprior, 1.5, 0);
+    for (const auto& network : rate.network)
       fill(network.weight2, 0.05, 0);  // larger ones hold steps at their least, whose gradient is none
-    fill(handles.embedder.residual, 0.5, 0);
+    fill(residual(), 0.5, 0);
     const AnchorColumns<const double> columns = anchor_values(std::as_const(arena), table);
-    Rate::begin_context(arena, handles.rate, columns.position, columns.feature, columns.scaling, columns.offset,
-                        voxel_size);
+    Rate::begin_context(arena, rate, columns.position, columns.feature, columns.scaling, columns.offset, voxel_size);
     for (std::uint32_t row = 0; row < anchors; row += 4) visible.push_back(row);
-    context.rate.phase = {.context = true, .seed = 3, .iteration = 12};
+    context.visible.resize(visible.size());
+    std::copy(visible.begin(), visible.end(), context.visible.begin());
+    phases.of<RateStage>() = {.context = true, .seed = 3, .iteration = 12};
   }
+  [[nodiscard]] BlockHandle residual() const { return model.stages.of<EmbedderStage>().residual; }
   [[nodiscard]] static double slope(std::size_t row, std::size_t c) {
     return std::sin(static_cast<double>(1 + 31 * row + c));
   }
   /// The rate, and slopes times the features that the decoder would read.
   template <Executor E>
   double loss(E& executor) {
-    const auto& read = std::as_const(arena);
-    AnchorColumns<const double> columns = road.before_culling(read, table, handles, context, executor);
-    columns = road.forward(read, handles, visible, columns, context, executor);
-    double sum = context.rate.report.loss;
+    const AnchorColumns<const double> columns = read(executor);
+    double sum = context.stages.of<RateStage>().report.loss;
     for (const std::uint32_t row : visible) {
       for (std::size_t c = 0; c < columns.feature.columns; ++c) sum += slope(row, c) * columns.feature(row, c);
     }
@@ -84,16 +84,16 @@ struct AncestorScene {
   template <Executor E>
   void backward(E& executor) {
     std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), 0.0);
-    const AnchorColumns<double> d = road.gradients(arena, table, visible, context, executor);
+    const AnchorColumns<double> d = gradients(executor);
     for (const std::uint32_t row : visible) {
       for (std::size_t c = 0; c < d.feature.columns; ++c) d.feature(row, c) += slope(row, c);
     }
-    road.backward(arena, table, handles, visible, context, executor);
+    carry(executor);
   }
   /// Rows that are looked at for their descendants alone.
   [[nodiscard]] std::vector<std::size_t> ancestors() const {
     std::vector<std::size_t> rows;
-    const auto& plan = context.rate.context.plan;
+    const auto& plan = context.stages.of<RateStage>().rate.plan;
     for (std::size_t row = 0; row < anchors; ++row) {
       if (plan.mark[row] == ContextGsPlan::needed) rows.push_back(row);
     }
@@ -111,13 +111,13 @@ TEST_CASE("pipeline/marked_ancestors: gradients by the residual and by the featu
   scene.backward(serial);
   const std::vector<std::size_t> ancestors = scene.ancestors();
   REQUIRE(ancestors.size() > 5);
-  const MatrixView<double> gradient = scene.arena.gradients(scene.handles.embedder.residual);
+  const MatrixView<double> gradient = scene.arena.gradients(scene.residual());
   for (const std::size_t row : ancestors) {
     double size = 0;
     for (std::size_t c = 0; c < gradient.columns; ++c) size += std::abs(gradient(row, c));
     CHECK(size > 0);
   }
-  for (const BlockHandle block : {scene.handles.embedder.residual, scene.table.feature}) {
+  for (const BlockHandle block : {scene.residual(), scene.table.feature}) {
     const std::span<double> d = scene.arena.gradients(block).flat();
     const std::vector<double> kept(d.begin(), d.end());
     CHECK(testing::gradient_law(loss, scene.arena.values(block).flat(), kept, 1e-6, 60) == "");
@@ -133,14 +133,14 @@ TEST_CASE("pipeline/marked_ancestors: what is counted is what the marked model c
   const double marked = scene.loss(serial);
   const std::vector<std::size_t> ancestors = scene.ancestors();
   AncestorScene baked;
-  AncestorScene::Road::bake(baked.arena, baked.table, baked.handles);
-  baked.context.embeds = false;
+  baked.bake();
+  baked.phases.of<EmbedderStage>().embeds = false;
   CHECK(baked.loss(serial) == doctest::Approx(marked).epsilon(1e-12));
 
   // Negative control: a mark that is left out of the ancestors alone costs something else.
   for (const std::size_t row : ancestors) {
     for (std::size_t c = 0; c < static_cast<std::size_t>(small_shape.feature_dim); ++c)
-      scene.arena.values(scene.handles.embedder.residual)(row, c) = 0;
+      scene.arena.values(scene.residual())(row, c) = 0;
   }
   CHECK(std::abs(scene.loss(serial) - marked) > 1e-6 * std::abs(marked));  // measured 2e-4
 }

@@ -111,7 +111,7 @@ TEST_CASE("pipeline/outliers: the context of a compressed training covers the sc
     Trainer<SmallGridHac, SerialExecutor> trainer(settings, views.size(), 3.3, executor);
     REQUIRE(trainer.initialise(points).ok());
     REQUIRE(trainer.run(views).ok());
-    const auto box = trainer.model().arena.values(trainer.model().road.rate.box);
+    const auto box = trainer.model().arena.values(trainer.model().template blocks<RateStage>().box);
     double width = 0;
     for (std::size_t axis = 0; axis < 3; ++axis) width = std::max(width, double(box(1, axis) - box(0, axis)));
     return width;

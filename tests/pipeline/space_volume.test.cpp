@@ -70,9 +70,9 @@ TEST_CASE("pipeline/space_volume: volumes count in cells, and the gradient is th
   const std::size_t count = spread.slot.size();
   Cells::Context context;
   spread.place(context);
-  context.space = {{0.3, -0.2, 0.1}, 2};
+  const Cells cells(ContractedSpace{{0.3, -0.2, 0.1}, 2});
   SerialExecutor executor;
-  const auto loss = [&] { return Cells{}.forward(spread.values(), count, context, executor).loss; };
+  const auto loss = [&] { return cells.forward(spread.values(), count, context, executor).loss; };
   double expected = 0, world = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const double* p = spread.position.data() + 3 * (spread.slot[i] / Spread::offsets);
@@ -87,7 +87,7 @@ TEST_CASE("pipeline/space_volume: volumes count in cells, and the gradient is th
   CHECK(world > 20 * expected);  // the control: the far ones rule the loss in the world
 
   CHECK(loss() > 0);
-  Cells{}.backward(spread.values(), count, 3.0, spread.gradients(), context, executor);
+  cells.backward(spread.values(), count, 3.0, spread.gradients(), context, executor);
   double worst = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (std::size_t i = 0; i < count; ++i) {
@@ -112,12 +112,12 @@ TEST_CASE("pipeline/space_volume: in the world, and with everything in the ball,
   World::Context published;
   Cells::Context ball, stretched;
   for (Cells::Context* context : {&ball, &stretched}) spread.place(*context);
-  ball.space.radius = 1e6;
+  const Cells wide(ContractedSpace{{0, 0, 0}, 1e6});
   const double loss = World{}.forward(plain.values(), count, published, executor).loss;
   CHECK(std::bit_cast<std::uint64_t>(loss) ==
-        std::bit_cast<std::uint64_t>(Cells{}.forward(spread.values(), count, ball, executor).loss));
+        std::bit_cast<std::uint64_t>(wide.forward(spread.values(), count, ball, executor).loss));
   World{}.backward(plain.values(), count, 0.01, plain.gradients(), published, executor);
-  Cells{}.backward(spread.values(), count, 0.01, spread.gradients(), ball, executor);
+  wide.backward(spread.values(), count, 0.01, spread.gradients(), ball, executor);
   CHECK(spread.gradient == plain.gradient);
   CHECK(Cells{}.forward(spread.values(), count, stretched, executor).loss < 0.1 * loss);  // the control
 
@@ -148,11 +148,14 @@ TEST_CASE("pipeline/space_volume: the directional derivative of the whole road e
   for (std::size_t i = 0; i < target.size(); ++i) target[i] = 1.5 + random.uniform(i);
   using Context = Pipeline<SmoothContracted>::Context;
   SerialExecutor executor;
-  const Pipeline<SmoothContracted> pipeline;
+  Pipeline<SmoothContracted> pipeline;
+  const auto with_radius = [](double radius) {
+    return Pipeline<SmoothContracted>::Volume(ContractedSpace{{0.05, 0, -0.1}, radius});
+  };
+  pipeline.volume() = with_radius(0.3);
   // Anchors lie within 0.6 of the middle of each axis: with a radius of 0.3 most are stretched, by up to 1.9. The weight makes the volume a
   // tenth of the loss.
   const auto loss = [&](Context& context) {
-    context.volume.space = {{0.05, 0, -0.1}, 0.3};
     static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
     return pipeline.loss(ImageView<const double>{target.data(), 3, height, width}, {0.2, 30}, context, executor).total;
   };
@@ -162,7 +165,7 @@ TEST_CASE("pipeline/space_volume: the directional derivative of the whole road e
   static_cast<void>(loss(contracted));
   const double volume =
       pipeline.loss(ImageView<const double>{target.data(), 3, height, width}, {0.2, 30}, contracted, executor).volume;
-  contracted.volume.space.radius = 100;
+  pipeline.volume() = with_radius(100);
   const double world =
       pipeline.loss(ImageView<const double>{target.data(), 3, height, width}, {0.2, 30}, contracted, executor).volume;
   MESSAGE("volume ", volume, " in cells, ", world, " in the world");

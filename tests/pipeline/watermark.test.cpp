@@ -91,7 +91,7 @@ TEST_CASE_TEMPLATE("pipeline/watermark: the directional derivative of the marked
                    recipes::Marked<SmoothRecipe, Waves<double>>,
                    recipes::MarkedForCompression<SmoothRecipe, Waves<double>>) {
   Model<R> model = compmark::testing::random_model<R>(24);
-  Model<R>::Road::initialise(model.arena, model.road, 4);
+  model.initialise_stages(4);
   const Random residual(8, 0, random_stage("test residual"));
   for (const char* name : {"anchor.residual", "distortion.2.weight"}) {
     const BlockHandle block = model.arena.layout().find(name);
@@ -107,27 +107,27 @@ TEST_CASE_TEMPLATE("pipeline/watermark: the directional derivative of the marked
   const ImageView<const double> target{target_storage.data(), 3, 29, 37};
 
   Pipeline<R> pipeline;
-  auto& marks = pipeline.marks();
-  marks.message = message;
-  marks.message_loss.settings.logit_scale = 1;
-  marks.hsv.settings.source = HueSource::target;  // masks of the render would jump under the differences
+  pipeline.template stage<MessageStage>().message = message;
+  pipeline.template stage<MessageStage>().message_loss.settings.logit_scale = 1;
+  pipeline.template stage<HsvStage>().image_loss.settings.source =
+      HueSource::target;  // masks of the render would jump under the differences
   SerialExecutor executor;
   using Context = typename Pipeline<R>::Context;
-  const auto prepare = [](Context& context) {
-    context.marks.weights = {0.5, 0.6, 0.0, 10.0};
-    if constexpr (present<typename R::DistortionLayer>) {
-      context.road.phase.adaptive = true;
-      context.road.phase.scaling = 0.001;
-      context.road.phase.offset = 0.2;
-      context.road.phase.iteration = 3;
-    }
-  };
+  typename Pipeline<R>::Phases phases;
+  phases.template of<MessageStage>().weight = 0.5;
+  phases.template of<HsvStage>().weight = 0.6;
+  if constexpr (present<typename R::DistortionLayer>) {
+    DistortionPhase& noise = phases.template of<DistortionStage>();
+    noise.adaptive = true;
+    noise.scaling = 0.001;
+    noise.offset = 0.2;
+    noise.iteration = 3;
+  }
   compmark::testing::check_directional_derivative(
       model,
       [&](Context& context) {
-        prepare(context);
-        static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
-        return pipeline.loss(target, {0.2, 0.01}, context, executor).total;
+        static_cast<void>(pipeline.forward(model, camera, 1, context, executor, phases));
+        return pipeline.loss(target, {0.2, 0.01, 10}, context, executor).total;
       },
       [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); });
 }
@@ -144,7 +144,7 @@ TEST_CASE(
     settings.mark.residual_after = 30000;  // the residual has a learning rate, but not yet
     ThreadExecutor executor(2);
     Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
-    if constexpr (present<typename R::MessageDecoder>) trainer.set_watermark(Waves<float>{}, message);
+    if constexpr (present<typename R::MessageDecoder>) set_watermark(trainer, Waves<float>{}, message);
     REQUIRE(trainer.initialise(cloud(300, 7)));
     BlobViews views;
     REQUIRE(trainer.run(views));
@@ -157,7 +157,7 @@ TEST_CASE(
 }
 
 TEST_CASE("pipeline/watermark: what a recipe without a mark does not have") {
-  static_assert(Model<Host>::Road::is_absent && Pipeline<Host>::Marks::is_absent);
+  static_assert(Pipeline<Host>::Stages::count == 0);
   static_assert(sizeof(Pipeline<Host>) == sizeof(Host::GaussianDecoder));
   static_assert(sizeof(Pipeline<MarkedHost>) > sizeof(Host::GaussianDecoder));
   static_assert(sizeof(Model<Host>) < sizeof(Model<MarkedHost>));
@@ -194,7 +194,7 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
   }
   ThreadExecutor executor(threads);
   Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
-  if constexpr (present<typename R::MessageDecoder>) trainer.set_watermark(Waves<float>{}, message);
+  if constexpr (present<typename R::MessageDecoder>) set_watermark(trainer, Waves<float>{}, message);
   REQUIRE(trainer.initialise(cloud(400, 7)));
   BlobViews views;
   REQUIRE(trainer.run(views));
@@ -302,7 +302,7 @@ TEST_CASE("pipeline/watermark: a finished model is marked by training on from it
   settings.mark.hsv_after = 0;
   settings.mark.logit_scale = 1;
   Trainer<MarkedHost, ThreadExecutor> second(settings, 6, 1.0, executor);
-  second.set_watermark(Waves<float>{}, message);
+  set_watermark(second, Waves<float>{}, message);
   second.start_from(with_room_for_stages<MarkedHost>(first.model(), settings.seed));
   CHECK(second.state().iteration == 0);
   // It starts as what it was started from, to the bit: the residual is zero.
@@ -361,7 +361,7 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   REQUIRE(plain.run(views));
   {  // the control: in the loss of the photographs the message moves the model too
     Trainer<ColourMarked, ThreadExecutor> joined(settings, 6, 1.0, executor);
-    joined.set_watermark(colours(), message);
+    set_watermark(joined, colours(), message);
     REQUIRE(joined.initialise(cloud(400, 7)));
     REQUIRE(joined.run(views));
     CHECK(!same(host_alone(joined.model()), plain.model()));
@@ -374,10 +374,10 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   const auto finished_model = [&](const TrainSettings& chosen, double& departure, std::size_t threads = 2) {
     ThreadExecutor own(threads);
     Embedding embedding(chosen, own);
-    embedding.set_watermark(colours(), message);
+    set_watermark(embedding, colours(), message);
     embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
     REQUIRE(embedding.run(views));
-    departure = embedding.mark_report().departure;
+    departure = mark_report(embedding).departure;
     return embedding.model();
   };
   double departure = 0, loose_departure = 0;
@@ -395,7 +395,7 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
     TrainSettings seldom = frozen;
     seldom.mark.between_every = 3;
     Embedding embedding(seldom, executor);
-    embedding.set_watermark(colours(), message);
+    set_watermark(embedding, colours(), message);
     embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
     for (const bool reads : {false, false, true, false}) {
       const Model<Host> before = baked_host(embedding.model());
@@ -417,7 +417,7 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   {
     const auto begun = [&] {
       Embedding embedding(by_cost, executor);
-      embedding.set_watermark(colours(), message);
+      set_watermark(embedding, colours(), message);
       embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
       return embedding;
     };
@@ -425,7 +425,7 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
     REQUIRE(stopped.step(views).ok());  // the first is what was read there, of the view that was drawn
     const std::vector<double>& first = stopped.state().costs.mean;
     CHECK(std::count_if(first.begin(), first.end(), [](double cost) { return cost >= 0; }) == 1);
-    CHECK(*std::max_element(first.begin(), first.end()) == stopped.mark_report().message);
+    CHECK(*std::max_element(first.begin(), first.end()) == mark_report(stopped).message);
     while (stopped.state().iteration < by_cost.iterations / 2) REQUIRE(stopped.step(views).ok());
     CHECK(stopped.state().costs.mean.size() == views.size());
     ModelInfo info;
@@ -507,15 +507,17 @@ TEST_CASE("pipeline/watermark: the gradient of the departure from the host's ren
   for (std::size_t i = 0; i < host_storage.size(); ++i) host_storage[i] = random.uniform(i);
   const ImageView<const double> host{host_storage.data(), 3, 29, 37};
   Pipeline<R> pipeline;
-  pipeline.marks().message = message;
-  pipeline.marks().message_loss.settings.logit_scale = 1;
+  pipeline.template stage<MessageStage>().message = message;
+  pipeline.template stage<MessageStage>().message_loss.settings.logit_scale = 1;
+  typename Pipeline<R>::Phases phases;
+  phases.template of<MessageStage>().weight = 0.5;
   SerialExecutor executor;
   using Context = typename Pipeline<R>::Context;
   compmark::testing::check_directional_derivative(
       model,
       [&](Context& context) {
-        static_cast<void>(pipeline.forward(model, camera, 1, context, executor));
-        return pipeline.message_loss(0.5, 20.0, host, context, executor).total;
+        static_cast<void>(pipeline.forward(model, camera, 1, context, executor, phases));
+        return message_loss(pipeline, 20.0, host, context, executor).total;
       },
       [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); });
 }

@@ -63,7 +63,7 @@ template <Recipe R>
     std::copy_n(from.all_values().begin() + static_cast<std::ptrdiff_t>(same->offset), part.size(),
                 model.arena.all_values().begin() + static_cast<std::ptrdiff_t>(part.offset));
   }
-  auto& rate = model.road.rate;
+  auto& rate = model.template blocks<RateStage>();
   const std::vector<float> statistics = detail::coded_floats(std::as_const(model.arena).values(rate.statistics));
   if (statistics.size() != 2 * file.heads().channels()) return other();
   if constexpr (requires { R::EntropyModel::shape.volume_levels; }) {

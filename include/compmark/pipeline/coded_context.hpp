@@ -42,7 +42,7 @@ template <class T>
 template <Recipe R>
   requires requires { R::EntropyModel::shape.volume_levels; }
 [[nodiscard]] Result<Done> store_context(const Model<R>& model, CodecModel& coded) {
-  const auto& rate = model.road.rate;
+  const auto& rate = model.template blocks<RateStage>();
   const auto block = [&](BlockHandle handle) { return coded_floats(model.arena.values(handle)); };
   TrainedContext context;
   context.shape = R::EntropyModel::shape;
@@ -69,7 +69,7 @@ template <Recipe R>
 [[nodiscard]] Result<Done> store_context(const Model<R>& model, CodecModel& coded) {
   using Scalar = typename R::Scalar;
   using Prior = typename R::EntropyModel::Prior;
-  const auto& rate = model.road.rate;
+  const auto& rate = model.template blocks<RateStage>();
   const auto block = [&](BlockHandle handle) { return coded_floats(model.arena.values(handle)); };
   TrainedContextGs context;
   context.statistics = block(rate.statistics);

@@ -82,7 +82,7 @@ template <Recipe R>
   coded.base_step = info.base_step;
 
   const AnchorColumns<const Scalar> columns = model.columns();
-  const MatrixView<const Scalar> mask = model.arena.values(model.road.rate.mask);
+  const MatrixView<const Scalar> mask = model.arena.values(model.template blocks<RateStage>().mask);
   const std::size_t rows = model.anchor_count();
   Result<std::vector<Voxel>> voxels = anchor_voxels(model);
   if (!voxels) return voxels.error();
@@ -220,7 +220,7 @@ template <Recipe R>
   }
 
   const AnchorColumns<Scalar> columns = anchor_values(model.arena, model.anchors);
-  const MatrixView<Scalar> mask = model.arena.values(model.road.rate.mask);
+  const MatrixView<Scalar> mask = model.arena.values(model.template blocks<RateStage>().mask);
   for (std::size_t i = 0; i < rows; ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       columns.position(i, axis) = static_cast<Scalar>(voxel_position(coded.voxels[i][axis], coded.voxel_size));
@@ -236,8 +236,10 @@ template <Recipe R>
     columns.scaling.data[i] = static_cast<Scalar>(std::log(extent));
   }
 
-  if constexpr (requires { model.road.rate.hyperprior; }) {  // nothing reads it; it is what it was, though
-    const MatrixView<Scalar> z = model.arena.values(model.road.rate.hyperprior);
+  if constexpr (requires {
+                  model.template blocks<RateStage>().hyperprior;
+                }) {  // nothing reads it; it is what it was, though
+    const MatrixView<Scalar> z = model.arena.values(model.template blocks<RateStage>().hyperprior);
     if (coded.hyperprior.size() == z.size()) {
       for (std::size_t i = 0; i < z.size(); ++i) z.data[i] = static_cast<Scalar>(coded.hyperprior[i]);
     }

@@ -14,16 +14,89 @@
 
 #include "compmark/core/absent.hpp"
 #include "compmark/core/buffer.hpp"
+#include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/loss/message.hpp"
 #include "compmark/pipeline/mark_phases.hpp"
-#include "compmark/pipeline/model.hpp"
-#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/pipeline/recipe.hpp"
+#include "compmark/pipeline/stage.hpp"
 #include "compmark/pipeline/view_costs.hpp"
 #include "compmark/scene/between.hpp"
 
 namespace compmark {
+
+template <Recipe R>
+struct Model;
+template <Recipe R>
+class Pipeline;
+struct ForwardReport;
+template <class Embed>
+struct EmbedderStage;
+template <class Decoder>
+class MessageStage;
+template <class Rate>
+class RateStage;
+
+/// What was read of a message.
+struct ReadingReport {
+  double message = 0;    ///< mean loss of a bit, cross entropy or hinge
+  std::size_t bits = 0;  ///< 0: the message was not read
+  std::size_t matches = 0;
+  double departure = 0;  ///< mean square difference from the unmarked render, where that was measured
+  double total = 0;      ///< weighted sum
+};
+
+namespace detail {
+/// fidelity * mean (image - host)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of 0.
+template <class Scalar, Executor E>
+double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> host, Scalar fidelity,
+                        ImageView<Scalar> d_image, E& executor) {
+  constexpr std::size_t grain = 1 << 14;
+  std::vector<double> sums(chunk_count(image.size(), grain), 0.0);
+  if (!(fidelity > Scalar(0))) {
+    executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+      std::fill(d_image.data + begin, d_image.data + end, Scalar(0));
+    });
+    return 0;
+  }
+  COMPMARK_ASSERT(host.size() == image.size(), "message_loss: the unmarked render is of another size");
+  const Scalar slope = Scalar(2) * fidelity / static_cast<Scalar>(image.size());
+  executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+    double sum = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Scalar difference = image.data[i] - host.data[i];
+      d_image.data[i] = slope * difference;
+      sum += static_cast<double>(difference) * static_cast<double>(difference);
+    }
+    sums[begin / grain] = sum;
+  });
+  double sum = 0;
+  for (const double of_chunk : sums) sum += of_chunk;
+  return sum / static_cast<double>(image.size());
+}
+}  // namespace detail
+
+/// The message alone, of a render that there is no photograph of, in place of Pipeline::loss: context.d_image is set from what was read, by the weight
+/// of the forward pass, and with a weight `fidelity` above 0 from the mean square difference to `host`, the unmarked render of the same view.
+template <Recipe R, Executor E>
+ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageView<const typename R::Scalar> host,
+                           typename Pipeline<R>::Context& context, E& executor) {
+  using Scalar = typename R::Scalar;
+  pipeline.begin_loss(context);
+  ReadingReport report;
+  report.departure =
+      detail::square_departure<Scalar>(context.image, host, static_cast<Scalar>(fidelity), context.d_image, executor);
+  const double weight = context.phases.template of<MessageStage>().weight;
+  const MessageReport read = pipeline.template stage<MessageStage>().pull(
+      context.image, context.d_image, weight, context.template of<MessageStage>(), executor);
+  report.message = read.loss;
+  report.bits = read.bits;
+  report.matches = read.matches;
+  report.total = weight * read.loss + fidelity * report.departure;
+  return report;
+}
 
 /// For recipes with a MessageDecoder.
 template <Recipe R>
@@ -31,6 +104,7 @@ class DrawnReading {
  public:
   using Scalar = typename R::Scalar;
   using Context = typename Pipeline<R>::Context;
+  using Phases = typename Pipeline<R>::Phases;
   /// Whether a mark of this recipe can be held to the unmarked model's renders.
   static constexpr bool can_be_held = present<typename R::MessageDecoder> && present<typename R::Embedder>;
 
@@ -47,40 +121,37 @@ class DrawnReading {
     return room_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0), factor_);
   }
 
-  /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. `photographed` is the context of the
-  /// iteration's own view, of which the noise of quantization is taken.
+  /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. The stages are in the phases of the iteration,
+  /// but for the rate: it was counted in the photographed view; without one it is no loss (docs/watermark_experiments.md).
   template <class Views, Executor E>
-  ForwardReport read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view,
-                     std::uint64_t seed, std::int64_t t, const MarkPhases& phases, const Context& photographed,
-                     E& executor) {
+  auto read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
+            std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) {
     const ViewCamera<R> camera = sampled_camera(views, view, seed, t);
-    set_phases(photographed);
-    return read_at(pipeline, model, camera, view, phases.between_weight(t), 0, executor);
+    return read_at(pipeline, model, camera, view, uncounted(phases), schedule.between_weight(t), 0, executor);
   }
 
-  /// The same, held to the unmarked model's render of the view by the fidelity of `phases`.
+  /// The same, held to the unmarked model's render of the view by the fidelity of `schedule`.
   template <class Views, Executor E>
-  ForwardReport read_held(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view,
-                          std::uint64_t seed, std::int64_t t, const MarkPhases& phases, const Context& photographed,
-                          E& executor) requires(can_be_held) {
+  auto read_held(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
+                 std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) requires(can_be_held) {
     const ViewCamera<R> camera = sampled_camera(views, view, seed, t);
-    set_phases(photographed);
-    context_.road.embeds = false;
+    const Phases marked = uncounted(phases);
+    Phases unmarked = marked;
+    unmarked.template of<EmbedderStage>().embeds = false;
     if constexpr (present<typename R::EntropyModel>) {
       // The marked render is not held to what rounding did to the unmarked model: steps that take some of it back are as good as steps that carry
       // the message.
-      if (photographed.road.rate.phase.round) context_.road.rate.phase = {};
+      if (marked.template of<RateStage>().round) unmarked.template of<RateStage>() = {};
     }
-    static_cast<void>(pipeline.forward(model, camera, view, context_, executor));
+    static_cast<void>(pipeline.forward(model, camera, view, context_, executor, unmarked));
     host_storage_.resize(context_.image.size());
     std::copy_n(context_.image.data, context_.image.size(), host_storage_.data());
-    context_.road.embeds = true;
-    set_phases(photographed);
-    return read_at(pipeline, model, camera, view, phases.between_weight(t), fidelity(views, camera, phases), executor);
+    return read_at(pipeline, model, camera, view, marked, schedule.between_weight(t), fidelity(views, camera, schedule),
+                   executor);
   }
 
-  [[nodiscard]] const MarkReport& report() const { return context_.marks.report; }  ///< of the last reading
-  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }    ///< what was read
+  [[nodiscard]] const ReadingReport& report() const { return report_; }           ///< of the last reading
+  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< what was read
   /// The unmarked model's render of the same view, after read_held.
   [[nodiscard]] ImageView<const Scalar> host() const {
     return {host_storage_.data(), 3, context_.image.height, context_.image.width};
@@ -95,29 +166,27 @@ class DrawnReading {
     return drawn_camera(camera_of, views.size(), view, random, reach);
   }
   template <class Views>
-  [[nodiscard]] double fidelity(const Views& views, const ViewCamera<R>& camera, const MarkPhases& phases) {
-    if (!phases.fidelity_falls()) return phases.fidelity();
+  [[nodiscard]] double fidelity(const Views& views, const ViewCamera<R>& camera, const MarkPhases& schedule) {
+    if (!schedule.fidelity_falls()) return schedule.fidelity();
     if (distance_.empty()) distance_ = PhotographDistance([&](std::size_t i) { return views.camera(i); }, views.size());
-    return phases.fidelity(distance_.medians(camera));
+    return schedule.fidelity(distance_.medians(camera));
   }
-  /// The noise of the iteration. The rate was counted in the photographed view; without one it is no loss (docs/watermark_experiments.md).
-  void set_phases([[maybe_unused]] const Context& photographed) {
-    if constexpr (present<typename R::DistortionLayer>) context_.road.phase = photographed.road.phase;
-    if constexpr (present<typename R::EntropyModel>) {
-      context_.road.rate.phase = photographed.road.rate.phase;
-      context_.road.rate.phase.counts = false;
-    }
+  [[nodiscard]] static Phases uncounted(Phases phases) {
+    if constexpr (present<typename R::EntropyModel>) phases.template of<RateStage>().counts = false;
+    return phases;
   }
   template <Executor E>
-  ForwardReport read_at(const Pipeline<R>& pipeline, Model<R>& model, const ViewCamera<R>& camera, std::size_t view,
-                        double weight, double held, E& executor) {
-    const ForwardReport report = pipeline.forward(model, camera, view, context_, executor);
-    pipeline.message_loss(weight, held, host(), context_, executor);
+  auto read_at(const Pipeline<R>& pipeline, Model<R>& model, const ViewCamera<R>& camera, std::size_t view,
+               Phases phases, double weight, double held, E& executor) {
+    phases.template of<MessageStage>().weight = weight;
+    const auto report = pipeline.forward(model, camera, view, context_, executor, phases);
+    report_ = message_loss(pipeline, held, host(), context_, executor);
     pipeline.backward(model, camera, view, context_, executor);
     return report;
   }
 
   Context context_;  ///< its own, so that the photographed view's stays
+  ReadingReport report_;
   Buffer<Scalar> host_storage_;
   ViewRoom room_;
   std::vector<double> factor_;  ///< of the views' room, of the last draw

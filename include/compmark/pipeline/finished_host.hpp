@@ -42,7 +42,7 @@ template <Recipe R>
   model.create(host.anchor_count(), host.train_views);
   model.render = host.render;
   model.voxel_size = host.voxel_size;
-  Model<R>::Road::initialise(model.arena, model.road, seed);
+  model.initialise_stages(seed);
   for (const ArenaLayout::Block& block : host.arena.layout().blocks()) {
     const MatrixView<Scalar> values = model.arena.values(model.arena.layout().find(block.name));
     std::copy_n(host.arena.all_values().data() + block.offset, block.size(), values.data);

@@ -43,20 +43,21 @@ class HeldSteps {
   /// Means of ln q: of group g at level l the (3 l + g)-th. Empty before the first look. State of a run.
   std::vector<double> wanted;
 
-  /// Moves the biases by what `model`'s steps, as `phase` has them, depart from the wanted ones; the first call looks at what they are without a mark
+  /// Moves the biases by what `model`'s steps, as `phases` has them, depart from the wanted ones; the first call looks at what they are without a mark
   /// instead. `context` is for scratch.
   template <Recipe R, Executor E>
-  void hold(const Pipeline<R>& pipeline, const RatePhase& phase, const std::array<double, 3>& base_step,
-            Model<R>& model, typename Pipeline<R>::Context& context, E& executor) requires(reads_marked_ancestors<R>) {
+  void hold(const Pipeline<R>& pipeline, const typename Pipeline<R>::Phases& phases,
+            const std::array<double, 3>& base_step, Model<R>& model, typename Pipeline<R>::Context& context,
+            E& executor) requires(reads_marked_ancestors<R>) {
     using Scalar = typename R::Scalar;
     if (wanted.empty()) {
-      const Means means = look(pipeline, phase, base_step, false, model, context, executor);
+      const Means means = look(pipeline, phases, base_step, false, model, context, executor);
       wanted.assign(means.log_step.begin(), means.log_step.end());
       return;
     }
-    const Means means = look(pipeline, phase, base_step, true, model, context, executor);
+    const Means means = look(pipeline, phases, base_step, true, model, context, executor);
     for (std::size_t level = 0; level < levels; ++level) {
-      const MatrixView<Scalar> bias = model.arena.values(model.road.rate.network[level].bias2);
+      const MatrixView<Scalar> bias = model.arena.values(model.template blocks<RateStage>().network[level].bias2);
       for (std::size_t group = 0; group < groups; ++group) {
         const std::size_t at = groups * level + group;
         if (!(means.slope[at] > 0) || !std::isfinite(means.log_step[at])) continue;
@@ -72,23 +73,16 @@ class HeldSteps {
     std::array<double, levels * groups> log_step{}, slope{};  ///< of ln q by the network's output r
   };
   template <Recipe R, Executor E>
-  [[nodiscard]] static Means look(const Pipeline<R>& pipeline, RatePhase phase, const std::array<double, 3>& base_step,
-                                  bool marked, const Model<R>& model, typename Pipeline<R>::Context& context,
-                                  E& executor) {
-    phase.counts = false;
-    auto& road = context.road;
-    const auto before = road.rate.phase;
-    const bool embedded = road.embeds;
-    road.rate.phase = phase;
-    road.embeds = marked;
+  [[nodiscard]] static Means look(const Pipeline<R>& pipeline, typename Pipeline<R>::Phases phases,
+                                  const std::array<double, 3>& base_step, bool marked, const Model<R>& model,
+                                  typename Pipeline<R>::Context& context, E& executor) {
+    phases.template of<RateStage>().counts = false;
+    phases.template of<EmbedderStage>().embeds = marked;
     context.visible.resize(model.anchor_count());
     for (std::size_t i = 0; i < context.visible.size(); ++i) context.visible[i] = static_cast<std::uint32_t>(i);
-    auto columns = pipeline.road().before_culling(model.arena, model.anchors, model.road, road, executor);
-    static_cast<void>(
-        pipeline.road().forward(model.arena, model.road, context.visible.span(), columns, road, executor));
-    road.rate.phase = before;
-    road.embeds = embedded;
-    const auto& plan = road.rate.context.plan;
+    static_cast<void>(pipeline.read_attributes(model, context, executor, phases));
+    const auto& rate = context.template of<RateStage>().rate;
+    const auto& plan = rate.plan;
     Means means;
     for (std::size_t level = 0; level < levels; ++level) {
       const auto& section = plan.light[level];
@@ -96,7 +90,7 @@ class HeldSteps {
       for (std::size_t group = 0; group < groups; ++group) {
         double log_step = 0, slope = 0;
         for (std::size_t e = section.first; e < section.first + section.count; ++e) {
-          const double q = static_cast<double>(road.rate.context.step[groups * e + group]) / base_step[group];
+          const double q = static_cast<double>(rate.step[groups * e + group]) / base_step[group];
           log_step += std::log(q);
           slope += 2 - q;  // d ln q / d r = 2 sigmoid(-2 r)
         }

@@ -8,11 +8,11 @@
 
 #include <cstdint>
 
-#include "compmark/core/absent.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/optim/schedule.hpp"
 #include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/network_schedule.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 
@@ -26,40 +26,6 @@ namespace compmark {
   const std::int64_t from = scale_iteration(schedule.decays_from, iterations);
   return LogLinear{schedule.initial * unit, schedule.final * unit, iterations - from}.value(t - from);
 }
-
-namespace detail {
-
-/// The blocks of a two-layer network.
-template <class Scalar, class Network>
-void set_network_schedule(ParameterArena<Scalar>& arena, const Network& network, const LearningSchedule& schedule) {
-  for (const BlockHandle handle : {network.weight1, network.bias1, network.weight2, network.bias2}) {
-    arena.set_schedule(handle, schedule);
-  }
-}
-
-/// The numbers of a run for an entropy model whose handles are named as those of HAC and ContextGS.
-template <class Scalar, class Handles>
-void set_rate_schedules(ParameterArena<Scalar>& arena, const Handles& handles, const RateNumbers& rate) {
-  const auto from_context = [&](const LearningRate& r) {
-    return LearningSchedule{r.initial, r.final, RateUnit::one, rate.context_after};
-  };
-  if constexpr (requires { handles.mask; }) {
-    arena.set_schedule(handles.mask, {rate.mask.initial, rate.mask.final, RateUnit::scene_extent});
-  }
-  if constexpr (requires { handles.grid; }) arena.set_schedule(handles.grid, from_context(rate.grid));
-  if constexpr (requires { handles.weight1; }) {
-    set_network_schedule(arena, handles, from_context(rate.context));
-  }
-  if constexpr (requires { handles.network[0].weight1; }) {
-    for (const auto& network : handles.network) set_network_schedule(arena, network, from_context(rate.context));
-  }
-  if constexpr (requires { handles.hyperprior; }) {
-    arena.set_schedule(handles.hyperprior, from_context({rate.hyperprior, rate.hyperprior}));
-  }
-  if constexpr (requires { handles.prior; }) arena.set_schedule(handles.prior, from_context(rate.context));
-}
-
-}  // namespace detail
 
 /// Replaces the schedules that the stages of `model` declared by those of a run, where `settings` has numbers for the stage.
 template <Recipe R>
@@ -83,25 +49,7 @@ void set_schedules(Model<R>& model, const TrainSettings& settings) {
   if constexpr (requires { heads.appearance.index; }) {
     arena.set_schedule(heads.appearance, schedule(settings.appearance));
   }
-  if constexpr (present<typename R::Embedder>) {
-    const MarkNumbers& mark = settings.mark;
-    arena.set_schedule(model.road.embedder.residual, {mark.residual_rate, mark.residual_rate * mark.residual_decay,
-                                                      RateUnit::one, mark.residual_after, mark.residual_after});
-  }
-  if constexpr (present<typename R::DistortionLayer>) {
-    if constexpr (requires { model.road.distortion.weight1; }) {
-      detail::set_network_schedule(arena, model.road.distortion,
-                                   LearningSchedule::constant(settings.mark.distortion_rate));
-    }
-  }
-  if constexpr (present<typename R::EntropyModel>) {
-    detail::set_rate_schedules(arena, model.road.rate, settings.rate);
-  }
-  if constexpr (present<typename R::Exposure>) {
-    if constexpr (requires { model.exposure.affine; }) {
-      arena.set_schedule(model.exposure.affine, schedule(settings.effects.exposure));
-    }
-  }
+  Model<R>::Stages::forward([&]<class S>() { S::set_schedules(arena, model.template blocks<S>(), settings); });
 }
 
 }  // namespace compmark

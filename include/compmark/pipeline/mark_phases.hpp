@@ -11,11 +11,18 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/optim/phases.hpp"
-#include "compmark/pipeline/mark_losses.hpp"
 #include "compmark/pipeline/settings.hpp"
 #include "compmark/quant/distortion.hpp"
 
 namespace compmark {
+
+/// Weights of one iteration.
+struct MarkWeights {
+  double message = 0;
+  double hsv = 0;
+  double frequency = 0;
+  double image = 1;  ///< of the losses that every recipe has
+};
 
 /// Which weights and amplitudes hold in which iteration of a run of `total`.
 class MarkPhases {

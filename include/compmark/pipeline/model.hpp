@@ -11,8 +11,9 @@
 
 #include "compmark/anchor/table.hpp"
 #include "compmark/core/parameters.hpp"
-#include "compmark/pipeline/anchor_road.hpp"
 #include "compmark/pipeline/recipe.hpp"
+#include "compmark/pipeline/recipe_stages.hpp"
+#include "compmark/pipeline/stage.hpp"
 
 namespace compmark {
 
@@ -31,10 +32,8 @@ struct Model {
   ParameterArena<Scalar> arena;
   AnchorHandles anchors;
   typename Decoder::Handles decoder;
-  [[no_unique_address]] typename R::Exposure::Handles exposure;  ///< empty without exposure
-  /// Embedder, distortion layer and entropy model.
-  using Road = AnchorRoad<Scalar, typename R::Embedder, typename R::DistortionLayer, typename R::EntropyModel>;
-  [[no_unique_address]] typename Road::Handles road;  ///< empty without any of them
+  using Stages = RecipeStages<R>;
+  [[no_unique_address]] StageMembers<Stages, StageHandles> stages;  ///< blocks of the stages, after the decoder's
   RenderSettings render;
   double voxel_size = 0.001;    ///< world units; cell size of growing
   std::size_t train_views = 0;  ///< rows of the appearance table, if the recipe has one
@@ -45,8 +44,32 @@ struct Model {
     arena = {};
     anchors = add_anchor_blocks(arena, rows, R::AnchorModel::shape);
     decoder = Decoder::add_parameters(arena, views);
-    if constexpr (present<typename R::Exposure>) exposure = R::Exposure::add_parameters(arena, views);
-    if constexpr (!Road::is_absent) road = Road::add_parameters(arena, anchors);
+    Stages::forward([&]<class S>() { blocks<S>() = S::add_parameters(arena, anchors, views); });
+  }
+  /// First values of the blocks of all stages.
+  void initialise_stages(std::uint64_t seed) {
+    Stages::forward([&]<class S>() { S::initialise(arena, blocks<S>(), seed); });
+  }
+  /// What a stage adds to the anchors moves into them, where it can: same renders, nothing left to add.
+  void bake_stages() {
+    Stages::forward([&]<class S>() { S::bake(arena, anchors, blocks<S>()); });
+  }
+  /// The blocks of a stage, by its type or its template: blocks<EmbedderStage>().residual.
+  template <class S>
+  [[nodiscard]] auto& blocks() {
+    return stages.template of<S>();
+  }
+  template <class S>
+  [[nodiscard]] const auto& blocks() const {
+    return stages.template of<S>();
+  }
+  template <template <class...> class S>
+  [[nodiscard]] auto& blocks() {
+    return stages.template of<S>();
+  }
+  template <template <class...> class S>
+  [[nodiscard]] const auto& blocks() const {
+    return stages.template of<S>();
   }
   [[nodiscard]] std::size_t anchor_count() const { return compmark::anchor_count(arena.layout(), anchors); }
   [[nodiscard]] AnchorColumns<const Scalar> columns() const { return anchor_values(arena, anchors); }

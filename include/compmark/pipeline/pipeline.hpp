@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The road of one view, forward and backward, written once (DESIGN: how data flows):
-//   anchors -> visible -> (Embedder -> DistortionLayer | EntropyModel ->) GaussianDecoder -> (offset masks ->) Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
-// Every stage adds into the gradient spans it is given; nothing here knows an iteration number, a file or a clock.
-// Stages a recipe leaves out are empty members and leave no branch.
-// Longer than 300 lines: the way there and the way back, with every optional stage, are to be read side by side.
+// The passes of one view, forward and backward, written once:
+//   anchors -> visible -> GaussianDecoder -> Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
+// and what the stages of the recipe do in between (stage.hpp): to the anchors before they are culled and before they are decoded, to the Gaussians,
+// to the image, and as losses. Every step adds into the gradient spans it is given; nothing here knows an iteration number, a file or a clock.
+// Longer than 300 lines: the forward and the backward pass are to be read side by side.
 #pragma once
 
 #include <algorithm>
@@ -24,21 +24,22 @@
 #include "compmark/core/views.hpp"
 #include "compmark/effect/concept.hpp"
 #include "compmark/loss/photometric.hpp"
-#include "compmark/pipeline/mark_losses.hpp"
+#include "compmark/pipeline/anchor_overlay.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/space_volume.hpp"
+#include "compmark/pipeline/stage.hpp"
 #include "compmark/raster/concept.hpp"
 #include "compmark/raster/outputs.hpp"
 #include "compmark/scene/camera.hpp"
 
 namespace compmark {
 
-/// Weights of the base losses (method sheet, section 3.1).
+/// Weights of the losses that every recipe has (method sheet, section 3.1).
 struct LossWeights {
   double lambda_dssim = 0.2;
   double lambda_volume = 0.01;
-  double lambda_alpha = 0;  ///< of the recipe's AlphaLoss, if it has one
+  double image = 1;  ///< of them all; 1 but in the published schedule of a watermark
 };
 
 struct ForwardReport {
@@ -55,22 +56,38 @@ struct LossReport {
   double alpha = 0;  ///< mean absolute difference of coverage, if the recipe has an AlphaLoss
 };
 
-namespace detail {
-/// In the place of what a recipe leaves out; a type of its own for each, so that none takes room.
-template <class Stage>
-struct Nothing {};
-}  // namespace detail
+/// What the hooks of a forward or backward pass work on. M is Model<R>, const in a forward pass.
+template <class M, class Decoder, class Context, class E>
+struct ViewPass {
+  M& model;
+  std::size_t view;  ///< which photograph, for what depends on it
+  const Decoder& decoder;
+  Context& context;
+  E& executor;
+  bool reads_all_features;  ///< a stage reads the features of every anchor, not of the visible ones alone
+};
+/// … and the hooks of the losses.
+template <class T, class Context, class E>
+struct LossPass {
+  const TargetView<T>& target;
+  const LossWeights& weights;
+  Context& context;
+  E& executor;
+  bool stages_weigh_pixels;  ///< target.weight says how much each pixel counts
+};
 
 template <Recipe R>
 class Pipeline {
  public:
   using Scalar = typename R::Scalar;
-  using Road = typename Model<R>::Road;
+  using Stages = typename Model<R>::Stages;
+  using Phases = StageMembers<Stages, StagePhase>;
   using Volume = SpaceVolumeLoss<Scalar, typename R::Space, R::AnchorModel::shape.offsets>;
-  using Marks = MarkLosses<Scalar, typename R::MessageDecoder, typename R::HsvLoss, typename R::FrequencyLoss>;
+  static constexpr bool changes_attributes = Stages::changes_attributes;
 
   /// What one view needs between forward and backward; reused, so that nothing allocates after warm-up.
   struct Context {
+    using Stages = RecipeStages<R>;
     Buffer<std::uint32_t> visible;
     VisibilityWorkspace visibility;
     GaussianBatch<Scalar> gaussians;
@@ -80,31 +97,37 @@ class Pipeline {
     typename PhotometricLoss<Scalar>::Context photometric;
     Buffer<Scalar> image_storage;
     Buffer<Scalar> d_image_storage;
-    typename Volume::Context volume;  ///< with a space that stretches: set volume.space before a training pass
-    Scalar volume_weight = 0;         ///< of the loss that backward differentiates
+    typename Volume::Context volume;
+    Scalar volume_weight = 0;  ///< of the loss that backward differentiates
     ImageView<Scalar> image;
     ImageView<Scalar> d_image;
-    [[no_unique_address]] typename R::Exposure::Context exposure;
-    [[no_unique_address]] typename R::Background::Context background;
-    [[no_unique_address]] typename R::AlphaLoss::Context alpha_loss;
-    [[no_unique_address]] typename R::PixelWeights::Context pixel_weights;
-    /// Set road.phase and marks.weights before a training pass; by default nothing is distorted or read.
-    [[no_unique_address]] std::conditional_t<Road::is_absent, detail::Nothing<Road>, typename Road::Context> road;
-    [[no_unique_address]] std::conditional_t<Marks::is_absent, detail::Nothing<Marks>, typename Marks::Context> marks;
+    [[no_unique_address]] Phases phases;  ///< those of the last forward pass
+    [[no_unique_address]] StageMembers<Stages, StageContext> stages;
+    [[no_unique_address]] std::conditional_t<changes_attributes, AnchorOverlay<Scalar>, NoOverlay> overlay;
+    /// What the decoder read in the last pass, where stages change it.
+    [[no_unique_address]] std::conditional_t<changes_attributes, AnchorColumns<const Scalar>, detail::Nothing<R>> read;
+
+    /// Of a stage, by its type or its template.
+    template <template <class...> class S>
+    [[nodiscard]] auto& of() {
+      return stages.template of<S>();
+    }
+    template <template <class...> class S>
+    [[nodiscard]] const auto& of() const {
+      return stages.template of<S>();
+    }
   };
 
   Pipeline() { check_recipe<R>(); }
 
   /// Renders one view into context.image [3, height, width]. `view` selects the appearance and the exposure, if the recipe has them;
-  /// unseen_view is a photograph that was not trained on.
+  /// unseen_view is a photograph that was not trained on. `phases` is what the stages do beyond a plain render; the backward pass does the same.
   template <Executor E>
   ForwardReport forward(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context,
-                        E& executor) const {
+                        E& executor, const Phases& phases = {}) const {
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
-    AnchorColumns<const Scalar> columns = model.columns();
-    if constexpr (!Road::is_absent) {
-      columns = road_.before_culling(model.arena, model.anchors, model.road, context.road, executor);
-    }
+    const auto pass = view_pass(model, view, phases, context, executor);
+    AnchorColumns<const Scalar> columns = before_culling(pass);
     context.image_storage.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     context.image = {context.image_storage.data(), 3, camera.height, camera.width};
 
@@ -112,105 +135,58 @@ class Pipeline {
     const VisibilitySettings visibility{model.render.near_plane, model.render.blur_variance};
     find_visible(columns, camera, scalar_camera, visibility, context.visible, context.visibility, executor);
     report.visible_anchors = context.visible.size();
-    if constexpr (!Road::is_absent) {
-      columns = road_.forward(model.arena, model.road, context.visible.span(), columns, context.road, executor);
-      context.road.read = columns;
-    }
+    columns = attributes(pass, columns);
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
                                         model.decoder, context.gaussians, context.decoder, executor);
-    if constexpr (present<typename R::EntropyModel>) {
-      R::EntropyModel::mask_opacity(model.arena, model.road.rate, decoder_.statistics(context.decoder).gaussian_slot,
-                                    context.gaussians.columns().opacity, executor);
-    }
-    if constexpr (present<typename R::Space>) {
-      context.volume.position = columns.position;
-      context.volume.decoded = decoder_.statistics(context.decoder);
-    }
+    Stages::forward([&]<class S>() { stage<S>().gaussians(pass, own<S>(pass)); });
+    Volume::look(context.volume, columns.position, [&] { return decoder_.statistics(context.decoder); });
     report.raster = rasterizer(model.render, camera)
                         .forward(std::as_const(context.gaussians).columns(), scalar_camera,
-                                 background(model.render, context), context.image, context.raster, executor);
-    if constexpr (present<typename R::Exposure>) {
-      R::Exposure::forward(model.arena, model.exposure, view, context.image, context.exposure, executor);
-    }
+                                 background(model.render, phases), context.image, context.raster, executor);
+    Stages::forward([&]<class S>() { stage<S>().image(pass, own<S>(pass)); });
     return report;
+  }
+
+  /// What the stages make of the attributes of the anchors in context.visible, which the caller filled: the part of forward() before the decoder.
+  template <Executor E>
+  AnchorColumns<const Scalar> read_attributes(const Model<R>& model, Context& context, E& executor,
+                                              const Phases& phases) const {
+    const auto pass = view_pass(model, unseen_view, phases, context, executor);
+    return attributes(pass, before_culling(pass));
   }
 
   /// Loss of context.image against `target` and its gradient in context.d_image (set, not added: the first link of the way back). Call
   /// after forward.
   template <Executor E>
   LossReport loss(const TargetView<Scalar>& target, const LossWeights& weights, Context& context, E& executor) const {
-    context.d_image_storage.resize(context.image.size());
-    context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
+    set_room(context);
     LossReport report;
+    const LossPass<Scalar, Context, E> pass{target, weights, context, executor, Stages::needs_pixel_weights};
     const PhotometricLoss<Scalar> photometric({static_cast<Scalar>(weights.lambda_dssim)});
     ImageView<const Scalar> compared = context.image;
-    if constexpr (present<typename R::PixelWeights>) {
-      R::PixelWeights::mix(context.image, target.image, target.weight, context.pixel_weights, executor);
-      compared.data = context.pixel_weights.mixed.data();
-    }
+    Stages::forward([&]<class S>() { stage<S>().before_photometric(pass, own_loss<S>(context), compared); });
     PhotometricReport image_loss = photometric.template forward_backward<GradientMode::set>(
-        compared, target.image, static_cast<Scalar>(image_weight(context)), context.d_image, context.photometric,
-        executor);
-    if constexpr (present<typename R::PixelWeights>) {
-      const double factor = context.pixel_weights.factor;
-      R::PixelWeights::apply(context.d_image, target.weight, context.pixel_weights, executor);
-      image_loss = {image_loss.l1 * factor, 1 - (1 - image_loss.ssim) * factor, image_loss.loss * factor};
-    }
+        compared, target.image, static_cast<Scalar>(weights.image), context.d_image, context.photometric, executor);
+    Stages::backward([&]<class S>() { stage<S>().after_photometric(pass, own_loss<S>(context), image_loss); });
     report.l1 = image_loss.l1;
     report.ssim = image_loss.ssim;
-    report.total = image_weight(context) * image_loss.loss;
-    context.volume_weight = static_cast<Scalar>(image_weight(context) * weights.lambda_volume);
+    report.total = weights.image * image_loss.loss;
+    context.volume_weight = static_cast<Scalar>(weights.image * weights.lambda_volume);
     if (weights.lambda_volume != 0) {
       const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
-      report.volume = Volume{}.forward(gaussians.scale, gaussians.count, context.volume, executor).loss;
-      report.total += image_weight(context) * weights.lambda_volume * report.volume;
+      report.volume = volume_.forward(gaussians.scale, gaussians.count, context.volume, executor).loss;
+      report.total += weights.image * weights.lambda_volume * report.volume;
     }
-    if constexpr (present<typename R::AlphaLoss>) {
-      COMPMARK_ASSERT(target.alpha != nullptr, "Pipeline::loss: this recipe compares alpha, and the target has none");
-      const std::size_t pixels = context.image.plane_size();
-      const Scalar* counts = nullptr;
-      if constexpr (present<typename R::PixelWeights>) counts = target.weight;
-      report.alpha = R::AlphaLoss::forward_backward(
-          std::span<const Scalar>(context.raster.alpha.data(), pixels), std::span<const Scalar>(target.alpha, pixels),
-          counts, static_cast<Scalar>(image_weight(context) * weights.lambda_alpha), context.alpha_loss, executor);
-      report.total += image_weight(context) * weights.lambda_alpha * report.alpha;
-    }
-    if constexpr (!Marks::is_absent) {
-      context.marks.report =
-          marks_.forward_backward(context.image, target.image, context.d_image, context.marks, executor);
-      report.total += context.marks.report.total;
-    }
-    if constexpr (present<typename R::DistortionLayer>) report.total += context.road.distortion.rate_loss;
-    if constexpr (present<typename R::EntropyModel>) report.total += context.road.rate.report.loss;
+    Stages::forward([&]<class S>() { stage<S>().loss(pass, own_loss<S>(context), report); });
     return report;
   }
 
   /// In place of loss() for a caller with a loss of its own of the render: room in context.d_image, whose every value it sets, and nothing of the
   /// losses that loss() would add. Call after forward.
-  static void begin_loss(Context& context) {
-    context.d_image_storage.resize(context.image.size());
-    context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
+  void begin_loss(Context& context) const {
+    set_room(context);
     context.volume_weight = 0;
-    if constexpr (present<typename R::AlphaLoss>) {
-      context.alpha_loss.d_alpha.resize(context.image.plane_size());
-      std::fill(context.alpha_loss.d_alpha.begin(), context.alpha_loss.d_alpha.end(), Scalar(0));
-    }
-  }
-
-  /// The message alone, of a render that there is no photograph of, in place of loss(): context.d_image is set from what was read, and with a
-  /// weight `fidelity` above 0 from the mean square difference to `host`, the unmarked render of the same view.
-  template <Executor E>
-  MarkReport message_loss(double weight, double fidelity, ImageView<const Scalar> host, Context& context,
-                          E& executor) const requires(present<typename R::MessageDecoder>) {
-    begin_loss(context);
-    const double departure =
-        square_departure(context.image, host, static_cast<Scalar>(fidelity), context.d_image, context, executor);
-    context.marks.weights = {weight, 0, 0, 0};
-    context.marks.report =
-        marks_.forward_backward(context.image, context.image, context.d_image, context.marks, executor);
-    context.marks.report.departure = departure;
-    context.marks.report.total += fidelity * departure;
-    return context.marks.report;
+    Stages::forward([&]<class S>() { stage<S>().no_loss(own_loss<S>(context), context.image); });
   }
 
   /// The same for a target that is nothing but an image.
@@ -227,13 +203,13 @@ class Pipeline {
     context.d_gaussians.resize(context.gaussians.size());
     const GaussianColumns<Scalar> d_gaussians = context.d_gaussians.columns();
     const typename R::Rasterizer raster = rasterizer(model.render, camera);
-    const std::array<Scalar, 3> behind = background(model.render, context);
-    if constexpr (present<typename R::Exposure>) {
-      R::Exposure::backward(model.arena, model.exposure, view, context.d_image, context.exposure, executor);
-    }
-    if constexpr (present<typename R::AlphaLoss>) {
+    const std::array<Scalar, 3> behind = background(model.render, context.phases);
+    const ViewPass<Model<R>, typename R::GaussianDecoder, Context, E> pass{
+        model, view, decoder_, context, executor, reads_all(context.phases)};
+    Stages::backward([&]<class S>() { stage<S>().image_backward(pass, own<S>(pass)); });
+    if constexpr (Stages::needs_alpha) {
       PlaneGradients<Scalar> d_planes;
-      d_planes.alpha = {context.alpha_loss.d_alpha.data(), 1, context.image.height, context.image.width};
+      Stages::forward([&]<class S>() { stage<S>().plane_gradients(own_loss<S>(context), context.image, d_planes); });
       raster.template backward<GradientMode::set>(gaussians, scalar_camera, behind, context.d_image, d_planes,
                                                   d_gaussians, context.raster, executor);
     } else if constexpr (GradientSettingRasterizer<typename R::Rasterizer>) {
@@ -244,34 +220,45 @@ class Pipeline {
       raster.backward(gaussians, scalar_camera, behind, context.d_image, d_gaussians, context.raster, executor);
     }
     if (context.volume_weight != Scalar(0)) {
-      Volume{}.backward(gaussians.scale, gaussians.count, context.volume_weight, d_gaussians.scale, context.volume,
+      volume_.backward(gaussians.scale, gaussians.count, context.volume_weight, d_gaussians.scale, context.volume,
+                       executor);
+    }
+    Stages::backward([&]<class S>() { stage<S>().gaussians_backward(pass, own<S>(pass)); });
+    const std::span<const std::uint32_t> visible = context.visible.span();
+    if constexpr (changes_attributes) {
+      decoder_.backward(context.read, visible, camera.center_world, view, model.arena, model.decoder,
+                        std::as_const(context.d_gaussians).columns(),
+                        context.overlay.gradients(model.arena, model.anchors, visible, executor), context.decoder,
                         executor);
-    }
-    if constexpr (present<typename R::EntropyModel>) {
-      R::EntropyModel::mask_opacity_backward(model.arena, model.road.rate,
-                                             decoder_.statistics(context.decoder).gaussian_slot, gaussians.opacity,
-                                             std::as_const(context.d_gaussians).columns().opacity, executor);
-    }
-    if constexpr (Road::is_absent) {
-      decoder_.backward(std::as_const(model).columns(), context.visible.span(), camera.center_world, view, model.arena,
-                        model.decoder, std::as_const(context.d_gaussians).columns(),
-                        anchor_gradients(model.arena, model.anchors), context.decoder, executor);
+      Stages::backward([&]<class S>() { stage<S>().attributes_backward(pass, own<S>(pass)); });
+      context.overlay.add_to(model.arena, model.anchors, visible, executor);
     } else {
-      decoder_.backward(context.road.read, context.visible.span(), camera.center_world, view, model.arena,
-                        model.decoder, std::as_const(context.d_gaussians).columns(),
-                        road_.gradients(model.arena, model.anchors, context.visible.span(), context.road, executor),
+      decoder_.backward(std::as_const(model).columns(), visible, camera.center_world, view, model.arena, model.decoder,
+                        std::as_const(context.d_gaussians).columns(), anchor_gradients(model.arena, model.anchors),
                         context.decoder, executor);
-      road_.backward(model.arena, model.anchors, model.road, context.visible.span(), context.road, executor);
     }
   }
 
   [[nodiscard]] const typename R::GaussianDecoder& decoder() const { return decoder_; }
-  /// What is read from the render and how it counts: decoder, message, losses. Only recipes with a watermark have it.
-  [[nodiscard]] auto& marks() { return marks_; }
-  [[nodiscard]] const auto& marks() const { return marks_; }
-  /// Embedder, distortion layer and entropy model. Only recipes with one of them have it.
-  [[nodiscard]] auto& road() { return road_; }
-  [[nodiscard]] const auto& road() const { return road_; }
+  /// The loss of large Gaussians, in the lengths of the recipe's space.
+  [[nodiscard]] Volume& volume() { return volume_; }
+  /// A stage, by its type or its template: stage<MessageStage>().
+  template <class S>
+  [[nodiscard]] S& stage() {
+    return stages_.template of<S>();
+  }
+  template <class S>
+  [[nodiscard]] const S& stage() const {
+    return stages_.template of<S>();
+  }
+  template <template <class...> class S>
+  [[nodiscard]] auto& stage() {
+    return stages_.template of<S>();
+  }
+  template <template <class...> class S>
+  [[nodiscard]] const auto& stage() const {
+    return stages_.template of<S>();
+  }
   [[nodiscard]] static typename R::Rasterizer rasterizer(const RenderSettings& render) {
     return typename R::Rasterizer{typename R::Rasterizer::Settings{static_cast<Scalar>(render.near_plane),
                                                                    static_cast<Scalar>(render.blur_variance)}};
@@ -298,15 +285,12 @@ class Pipeline {
       visible_anchors(columns, scalar_camera, settings, visible, workspace, executor, camera.lens);
     }
   }
-  /// What is behind the scene: the drawn colour of a training iteration with a random background, else that of the model.
-  [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render, const Context& context) {
-    if constexpr (present<typename R::Background>) {
-      if (context.background.drawn) {
-        const std::array<double, 3>& c = context.background.color;
-        return {static_cast<Scalar>(c[0]), static_cast<Scalar>(c[1]), static_cast<Scalar>(c[2])};
-      }
-    }
-    return background(render);
+  /// What is behind the scene: what a stage draws there in a training iteration, else the colour of the model.
+  [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render,
+                                                        [[maybe_unused]] const Phases& phases) {
+    std::array<Scalar, 3> color = background(render);
+    Stages::forward([&]<class S>() { S::background(phases.template of<S>(), color); });
+    return color;
   }
   [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render) {
     return {static_cast<Scalar>(render.background[0]), static_cast<Scalar>(render.background[1]),
@@ -314,38 +298,44 @@ class Pipeline {
   }
 
  private:
-  /// Weight of the losses that every recipe has; 1 but in the published schedule of a watermark.
-  [[nodiscard]] static constexpr double image_weight([[maybe_unused]] const Context& context) {
-    if constexpr (Marks::is_absent) {
-      return 1;
-    } else {
-      return context.marks.weights.image;
-    }
-  }
-  /// fidelity * mean (image - host)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of 0.
   template <Executor E>
-  static double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> host, Scalar fidelity,
-                                 ImageView<Scalar> d_image, Context& context, E& executor) {
-    if (!(fidelity > Scalar(0))) {
-      set_zero(d_image.flat(), executor);
-      return 0;
-    }
-    COMPMARK_ASSERT(host.size() == image.size(), "Pipeline::message_loss: the host's render is of another size");
-    constexpr std::size_t grain = 1 << 14;
-    const Scalar slope = Scalar(2) * fidelity / static_cast<Scalar>(image.size());
-    context.marks.square.resize(chunk_count(image.size(), grain));
-    executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-      double sum = 0;
-      for (std::size_t i = begin; i < end; ++i) {
-        const Scalar difference = image.data[i] - host.data[i];
-        d_image.data[i] = slope * difference;
-        sum += static_cast<double>(difference) * static_cast<double>(difference);
-      }
-      context.marks.square[begin / grain] = sum;
-    });
-    double sum = 0;
-    for (std::size_t c = 0; c < context.marks.square.size(); ++c) sum += context.marks.square[c];
-    return sum / static_cast<double>(image.size());
+  auto view_pass(const Model<R>& model, std::size_t view, const Phases& phases, Context& context, E& executor) const {
+    context.phases = phases;
+    return ViewPass<const Model<R>, typename R::GaussianDecoder, Context, E>{
+        model, view, decoder_, context, executor, reads_all(context.phases)};
+  }
+  [[nodiscard]] static bool reads_all([[maybe_unused]] const Phases& phases) {
+    bool all = false;
+    Stages::forward([&]<class S>() { all = all || S::reads_all_features(phases.template of<S>()); });
+    return all;
+  }
+  template <class S, class Pass>
+  [[nodiscard]] static StageOf<S> own(const Pass& pass) {
+    return {pass.model.template blocks<S>(), pass.context.phases.template of<S>(),
+            pass.context.stages.template of<S>()};
+  }
+  template <class S>
+  [[nodiscard]] static StageOfLoss<S> own_loss(Context& context) {
+    return {context.phases.template of<S>(), context.stages.template of<S>()};
+  }
+  /// What decides which anchors are visible.
+  template <class Pass>
+  AnchorColumns<const Scalar> before_culling(const Pass& pass) const {
+    pass.context.overlay.begin();
+    AnchorColumns<const Scalar> columns = pass.model.columns();
+    Stages::forward([&]<class S>() { stage<S>().before_culling(pass, own<S>(pass), columns); });
+    return columns;
+  }
+  /// What the decoder reads of the visible anchors.
+  template <class Pass>
+  AnchorColumns<const Scalar> attributes(const Pass& pass, AnchorColumns<const Scalar> columns) const {
+    Stages::forward([&]<class S>() { stage<S>().attributes(pass, own<S>(pass), columns); });
+    if constexpr (changes_attributes) pass.context.read = columns;
+    return columns;
+  }
+  static void set_room(Context& context) {
+    context.d_image_storage.resize(context.image.size());
+    context.d_image = {context.d_image_storage.data(), 3, context.image.height, context.image.width};
   }
   template <Executor E>
   static void set_zero(std::span<Scalar> values, E& executor) {
@@ -356,8 +346,8 @@ class Pipeline {
   }
 
   [[no_unique_address]] typename R::GaussianDecoder decoder_;
-  [[no_unique_address]] std::conditional_t<Road::is_absent, detail::Nothing<Road>, Road> road_;
-  [[no_unique_address]] std::conditional_t<Marks::is_absent, detail::Nothing<Marks>, Marks> marks_;
+  [[no_unique_address]] Volume volume_;
+  [[no_unique_address]] StageMembers<Stages, StageItself> stages_;
 };
 
 }  // namespace compmark

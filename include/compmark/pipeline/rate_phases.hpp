@@ -9,8 +9,9 @@
 #include <cstdint>
 #include <utility>
 
+#include "compmark/core/parameters.hpp"
 #include "compmark/optim/phases.hpp"
-#include "compmark/pipeline/model.hpp"
+#include "compmark/pipeline/network_schedule.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
 
@@ -48,22 +49,43 @@ class RatePhases {
   std::int64_t noise_after_ = 0, context_after_ = 0, round_after_ = 0, grown_ = 0;
 };
 
+/// The numbers of a run for an entropy model whose handles are named as those of HAC and ContextGS.
+template <class Scalar, class Handles>
+void set_rate_schedules(ParameterArena<Scalar>& arena, const Handles& handles, const RateNumbers& rate) {
+  const auto from_context = [&](const LearningRate& r) {
+    return LearningSchedule{r.initial, r.final, RateUnit::one, rate.context_after};
+  };
+  if constexpr (requires { handles.mask; }) {
+    arena.set_schedule(handles.mask, {rate.mask.initial, rate.mask.final, RateUnit::scene_extent});
+  }
+  if constexpr (requires { handles.grid; }) arena.set_schedule(handles.grid, from_context(rate.grid));
+  if constexpr (requires { handles.weight1; }) {
+    detail::set_network_schedule(arena, handles, from_context(rate.context));
+  }
+  if constexpr (requires { handles.network[0].weight1; }) {
+    for (const auto& network : handles.network)
+      detail::set_network_schedule(arena, network, from_context(rate.context));
+  }
+  if constexpr (requires { handles.hyperprior; }) {
+    arena.set_schedule(handles.hyperprior, from_context({rate.hyperprior, rate.hyperprior}));
+  }
+  if constexpr (requires { handles.prior; }) arena.set_schedule(handles.prior, from_context(rate.context));
+}
+
 /// What the entropy model makes up from all anchors, in the iterations in which it does: box and statistics, cells of levels.
-template <Recipe R>
-void prepare_context(Model<R>& model, const RatePhases& phases, std::int64_t t) {
-  using Rate = typename R::EntropyModel;
+template <class Rate, class Model>
+void prepare_context(Model& model, const typename Rate::Handles& blocks, const RatePhases& phases, std::int64_t t) {
   const auto columns = std::as_const(model).columns();
   if (phases.begins(t)) {
-    if constexpr (requires { Rate::choose_cells(model.arena, model.road.rate, columns.position); }) {
-      Rate::begin_context(model.arena, model.road.rate, columns.position, columns.feature, columns.scaling,
-                          columns.offset, model.voxel_size);
+    if constexpr (requires { Rate::choose_cells(model.arena, blocks, columns.position); }) {
+      Rate::begin_context(model.arena, blocks, columns.position, columns.feature, columns.scaling, columns.offset,
+                          model.voxel_size);
     } else {
-      Rate::begin_context(model.arena, model.road.rate, columns.position, columns.feature, columns.scaling,
-                          columns.offset);
+      Rate::begin_context(model.arena, blocks, columns.position, columns.feature, columns.scaling, columns.offset);
     }
   } else if (phases.renews(t)) {
-    if constexpr (requires { Rate::choose_cells(model.arena, model.road.rate, columns.position); }) {
-      Rate::choose_cells(model.arena, model.road.rate, columns.position);
+    if constexpr (requires { Rate::choose_cells(model.arena, blocks, columns.position); }) {
+      Rate::choose_cells(model.arena, blocks, columns.position);
     }
   }
 }

@@ -5,14 +5,10 @@
 // them. The entropy model's is in rate_phases.hpp. Cost: none.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
-#include <span>
 #include <type_traits>
-#include <utility>
 
-#include "compmark/core/config.hpp"
-#include "compmark/loss/message.hpp"
+#include "compmark/core/absent.hpp"
 #include "compmark/optim/phases.hpp"
 #include "compmark/pipeline/recipe.hpp"
 #include "compmark/pipeline/settings.hpp"
@@ -50,6 +46,16 @@ template <Recipe R>
   return typename R::DensityControl{settings};
 }
 
+/// The space of a run: that of the world has no numbers.
+template <Recipe R>
+[[nodiscard]] typename R::Space space_of_run([[maybe_unused]] const TrainSettings& run) {
+  if constexpr (present<typename R::Space>) {
+    return {run.effects.space_origin, run.effects.space_radius};
+  } else {
+    return {};
+  }
+}
+
 /// Of a recipe with an HsvLoss.
 template <Recipe R>
 [[nodiscard]] typename R::HsvLoss hsv_loss(const MarkNumbers& mark) {
@@ -59,22 +65,6 @@ template <Recipe R>
     static_cast<void>(mark);
   }
   return typename R::HsvLoss();
-}
-
-/// Tells the losses of a recipe with a MessageDecoder what every render shall carry: bit i of `message` is 0 or 1, one for each bit of the decoder.
-template <class Marks, class Decoder>
-void set_message(Marks& marks, const MarkNumbers& mark, Decoder decoder, std::span<const std::uint8_t> message) {
-  COMPMARK_ASSERT(static_cast<std::size_t>(decoder.bits()) == message.size(), "set_message: message length");
-  auto& loss = marks.message_loss.settings;
-  using Scalar = std::remove_cvref_t<decltype(loss.logit_scale)>;
-  loss.logit_scale = static_cast<Scalar>(mark.logit_scale);
-  if (mark.hinge_margin > 0) {
-    loss.rule = MessageRule::hinge;
-    loss.margin = static_cast<Scalar>(mark.hinge_margin);
-    loss.power = static_cast<Scalar>(mark.hinge_power);
-  }
-  marks.decoder = std::move(decoder);
-  marks.message.assign(message.begin(), message.end());
 }
 
 /// Of a recipe with a DistortionLayer.

@@ -29,7 +29,6 @@ class SpaceVolumeLoss {
   using World = ScaleVolumeLoss<T>;
   struct Stretched {
     typename World::Context world;
-    S space;
     MatrixView<const T> position;      ///< of the anchors
     DecodedStatistics<T> decoded;      ///< which of them were decoded, and into which Gaussians
     Buffer<T> of_anchor, of_gaussian;  ///< 1 / stretch^3; of the visible anchors alone
@@ -37,6 +36,19 @@ class SpaceVolumeLoss {
 
  public:
   using Context = std::conditional_t<present<S>, Stretched, typename World::Context>;
+
+  SpaceVolumeLoss() = default;
+  explicit SpaceVolumeLoss(const S& space) : space_(space) {}
+
+  /// Remembers the anchors of a forward pass, where the space stretches: their positions, and what statistics() says of the decoded ones.
+  template <class Statistics>
+  static void look([[maybe_unused]] Context& context, [[maybe_unused]] MatrixView<const T> position,
+                   [[maybe_unused]] Statistics&& statistics) {
+    if constexpr (present<S>) {
+      context.position = position;
+      context.decoded = statistics();
+    }
+  }
 
   template <Executor E>
   ScaleVolumeReport forward(const std::array<const T*, 3>& scale, std::size_t count, Context& context,
@@ -47,7 +59,7 @@ class SpaceVolumeLoss {
       const auto& visible = context.decoded.visible;
       executor.for_chunks(visible.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
         for (std::size_t n = begin; n < end; ++n) {
-          const double stretch = context.space.stretch(context.position.row(visible[n]));
+          const double stretch = space_.stretch(context.position.row(visible[n]));
           context.of_anchor[visible[n]] = static_cast<T>(1 / (stretch * stretch * stretch));
         }
       });
@@ -73,6 +85,8 @@ class SpaceVolumeLoss {
 
  private:
   static constexpr std::size_t grain = 8192;
+
+  [[no_unique_address]] S space_;
 };
 
 }  // namespace compmark

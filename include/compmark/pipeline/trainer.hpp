@@ -4,7 +4,6 @@
 // The training loop: owns the model, the optimiser's moments, the growth statistics and the workspace. One iteration is, in the published
 // order (method sheet, sections 3.2 and 4): learning rates, view, render, losses, backward, statistics, growing and pruning, Adam.
 // Deterministic: the state after iteration t is a function of the settings, the data and t, whatever the executor's thread count.
-// Longer than 300 lines: one class, and the order of one iteration with every optional stage is to be read in one place.
 #pragma once
 
 #include <algorithm>
@@ -23,15 +22,14 @@
 #include "compmark/math/robust_ball.hpp"
 #include "compmark/optim/concept.hpp"
 #include "compmark/optim/phases.hpp"
-#include "compmark/pipeline/drawn_reading.hpp"
 #include "compmark/pipeline/learning_rates.hpp"
-#include "compmark/pipeline/mark_phases.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/pipeline/observer.hpp"
 #include "compmark/pipeline/pipeline.hpp"
-#include "compmark/pipeline/rate_phases.hpp"
 #include "compmark/pipeline/run_policies.hpp"
 #include "compmark/pipeline/settings.hpp"
+#include "compmark/pipeline/stage.hpp"
+#include "compmark/pipeline/training_loop.hpp"
 #include "compmark/pipeline/training_memory.hpp"
 #include "compmark/pipeline/training_target.hpp"
 #include "compmark/pipeline/training_views.hpp"
@@ -39,14 +37,36 @@
 
 namespace compmark {
 
+/// What a stage may look at, and add to, between the backward pass of a photographed view and the step of the optimiser.
+template <class PipelineType, class ModelType, class Views, class E>
+struct TrainingPass {
+  const PipelineType& pipeline;
+  ModelType& model;
+  Views& views;
+  std::size_t view;
+  std::uint64_t seed;
+  std::int64_t t;
+  const typename PipelineType::Phases& phases;
+  E& executor;
+  bool adjusted;  ///< anchors were born or died: the gradients of this iteration are gone
+};
+
 template <Recipe R, Executor E>
-class Trainer {
+class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
+  using Loop = TrainingLoop<Trainer<R, E>, R, E>;
+  using Loop::context_;
+  using Loop::executor_;
+  using Loop::optimizer_;
+  using Loop::phases_;
+  using Loop::pipeline_;
+  using Loop::rates_;
+  using Loop::settings_;
+
  public:
-  using RecipeType = R;
-  using Scalar = typename R::Scalar;
+  using typename Loop::Scalar;
+  using typename Loop::Stages;
   using Growth = typename R::DensityControl;
   using Optimizer = typename R::Optimizer;
-  using MarkedPipeline = Pipeline<R>;
 
   /// Everything that must be saved for a resumed run to continue bit for bit, beside the settings.
   struct State {
@@ -58,28 +78,13 @@ class Trainer {
 
   /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (method sheet, section 3.2).
   Trainer(TrainSettings settings, std::size_t view_count, double scene_extent, E& executor)
-      : settings_(std::move(settings)),
+      : Loop(std::move(settings), executor),
         scene_extent_(scene_extent),
-        executor_(&executor),
         order_(settings_.seed, view_count),
         view_count_(view_count),
-        phases_(density_phases(settings_)),
+        density_phases_(density_phases(settings_)),
         growth_(density_control<R>(settings_)) {
-    if constexpr (present<typename R::MessageDecoder>) {
-      COMPMARK_ASSERT(settings_.mark.fidelity == 0,
-                      "Trainer: a mark that is held to a finished model's renders is learned by PosthocEmbedding");
-    }
-    if constexpr (!MarkedPipeline::Road::is_absent || !MarkedPipeline::Marks::is_absent) {
-      mark_phases_ = MarkPhases(settings_.mark, settings_.iterations);
-    }
-    if constexpr (present<typename R::HsvLoss>) pipeline_.marks().hsv = hsv_loss<R>(settings_.mark);
-    if constexpr (present<typename R::DistortionLayer>) {
-      pipeline_.road() = typename MarkedPipeline::Road(distortion_layer<R>(settings_.mark));
-    }
-    if constexpr (present<typename R::EntropyModel>) {
-      rate_phases_ = RatePhases(settings_.rate, settings_.iterations, settings_.grow_until);
-      pipeline_.road() = typename MarkedPipeline::Road(entropy_model<R>(settings_.rate));
-    }
+    pipeline_.volume() = typename Pipeline<R>::Volume(space());
   }
 
   /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values. Points beyond the reach of the others
@@ -116,10 +121,7 @@ class Trainer {
     std::copy_n(anchors->position.begin(), rows * 3, columns.position.data);
     std::copy_n(anchors->scaling.begin(), rows * 6, columns.scaling.data);
     R::GaussianDecoder::initialise(state_.model.arena, state_.model.decoder, settings_.seed);
-    if constexpr (present<typename R::Exposure>) R::Exposure::initialise(state_.model.arena, state_.model.exposure);
-    if constexpr (!MarkedPipeline::Road::is_absent) {
-      MarkedPipeline::Road::initialise(state_.model.arena, state_.model.road, settings_.seed);
-    }
+    state_.model.initialise_stages(settings_.seed);
     start(rows);
     return Done{};
   }
@@ -147,94 +149,49 @@ class Trainer {
     report.total = settings_.iterations;
     report.view = order_.at(t);
 
-    static_assert(std::is_same_v<ViewCamera<R>, Camera<double>> ||
-                      std::is_same_v<std::remove_cvref_t<decltype(views.camera(report.view))>, ViewCamera<R>>,
+    static_assert(Loop::template has_cameras_of_recipe<Views>,
                   "Trainer: this recipe projects through a lens, so views.camera(i) must return LensCamera (see "
                   "scene/lens_camera.hpp)");
     learning_rates(t);
     Model<R>& model = state_.model;
     const ViewCamera<R> camera = views.camera(report.view);
-    if constexpr (present<typename R::Space>) context_.volume.space = space();
-    if constexpr (present<typename R::Background>) {
-      context_.background.color = R::Background::color(settings_.seed, static_cast<std::uint64_t>(t));
-      context_.background.drawn = true;
-    }
-    const auto behind = Pipeline<R>::background(model.render, context_);
+    this->set_phases(t);
+    const auto behind = Pipeline<R>::background(model.render, phases_);
     if (Result<Done> loaded = target_.load(views, report.view, camera, behind); !loaded) return loaded.error();
 
-    noise(t);
-    if constexpr (!MarkedPipeline::Marks::is_absent) context_.marks.weights = mark_phases_.weights(t);
-    report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_);
+    this->prepare_model(t, model);
+    report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_, phases_);
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
-    if constexpr (present<typename R::AlphaLoss>) weights.lambda_alpha = settings_.effects.lambda_alpha;
+    Stages::forward([&]<class S>() { pipeline_.template stage<S>().weigh_losses(this->iteration(t), weights.image); });
     report.loss = pipeline_.loss(target_.view(), weights, context_, *executor_);
     pipeline_.backward(model, camera, report.view, context_, *executor_);
-
-    if constexpr (present<Growth>) {
-      if (phases_.observes(t)) {
-        observe(t, camera);
-        if (phases_.adjusts(t)) adjust(t, report);
-      }
-    }
-    if constexpr (present<typename R::MessageDecoder>) {
-      if (!report.adjusted && mark_phases_.reads_between(t)) {
-        static_cast<void>(
-            drawn_.read(pipeline_, model, views, report.view, settings_.seed, t, mark_phases_, context_, *executor_));
-      }
-    }
+    control_density(t, camera, report);
+    const TrainingPass<Pipeline<R>, Model<R>, Views, E> pass{
+        pipeline_, model, views, report.view, settings_.seed, t, phases_, *executor_, report.adjusted};
+    Stages::forward(
+        [&]<class S>() { pipeline_.template stage<S>().after_backward(pass, stage_states_.template of<S>()); });
     if (t < settings_
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
       // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the published loop.
       const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
       report.skipped_blocks =
           optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
-      if constexpr (present<typename R::Exposure>) {  // exposures that do not train keep their bits
-        if (rates_[model.exposure.affine.index] != 0) R::Exposure::fix_gauge(model.arena, model.exposure);
-      }
+      Stages::forward([&]<class S>() { S::after_step(model.arena, model.template blocks<S>(), rates_); });
     }
     report.anchors = model.anchor_count();
     state_.iteration = t;
     return report;
   }
 
-  /// Runs until the end, or until the observer says stop (checked after each iteration).
-  template <class Views, class O = NoObserver>
-  [[nodiscard]] Result<Done> run(Views& views, O&& observer = {}) {
-    while (!finished()) {
-      Result<IterationReport> report = step(views);
-      if (!report) return report.error();
-      if (!observer.on_iteration(std::as_const(*this), *report)) break;
-    }
-    return Done{};
-  }
-
-  [[nodiscard]] bool finished() const { return state_.iteration >= settings_.iterations; }
   [[nodiscard]] const State& state() const { return state_; }
-  [[nodiscard]] const Model<R>& model() const { return state_.model; }
-  [[nodiscard]] const TrainSettings& settings() const { return settings_; }
   /// Points that initialise() left out because they lie beyond RobustBall::reach(scene extent).
   [[nodiscard]] std::size_t far_points() const { return far_points_; }
-  [[nodiscard]] const Pipeline<R>& pipeline() const { return pipeline_; }
-  /// What the watermark cost and what was read in the last iteration; recipes with a watermark alone.
-  [[nodiscard]] const MarkReport& mark_report() const requires(!Pipeline<R>::Marks::is_absent) {
-    return context_.marks.report;
-  }
-  /// What was read in the last sampled view between training views.
-  [[nodiscard]] const MarkReport& between_report() const requires(present<typename R::MessageDecoder>) {
-    return drawn_.report();
-  }
-  /// Mean step and rate of the distortion layer in the last iteration.
-  [[nodiscard]] const DistortionReport& distortion_report() const requires(present<typename R::DistortionLayer>) {
-    return context_.road.distortion;
-  }
-  /// Bits a scalar and steps of the entropy model in the last iteration.
-  [[nodiscard]] const auto& rate_report() const requires(present<typename R::EntropyModel>) {
-    return context_.road.rate.report;
-  }
-  /// Tells the decoder and the bits that every render shall carry; call before the first step.
-  void set_watermark(typename R::MessageDecoder decoder,
-                     std::span<const std::uint8_t> message) requires(present<typename R::MessageDecoder>) {
-    set_message(pipeline_.marks(), settings_.mark, std::move(decoder), message);
+  /// What the last iteration's passes left, of the stages too: context().of<RateStage>().report.
+  [[nodiscard]] const typename Pipeline<R>::Context& context() const { return context_; }
+  /// What a stage keeps from one iteration to the next.
+  template <template <class...> class S>
+  [[nodiscard]] const auto& training_state() const {
+    return stage_states_.template of<S>();
   }
   /// Render of the last iteration, and its ground truth.
   [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }
@@ -243,19 +200,6 @@ class Trainer {
   [[nodiscard]] std::span<const Scalar> weight() const { return target_.weight(); }
 
  private:
-  using Drawn = DrawnReading<R>;
-
-  /// The noise of iteration t in what is decoded, and what the entropy model does in it.
-  void noise(std::int64_t t) {
-    if constexpr (present<typename R::DistortionLayer>) {
-      context_.road.phase = mark_phases_.distortion(t, settings_.seed);
-    }
-    if constexpr (present<typename R::EntropyModel>) {
-      prepare_context(state_.model, rate_phases_, t);
-      context_.road.rate.phase = rate_phases_.template at<typename R::EntropyModel::Phase>(t, settings_.seed);
-    }
-  }
-
   void start(std::size_t rows) {
     set_schedules(state_.model, settings_);
     state_.iteration = 0;
@@ -263,16 +207,18 @@ class Trainer {
     growth_.prepare(rows, state_.growth);
   }
 
-  [[nodiscard]] typename R::Space space() const {
-    if constexpr (present<typename R::Space>) {
-      return {settings_.effects.space_origin, settings_.effects.space_radius};
-    } else {
-      return {};
-    }
+  [[nodiscard]] typename R::Space space() const { return space_of_run<R>(settings_); }
+
+  /// Statistics of the photographed view, growing and pruning, in the iterations that have them.
+  void control_density(std::int64_t t, const ViewCamera<R>& camera, IterationReport& report) requires(present<Growth>) {
+    if (!density_phases_.observes(t)) return;
+    observe(t, camera);
+    if (density_phases_.adjusts(t)) adjust(t, report);
   }
+  void control_density(std::int64_t, const ViewCamera<R>&, IterationReport&) requires(!present<Growth>) {}
 
   /// What growing learns from a photographed view: in the window of frequency-aware growing with the error map of this iteration's loss.
-  void observe(std::int64_t t, const ViewCamera<R>& camera) requires(present<Growth>) {
+  void observe(std::int64_t t, const ViewCamera<R>& camera) {
     const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(state_.model.render).screen(context_.raster);
     const auto decoded = pipeline_.decoder().statistics(context_.decoder);
     if constexpr (grows_by_frequency<Growth>) {
@@ -284,8 +230,9 @@ class Trainer {
                                       static_cast<double>(world.mean[2][i])});
         };
         density_control<R>(settings_, true)
-            .observe(decoded, screen.visible, screen.gradient_norm, context_.marks.frequency.error_map(), camera.height,
-                     camera.width, mean, state_.growth, *executor_);
+            .observe(decoded, screen.visible, screen.gradient_norm,
+                     context_.template of<FrequencyStage>().frequency.error_map(), camera.height, camera.width, mean,
+                     state_.growth, *executor_);
         return;
       }
     }
@@ -295,7 +242,7 @@ class Trainer {
   /// Whether growing is frequency-aware in this iteration: in its window, and with a loss to look at.
   [[nodiscard]] bool looks_at_frequency(std::int64_t t) const {
     if constexpr (grows_by_frequency<Growth>) {
-      return frequency_window(settings_).contains(t) && context_.marks.weights.frequency != 0;
+      return frequency_window(settings_).contains(t) && phases_.template of<FrequencyStage>().weight != 0;
     } else {
       static_cast<void>(t);
       return false;
@@ -328,26 +275,18 @@ class Trainer {
     }
   }
 
-  TrainSettings settings_;
+  template <class S>
+  using StateOf = typename S::template TrainingState<R>;
+
   double scene_extent_ = 1;
   std::size_t far_points_ = 0;
-  E* executor_;
   ViewOrder order_;
   std::size_t view_count_ = 0;
-  DensityPhases phases_;
+  DensityPhases density_phases_;
   [[no_unique_address]] Growth growth_;
   State state_;
-  Pipeline<R> pipeline_;
-  [[no_unique_address]] Optimizer optimizer_;
-  typename Pipeline<R>::Context context_;
   TrainingTarget<R> target_;
-  std::vector<double> rates_;
-  [[no_unique_address]] std::conditional_t<MarkedPipeline::Road::is_absent && MarkedPipeline::Marks::is_absent,
-                                           detail::Nothing<MarkPhases>, MarkPhases>
-      mark_phases_;
-  [[no_unique_address]] std::conditional_t<present<typename R::EntropyModel>, RatePhases, detail::Nothing<RatePhases>>
-      rate_phases_;
-  [[no_unique_address]] std::conditional_t<present<typename R::MessageDecoder>, Drawn, detail::Nothing<Drawn>> drawn_;
+  [[no_unique_address]] StageMembers<Stages, StateOf> stage_states_;
 };
 
 }  // namespace compmark

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The photograph of one iteration, with the planes that a recipe's effects look at: coverage for an AlphaLoss, weights for PixelWeights. What a recipe
-// leaves out has no buffer. Cost: a copy of the photograph.
+// The photograph of one iteration, with the planes that stages look at: coverage, and how much each pixel counts. What no stage looks at has no
+// buffer. Cost: a copy of the photograph.
 #pragma once
 
 #include <array>
@@ -10,12 +10,12 @@
 #include <span>
 #include <type_traits>
 
-#include "compmark/core/absent.hpp"
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/effect/concept.hpp"
 #include "compmark/pipeline/recipe.hpp"
+#include "compmark/pipeline/recipe_stages.hpp"
 #include "compmark/pipeline/training_views.hpp"
 
 namespace compmark {
@@ -24,6 +24,7 @@ template <Recipe R>
 class TrainingTarget {
  public:
   using Scalar = typename R::Scalar;
+  using Stages = RecipeStages<R>;
 
   /// Photograph `view`, of the size of `camera`, over the colour `behind`. An Error of the views leaves nothing to be compared with.
   template <class Views>
@@ -31,16 +32,16 @@ class TrainingTarget {
                                   const std::array<Scalar, 3>& behind) {
     storage_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     image_ = {storage_.data(), 3, camera.height, camera.width};
-    if constexpr (needs_planes) {
+    if constexpr (Stages::needs_target_planes) {
       static_assert(PlaneTrainingViews<Views, Scalar>,
                     "Trainer: this recipe looks at alpha or at pixel weights, so the views need load_planes (see "
                     "pipeline/training_views.hpp)");
       TargetPlanes<Scalar> planes{image_};
-      if constexpr (present<typename R::AlphaLoss>) {
+      if constexpr (Stages::needs_alpha) {
         planes_.alpha.resize(image_.plane_size());
         planes.alpha = planes_.alpha.data();
       }
-      if constexpr (present<typename R::PixelWeights>) {
+      if constexpr (Stages::needs_pixel_weights) {
         planes_.weight.resize(image_.plane_size());
         planes.weight = planes_.weight.data();
       }
@@ -52,14 +53,14 @@ class TrainingTarget {
 
   [[nodiscard]] TargetView<Scalar> view() const {
     TargetView<Scalar> target(image_);
-    if constexpr (present<typename R::AlphaLoss>) target.alpha = planes_.alpha.data();
-    if constexpr (present<typename R::PixelWeights>) target.weight = planes_.weight.data();
+    if constexpr (Stages::needs_alpha) target.alpha = planes_.alpha.data();
+    if constexpr (Stages::needs_pixel_weights) target.weight = planes_.weight.data();
     return target;
   }
   [[nodiscard]] ImageView<const Scalar> image() const { return image_; }
   /// How much each pixel counts, [height, width]; empty if the recipe does not look.
   [[nodiscard]] std::span<const Scalar> weight() const {
-    if constexpr (present<typename R::PixelWeights>) {
+    if constexpr (Stages::needs_pixel_weights) {
       return planes_.weight.span();
     } else {
       return {};
@@ -67,9 +68,6 @@ class TrainingTarget {
   }
 
  private:
-  /// Effects that look at more of a photograph than its colours over the constant background.
-  static constexpr bool needs_planes =
-      present<typename R::Background> || present<typename R::AlphaLoss> || present<typename R::PixelWeights>;
   struct NoPlanes {};
   struct Planes {
     Buffer<Scalar> alpha, weight;
@@ -77,7 +75,7 @@ class TrainingTarget {
 
   Buffer<Scalar> storage_;
   ImageView<Scalar> image_;
-  [[no_unique_address]] std::conditional_t<needs_planes, Planes, NoPlanes> planes_;
+  [[no_unique_address]] std::conditional_t<Stages::needs_target_planes, Planes, NoPlanes> planes_;
 };
 
 }  // namespace compmark

@@ -11,6 +11,7 @@
 #include "compmark/loss/hsv.hpp"
 #include "compmark/mark/residual.hpp"
 #include "compmark/pipeline/finished_host.hpp"
+#include "compmark/pipeline/mark_report.hpp"
 #include "compmark/pipeline/model.hpp"
 #include "compmark/quant/adaptive_quantizer.hpp"
 #include "compmark/quant/distortion.hpp"
@@ -43,7 +44,7 @@ struct MarkedForCompression : Marked<HostRecipe, Decoder> {
 template <Recipe R>
 [[nodiscard]] Model<typename R::Host> baked_host(const Model<R>& marked) {
   Model<R> baked = marked;
-  Model<R>::Road::bake(baked.arena, baked.anchors, baked.road);
+  baked.bake_stages();
   return host_alone(baked);
 }
 

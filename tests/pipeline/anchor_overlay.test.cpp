@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/pipeline/anchor_road.hpp"
+#include "compmark/pipeline/anchor_overlay.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/pipeline/recipe_stages.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "small_scene.hpp"
+#include "stage_scene.hpp"
 
 namespace {
 
@@ -19,23 +21,26 @@ using namespace compmark;
 using testing::small_shape;
 
 template <class T, class Embed, class Distort>
-struct RoadScene {
+using Changing =
+    JoinStages<StageList<>, detail::StagesOf<EmbedderStage, Embed>, detail::StagesOf<DistortionStage, Distort>>;
+
+template <class T, class Embed, class Distort>
+struct OverlayScene : testing::StageScene<T, Changing<T, Embed, Distort>> {
   static constexpr std::size_t anchors = 40;
-  using Road = AnchorRoad<T, Embed, Distort>;
-  ParameterArena<T> arena;
-  AnchorHandles table = add_anchor_blocks(arena, anchors, small_shape);
-  typename Road::Handles handles = Road::add_parameters(arena, table);
-  Road road;
-  typename Road::Context context;
+  using Base = testing::StageScene<T, Changing<T, Embed, Distort>>;
+  using Base::context;
+  using Base::model;
+  ParameterArena<T>& arena = model.arena;
   std::vector<std::uint32_t> visible;
 
-  RoadScene() {
-    Road::initialise(arena, handles, 3);
+  OverlayScene() : Base(anchors, small_shape) {
     const Random random(2, 0, random_stage("anchor road test"));
     for (std::size_t i = 0; i < arena.all_values().size(); ++i) {
       arena.all_values()[i] += static_cast<T>(0.4 * random.normal(i));
     }
     for (std::uint32_t row = 2; row < anchors; row += 3) visible.push_back(row);
+    context.visible.resize(visible.size());
+    std::copy(visible.begin(), visible.end(), context.visible.begin());
   }
   [[nodiscard]] static T slope(std::size_t which, std::size_t row, std::size_t c) {
     return static_cast<T>(std::sin(static_cast<double>(1 + 1000 * which + 31 * row + c)));
@@ -49,9 +54,7 @@ struct RoadScene {
   /// sum over visible rows of slope * what the decoder would read
   template <Executor E>
   double loss(E& executor) {
-    const auto& read = std::as_const(arena);
-    AnchorColumns<const T> columns = road.before_culling(read, table, handles, context, executor);
-    columns = road.forward(read, handles, visible, columns, context, executor);
+    const AnchorColumns<const T> columns = this->read(executor);
     double sum = 0;
     std::size_t which = 0;
     for (const MatrixView<const T>& view : {columns.feature, columns.position, columns.scaling, columns.offset}) {
@@ -62,17 +65,18 @@ struct RoadScene {
       }
       ++which;
     }
-    return sum + context.distortion.rate_loss;
+    if constexpr (present<Distort>) sum += context.stages.template of<DistortionStage>().report.rate_loss;
+    return sum;
   }
   template <Executor E>
   void backward(E& executor) {
-    const AnchorColumns<T> d = road.gradients(arena, table, visible, context, executor);
+    const AnchorColumns<T> d = this->gradients(executor);
     for_tables(d, [&](const MatrixView<T>& view, std::size_t which) {
       for (const std::uint32_t row : visible) {
         for (std::size_t c = 0; c < view.columns; ++c) view(row, c) += slope(which, row, c);
       }
     });
-    road.backward(arena, table, handles, visible, context, executor);
+    this->carry(executor);
   }
 };
 using Noise = QuantizationNoise<double, small_shape.feature_dim>;
@@ -81,8 +85,8 @@ using Mark = BoundedResidual<double, target>;
 
 template <class Embed, class Distort>
 std::string gradients(const DistortionPhase& phase) {
-  RoadScene<double, Embed, Distort> scene;
-  scene.context.phase = phase;
+  OverlayScene<double, Embed, Distort> scene;
+  if constexpr (present<Distort>) scene.phases.template of<DistortionStage>() = phase;
   SerialExecutor serial;
   const auto loss = [&] { return scene.loss(serial); };
   static_cast<void>(loss());
@@ -100,7 +104,7 @@ std::string gradients(const DistortionPhase& phase) {
 }  // namespace
 
 TEST_CASE(
-    "pipeline/anchor_road: gradients of every block, for each attribute that may carry the mark (central "
+    "pipeline/anchor_overlay: gradients of every block, for each attribute that may carry the mark (central "
     "differences)") {
   DistortionPhase noisy;
   noisy.adaptive = true;
@@ -120,30 +124,28 @@ TEST_CASE(
   CHECK(gradients<Mark<MarkTarget::feature>, Noise>({}) == "");  // a phase of nothing
 }
 
-TEST_CASE("pipeline/anchor_road: with neither stage the decoder reads the arena itself, and nothing is stored") {
-  using Road = AnchorRoad<float, NoEmbedder, NoDistortion>;
-  static_assert(Road::is_absent);
-  static_assert(!AnchorRoad<float, ResidualFeature<float>, NoDistortion>::is_absent);
-  RoadScene<float, NoEmbedder, NoDistortion> scene;
+TEST_CASE("pipeline/anchor_overlay: with neither stage the decoder reads the arena itself, and nothing is stored") {
+  OverlayScene<float, NoEmbedder, NoDistortion> scene;
+  static_assert(!decltype(scene)::Stages::changes_attributes);
+  static_assert(Changing<float, ResidualFeature<float>, NoDistortion>::changes_attributes);
   SerialExecutor serial;
-  const AnchorColumns<const float> columns =
-      scene.road.before_culling(std::as_const(scene.arena), scene.table, scene.handles, scene.context, serial);
-  CHECK(columns.feature.data == scene.arena.values(scene.table.feature).data);
+  const AnchorColumns<const float> columns = scene.read(serial);
+  CHECK(columns.feature.data == scene.arena.values(scene.model.anchors.feature).data);
 }
 
-TEST_CASE("pipeline/anchor_road: baking keeps what is read, to the bit") {
-  RoadScene<float, ResidualFeature<float>, NoDistortion> scene;
+TEST_CASE("pipeline/anchor_overlay: baking keeps what is read, to the bit") {
+  OverlayScene<float, ResidualFeature<float>, NoDistortion> scene;
   SerialExecutor serial;
   const double before = scene.loss(serial);
-  scene.road.bake(scene.arena, scene.table, scene.handles);
+  scene.bake();
   CHECK(scene.loss(serial) == before);
-  for (const float r : scene.arena.values(scene.handles.embedder.residual).flat()) CHECK(r == 0.0f);
+  for (const float r : scene.arena.values(scene.model.stages.of<EmbedderStage>().residual).flat()) CHECK(r == 0.0f);
 }
 
-TEST_CASE("pipeline/anchor_road: same bits at any thread count") {
-  using Road = RoadScene<float, ResidualFeature<float>, QuantizationNoise<float, small_shape.feature_dim>>;
-  Road one, four;
-  one.context.phase.adaptive = four.context.phase.adaptive = true;
+TEST_CASE("pipeline/anchor_overlay: same bits at any thread count") {
+  using Scene = OverlayScene<float, ResidualFeature<float>, QuantizationNoise<float, small_shape.feature_dim>>;
+  Scene one, four;
+  one.phases.of<DistortionStage>().adaptive = four.phases.of<DistortionStage>().adaptive = true;
   SerialExecutor serial;
   ThreadExecutor threads(4);
   CHECK(one.loss(serial) == four.loss(threads));
