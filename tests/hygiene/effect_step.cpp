@@ -132,10 +132,7 @@ int main(int, char** argv) {
   Model<R> model;
   model.create(300, 2);
   R::GaussianDecoder::initialise(model.arena, model.decoder, 1);
-  const auto start_exposure = []<class Q>(Model<Q>& of) {
-    if constexpr (present<typename Q::Exposure>) Q::Exposure::initialise(of.arena, of.exposure);
-  };
-  start_exposure(model);
+  model.initialise_stages(1);
   const AnchorColumns<float> columns = anchor_values(model.arena, model.anchors);
   const Random random(1, 0, random_stage("effect step"));
   for (std::size_t i = 0; i < columns.position.size(); ++i) columns.position.data[i] = random.centered(i);

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 #include <utility>
 
@@ -230,8 +231,8 @@ struct StageOfLoss {
 
 /// Iteration `t` (from 1) of a training of `total`.
 struct StageIteration {
-  long long t = 0, total = 0;
-  unsigned long long seed = 0;
+  std::int64_t t = 0, total = 0;
+  std::uint64_t seed = 0;
 };
 
 }  // namespace compmark
