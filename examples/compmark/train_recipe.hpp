@@ -76,7 +76,7 @@ struct TrainObserver {
     line.psnr = last_psnr;
     line.anchors = report.anchors;
     line.gaussians = report.forward.gaussians;
-    if constexpr (requires { trainer.context().template of<RateStage>().report; }) {
+    if constexpr (requires { trainer.context(); } && has_stage<typename TrainerType::Stages, RateStage>) {
       const auto& rate = trainer.context().template of<RateStage>().report;
       if (rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
     }

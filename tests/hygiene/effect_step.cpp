@@ -7,9 +7,13 @@
 #include <array>
 #include <bit>
 #include <compmark/core/executor.hpp>
+#include <compmark/mark/lattice_decoder.hpp>
 #include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/captures.hpp>
+#include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/far_field.hpp>
+#include <compmark/recipes/hac.hpp>
+#include <compmark/recipes/marked_codecs.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <cstdio>
 #include <cstdlib>
@@ -23,6 +27,11 @@ using namespace compmark::recipes;
 /// The one effect of a capture that is in no recipe of the library: a shape of the decoder, which belongs to a trained
 /// model.
 struct ScaffoldAppearance : DefaultRecipe<float, DecoderShape{.appearance_dim = 32}> {};
+
+// The stages of the watermark, one recipe for each.
+struct WithMark : Marked<Scaffold, LatticeDecoder<float>> {};
+struct WithFrequencies : WithFrequency<WithMark> {};
+struct WithNoise : MarkedForCompression<Scaffold, LatticeDecoder<float>> {};
 
 #ifdef EFFECT_BY_HAND
 struct R : Scaffold {};

@@ -2,8 +2,9 @@
 # SPDX-FileCopyrightText: 2026 The CompMark authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# What a recipe leaves out costs nothing. For each effect: the object file of the plain recipe has no symbol of it, that of the recipe with it
-# has some (the negative control). The plain recipe ends with the same bits as a road written by hand without any thought of effects, and
+# What a recipe leaves out costs nothing. For each effect and each stage of the watermark and of the codecs: the object
+# file of the plain recipe has no symbol of it, that of the recipe with it
+# has some (the negative control). The plain recipe ends with the same bits as passes written by hand without any thought of effects, and
 # executes as many instructions within 0.1 % (callgrind). Where valgrind is not installed the count is skipped, or with CI in the environment
 # a failure: .ci/run installs it.
 #   effects_free.sh <compiler> [flags]
@@ -53,6 +54,14 @@ ScaffoldAntiAliased MipFilter
 ScaffoldLens RadialTangentialLens
 ScaffoldFisheye FisheyeLens
 ScaffoldAppearance AppearanceEmbedding
+WithMark BoundedResidual
+WithMark LatticeDecoder
+WithMark HsvLoss
+WithFrequencies FrequencyLoss
+WithNoise QuantizationNoise
+HacScaffold HacModel
+ContextGsScaffold ContextGsModel
+WithMark DrawnReading trainer
 ScaffoldAlpha RandomBackground trainer
 ScaffoldFarField ContractedSpace trainer
 LIST
