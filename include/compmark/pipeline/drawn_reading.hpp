@@ -122,12 +122,12 @@ class DrawnReading {
   }
 
   /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. The stages are in the phases of the iteration,
-  /// but for the rate: it was counted in the photographed view; without one it is no loss (docs/watermark_experiments.md).
+  /// but for what belongs to its photograph.
   template <class Views, Executor E>
   auto read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
             std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) {
     const ViewCamera<R> camera = sampled_camera(views, view, seed, t);
-    return read_at(pipeline, model, camera, view, uncounted(phases), schedule.between_weight(t), 0, executor);
+    return read_at(pipeline, model, camera, view, without_photograph(phases), schedule.between_weight(t), 0, executor);
   }
 
   /// The same, held to the unmarked model's render of the view by the fidelity of `schedule`.
@@ -135,7 +135,7 @@ class DrawnReading {
   auto read_held(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
                  std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) requires(can_be_held) {
     const ViewCamera<R> camera = sampled_camera(views, view, seed, t);
-    const Phases marked = uncounted(phases);
+    const Phases marked = without_photograph(phases);
     Phases unmarked = marked;
     unmarked.template of<EmbedderStage>().embeds = false;
     if constexpr (present<typename R::EntropyModel>) {
@@ -171,8 +171,8 @@ class DrawnReading {
     if (distance_.empty()) distance_ = PhotographDistance([&](std::size_t i) { return views.camera(i); }, views.size());
     return schedule.fidelity(distance_.medians(camera));
   }
-  [[nodiscard]] static Phases uncounted(Phases phases) {
-    if constexpr (present<typename R::EntropyModel>) phases.template of<RateStage>().counts = false;
+  [[nodiscard]] static Phases without_photograph(Phases phases) {
+    Pipeline<R>::Stages::forward([&]<class S>() { S::leave_photograph(phases.template of<S>()); });
     return phases;
   }
   template <Executor E>

@@ -56,6 +56,9 @@ struct Stage {
   static void configure(const Settings& /*settings*/) {}
   template <class Iteration, class Phase>
   static void set_phase(const Iteration& /*iteration*/, Phase& /*phase*/) {}
+  /// The phase of a view of the same iteration that nobody photographed, from that of the photographed one.
+  template <class Phase>
+  static void leave_photograph(Phase& /*phase*/) {}
   template <class Iteration, class Model, class Blocks>
   static void prepare_model(const Iteration& /*iteration*/, Model& /*model*/, const Blocks& /*blocks*/) {}
   template <class Iteration>
@@ -193,6 +196,25 @@ struct StageMembers<StageList<S...>, Kind> : StageMember<S, Kind>... {
   template <template <class...> class Which>
   [[nodiscard]] constexpr const auto& of() const {
     return detail::find_member<Which, Kind>(*this).value;
+  }
+};
+
+/// What each stage of a list keeps between the iterations of a training of recipe R.
+template <class List, class R>
+struct TrainingStates;
+template <class S, class R>
+struct TrainingStateMember {
+  [[no_unique_address]] typename S::template TrainingState<R> value{};
+};
+template <class... S, class R>
+struct TrainingStates<StageList<S...>, R> : TrainingStateMember<S, R>... {
+  template <class Which>
+  [[nodiscard]] constexpr auto& of() {
+    return static_cast<TrainingStateMember<Which, R>&>(*this).value;
+  }
+  template <class Which>
+  [[nodiscard]] constexpr const auto& of() const {
+    return static_cast<const TrainingStateMember<Which, R>&>(*this).value;
   }
 };
 

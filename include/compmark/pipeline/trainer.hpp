@@ -191,7 +191,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   /// What a stage keeps from one iteration to the next.
   template <template <class...> class S>
   [[nodiscard]] const auto& training_state() const {
-    return stage_states_.template of<S>();
+    return stage_states_.template of<FindStage<Stages, S>>();
   }
   /// Render of the last iteration, and its ground truth.
   [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }
@@ -275,9 +275,6 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     }
   }
 
-  template <class S>
-  using StateOf = typename S::template TrainingState<R>;
-
   double scene_extent_ = 1;
   std::size_t far_points_ = 0;
   ViewOrder order_;
@@ -286,7 +283,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   [[no_unique_address]] Growth growth_;
   State state_;
   TrainingTarget<R> target_;
-  [[no_unique_address]] StageMembers<Stages, StateOf> stage_states_;
+  [[no_unique_address]] TrainingStates<Stages, R> stage_states_;
 };
 
 }  // namespace compmark

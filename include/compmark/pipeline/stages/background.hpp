@@ -22,6 +22,7 @@ struct BackgroundStage : Stage<BackgroundStage<Drawn>> {
     phase.color = Drawn::color(iteration.seed, static_cast<std::uint64_t>(iteration.t));
     phase.drawn = true;
   }
+  static void leave_photograph(Phase& phase) { phase = {}; }
   template <class T>
   static void background(const Phase& phase, std::array<T, 3>& color) {
     if (!phase.drawn) return;

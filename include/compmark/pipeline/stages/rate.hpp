@@ -52,6 +52,8 @@ class RateStage : public Stage<RateStage<Rate>> {
   void set_phase(const StageIteration& iteration, Phase& phase) const {
     phase = phases_.template at<Phase>(iteration.t, iteration.seed);
   }
+  /// The rate was counted in the photographed view; without one it is no loss (docs/notebook/watermark_experiments.md).
+  static void leave_photograph(Phase& phase) { phase.counts = false; }
   template <class Model>
   void prepare_model(const StageIteration& iteration, Model& model, const Handles& blocks) const {
     prepare_context<Rate>(model, blocks, phases_, iteration.t);
