@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/effect/background.hpp"
 #include "compmark/mark/lattice_decoder.hpp"
 #include "compmark/mark/pretrain/lattice_network.hpp"
 #include "compmark/recipes/marked.hpp"
@@ -22,7 +23,10 @@ namespace {
 using namespace compmark;
 using compmark::testing::BlobViews;
 
-using MarkedSmooth = recipes::Marked<compmark::testing::SmallestSmoothRecipe, LatticeDecoder<double>>;
+struct SmoothOverColours : compmark::testing::SmallestSmoothRecipe {
+  using Background = RandomBackground;
+};
+using MarkedSmooth = recipes::Marked<SmoothOverColours, LatticeDecoder<double>>;
 
 /// A marked model whose residual is not zero, and everything a reading needs.
 struct DrawnReadingBench {
@@ -200,4 +204,27 @@ TEST_CASE("pipeline/drawn_reading: the view is drawn anew in every iteration, an
   static_cast<void>(bench.pipeline.forward(bench.model, bench.views.camera(DrawnReadingBench::view),
                                            DrawnReadingBench::view, context, bench.executor));
   CHECK_FALSE(std::equal(one.image().data, one.image().data + one.image().size(), context.image.data));
+}
+
+TEST_CASE("pipeline/drawn_reading: what belongs to the photograph of the iteration is not in a view without one") {
+  DrawnReadingBench bench;
+  Pipeline<MarkedSmooth>::Phases plain, coloured;
+  coloured.of<BackgroundStage>() = {{0.9, 0.1, 0.6}, true};
+  DrawnReading<MarkedSmooth> one, two;
+  const auto read = [&](DrawnReading<MarkedSmooth>& reading, const Pipeline<MarkedSmooth>::Phases& phases) {
+    static_cast<void>(reading.read_held(bench.pipeline, bench.model, bench.views, DrawnReadingBench::view,
+                                        DrawnReadingBench::seed, DrawnReadingBench::iteration,
+                                        DrawnReadingBench::phases(40), phases, bench.executor));
+    return std::vector<double>(reading.image().data, reading.image().data + reading.image().size());
+  };
+  CHECK(read(one, plain) == read(two, coloured));
+  CHECK(one.report().departure == two.report().departure);
+
+  // Negative control: the photographed view of the iteration does have that colour behind it.
+  const auto render = [&](const Pipeline<MarkedSmooth>::Phases& phases) {
+    Pipeline<MarkedSmooth>::Context context;
+    static_cast<void>(bench.pipeline.forward(bench.model, bench.views.camera(0), 0, context, bench.executor, phases));
+    return std::vector<double>(context.image.data, context.image.data + context.image.size());
+  };
+  CHECK(render(plain) != render(coloured));
 }
