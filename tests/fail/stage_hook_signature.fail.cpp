@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A hook of the wrong signature would never be called, in silence: it hides the empty one of its name instead, and does not compile.
-// message: no matching function for call to .*image
+// message: no matching (member )?function for call to .*image
 #include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
