@@ -55,16 +55,17 @@ Model<R> small_model(std::uint64_t seed = 5) {
     columns.scaling.data[i] = static_cast<float>(std::log(0.05 + 0.1 * random.uniform(90000 + i)));
   if constexpr (present<typename R::EntropyModel>) {
     using Entropy = typename R::EntropyModel;
-    Entropy::initialise(model.arena, model.road.rate, seed);
+    Entropy::initialise(model.arena, model.template blocks<RateStage>(), seed);
     const AnchorColumns<const float> all = model.columns();
     if constexpr (requires {
-                    Entropy::begin_context(model.arena, model.road.rate, all.position, all.feature, all.scaling,
-                                           all.offset, model.voxel_size);
+                    Entropy::begin_context(model.arena, model.template blocks<RateStage>(), all.position, all.feature,
+                                           all.scaling, all.offset, model.voxel_size);
                   })
-      Entropy::begin_context(model.arena, model.road.rate, all.position, all.feature, all.scaling, all.offset,
-                             model.voxel_size);
+      Entropy::begin_context(model.arena, model.template blocks<RateStage>(), all.position, all.feature, all.scaling,
+                             all.offset, model.voxel_size);
     else
-      Entropy::begin_context(model.arena, model.road.rate, all.position, all.feature, all.scaling, all.offset);
+      Entropy::begin_context(model.arena, model.template blocks<RateStage>(), all.position, all.feature, all.scaling,
+                             all.offset);
   }
   return model;
 }
