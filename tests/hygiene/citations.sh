@@ -30,10 +30,9 @@ headings() {
 
 # All text with the lines of a comment joined: "file:line<TAB>text".
 text() {
-  # Two folders are being rewritten, and their comments with them.
   find include tests examples benchmarks docs cmake weights README.md CHANGELOG.md CMakeLists.txt -type f \
     \( -name '*.hpp' -o -name '*.cpp' -o -name '*.md' -o -name '*.txt' -o -name '*.cmake' -o -name '*.sh' \) 2>/dev/null |
-    grep -vE '^(tests/hygiene/(citations|numerics_cases)\.sh$|include/compmark/(pipeline|recipes)/)' | sort >"$work/files"
+    grep -vE '^tests/hygiene/(citations|numerics_cases)\.sh$' | sort >"$work/files"
   [ ! -f .ci/run ] || echo .ci/run >>"$work/files"
   # shellcheck disable=SC2046 # names without blanks
   awk '

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is trained on after a model was compressed once (a message in a file, docs/watermark_experiments.md) shall see what the file will say. Rounded to a file's
-// steps (rate.hpp) it does, if these come out of the file's own networks: those of its context have weights of a few bits, and a step that is a
-// sixteenth of an octave longer makes another symbol of every value near the border of two. Cost: a copy of the networks.
+// What is trained on after a model was compressed once (a message in a file, docs/notebook/watermark_experiments.md)
+// shall see what the file will say. Rounded to a file's steps (rate.hpp) it does, if these come out of the file's own
+// networks: those of its context have weights of a few bits, and a step that is a sixteenth of an octave longer makes
+// another symbol of every value near the border of two. Cost: a copy of the networks.
 #pragma once
 
 #include <algorithm>

@@ -9,12 +9,14 @@
 //   noise      N = covariance of q over drawn views, as they are and after gentle edits,
 //   energy     E = mean over v of J(v) J(v)^T         what a mark that is made for one view would move there,
 //   agreement  A = mean over u != v of J(u) J(v)^T    what a mark that is made for one view moves in another,
-// the bits are read along the directions w of largest  w^T A w / w^T (N / n + conflict E / tr E) w, n the variance of the waves themselves: Fisher's
-// discriminant with the signal's covariance A. They are then mixed by a random rotation, so that all bits are as strong, and scaled to deviation 1 on
-// the unmarked host. The message plays no part, so the p-value of a random key stays exact (docs/verification.md); the decoder belongs to the scene and
-// has to be kept, with its hash, like the key. At last what a region of an image says much louder than the loudest of an ordinary view counts less. Measured gain:
-// docs/watermark_experiments.md. Cost: a render and 1 + edits readings for every statistics view, `waves` ways back for every gradient view, the kernel ridge
-// regression of all readings, and a render and a reading for every view of the limit.
+// the bits are read along the directions w of largest w^T A w / w^T (N / n + conflict E / tr E) w, n the variance of
+// the waves themselves: Fisher's discriminant with the signal's covariance A. They are then mixed by a random rotation,
+// so that all bits are as strong, and scaled to deviation 1 on the unmarked host. The message plays no part, so the
+// p-value of a random key stays exact (docs/verification.md); the decoder belongs to the scene and has to be kept, with
+// its hash, like the key. At last what a region of an image says much louder than the loudest of an ordinary view
+// counts less. Measured gain: docs/notebook/watermark_experiments.md. Cost: a render and 1 + edits readings for every
+// statistics view, `waves` ways back for every gradient view, the kernel ridge regression of all readings, and a render
+// and a reading for every view of the limit.
 #pragma once
 
 #include <algorithm>

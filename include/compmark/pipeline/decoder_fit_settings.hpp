@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The numbers that a message decoder is fitted to a scene by (decoder_fit.hpp), and what a caller may add: an observer, an image codec. The defaults are
-// those of docs/watermark_experiments.md. Cost: none.
+// The numbers that a message decoder is fitted to a scene by (decoder_fit.hpp), and what a caller may add: an observer,
+// an image codec. The defaults are those of docs/notebook/watermark_experiments.md. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -42,8 +42,9 @@ struct DecoderFitSettings {
   double prediction_ridge = 0.01;
   double reach = 2;         ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
   int gradient_views = 12;  ///< at least 2
-  /// Deviation of the light that every statistics view is seen in, as gains and half as much offset of its channels (mark/tone.hpp); 0: the host's own,
-  /// and a decoder that takes 1 % of another, or two levels of green, for a message. What .01 costs and brings: docs/watermark_experiments.md, "Another light".
+  /// Deviation of the light that every statistics view is seen in, as gains and half as much offset of its channels
+  /// (mark/tone.hpp); 0: the host's own, and a decoder that takes 1 % of another, or two levels of green, for a
+  /// message. What .01 costs and brings: docs/notebook/watermark_experiments.md, "Another light".
   double tone = 0.01;
   /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much weight in the noise as `edit_weight`
   /// says: what is quiet in clean renders alone is drowned by a JPEG.

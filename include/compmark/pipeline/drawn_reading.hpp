@@ -108,7 +108,8 @@ class DrawnReading {
   /// Whether a mark of this recipe can be held to the unmarked model's renders.
   static constexpr bool can_be_held = present<typename R::MessageDecoder> && present<typename R::Embedder>;
 
-  /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all (docs/watermark_experiments.md).
+  /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all
+  /// (docs/notebook/watermark_experiments.md).
   static constexpr double reach = 1.7;
 
   /// The training view that iteration t reads near if no photograph says which: those with room around them more often, and by a `share` of the

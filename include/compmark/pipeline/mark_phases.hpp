@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which weights and amplitudes of a watermarked training hold in which iteration (method sheet, 5.2, 5.4, 5.7). The windows of MarkNumbers are
-// written for a run of 30,000 iterations and scale with the run, as everywhere. Cost: none.
+// Which weights and amplitudes of a watermarked training hold in which iteration (docs/spec/method.md, 5.2, 5.4, 5.7).
+// The windows of MarkNumbers are written for a run of 30,000 iterations and scale with the run, as everywhere. Cost:
+// none.
 #pragma once
 
 #include <algorithm>

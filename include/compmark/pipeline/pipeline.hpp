@@ -35,7 +35,7 @@
 
 namespace compmark {
 
-/// Weights of the losses that every recipe has (method sheet, section 3.1).
+/// Weights of the losses that every recipe has (docs/spec/method.md, 3.1).
 struct LossWeights {
   double lambda_dssim = 0.2;
   double lambda_volume = 0.01;

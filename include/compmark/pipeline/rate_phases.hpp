@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the entropy model does in which iteration of a training for compression (compression sheet, 1.9): nothing, then the noise of fixed
-// steps, then that of predicted ones with the rate as a loss. The windows of RateNumbers are written for a run of 30,000 iterations and scale
-// with the run, as everywhere. Cost: none.
+// What the entropy model does in which iteration of a training for compression (docs/spec/compression.md, 1.6):
+// nothing, then the noise of fixed steps, then that of predicted ones with the rate as a loss. The windows of
+// RateNumbers are written for a run of 30,000 iterations and scale with the run, as everywhere. Cost: none.
 #pragma once
 
 #include <cstdint>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Run-time numbers of a training run and the three named profiles (method sheet, section 0). Iterations are 1-based; every window is
-// written for a run of 30,000 and scales with the run, so --iterations 3000 is the same recipe, shorter.
+// Run-time numbers of a training run and the four named profiles (docs/spec/method.md, 8). Iterations are 1-based;
+// every window is written for a run of 30,000 and scales with the run, so --iterations 3000 is the same recipe,
+// shorter.
 #pragma once
 
 #include <array>
@@ -14,7 +15,7 @@
 
 namespace compmark {
 
-/// Initial and final learning rate; equal means constant. Log-linear in between (method sheet, section 3.2).
+/// Initial and final learning rate; equal means constant. Log-linear in between (docs/spec/method.md, 3.2).
 struct LearningRate {
   double initial = 0;
   double final = 0;
@@ -32,9 +33,10 @@ struct EffectNumbers {
   friend bool operator==(const EffectNumbers&, const EffectNumbers&) = default;
 };
 
-/// Numbers of a recipe with a watermark; of no meaning to the others (method sheet, 5.2, 5.4, 5.7; windows as below). Defaults are the published
-/// program's, but for image_weight: its 10 for the image's losses from iteration 20,000 on is invisible to Adam apart from a jump of the step
-/// size (trap A16), so that here the message's weight is a tenth instead; the profile "official" sets the published pair.
+/// Numbers of a recipe with a watermark; of no meaning to the others (docs/spec/method.md, 5.2, 5.4, 5.7; windows as
+/// below). Defaults are the published program's, but for image_weight: its 10 for the image's losses from iteration
+/// 20,000 on is invisible to Adam apart from a jump of the step size (docs/spec/method.md, 7.9), so that here the
+/// message's weight is a tenth instead; the profile "official" sets the published pair.
 struct MarkNumbers {
   double lambda_message = 0.045;
   std::int64_t message_after = 20000;  ///< no message before, full weight after message_ramp more
@@ -84,8 +86,8 @@ struct MarkNumbers {
   friend bool operator==(const MarkNumbers&, const MarkNumbers&) = default;
 };
 
-/// Numbers of a recipe with an entropy model, of which the coded size is a loss; of no meaning to the others (compression sheet, 1.9 - 1.11;
-/// windows as below).
+/// Numbers of a recipe with an entropy model, of which the coded size is a loss; of no meaning to the others
+/// (docs/spec/compression.md, 1.6 to 1.8; windows as below).
 struct RateNumbers {
   double lambda = 0.001;               ///< loss of one bit more a coded scalar
   std::int64_t noise_after = 3000;     ///< attributes carry the noise of the base steps from here
@@ -149,8 +151,9 @@ struct TrainSettings {
   RateNumbers rate;
 };
 
-/// A mark in the loss of the photographs, which trains everything, as published, with what was measured here (docs/watermark_experiments.md): from the end of
-/// growing on, held by a margin, read between the training views too.
+/// A mark in the loss of the photographs, which trains everything, as published, with what was measured here
+/// (docs/notebook/watermark_experiments.md): from the end of growing on, held by a margin, read between the training
+/// views too.
 [[nodiscard]] inline MarkNumbers mark_in_the_photographs() {
   MarkNumbers mark;
   mark.lambda_message = 0.002;
@@ -160,7 +163,8 @@ struct TrainSettings {
   mark.residual_rate = 0.002;
   return mark;
 }
-/// A mark that is learned in a finished model and held to its unmarked renders: PosthocEmbedding (docs/watermark_experiments.md).
+/// A mark that is learned in a finished model and held to its unmarked renders: PosthocEmbedding
+/// (docs/notebook/watermark_experiments.md).
 [[nodiscard]] inline MarkNumbers posthoc_mark() {
   MarkNumbers mark = mark_in_the_photographs();
   mark.lambda_message = 0.25;
@@ -172,8 +176,8 @@ struct TrainSettings {
   return mark;
 }
 
-/// A profile's numbers inside a codec's host: growing pauses while features carry noise for the first time, as both codecs' authors have it
-/// (method sheet, 5.8).
+/// A profile's numbers inside a codec's host: growing pauses while features carry noise for the first time, as both
+/// codecs' authors have it (docs/spec/method.md, 5.8).
 [[nodiscard]] inline TrainSettings for_codec(TrainSettings settings) {
   settings.pause_from = 3000;
   settings.pause_until = 4000;
@@ -192,7 +196,7 @@ struct TrainSettings {
     settings.seed = 42;
     settings.lambda_dssim = 0.35;
     settings.gradient_threshold = 0.0007;
-    settings.grow_after = 500;  // the published test of update_from was dropped: method sheet, section 4.2
+    settings.grow_after = 500;  // the published test of update_from was dropped: docs/spec/method.md, 4.2
     settings.pause_from = 3000;
     settings.pause_until = 4000;
     settings.mark.lambda_message = 0.45;

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The training loop: owns the model, the optimiser's moments, the growth statistics and the workspace. One iteration is, in the published
-// order (method sheet, sections 3.2 and 4): learning rates, view, render, losses, backward, statistics, growing and pruning, Adam.
-// Deterministic: the state after iteration t is a function of the settings, the data and t, whatever the executor's thread count.
+// The training loop: owns the model, the optimiser's moments, the growth statistics and the workspace. One iteration
+// is, in the published order (docs/spec/method.md, 3.2 and 4): learning rates, view, render, losses, backward,
+// statistics, growing and pruning, Adam. Deterministic: the state after iteration t is a function of the settings, the
+// data and t, whatever the executor's thread count.
 #pragma once
 
 #include <algorithm>
@@ -76,7 +77,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     std::int64_t iteration = 0;  ///< finished iterations
   };
 
-  /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (method sheet, section 3.2).
+  /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (docs/spec/method.md, 3.2).
   Trainer(TrainSettings settings, std::size_t view_count, double scene_extent, E& executor)
       : Loop(std::move(settings), executor),
         scene_extent_(scene_extent),

@@ -44,8 +44,8 @@ concept PlaneTrainingViews = TrainingViews<V, T> &&
   { views.load_planes(i, background, planes) } -> std::same_as<Result<Done>>;
 };
 
-/// The published sampling without replacement (method sheet, section 3.3) as a pure function of the iteration: within each epoch the
-/// views are visited in a keyed random order, so a resumed run needs no stack of remaining cameras.
+/// The published sampling without replacement (docs/spec/method.md, 3.3) as a pure function of the iteration: within
+/// each epoch the views are visited in a keyed random order, so a resumed run needs no stack of remaining cameras.
 class ViewOrder {
  public:
   ViewOrder(std::uint64_t seed, std::size_t count) : seed_(seed), order_(count) {}

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The whole method, and the same inside the hosts that train for compression (method sheet 5.8): there the residual is added before the codec's own
-// step of quantization, so that f^w is what is distorted, what is rated and what the file holds, and the message is read from what comes out.
+// The whole method, and the same inside the hosts that train for compression (docs/spec/method.md, 5.8): there the
+// residual is added before the codec's own step of quantization, so that f^w is what is distorted, what is rated and
+// what the file holds, and the message is read from what comes out.
 //
 //   CompMarkGs<Host, Decoder>  MarkedForCompression, with the frequency loss and the growing that looks at it
 //   CompMarkGsPaper<Decoder>   the same as the paper's text has it
