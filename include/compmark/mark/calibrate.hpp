@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Does the p-value keep its word? Random keys are tested against images that carry none of them: key i against image i
-// mod V, and key i against all images together. Keys are independent, so either count of false positives is
-// Binomial(keys, P(M >= threshold)) exactly, for marked and unmarked images alike; the interval of Clopper and Pearson
-// around the measured rate must hold that number, which is at most the nominal rate as matches are whole. Beside it,
-// what the decoder makes of images: bias and correlation of its bits, and how many independent images these are worth
-// as evidence about one key, bits / sum_i (mean_v b_vi)^2 with b = +-1: why p-values of images are never multiplied.
-// Cost: O(keys * bits).
+// A check of the p-value. Random keys are tested against images that carry none of them: key i against image i mod V,
+// and key i against all images together. Keys are independent, so either count of false positives is Binomial(keys, P(M
+// >= threshold)) exactly, for marked and unmarked images alike. The interval of Clopper and Pearson around the measured
+// false-positive rate must hold that probability, which is at most the nominal rate because matches are whole numbers.
+// The report also has statistics of the decoder: the bias of its bits, the correlation between them, and the number of
+// independent images that the given ones are worth as evidence about one key, bits / sum_i (mean_v b_vi)^2 with b =
+// +-1. That number is why p-values of images are never multiplied. Cost: O(keys * bits).
 #pragma once
 
 #include <algorithm>

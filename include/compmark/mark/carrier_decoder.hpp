@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The decoder that nobody trains: means of a frozen network's features, whitened on ordinary images, read along secret
-// orthonormal carriers,
+// The carrier decoder needs no training. It takes means of a frozen network's features, whitens them on ordinary images
+// and projects them on secret orthonormal carriers,
 //   logits = C W (f(image) - mean)
 // (Fernandez et al., "Watermarking images in self-supervised latent spaces", ICASSP 2022). On ordinary images the
-// logits are uncorrelated with variance 1, so their signs are fair coins. Networks: random convolutions whose first
-// kernels have mean zero, so that they see texture and not colour (without: 84 instead of 96 % of the bits,
-// docs/spec/watermark.md, 1.6), or the AlexNet of LPIPS. Cost: 12 k multiply-adds a pixel for the first.
+// logits are uncorrelated with variance 1, so their signs are fair coins. The network is the AlexNet of LPIPS or random
+// convolutions. Their first kernels have mean zero, so that they see texture and not colour (without it 84 instead of
+// 96 % of the bits are right, docs/spec/watermark.md, 1.6). Cost: 12 k multiply-adds a pixel for random convolutions.
 #pragma once
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A 256-bit seed expanded to as many secret bytes as carriers need: the ChaCha20 key stream (RFC 8439, counter from 0,
-// nonce 0). 48 carriers in 96 dimensions take 72 KiB, more than HKDF gives, and the library's counter-based numbers
-// hide nothing from who knows their form. Cost: ~4 cycles a byte.
+// Expands a 256-bit seed to the secret bytes that carriers need. It is the ChaCha20 key stream (RFC 8439, counter from
+// 0, nonce 0). 48 carriers in 96 dimensions take 72 KiB, more than HKDF gives. The library's counter-based random
+// numbers are no choice here: they are not secret once their generator is known. Cost: ~4 cycles a byte.
 #pragma once
 
 #include <array>

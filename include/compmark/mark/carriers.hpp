@@ -3,8 +3,8 @@
 //
 // Secret carriers: `bits` orthonormal directions in a space of `dimension` features, uniform over all such frames
 // (normal numbers, orthogonalised twice; docs/spec/watermark.md, 2). They are made from random bytes, 16 a number,
-// which the key derives from its secret under a purpose of its own: who has the decoder but not the key does not know
-// the directions. Cost: bits^2 dimension multiply-adds, once.
+// which the key derives from its secret under a label of its own. Someone with the decoder but without the key does not
+// know the directions. Cost: bits^2 dimension multiply-adds, once.
 #pragma once
 
 #include <cmath>

@@ -28,9 +28,9 @@
 
 namespace compmark {
 
-/// The anchor feature goes to the decoder as it is.
+/// No Embedder: the heads read the anchor feature unchanged.
 struct NoEmbedder : Absent<NoEmbedder> {};
-/// Nothing is read from the render.
+/// No MessageDecoder: nothing is read from the render.
 struct NoMessageDecoder : Absent<NoMessageDecoder> {};
 
 template <class D>

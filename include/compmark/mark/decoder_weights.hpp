@@ -86,8 +86,8 @@ struct DecoderWeights {
   return layers;
 }
 
-/// Positions a side, behind the stem, of the smallest input that leaves every layer one; 0 where that is above `limit`:
-/// 64 layers of stride 16 are a file of a few kilobytes, and a size that no image has.
+/// The smallest input, in positions a side behind the stem, for which every layer keeps at least one position. 0 if
+/// that is above `limit`: a file of a few kilobytes can name 64 layers of stride 16, whose input no image has.
 [[nodiscard]] inline int smallest_input(const std::vector<DecoderLayer>& layers, int limit = 65536) {
   std::int64_t n = 1;
   for (std::size_t l = layers.size(); l-- > 0;) {

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A payload that survives wrong bits: binary BCH codes of length 2^m - 1 (Bose, Ray-Chaudhuri 1960; Hocquenghem 1959),
-// shortened to the length of the message, with a CRC over the data. Decoding is Berlekamp and Massey's, roots by Chien
-// search. A word with more errors than the code corrects is refused, or it lies by chance near another code word (1.3 %
-// of random words for (48, 24, 4)), which the CRC catches but for one in 2^8 or 2^16. A code reads an unknown id;
-// whether a known message is there is decided by verify.hpp on the raw bits, never by a successful decoding
+// An error-correcting code for payloads: binary BCH codes of length 2^m - 1 (Bose, Ray-Chaudhuri 1960; Hocquenghem
+// 1959), shortened to the length of the message, with a CRC over the data. Decoding is Berlekamp and Massey's, roots by
+// Chien search. A word with more errors than the code corrects is refused, unless it lies by chance near another code
+// word (1.3 % of random words for (48, 24, 4)). The CRC misses one in 2^8 or 2^16 of those. A code reads an unknown
+// payload; whether a known message is there is decided by verify.hpp on the raw bits, never by a successful decoding
 // (docs/spec/watermark.md, 5). Cost: ~1 us a word, no allocation.
 #pragma once
 

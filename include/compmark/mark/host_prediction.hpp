@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What an unmarked scene gives as logits (cover interference), predicted from the view. A few directions of a decoder's
-// features p change much with the view and hardly with a mark, so that they tell the view; the logits of the unmarked
-// model are a smooth function of them, which is fitted once (pipeline/decoder_fit.hpp):
+// Predicts the cover interference from the view: the logits that renders of the unmarked model give. A few directions
+// of a decoder's features p change much with the view and hardly with a mark; they span the nuisance subspace. The
+// logits of the unmarked model are a smooth function of the coordinates in it, which is fitted once
+// (pipeline/decoder_fit.hpp) and subtracted from every reading:
 //   x = direction p - offset,   logits -= sum_i exp(-|x - centre_i|^2 / 2) coefficient_i.
 // Far from every centre nothing is subtracted: an image that is no render of the scene is read as if there were no
 // prediction. Empty by default, and then free. Cost: centres (coordinates + bits) multiply-adds an image, and as many
@@ -27,14 +28,14 @@ struct HostPrediction {
   struct Context {
     std::vector<T> x, d_x;
     std::vector<T> weight;     ///< of the centres
-    std::vector<double> said;  ///< in double: coefficients are large and take each other's measure
+    std::vector<double> said;  ///< [bits] prediction, in double: large coefficients cancel
   };
 
   [[nodiscard]] bool empty() const { return offset.empty(); }
   [[nodiscard]] std::size_t coordinates() const { return offset.size(); }
   [[nodiscard]] std::size_t centres() const { return empty() ? 0 : centre.size() / offset.size(); }
 
-  /// Subtracts from logits [bits] those of the unmarked model at the view that `features` [features] tell.
+  /// Subtracts from logits [bits] the unmarked model's prediction at the view that `features` [features] determine.
   void subtract(std::span<const T> features, std::span<T> logits, Context& context) const {
     const std::size_t n = coordinates();
     context.x.resize(n);
@@ -59,8 +60,8 @@ struct HostPrediction {
     for (std::size_t b = 0; b < logits.size(); ++b) logits[b] -= static_cast<T>(context.said[b]);
   }
 
-  /// Adds the gradient of what is left of the logits to d_features, after subtract() with the same context; not that of
-  /// head p.
+  /// Adds the gradient through the prediction to d_features, after subtract() with the same context. The gradient
+  /// through the head is not part of it.
   void backward(std::span<const T> d_logits, std::span<T> d_features, Context& context) const {
     const std::size_t n = coordinates();
     context.d_x.assign(n, T(0));

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How an image enters a decoder. A decoder trained on one range and read on another loses accuracy without a sign
-// (docs/spec/watermark.md, 1.4: per-bit bias up to 0.12 where the spread is 0.02), so the convention is part of the
-// weight file:
+// The input convention of a decoder: how an image is scaled before the network sees it. A decoder that is trained on
+// one range and used on another loses accuracy without a warning (docs/spec/watermark.md, 1.4: per-bit bias up to 0.12
+// where the spread is 0.02), so the convention is part of the weight file:
 //   x = (gain A(LL^levels(image)) - mean_c) / deviation_c,
 //   A: shrinking by area so that the larger side is at most largest_side (0: never).
 // Published HiDDeN files were used on the raw LL: levels 1, gain 1, mean 0, deviation 1. Cost: about two operations a

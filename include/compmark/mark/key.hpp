@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the watermark takes from an owner's key (io/owner_key.hpp): the message, the seed of the carriers and the mask
-// of a payload, each under a label of its own, so that no one of them tells another. A key that gives bytes is anything
-// with derive(label, out) and bits. A message is random bits, or, for a key with a payload, the payload's code word
-// (ecc.hpp) plus the mask: as random, and the p-value as exact, since the mask is. Keys of one secret with payloads of
-// their own mark copies that one of them reads; but who learns one message and its payload knows the mask, and so the
-// messages of all.
+// Secrets that the watermark derives from an owner's key (io/owner_key.hpp): the message, the seed of the carriers and
+// the mask of a payload. Each has a label of its own, so that none of them reveals another. A key is anything with
+// derive(label, out) and bits. Without a payload, a message is random bits. With one, it is the payload's code word
+// (ecc.hpp) plus the mask; the mask is random, so that such a message is as random and its p-value as exact. Keys with
+// one secret and different payloads mark copies that any one of these keys can read. But someone who learns one message
+// and its payload knows the mask, and so the messages of all copies.
 #pragma once
 
 #include <array>
@@ -30,7 +30,7 @@ concept SecretKey = requires(const K& key, std::string_view label, std::span<std
   { key.bits } -> std::convertible_to<std::size_t>;
 };
 
-/// A key whose message may say something: `payload` in hexadecimal digits, `corrects` wrong bits; 0: it says nothing.
+/// A key that may have a payload: `payload` in hexadecimal digits, `corrects` wrong bits; 0: no payload.
 template <class K>
 concept PayloadKey = SecretKey<K> && requires(const K& key) {
   { key.payload } -> std::convertible_to<std::string_view>;
@@ -93,8 +93,8 @@ template <SecretKey K>
   return detail::derived_bits(key, message_label);
 }
 
-/// What read bits say under the secret of a key; its own payload is not looked at. The key passes check_payload and has
-/// corrects > 0.
+/// The payload of read bits, under the secret of a key; the key's own payload is not used. The key passes check_payload
+/// and has corrects > 0.
 template <PayloadKey K>
 [[nodiscard]] PayloadCode::Reading read_payload(const K& key, const Message& read) {
   const Result<PayloadCode> code = payload_code(key);

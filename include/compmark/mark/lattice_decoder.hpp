@@ -1,13 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A message decoder that reads local contrast, or colour, modulo a lattice: with u_i and the gates w_i of
-// lattice_positions.hpp,
+// The lattice decoder: Fourier features of local contrast or of colour, averaged over the image, and a linear head.
+// With u_i and the gates w_i of lattice_positions.hpp,
 //   p_k = sum_i w_i cos 2 pi (phase_k + frequency_k . u_i) / (sum_i w_i + floor N),
 //   logits = head p + bias  (- host(p)).
-// Each Fourier feature is dither modulation (Chen and Wornell, IEEE Trans. Information Theory 47, 2001) of one
-// direction of contrast; the mean over positions is what a crop, a rotation or a shift leaves in place, and contrast of
-// logarithms does not see a change of brightness. Its period is short against the contrast of photographs, whose own
 // phases are therefore nearly uniform and interfere little with the message. The averaged responses of convolutions
 // lack that, which is why this decoder reads more at 38 dB, for 0.1 % of their cost (docs/decoder_training.md). With a
 // limit a region R of the image whose logits exceed it counts less: its sums over the features, s_R, and its gates,
@@ -201,7 +198,7 @@ class LatticeDecoder {
             weights_.phase.size(),     settings_.dimensions(), at.stride};
   }
 
-  /// What the regions say, and p of what they may say. On entry gate_sum is the floor alone.
+  /// Logits of the regions, their weights, and the weighted features p. On entry gate_sum is the floor alone.
   template <Executor E>
   void pool_limited(Context& context, E& executor) const {
     const LatticePositions<T>& at = context.positions;
@@ -244,7 +241,7 @@ class LatticeDecoder {
     for (T& p : context.pooled) p /= context.gate_sum;
   }
 
-  /// Of slope and offset of equal shares those of the shares, and what the shares themselves do.
+  /// From gradients of the weighted sums (slope, offset) to those of the regions' sums, through the weights c too.
   void limit_gradient(Context& context) const {
     const std::size_t features = context.pooled.size(), bits = weights_.bias.size();
     T d_all_gates(0);

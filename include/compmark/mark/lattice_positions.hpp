@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the lattice decoder reads at each position, and its gradient. With a_0 ... a_n the image blurred at growing
+// The values u and gates w that the lattice decoder reads at each position, and the gradient through them.
 // sigmas, every stride-th pixel,
 //   u = (log(a_0 + e) - log(a_1 + e), ..., log(a_(n-1) + e) - log(a_n + e))           contrast: octaves x 3 colours
 //   u = (a_0, ..., a_n)                                                               colour: blurs x 3 colours
@@ -28,8 +28,8 @@
 
 namespace compmark {
 
-/// Contrast of logarithms does not see a change of brightness, but a surface seen from elsewhere has another one.
-/// Colour is that of the surface from wherever it is seen, and turns with every change of brightness.
+/// Contrast is a difference of logarithms: a change of brightness leaves it in place, but a surface seen from another
+/// side has another contrast. Colour is the same from every side, but changes with brightness.
 enum class LatticeMeasure : std::uint8_t { contrast, colour };
 
 struct LatticeSettings {
@@ -43,8 +43,8 @@ struct LatticeSettings {
   double gate = 0.12;       ///< distance from black and white at which a position counts
   double floor = 0.02;      ///< share of the positions that is added to the sum of gates
   double logit_scale = 2;   ///< what a message loss multiplies the logits by
-  int regions = 1;          ///< about so many parts of the image; what says more than `region_limit` counts less
-  double region_limit = 0;  ///< in the Euclidean norm of the logits; 0: no limit
+  int regions = 1;          ///< about so many parts of the image, each with the limit below
+  double region_limit = 0;  ///< largest norm of a region's logits; louder ones count less; 0: no limit
 
   [[nodiscard]] bool limited() const { return region_limit > 0; }
   [[nodiscard]] std::size_t dimensions() const {
@@ -53,7 +53,7 @@ struct LatticeSettings {
   bool operator==(const LatticeSettings&) const = default;
 };
 
-/// Positions of one image and their gradients, grow-only.
+/// Positions of one image and their gradients; buffers only grow.
 template <class T>
 struct LatticePositions {
   int height = 0, width = 0;  ///< of the image the maps are for
@@ -100,7 +100,7 @@ struct LatticePositions {
     });
   }
 
-  /// Adds what d_u and d_gate say to d_image; from the widest blur to the first.
+  /// Adds the gradient through d_u and d_gate to d_image; from the widest blur to the first.
   template <Executor E>
   void scatter(ImageView<T> d_image, const LatticeSettings& settings, E& executor) {
     const std::size_t last = maps_.size() - 1;
@@ -168,7 +168,7 @@ struct LatticePositions {
     levels_.resize(maps_.size());
     place(wanted);
   }
-  /// Lays out the positions, and what is done at a time.
+  /// Lays out the positions and the chunks of work.
   void place(int wanted) {
     constexpr std::size_t lanes = native_width<T>,
                           grain = 512;  // 27 octave planes of 512 positions fit the first cache
@@ -226,7 +226,7 @@ struct LatticePositions {
     }
   }
 
-  /// Positions of the image that have places behind each other.
+  /// A run of positions of the image that are neighbours in memory.
   struct Run {
     std::size_t position = 0, place = 0, count = 0;
   };

@@ -73,7 +73,7 @@ class Message {
   [[nodiscard]] std::size_t ones() const {
     return static_cast<std::size_t>(std::popcount(words_[0]) + std::popcount(words_[1]));
   }
-  /// Number of equal bits. Both messages have one length.
+  /// Number of equal bits. Both messages have the same length.
   [[nodiscard]] std::size_t matches(const Message& other) const { return size_ - (*this ^ other).ones(); }
   /// Share of equal bits, 1/2 for a message that has nothing to do with this one.
   [[nodiscard]] double bit_accuracy(const Message& other) const {
@@ -122,7 +122,7 @@ class Message {
     }
     return message;
   }
-  /// What logits say, z > 0; NaN reads as 0 (verify.hpp refuses it before).
+  /// The bits of logits, z > 0; NaN reads as 0 (verify.hpp refuses it before).
   template <class T>
   [[nodiscard]] static Message from_logits(std::span<const T> logits) {
     Message message(logits.size());

@@ -86,7 +86,7 @@ class NetworkDecoder {
 
   [[nodiscard]] int bits() const { return head_.rows; }
   [[nodiscard]] int features() const { return head_.columns; }
-  /// What the file says a message loss should multiply the logits by.
+  /// The factor of logits in a message loss, from the file.
   [[nodiscard]] double logit_scale() const { return logit_scale_; }
   [[nodiscard]] const InputConvention& input() const { return input_.convention(); }
   /// Smaller images would leave a kernel that sees more border than image, or a layer without a position.

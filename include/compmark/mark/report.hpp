@@ -28,7 +28,7 @@
 
 namespace compmark {
 
-/// What a decoder reads from an RGB image in [0, 1]; round renders to 8 bits before, as that is what others have.
+/// What a decoder reads from an RGB image in [0, 1]. Round renders to 8 bits before: others have only such images.
 /// `name` is for the report.
 template <MessageDecoder D, Executor E>
 [[nodiscard]] Result<ViewLogits> read_logits(const D& decoder, ImageView<const typename D::Scalar> image,

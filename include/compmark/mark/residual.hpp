@@ -47,8 +47,8 @@ struct BoundedResidual {
                       LearningSchedule::constant(0.0015))};
   }
 
-  /// marked(row) = plain(row) + tanh residual(row) for the listed rows; other rows of `marked` are left alone. The
-  /// tables may be one.
+  /// marked(row) = plain(row) + tanh residual(row) for the listed rows; other rows of `marked` are left alone. Both
+  /// tables may be the same.
   template <Executor E>
   static void forward(MatrixView<const T> plain, MatrixView<const T> residual, std::span<const std::uint32_t> rows,
                       MatrixView<T> marked, Context& context, E& executor) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The message decoder of any decoder file: a network (any_decoder.hpp) or a lattice, in one type that satisfies
-// MessageDecoder. What a tool holds when the user gives --decoder FILE. Cost: one branch a call.
+// A message decoder of any kind, chosen by its file: a network (any_decoder.hpp) or a lattice (lattice_decoder.hpp), in
+// one type that satisfies MessageDecoder. The tool holds one for --decoder FILE. Cost: one branch a call.
 #pragma once
 
 #include <span>
@@ -69,7 +69,7 @@ class StoredDecoder {
   }
 
  private:
-  // Built as what it is: a variant that is assigned makes g++ 12 at -O3 warn of its other alternative.
+  // Built in place: assigning to a variant makes g++ 12 at -O3 warn about its other alternative.
   explicit StoredDecoder(Network network) : held_(std::in_place_type<Network>, std::move(network)) {}
   explicit StoredDecoder(Lattice lattice) : held_(std::in_place_type<Lattice>, std::move(lattice)) {}
 

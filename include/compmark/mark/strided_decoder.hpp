@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The lean decoder: the blocks of HiddenDecoder behind a space-to-depth stem of 2 x 2 or 4 x 4 pixels, so that they
-// work on a quarter or a sixteenth of the positions. 32 channels and 5 blocks behind 2 x 2 are 59,000 parameters and
-// 0.013 M multiply-adds a pixel, a twentieth of the full one (docs/spec/watermark.md, 1.6).
+// The strided decoder: the blocks of HiddenDecoder behind a space-to-depth stem of 2 x 2 or 4 x 4 pixels, so that they
+// work on a quarter or a sixteenth of the positions. 32 channels and 5 blocks behind 2 x 2 have 59,000 parameters and
+// take 0.013 M multiply-adds a pixel, a twentieth of the full HiDDeN decoder (docs/spec/watermark.md, 1.6).
 #pragma once
 
 #include <string>

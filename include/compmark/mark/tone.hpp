@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The light in which an image is seen: every channel times a gain, plus an offset. A capture has one for each
-// photograph (exposure, white balance), an editor adds another, and a surface that shines has its own from every side.
-// A decoder that was fitted to renders of one unmarked model has never seen another light, and a change of 2 % moves
-// its logits more than a message does (docs/notebook/watermark_experiments.md). Cost: a multiplication, an addition and
-// two comparisons a value.
+// The light of an image: every channel times a gain, plus an offset. Each photograph of a capture has its own
+// (exposure, white balance), an editor adds another, and a shiny surface has a different one from every side. A decoder
+// fitted to renders of one unmarked model has only seen one light; without augmentation, a change of 2 % moves its
+// logits more than a message does (docs/notebook/watermark_experiments.md). Cost: a multiplication, an addition and two
+// comparisons a value.
 #pragma once
 
 #include <algorithm>
@@ -40,7 +40,7 @@ template <class T>
   return tone;
 }
 
-/// `image` in that light, from 0 to 1; the two may be one.
+/// `image` in that light, from 0 to 1; both may be the same memory.
 template <class T>
 void apply_tone(const Tone<T>& tone, ImageView<const T> image, ImageView<T> toned) {
   COMPMARK_ASSERT(image.channels == 3 && toned.channels == 3 && toned.size() == image.size(),

@@ -26,7 +26,7 @@ namespace compmark {
 
 /// How logits of several views become one logit a bit. None of them looks at the key.
 enum class FusionRule : std::uint8_t {
-  scaled,    ///< sum of z_v / rms(z_v): every view has the same say, its bits keep their relative certainty
+  scaled,    ///< sum of z_v / rms(z_v): every view has the same weight, its bits keep their relative certainty
   tanh,      ///< sum of tanh(z_v / rms(z_v)): a single outlier cannot decide a bit
   majority,  ///< sum of signs, for comparison with published work
 };
@@ -102,7 +102,7 @@ struct Verification {
 }
 
 /// Fuses logits of views, in the order of the views; all have `fused.size()` logits, finite. A view of zeros has no
-/// say.
+/// weight.
 inline void fuse_logits(std::span<const ViewLogits> views, FusionRule rule, std::span<double> fused) {
   for (double& value : fused) value = 0;
   for (const ViewLogits& view : views) {
