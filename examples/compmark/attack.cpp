@@ -85,12 +85,14 @@ Command add_attack(Options& app) {
       ->required();
   app.writes("--out", options->out, OutputKind::model, "model.safetensors to write")->required();
   app.word("--int8", options->int8,
-           "round every number to 8 bits, with one scale a tensor, or a channel (column of anchors, row of weights)")
+           "round every number to 8 bits; there is one scale for each tensor, or for each "
+           "channel (a column of anchors, a row of weights)")
       ->required()
       ->check(CLI::IsMember({"tensor", "channel"}));
-  app.flag("--symmetric", options->symmetric, "scales around zero instead of from least to greatest");
-  app.flag("--keep-positions", options->keep_positions, "leave positions of anchors as they are");
-  app.flag("--keep-networks", options->keep_networks, "leave weights of networks as they are");
+  app.flag("--symmetric", options->symmetric,
+           "put the scale symmetrically around zero, not from the least to the greatest value");
+  app.flag("--keep-positions", options->keep_positions, "do not round positions of anchors");
+  app.flag("--keep-networks", options->keep_networks, "do not round weights of networks");
   app.writes("--json", options->json, OutputKind::words, "write the errors to this file");
   return [options]() -> int { return attack(*options); };
 }

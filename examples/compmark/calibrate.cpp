@@ -67,7 +67,7 @@ Command add_calibrate(Options& app) {
   add_reading_options(app, options->reading);
   app.reads("--key", options->key, InputKind::key, "an owner's key file: needed by carrier decoders only");
   app.number("--keys", options->keys, WholeRange{1, 10'000'000}, "random keys to try")->capture_default_str();
-  app.number("--seed", options->seed, any_seed, "of the random keys")->capture_default_str();
+  app.number("--seed", options->seed, any_seed, "seed of the random keys")->capture_default_str();
   app.writes("--json", options->json, OutputKind::words, "write figures and logits to this file");
   app.footer(
       "Exit codes: 0 every measured rate agrees with the p-value; 2 error; 3 one lies outside its 99 % interval,\n"

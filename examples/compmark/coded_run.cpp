@@ -79,9 +79,9 @@ Result<CodedFile> coded_file(const std::filesystem::path& path) {
 }
 
 std::string coded_text(const CodecReport& report) {
-  std::string text = formatted("%llu bytes, %llu anchors with %llu live offsets", report.total_bytes + 0ull,
+  std::string text = formatted("%llu bytes, %llu anchors with %llu unmasked offsets", report.total_bytes + 0ull,
                                report.anchors + 0ull, report.live_offsets + 0ull);
-  if (report.dropped != 0) text += formatted(", %llu without a live one left out", report.dropped + 0ull);
+  if (report.dropped != 0) text += formatted(", %llu anchors without one are left out", report.dropped + 0ull);
   text += "\n";
   if (report.profile == ContainerProfile::context_gs) {
     text += formatted("  levels: %llu coarse anchors, %llu, %llu fine\n", report.level_anchors[2] + 0ull,
@@ -94,7 +94,7 @@ std::string coded_text(const CodecReport& report) {
   static constexpr const char* groups[3] = {"feature", "extent", "offset"};
   for (std::size_t group = 0; group < 3; ++group) {
     if (report.clamped[group] != 0) {
-      text += formatted("  warning: %llu values of %s are beyond what is coded and were held\n",
+      text += formatted("  warning: %llu values of %s were outside of the coded range and are clipped to it\n",
                         report.clamped[group] + 0ull, groups[group]);
     }
     if (report.symbols[group] == 0) continue;

@@ -18,7 +18,9 @@ void tell_threads(const compmark::ThreadExecutor& executor, std::size_t wanted) 
   static bool told = false;
   if (told || executor.concurrency() >= wanted) return;
   told = true;
-  std::fprintf(stderr, "compmark: warning: the system gives %zu of the %zu threads that --threads asks for\n",
+  std::fprintf(stderr,
+               "compmark: warning: the system allows %zu of the %zu threads that --threads asks "
+               "for\n",
                executor.concurrency(), wanted);
 }
 

@@ -75,7 +75,7 @@ Result<std::unique_ptr<Reader>> open_reader(const ComparisonInput& input) {
                  {},
                  input.key.empty() ? "--key" : "--decoder",
                  "is missing",
-                 "a message is read with both, --key and --decoder"};
+                 "--key and --decoder are needed together to read a message"};
   }
   const Result<OwnerKey> key = load_key(input.key);
   if (!key) return key.error();
@@ -156,7 +156,7 @@ Result<ComparedModel> measure(Opened& opened, Opened* twin, Reader* reader, Lpip
 
 Error other_views(const std::filesystem::path& path, const std::filesystem::path& first) {
   return {ErrorKind::invalid, path.string(), "views",
-          "are other ones, or of another size, than those of " + first.string(), "compare models of one capture"};
+          "differ, in number, place or size, from those of " + first.string(), "compare models of one capture"};
 }
 /// Whether two models are rendered at the same views, pixel by pixel.
 Result<Done> check_views(const Opened& opened, const Opened& twin) {
@@ -188,7 +188,7 @@ Result<Twins> open_twins(const ComparisonInput& input, std::set<std::string>& wa
                  "--unmarked",
                  "names " + std::to_string(input.unmarked.size()) + " files for " +
                      std::to_string(input.models.size()) + (input.models.size() == 1 ? " model" : " models"),
-                 "give one for all models, or one for each in the order of --model"};
+                 "give one counterpart for all models, or one for each in the order of --model"};
   }
   for (std::size_t m = 0; m < input.models.size(); ++m) {
     const std::filesystem::path& path = input.unmarked.size() == 1 ? input.unmarked[0] : input.unmarked[m];

@@ -67,10 +67,12 @@ int decompress(const DecompressOptions& options, CodecDecoded decoded) {
   std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), loaded->anchor_count(),
               decoded.verified ? ", verified" : "");
   if (decoded.absent_bytes > 0) {
-    std::fprintf(
-        stderr, "compmark: note: %u of %u levels have arrived; %llu bytes and %llu anchors are still to come\n",
-        static_cast<unsigned>(decoded.levels), static_cast<unsigned>(decoded.file_levels),
-        static_cast<unsigned long long>(decoded.absent_bytes), static_cast<unsigned long long>(decoded.absent_anchors));
+    std::fprintf(stderr,
+                 "compmark: note: %u of %u levels are complete in this file; %llu bytes and %llu "
+                 "anchors are still missing\n",
+                 static_cast<unsigned>(decoded.levels), static_cast<unsigned>(decoded.file_levels),
+                 static_cast<unsigned long long>(decoded.absent_bytes),
+                 static_cast<unsigned long long>(decoded.absent_anchors));
   }
   for (const std::string& section : decoded.lost_sections)
     std::fprintf(stderr, "compmark: warning: section %s is lost\n", section.c_str());
@@ -92,10 +94,10 @@ Command add_compress(Options& app) {
             "model.safetensors of a run with --codec, or of fit-codec")
       ->required();
   app.writes("--out", options->out, OutputKind::compressed, "compressed file (.cmk)")->required();
-  app.word("--cameras", options->cameras, "which of the model's cameras the file keeps, 144 bytes each")
+  app.word("--cameras", options->cameras, "cameras of the model that the file stores, 144 bytes each")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "test", "all"}));
-  app.word("--networks", options->networks, "half or single: numbers of the rendering networks")
+  app.word("--networks", options->networks, "precision of the rendering networks: half or single")
       ->capture_default_str()
       ->check(CLI::IsMember({"half", "single"}));
   app.number("--threads", options->threads, thread_range, "0: all; the file is the same for any number")
@@ -114,10 +116,10 @@ Command add_decompress(Options& app) {
   app.reads("--model", options->model, InputKind::compressed, "compressed file (.cmk)")->required();
   app.writes("--out", options->out, OutputKind::model, "model.safetensors to write")->required();
   app.flag("--salvage", options->salvage,
-           "decode what is not damaged and leave out the rest (exit code 4 if anything was)");
+           "decode undamaged parts and leave out the rest (exit code 4 if anything is left out)");
   app.flag("--partial", options->partial,
-           "the file may end too early: of a ContextGS file decode the levels that are whole, a preview (compmark "
-           "info of the whole file says after how many bytes they are)");
+           "decode a file that ends too early: the complete levels of a ContextGS file are a "
+           "preview of it (compmark info of the whole file lists the bytes each level needs)");
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
   return [options]() -> int {
     ThreadExecutor executor(options->threads);

@@ -18,7 +18,7 @@ class Differences {
   }
   /// Of files only digests are known; null where none was given.
   void files(const std::string& option, const Json& before, const Json& now) {
-    if (before != now) add(option, before.is_null() ? "was not given" : now.is_null() ? "was given" : "was another");
+    if (before != now) add(option, before.is_null() ? "was not given" : now.is_null() ? "was given" : "differs");
   }
   void add(const std::string& option, const std::string& what) {
     text_ += (text_.empty() ? "" : ", ") + option + " " + what;

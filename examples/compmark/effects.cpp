@@ -127,7 +127,7 @@ Result<Names> wanted_effects(const std::string& option, const std::vector<Probed
                    {},
                    "--effects",
                    "unknown effect \"" + name + "\"",
-                   "give auto, none, or names that \"compmark probe\" prints, with commas"};
+                   "give auto, none, or names that \"compmark probe\" prints, separated by commas"};
     }
     effects.push_back(name);
     begin = end + 1;

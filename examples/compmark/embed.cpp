@@ -72,8 +72,8 @@ Result<Done> fitted_alike(const MarkOptions& mark, const std::string& note, cons
   const bool other_tone = mark.tone && (*mark.tone > 0 ? (note + ",").find(tone) == std::string::npos : toned);
   if (!other_period && !other_tone) return Done{};
   return Error{ErrorKind::invalid, decoder.string(), other_period ? "--period" : "--tone",
-               "is not that of the decoder that this run began with",
-               "give the same as then, or leave it out; or choose another --out"};
+               "names another decoder than this run began with",
+               "give the first decoder, or leave the option out, or choose another --out"};
 }
 
 /// Holds the run's folder, as soon as something is written into it.
@@ -114,8 +114,8 @@ Result<Done> make_decoder(TrainOptions& options) {
       return Error{ErrorKind::invalid, fit.out.string(), "--decoder",
                    of_this ? "is missing, and a decoder of an earlier run is in this folder"
                            : "is missing, and a decoder of another model is in this folder",
-                   "keep it: choose another --out, or name it with --decoder; --resume goes on with one of this model, "
-                   "--force moves it aside"};
+                   "to keep it, choose another --out or name it with --decoder; to continue with a "
+            "decoder of this model, give --resume; to move it aside, give --force"};
     }
     if (Result<Done> moved = move_decoder_aside(fit.out); !moved) return moved;
   }
@@ -159,15 +159,17 @@ Result<Done> can_mark_finished(const TrainOptions& options) {
     return Error{ErrorKind::unsupported,
                  {},
                  "--hold-steps",
-                 "is of models for context_gs, whose steps hang on what a mark changes",
+                 "works with context_gs models only: in them a mark would change the quantizer steps",
                  "leave it out"};
   }
   if (!coded || !options.mark.fidelity || *options.mark.fidelity > 0) return Done{};
   return Error{ErrorKind::unsupported,
                {},
                "--fidelity",
-               "is 0, and a model for a codec is marked beside what it is alone",
-               "leave it out, or train with the message: compmark train --codec --key --decoder"};
+               "is 0, but a model for a codec can only be marked post hoc, with its unmarked renders"
+               " as the target",
+               "leave the option out, or hide the message while training: compmark train --codec "
+               "--key --decoder"};
 }
 
 namespace {
@@ -192,10 +194,11 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   options.recipe = marking_recipe(*recipe);
   if (options.recipe != *recipe)
     options.notes.push_back(
-        "the photographs' exposures stay in the unmarked model: renders, where a mark is, have none");
+        "exposures of the photographs stay in the unmarked model: the mark is in renders, and"
+        " renders have no exposure");
   if (!coded && distortion != "round") {
-    return fail({ErrorKind::unsupported, options.model.string(), "--distortion", "is of models that a codec writes",
-                 "leave it out, or mark a model of compmark train --codec or fit-codec"});
+    return fail({ErrorKind::unsupported, options.model.string(), "--distortion", "works with models for a codec only",
+                 "leave the option out, or mark a model of compmark train --codec or fit-codec"});
   }
   std::optional<CodecModel> unmarked;
   if (coded) {
@@ -252,21 +255,21 @@ Command add_embed(Options& app) {
   auto distortion = std::make_shared<std::string>("round");
   options->iterations = 0;
   app.reads("--model", options->model, InputKind::trained_model,
-            "the model to mark (model.safetensors of a training or of fit-codec)")
+            "the unmarked model (model.safetensors of a training or of fit-codec)")
       ->required();
   app.reads("--data", options->data, InputKind::dataset, "the dataset it was trained on")->required();
   app.writes_into("--out", options->out,
-                  "folder for the marked model, results.json and report.html; of a model for a codec model.cmk too, "
-                  "with unmarked.cmk beside it")
+                  "folder for the marked model, results.json and report.html; for a codec also "
+                  "model.cmk and unmarked.cmk")
       ->required();
   app.number("--iterations", options->iterations, run_length,
-             "length of the run (default: 2000; of a model for a codec 4000, or 8000 with a decoder that was not "
-             "fitted to the scene)");
+             "iterations of the run (default: 2000; 4000 for a codec, 8000 there with a decoder "
+             "that is not fitted to the scene)");
   add_finished_model_options(app, *options);
   add_mark_options(app, options->mark, true);
   app.word("--distortion", *distortion,
-           "of a model for a codec, where the message is read while it is trained: round (as the file does), "
-           "noise (as wide as a step) or none, which show what rounding is good for")
+           "how training replaces the quantizer of a codec before it reads the message: round "
+           "(as the file does), noise (as wide as a step) or none")
       ->capture_default_str()
       ->check(CLI::IsMember({"round", "noise", "none"}));
   app.also([options](FileUse& use) {

@@ -77,25 +77,28 @@ Command add_evaluate(Options& app) {
   auto options = std::make_shared<EvaluateOptions>();
   ComparisonInput& input = options->input;
   app.reads("--model", input.models, InputKind::model,
-            "model.safetensors of a run or a compressed .cmk; several are compared, as before and after a codec")
+            "model.safetensors of a run or a compressed .cmk; give several to compare them")
       ->required();
   app.reads("--data", input.data, InputKind::dataset,
             "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
       ->required();
   app.reads("--unmarked", input.unmarked, InputKind::model,
-            "models without a mark, to say what the mark costs: one for all, or one for each --model in their order");
-  app.reads("--key", input.key, InputKind::key, "owner's key: is its message read from the renders? (with --decoder)");
-  app.reads("--decoder", input.decoder, InputKind::decoder, "decoder file that reads it");
+            "unmarked counterparts, to measure the cost of the mark: one for all models, or one "
+            "for each --model in their order");
+  app.reads("--key", input.key, InputKind::key, "owner's key; its message is read from the renders (with --decoder)");
+  app.reads("--decoder", input.decoder, InputKind::decoder, "message decoder that reads it");
   app.word("--split", input.split, "test or train")->capture_default_str()->check(CLI::IsMember({"test", "train"}));
   app.writes("--json", options->json, OutputKind::words, "write the figures to this file");
-  app.writes("--csv", options->csv, OutputKind::words, "write a line a view and model, and one a model, to this file");
+  app.writes("--csv", options->csv, OutputKind::words,
+             "write a CSV line for each view of each model, and one for each model, to this file");
   app.writes("--html", options->html, OutputKind::words,
              "write a page with all figures, bytes by section, bits and pictures");
   app.number("--downscale", input.downscale, downscale_range, "divide the images' size by this")->capture_default_str();
   app.number("--threads", input.threads, thread_range, "0: all")->capture_default_str();
   app.reads("--lpips-alex", input.lpips.alex, InputKind::weights, "LPIPS AlexNet weights (safetensors)");
   app.reads("--lpips-squeeze", input.lpips.squeeze, InputKind::weights, "LPIPS SqueezeNet weights (safetensors)");
-  app.flag("--lpips-family-range", input.lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
+  app.flag("--lpips-family-range", input.lpips.family_range,
+           "give LPIPS images in [0, 1], as the 3DGS family does, not in [-1, 1]");
   app.also([options](FileUse& use) { add_record_read(use, options->input.key); });
   return [options]() -> int {
     options->input.shown = options->html.empty() ? 0 : 3;

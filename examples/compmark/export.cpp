@@ -59,20 +59,19 @@ std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo&
   if constexpr (requires { typename R::Rasterizer::EffectPolicy::Filter; })
     filtered = R::Rasterizer::EffectPolicy::Filter::active;
   if (filtered) {
-    warnings.push_back(
-        "the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
-        " pixels^2 that keeps the energy of a splat), which the file cannot say: viewers that blur every "
-        "splat by 0.3 pixels^2 without keeping its energy (SIBR, antimatter15/splat, and gsplat, "
-        "SuperSplat and Brush unless their antialiased or mip mode is switched on) draw what is small "
-        "or far away too large and too bright");
+    warnings.push_back("the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
+                       " pixels^2 that keeps the energy of a splat), but a PLY file cannot say so. Viewers "
+                       "that blur every splat by 0.3 pixels^2 without keeping its energy draw small and "
+                       "distant splats too large and too bright: SIBR and antimatter15/splat always do, "
+                       "gsplat, SuperSplat and Brush do unless their antialiased or mip mode is on");
   } else if (model.render.blur_variance != 0.3) {
     warnings.push_back("the model was trained with a blur of " + number(model.render.blur_variance) +
-                       " pixels^2, viewers use 0.3");
+                       " pixels^2, but viewers use 0.3");
   }
   if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
     warnings.push_back(
-        "the model was trained through a lens, which viewers do not have: they show it straight, and the "
-        "export is fitted and measured without it");
+        "the model was trained through a lens, but viewers have none: the export is fitted "
+        "and measured without distortion");
   }
   if (info.origin != std::array<double, 3>{0, 0, 0}) {
     warnings.push_back("positions are relative to (" + number(info.origin[0]) + ", " + number(info.origin[1]) + ", " +
@@ -120,7 +119,8 @@ int run(const ExportOptions& options, const ModelSource& source) {
   }
   if (std::is_same_v<RecipeLens<R>, FisheyeLens<float>> && !options.data.empty()) {
     return fail({ErrorKind::unsupported, options.model.string(), "--data",
-                 "an export has no fisheye, so that it cannot be compared with photographs through one",
+                 "is through a fisheye lens, which an export does not have, so that the two cannot be "
+                 "compared",
                  "leave out --data"});
   }
   const std::vector<std::string> warnings = export_warnings(model, loaded->info);
@@ -161,7 +161,7 @@ int run(const ExportOptions& options, const ModelSource& source) {
   if (train.empty()) train = measured;  // a compressed file keeps the test views alone unless it was told otherwise
   if (train.empty())
     return fail({ErrorKind::invalid, options.model.string(), "views", "the model stores no camera",
-                 "train it again with this version"});
+                 "train the model again with this version"});
 
   ThreadExecutor executor(options.threads);
   tell_threads(executor, options.threads);
@@ -253,9 +253,9 @@ Command add_export(Options& app) {
   app.word("--view", options->view, "bake exactly for this stored view instead of fitting over all training views");
   app.number("--sh-degree", options->degree, WholeRange{0, 3}, "degree of the fitted colour")->capture_default_str();
   app.number("--refine", options->refine, WholeRange{0, 1000000},
-             "iterations that move the fitted splats towards the model's own renders; 0: none")
+             "iterations that refine the fitted splats to match renders of the model; 0: none")
       ->capture_default_str();
-  app.reads("--data", options->data, InputKind::dataset, "dataset, to report the loss against photographs too");
+  app.reads("--data", options->data, InputKind::dataset, "dataset; reports the loss against its photographs too");
   app.number("--compare", options->compare, any_count, "number of views to measure the loss on; 0: none")
       ->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();

@@ -85,7 +85,9 @@ int run(const ExtractOptions& options) {
                 bits.hex().c_str(), confidence.mean, confidence.least, bits.matches(together), bits.size());
   }
   if (payload) std::fputs(payload->line.c_str(), stdout);
-  std::printf("Every image gives bits, marked or not: what they prove is what compmark verify says\n");
+  std::printf(
+      "Every image gives bits, marked or not: compmark verify tests whether they are "
+      "evidence\n");
   return success;
 }
 
@@ -97,7 +99,7 @@ Command add_extract(Options& app) {
   app.reads("--key", options->key, InputKind::key, "the owner's key file: for carrier decoders, and to read a payload");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.flag("--any-decoder", options->any_decoder,
-           "read with this decoder although another one is on record for marks of this key (KEY.record)");
+           "use this decoder even if the record of this key (KEY.record) names another one");
   app.writes("--json", options->json, OutputKind::words, "write bits and logits to this file");
   return [options]() -> int { return run(*options); };
 }

@@ -86,7 +86,8 @@ bool is_capture_folder(const fs::path& folder) {
 using Replaced = std::map<Identity, const UsedFile*>;
 
 Error overwritten(const UsedFile& output, const std::string& what) {
-  return {ErrorKind::invalid, output.path.string(), output.said, what, "choose another, what is read is worth keeping"};
+  return {ErrorKind::invalid, output.path.string(), output.said, what,
+          "choose another file: this one would be overwritten"};
 }
 
 /// What of `replaced` is a file of a folder that is read.

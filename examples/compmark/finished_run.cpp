@@ -70,9 +70,9 @@ void compare_settings(const Json& before, const Json& now, Differences& differen
   if (!differences.none()) return;
   for (const Said& said : options_of_others) {
     if (before.value(said.setting, Json()) != now.value(said.setting, Json()))
-      return differences.add(said.option, "was another");
+      return differences.add(said.option, "differs");
   }
-  if (before != now) differences.add("the profile's numbers", "were others");
+  if (before != now) differences.add("the profile's numbers", "differ");
 }
 
 void compare_data(const ModelInfo& before, const ModelInfo& now, Differences& differences) {
@@ -81,8 +81,7 @@ void compare_data(const ModelInfo& before, const ModelInfo& now, Differences& di
     return;
   }
   const std::optional<OtherView> other = other_view(before.views, now.views);
-  if (!other && (before.origin != now.origin || before.unit != now.unit))
-    return differences.add("--data", "was another");
+  if (!other && (before.origin != now.origin || before.unit != now.unit)) return differences.add("--data", "differs");
   if (!other) return;
   const auto size = [](const ModelInfo& info) {
     const Camera<double>& camera = info.views.front().camera;
@@ -91,7 +90,7 @@ void compare_data(const ModelInfo& before, const ModelInfo& now, Differences& di
   if (before.views.front().name == now.views.front().name && size(before) != size(now)) {
     differences.values("--downscale (an image's size)", size(before), size(now));
   } else {
-    differences.add("--data (" + other->field + " of " + other->name + ")", "was another");
+    differences.add("--data (" + other->field + " of " + other->name + ")", "differs");
   }
 }
 
@@ -160,7 +159,7 @@ Result<bool> is_finished(const TrainOptions& options, const RunData& run) {
     if (results->rate_lambda) differences.values("--lambda", *results->rate_lambda, run.settings.rate.lambda);
   }
   compare_data(*info, run.info, differences);
-  if (differences.none() && info->effects != run.info.effects) differences.add("--effects, or --lens,", "was another");
+  if (differences.none() && info->effects != run.info.effects) differences.add("--effects, or --lens,", "differs");
   if (differences.none()) return true;
   if (options.force) return false;
   return Error{ErrorKind::invalid, options.out.string(), "--resume",

@@ -18,8 +18,10 @@ int run(const FitOptions& options) {
   const compmark::Result<FittedFile> fit = fit_to_file(options);
   if (!fit) return fail(fit.error());
   std::printf("decoder %s\nsha256 %s\n", options.out.string().c_str(), fit->sha256.c_str());
-  std::printf("agreement between views %.3f (a wave alone %.3f), noise %.2g of a wave's, %.1f s\n", fit->agreement,
-              fit->wave_agreement, fit->noise_ratio, fit->seconds);
+  std::printf(
+      "agreement between views %.3f (of a single feature %.3f), noise %.2g of a feature's, "
+      "%.1f s\n",
+      fit->agreement, fit->wave_agreement, fit->noise_ratio, fit->seconds);
   return success;
 }
 
@@ -30,46 +32,52 @@ Command add_fit(Options& app) {
   app.reads("--model", options->model, InputKind::model,
             "the unmarked model (model.safetensors of a training or of fit-codec)")
       ->required();
-  app.reads("--data", options->data, InputKind::dataset, "the dataset it was trained on; its cameras alone are used")
+  app.reads("--data", options->data, InputKind::dataset, "the dataset it was trained on; only its cameras are used")
       ->required();
   app.writes("--out", options->out, OutputKind::decoder, "decoder file to write (safetensors); keep it with the key")
       ->required();
   app.number("--bits", options->fit.bits, WholeRange{1, 128}, "length of the message")->capture_default_str();
-  app.number("--waves", options->fit.waves, WholeRange{1, 1024}, "to choose from (default: 20 for 3 bits)");
+  app.number("--waves", options->fit.waves, WholeRange{1, 1024},
+             "number of Fourier features of the decoder (default: 20 for every 3 bits)");
   app.number("--period", options->fit.period, RealRange{0.01, 2},
-             "of the waves, where colours go from 0 to 1, half to twice this: longer ones are heard more evenly and "
-             "cost more")
+             "period of the Fourier features, in colours from 0 to 1; each has half to twice this."
+             " A long period gives more even bits in all views and a more visible mark")
       ->capture_default_str();
   app.number("--views", options->fit.statistics_views, WholeRange{1, 20000},
-             "drawn views that say what the scene says (default: eight a wave); 32 bytes times their square are taken");
+             "sampled novel views from which the cover interference is learned (default: 8 for "
+             "each feature); memory is 32 bytes times their square");
   app.number("--coordinates", options->fit.coordinates, WholeRange{0, 1024},
-             "loud directions of the waves that tell the view, and so what the scene says in the others; 0: none "
-             "(default: two of five waves)");
+             "dimension of the nuisance subspace, from which the cover interference is predicted; "
+             "0: no prediction (default: two fifths of the features)");
   app.number("--stride", options->fit.stride, WholeRange{1, 64},
-             "pixels between the positions that are read (default: as many positions as 500 x 500 pixels have)");
+             "distance in pixels between the positions that are read (default: as many positions "
+             "as 500 x 500 pixels have)");
   app.number("--gradient-views", options->fit.gradient_views, WholeRange{2, 1000},
-             "drawn views that say what a mark can move")
+             "sampled novel views in which the effect of a mark on the features is measured")
       ->capture_default_str();
   app.number("--edit-weight", options->fit.edit_weight, share_range,
-             "of edited readings (JPEG, noise, resize, crop, brightness, blur) beside those of clean renders: more "
-             "outlives more of them, 0 is the least visible")
+             "weight of edited renders (JPEG, noise, resize, crop, brightness, blur) beside clean "
+             "ones; more weight: the mark survives more edits; 0: it is the least visible")
       ->capture_default_str();
   app.number("--tone", options->fit.tone, RealRange{0, 0.5},
-             "deviation of exposure and white balance, as gains of the channels, in the views that say what the "
-             "scene says: what shifts by so much is not taken for a message; 0: the model's own light alone")
+             "standard deviation of exposure and white balance in the sampled views, as gains of "
+             "the channels; the decoder ignores changes of this size; 0: only the model's own "
+             "light")
       ->capture_default_str();
-  app.number(
-         "--region-limit", options->fit.region_limit, RealRange{0, 100},
-         "parts of an image, about 24, that say more than this many medians of what the loudest part of a drawn view "
-         "says count less; 0: no limit")
+  app.number("--region-limit", options->fit.region_limit, RealRange{0, 100},
+             "limit for the logits of one region of an image (about 24 regions), in medians over "
+             "sampled views of the loudest region; a louder region gets a smaller weight; 0: no "
+             "limit")
       ->capture_default_str();
-  app.number("--downscale", options->downscale, downscale_range, "divide the images' size by this; as in the training")
+  app.number("--downscale", options->downscale, downscale_range,
+             "divide the size of the images by this; use the value of the training")
       ->capture_default_str();
-  app.number("--seed", options->fit.seed, any_seed, "seed of waves, views and rotation")->capture_default_str();
+  app.number("--seed", options->fit.seed, any_seed, "seed of features, views and rotation")->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
   app.flag("--force", options->force, "if --out is there already, move that to OUT.<beginning of its SHA-256>.old");
-  app.writes("--json", options->json, OutputKind::words, "what was found (default: --out with the ending .json)");
+  app.writes("--json", options->json, OutputKind::words,
+             "write figures of the fit to this file (default: --out with the ending .json)");
   app.also([options](FileUse& use) {
     if (options->json.empty())
       use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json", OutputKind::words);

@@ -47,14 +47,14 @@ TrainSettings codec_settings(TrainSettings settings, bool touch_up, bool exposes
 Result<std::string> fitted_recipe(const std::string& recipe, const std::string& codec,
                                   const std::filesystem::path& model) {
   if (is_coded_recipe(recipe)) {
-    return Error{ErrorKind::invalid, model.string(), "recipe", "\"" + recipe + "\" is trained for a codec",
-                 "compmark compress writes its file"};
+    return Error{ErrorKind::invalid, model.string(), "recipe", "\"" + recipe + "\" is already trained for a codec",
+                 "write its file with compmark compress"};
   }
   const bool mask = recipe.find("+mask") != std::string::npos, exposure = recipe == "scaffold+exposure";
   if (reading_recipe(recipe) != "scaffold" && !exposure) {
-    return Error{ErrorKind::unsupported, model.string(), "recipe", "\"" + recipe + "\" is not one a codec is fitted to",
-                 "that is scaffold, alone or with +mask, +alpha or +exposure; compmark train --codec trains others for "
-                 "one"};
+    return Error{ErrorKind::unsupported, model.string(), "recipe", "\"" + recipe + "\" cannot be fitted with a codec",
+                 "use scaffold, alone or with +mask, +alpha or +exposure; compmark train --codec "
+                 "trains others for "};
   }
   return codec + "+fitted" + (mask ? "+mask" : exposure ? "+exposure" : "");
 }
@@ -82,7 +82,7 @@ int fit_codec(TrainOptions options, bool touch_up) {
   std::optional<MarkInput> mark;
   if (options.mark.wanted()) {
     if (options.mark.key.empty())
-      return fail({ErrorKind::invalid, {}, "--key", "is missing", "give the one that the model was marked with"});
+      return fail({ErrorKind::invalid, {}, "--key", "is missing", "give the key that the model was marked with"});
     if (Result<Done> fits = check_to_fit(options.mark); !fits) return fail(fits.error());
     TrainSettings of_a_mark = settings;  // nothing trains for it
     Result<MarkInput> read = load_mark(options.mark, of_a_mark);
@@ -117,15 +117,16 @@ Command add_fit_codec(Options& app) {
       ->check(CLI::IsMember({"hac", "context_gs"}));
   app.number("--lambda", options->rate_lambda, share_range, "loss of one bit more a scalar")->capture_default_str();
   app.flag("--touch-up", *touch_up,
-           "train the model's attributes and networks on, at small rates: a smaller file of a model that is "
-           "another one");
-  app.number("--iterations", options->iterations, run_length, "length of the run")->capture_default_str();
+           "also train the model's attributes and networks, at small learning rates; the file is"
+           " smaller, but the model changes");
+  app.number("--iterations", options->iterations, run_length, "iterations of the run")->capture_default_str();
   app.reads("--key", options->mark.key, InputKind::key,
-            "owner's key of a model that is marked: what of its message is read from the model that this run leaves, "
-            "and from its file (with --decoder)");
-  app.reads("--decoder", options->mark.decoder, InputKind::decoder, "decoder file that reads it");
+            "owner's key of a marked model; its message is read from the fitted model and from "
+            "its file (with --decoder)");
+  app.reads("--decoder", options->mark.decoder, InputKind::decoder, "message decoder that reads it");
   app.reads("--twin", options->mark.twin, InputKind::model,
-            "an unmarked model of the same scene, or its file, to say what the mark and the file cost");
+            "the unmarked counterpart, a model or its .cmk, to measure the cost of the mark and "
+            "of the file");
   add_finished_model_options(app, *options);
   app.also([options](FileUse& use) {
     add_run_files(use, *options, options->out);

@@ -27,15 +27,16 @@ Result<Done> check(FitOptions& options) {
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
   if (options.fit.waves == 0) options.fit.waves = std::max(64, 20 * options.fit.bits / 3);  // 320 for 48 bits
   if (options.fit.waves < options.fit.bits)
-    return refuse("--waves", "is less than --bits", "give more waves than bits, or leave it out");
+    return refuse("--waves", "is less than --bits", "give at least as many features as bits, or leave the option out");
   if (options.fit.coordinates < 0)
     options.fit.coordinates = std::min(2 * options.fit.waves / 5, options.fit.waves - options.fit.bits);
   if (options.fit.coordinates > options.fit.waves - options.fit.bits)
-    return refuse("--coordinates", "leaves fewer waves than --bits", "give fewer, or more --waves");
+    return refuse("--coordinates", "leaves fewer features than --bits", "give fewer coordinates, or more --waves");
   if (options.fit.edit_weight == 0) options.fit.edits_per_view = 0;  // nothing to read them for
   if (options.fit.statistics_views == 0) options.fit.statistics_views = 8 * options.fit.waves;
   if (options.fit.statistics_views < options.fit.waves)
-    return refuse("--views", "is less than --waves", "give some eight times as many, or leave it out");
+    return refuse("--views", "is less than --waves",
+                  "give about eight views for each feature, or leave the option out");
   return Done{};
 }
 
@@ -52,8 +53,9 @@ Result<FittedFile> fit_to_file(FitOptions options) {
   if (!source) return source.error();
   if (!is_markable_recipe(source->recipe)) {
     return Error{ErrorKind::unsupported, options.model.string(), "recipe",
-                 "\"" + source->recipe + "\" is not one that a message is hidden in",
-                 "a model of scaffold, hac or context_gs, alone or with +mask, +alpha or +exposure, or of fit-codec"};
+                 "\"" + source->recipe + "\" cannot carry a message",
+                 "give a model of scaffold, hac or context_gs, alone or with +mask, +alpha or "
+                 "+exposure, or of fit-codec"};
   }
   const std::string plain = marking_recipe(reading_recipe(source->recipe));
   ThreadExecutor executor(options.threads);

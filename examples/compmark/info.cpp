@@ -53,9 +53,10 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
   std::size_t live = 0;
   for (const std::uint32_t mask : model.mask) live += static_cast<std::size_t>(std::popcount(mask));
   std::printf(
-      "%s\n  sha256      %s\n  codec       %s, %zu bytes, every section and the decoded model verified\n"
-      "  recipe      %s (profile %s, %lld iterations, seed %llu)\n  anchors     %zu with %zu live offsets\n"
-      "  cell size   %g\n  views       %zu stored\n  sections\n",
+      "%s\n  sha256      %s\n  codec       %s, %zu bytes, every section and the decoded "
+      "model verified\n  recipe      %s (profile %s, %lld iterations, seed %llu)\n  anchors"
+      "     %zu with %zu unmasked offsets\n  cell size   %g\n  views       %zu stored\n  "
+      "sections\n",
       path.string().c_str(), digest->c_str(), codec_file_name(model.profile()), bytes->size(), info->recipe.c_str(),
       info->profile.c_str(), static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed),
       model.anchors(), live, model.voxel_size, info->views.size());

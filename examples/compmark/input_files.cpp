@@ -76,10 +76,11 @@ Result<Done> check_output_kinds(const FileUse& use) {
     if (output.written == OutputKind::compressed) right = replaces({K::cmk});
     if (output.written == OutputKind::decoder) right = replaces({K::decoder});
     if (right) continue;
-    return Error{ErrorKind::unwritable, output.path.string(), output.said,
-                 "is " + std::string(file_kind_name(there)) + ", which would be replaced by something else",
-                 there == K::owner_key ? "choose another name: a key cannot be made again"
-                                       : "choose another name, or remove it first"};
+    return Error{
+        ErrorKind::unwritable, output.path.string(), output.said,
+        "is " + std::string(file_kind_name(there)) + ", and this command would replace it by a file of another kind",
+        there == K::owner_key ? "choose another name: a key cannot be made again"
+                              : "choose another name, or remove it first"};
   }
   return Done{};
 }

@@ -108,8 +108,8 @@ int run(const KeygenOptions& options) {
   if (key->corrects != 0)
     std::printf("payload     %s, up to %zu wrong bits corrected\n", key->payload.c_str(), key->corrects);
   std::printf(
-      "Before you publish what you mark, publish the commitment, and the SHA-256 of a decoder of your own, where "
-      "others\ndate it\n");
+      "Publish the commitment before you publish a marked model. If the decoder is your "
+      "own, publish its SHA-256 too. Do so\nwhere others date it\n");
   if (!match_threshold(key->bits, VerifySettings{}.false_positive_rate)) {
     std::fprintf(stderr, "compmark: warning: %zu bits can never be evidence at a false-positive rate of 1e-06\n",
                  key->bits);
@@ -123,16 +123,18 @@ Command add_keygen(Options& app) {
   auto options = std::make_shared<KeygenOptions>();
   app.writes("--out", options->out, OutputKind::key, "key file to write, readable by you only")->required();
   app.number("--bits", options->bits, WholeRange{1, OwnerKey::bits_limit},
-             "length of the message, that of the decoder you will use (1 to 128)")
+             "length of the message, the same as that of the decoder (1 to 128)")
       ->capture_default_str();
-  app.word("--note", options->note, "a line to know the key by; it is not part of the commitment");
+  app.word("--note", options->note, "a note to recognise the key; it is not part of the commitment");
   app.word("--payload", options->payload,
-           "hexadecimal digits that the message says, an identifier; it takes bits, but none from the evidence");
-  app.number("--corrects", options->corrects, WholeRange{1, 128}, "wrong bits that the payload survives")
+           "identifier in the message, hexadecimal digits; it takes bits of the message, but the"
+           " evidence stays the same");
+  app.number("--corrects", options->corrects, WholeRange{1, 128}, "wrong bits that the code of the payload corrects")
       ->capture_default_str();
   app.reads("--from", options->from, InputKind::key,
-            "take the secret of this key: one key then reads the payloads of all, but see docs/verification.md");
-  app.flag("--force", options->force, "if the file is a key already, move that to FILE.<id>.old");
+            "use the secret of this key: one key then reads the payloads of all, but see "
+            "docs/verification.md");
+  app.flag("--force", options->force, "move an existing key to FILE.<id>.old");
   return [options]() -> int { return run(*options); };
 }
 

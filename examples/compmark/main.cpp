@@ -39,23 +39,23 @@ int main(int argc, char** argv) {
     entries.push_back({name, std::move(options), std::move(run)});
   };
   add("scene", "write the built-in procedural scene as a dataset", tool::add_scene);
-  add("probe", "say which effects a capture calls for", tool::add_probe);
+  add("probe", "measure which effects of a capture a recipe should model", tool::add_probe);
   add("train", "train a splat from a dataset", tool::add_train);
   add("embed", "hide a message in a finished model", tool::add_embed);
-  add("fit", "make the message decoder of one scene, from its unmarked model", tool::add_fit);
-  add("pretrain", "train a message decoder", tool::add_pretrain);
-  add("compress", "write a model as one small file", tool::add_compress);
-  add("fit-codec", "write a small file of a model that was not trained for one", tool::add_fit_codec);
-  add("decompress", "write the model of a small file, or what is left of it", tool::add_decompress);
+  add("fit", "fit a message decoder to one scene, from its unmarked model", tool::add_fit);
+  add("pretrain", "train a message decoder for all scenes, from photographs", tool::add_pretrain);
+  add("compress", "write the compressed file (.cmk) of a model that was trained for it", tool::add_compress);
+  add("fit-codec", "fit a codec to a finished model and write its compressed file (.cmk)", tool::add_fit_codec);
+  add("decompress", "write the model of a compressed file, or the undamaged part of it", tool::add_decompress);
   add("render", "render views of a model to PNG", tool::add_render);
   add("evaluate", "measure models against a dataset's test views", tool::add_evaluate);
   add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);
-  add("info", "say what a model file holds", tool::add_info);
+  add("info", "print the contents and the digest of a model file", tool::add_info);
   add("keygen", "make an owner's key", tool::add_keygen);
   add("extract", "read the bits of a model's renders or of images", tool::add_extract);
   add("verify", "test whether a key's message is in a model or in images, with a p-value", tool::add_verify);
   add("calibrate", "measure false positives of random keys on images", tool::add_calibrate);
-  add("attack", "write what a thief would make of a model: rounded to 8 bits", tool::add_attack);
+  add("attack", "write an attacked model: all numbers rounded to 8 bits", tool::add_attack);
 
   app.add_flag_callback(
       "--options-json",
@@ -65,7 +65,8 @@ int main(int argc, char** argv) {
         std::printf("%s\n", json.dump(2).c_str());
         throw CLI::Success();
       },
-      "say what every option of every command is, as JSON: what is read, what is written, ranges of numbers");
+      "print all options of all commands as JSON: files that are read, files that are "
+      "written, ranges of numbers");
 
   try {
     app.parse(argc, argv);

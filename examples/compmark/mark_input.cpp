@@ -18,54 +18,55 @@ namespace tool {
 using namespace compmark;
 
 void add_mark_options(Options& app, MarkOptions& options, bool required) {
-  CLI::Option* key = app.reads("--key", options.key, InputKind::key,
-                               "the owner's key file (compmark keygen): whose message is hidden");
+  CLI::Option* key =
+      app.reads("--key", options.key, InputKind::key, "the owner's key (compmark keygen), whose message is hidden");
   app.reads("--decoder", options.decoder, InputKind::decoder,
-            "the decoder file that shall read the message (default: one is fitted to the scene, as by compmark fit, "
-            "and written to --out)");
+            "the message decoder (default: one is fitted to the scene, as compmark fit does, and "
+            "written to --out)");
   app.number("--period", options.period, RealRange{0.01, 2},
-             "of the waves of a decoder that is fitted so, as compmark fit has it: longer ones are heard more "
-             "evenly and outlive more, and shift the colour of larger parts");
+             "period of the Fourier features of a fitted decoder, in colours from 0 to 1; a long "
+             "period gives more even bits in all views and a more visible mark");
   app.number("--tone", options.tone, RealRange{0, 0.5},
-             "deviation of exposure and white balance that such a decoder shall not take for a message, as compmark "
-             "fit has it");
+             "standard deviation of exposure and white balance that a fitted decoder ignores, as "
+             "gains of the channels");
   if (required) {
     key->required();
   }
   app.number("--bits", options.bits, WholeRange{0, OwnerKey::bits_limit}, "length of the message (default: the key's)");
   app.reads("--twin", options.twin, InputKind::model,
-            "an unmarked model of the same scene, to say what the mark costs (default of embed: the model that is "
-            "marked; of its compressed file: the unmarked one)");
+            "the unmarked counterpart, to measure the cost of the mark (default of embed: the "
+            "unmarked model, or its compressed file)");
   app.number("--message-weight", options.weight, RealRange{0, 1e9, true},
-             "of the message in the loss (default: the profile's)");
+             "weight of the message in the loss (default: the profile's)");
   app.number("--message-margin", options.margin, RealRange{0, 1e9, true},
-             "logits by which a bit shall be right (default: the profile's)");
+             "margin of the hinge: a bit whose logit is right by this costs nothing (default: the "
+             "profile's)");
   app.number("--message-power", options.power, RealRange{1, 4},
-             "1: a bit that is not right by the margin is pulled, however wrong it is; 2: the more the wronger it is "
-             "(default: 1, or 2 where --fidelity is above 0 with a decoder that was fitted to the scene)");
+             "power of the hinge; 1: all bits within the margin are pulled equally; 2: bits with "
+             "larger errors are pulled harder (default: 2 for post-hoc embedding with a decoder "
+             "that is fitted to the scene, else 1)");
   app.number("--message-rate", options.rate, RealRange{0, 1e3, true},
-             "learning rate of the mark: smaller is less visible for the same bits, and takes longer (default: "
-             "embed 0.001, or 0.006 with a decoder that was fitted to the scene; "
-             "train with --decoder, and embed --fidelity 0, 0.002, train with --fidelity too 0.006)");
-  app.number(
-      "--fidelity", options.fidelity, RealRange{0, 1e6},
-      "above 0: everything but the mark trains as without one, and marked renders are held to unmarked ones "
-      "by so much; "
-      "0: the message joins the loss of the photographs, as published (default: embed 3000, and of a model for a "
-      "codec 600, or 2000 with a decoder that was fitted to the scene; train with --decoder 0)");
+             "learning rate of the mark; a smaller rate gives a less visible mark and takes longer"
+             " (default: 0.006 for post-hoc embedding with a decoder that is fitted to the scene; "
+             "docs/watermark.md has the others)");
+  app.number("--fidelity", options.fidelity, RealRange{0, 1e6},
+             "weight of the distortion, the mean square difference between marked and unmarked "
+             "renders; 0: the message joins the loss of the photographs, as published (default: "
+             "3000 of embed, 2000 for a codec; docs/watermark.md has the others)");
   app.number("--fidelity-fall", options.fall, RealRange{0, 4},
-             "power by which the fidelity falls with the distance of a view from the nearest photograph: there the "
-             "scene is wrong by more than a mark; 0: the same everywhere (default: 2)");
+             "exponent by which --fidelity falls with the distance of a view from the nearest "
+             "photograph, where the scene has larger errors of its own; 0: no fall (default: 2)");
   app.number("--draw-by-cost", options.by_cost, share_range,
-             "0 to 1: how much of where the mark of a finished model is learned is chosen by what the message cost "
-             "there lately, so that hard places are seen more often (default: 0)");
+             "share of the sampled novel views that are drawn by how high the message loss was "
+            "there lately, so that hard views are seen more often; 0: none (default: 0)");
   app.number("--hold-steps", options.hold_steps, any_count,
-             "of a model for context_gs: every n-th iteration the codec's steps are held at what they are in the "
-             "mean without a mark, or the file grows by more; 0: never (default: 50)");
-  app.number("--message-every", options.message_every, run_length, "read the message in every n-th iteration only")
+             "iterations between step-bias calibrations of a context_gs model, without which a "
+             "mark makes the file grow; 0: none (default: 50)");
+  app.number("--message-every", options.message_every, run_length,
+             "iterations between two readings of the message in training")
       ->capture_default_str();
   app.flag("--for-compression", options.for_compression,
-           "train with the noise of quantization, so that the message survives a codec");
+           "add the noise of quantization in training, so that the message survives a codec");
 }
 
 bool fitted_decoder(const std::filesystem::path& path) {
@@ -90,8 +91,8 @@ Result<Done> check_to_fit(const MarkOptions& options) {
     return Error{ErrorKind::unsupported,
                  {},
                  name,
-                 "is that of a decoder that is fitted on the way, and --decoder names one that is there",
-                 "leave out one of the two, or make a decoder with compmark fit"};
+                 "belongs to a decoder that this command fits, but --decoder names a finished one",
+                 "leave out one of the two options, or fit the decoder with compmark fit first"};
   }
   return Done{};
 }
@@ -104,8 +105,8 @@ Result<Done> check_held(const MarkOptions& options, double fidelity) {
     return Error{ErrorKind::unsupported,
                  {},
                  name,
-                 "is that of a mark that is held to its host, and this one is not",
-                 "give a --fidelity above 0 too, or leave it out"};
+                 "needs post-hoc embedding, but --fidelity is 0 here",
+                 "give --fidelity above 0, or leave this option out"};
   }
   return Done{};
 }
@@ -117,8 +118,8 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   if (options.key.empty()) return missing("--key", "make one with compmark keygen");
   if (options.decoder.empty())
     return missing("--decoder",
-                   "give one of compmark fit or of weights/: only embed, and train without --twin and "
-                   "--for-compression, fit one");
+                   "give a decoder of compmark fit or of weights/; only embed, and train without --twin "
+                   "and --for-compression, can fit one");
   const Result<OwnerKey> key = key_of(options);
   if (!key) return key.error();
   Result<Decoder> decoder = load_decoder(options.decoder, &*key);
@@ -160,8 +161,8 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
     return Error{ErrorKind::unsupported,
                  {},
                  "--message-power",
-                 "is that of a hinge, and this profile takes cross entropy",
-                 "give --message-margin too, or leave it out"};
+                 "belongs to a hinge loss, but this profile uses cross entropy",
+                 "give --message-margin too, or leave this option out"};
   }
   if (options.power) mark.hinge_power = *options.power;
   if (options.rate) mark.residual_rate = *options.rate;

@@ -94,7 +94,8 @@ int append(const fs::path& path, std::string line) {
 
 void warn_unkept(const fs::path& record, const fs::path& run, const std::string& why) {
   std::fprintf(stderr,
-               "compmark: warning: %s cannot be written (%s): which decoder reads this mark is noted in %s alone\n",
+               "compmark: warning: %s cannot be written (%s); only %s records which decoder reads "
+               "this mark\n",
                record.string().c_str(), why.c_str(), (run / "mark.json").string().c_str());
 }
 
@@ -193,7 +194,7 @@ Result<Done> check_recorded(const fs::path& key_file, const OwnerKey& key, const
   Result<KeptRecords> kept = read_record(beside);
   if (!kept) return kept.error();
   for (const int line : kept->unread) {
-    std::fprintf(stderr, "compmark: warning: %s: line %d is no record of a mark, or damaged, and is not used\n",
+    std::fprintf(stderr, "compmark: warning: %s: line %d is not a valid record of a mark and is ignored\n",
                  beside.string().c_str(), line);
   }
   std::vector<MarkRecord>* const records = &kept->records;
@@ -202,7 +203,7 @@ Result<Done> check_recorded(const fs::path& key_file, const OwnerKey& key, const
     if (std::optional<MarkRecord> of_run = read_mark(noted)) {
       records->push_back(std::move(*of_run));
     } else {
-      std::fprintf(stderr, "compmark: warning: %s is no record of a mark, or damaged, and is not used\n",
+      std::fprintf(stderr, "compmark: warning: %s is not a valid record of a mark and is ignored\n",
                    noted.string().c_str());
     }
   }
@@ -226,10 +227,10 @@ Result<Done> check_recorded(const fs::path& key_file, const OwnerKey& key, const
   }
   const MarkRecord& last = records->back();
   return Error{ErrorKind::invalid, decoder.string(), "--decoder",
-               "is not the one that this key's mark was made with: its tensors have SHA-256 " + tensors +
-                   ", those on record " + last.decoder_tensors + " (" + last.decoder.name + ", file " +
-                   last.decoder.sha256 + ")",
-               "give that file, or a copy of it; --any-decoder reads with this one all the same"};
+               "is not the decoder of this key's mark: its tensors have SHA-256 " + tensors + ", those on record " +
+                   last.decoder_tensors + " (" + last.decoder.name + ", file " + last.decoder.sha256 + ")",
+               "give the decoder on record, or a copy of it; to use this one anyway, give "
+               "--any-decoder"};
 }
 
 }  // namespace tool

@@ -203,7 +203,8 @@ Result<std::pair<PretrainImages, PretrainImages>> open_images(const PretrainOpti
       held = train.take_share(share);
       if (train.procedural()) {
         return Error{ErrorKind::invalid, o.images.string(), "--held-out",
-                     "leaves no photograph to train on: names that differ only in a last _number count as one",
+                     "leaves no photograph to train on; photographs whose names differ only in a final "
+                     "_number stay together",
                      "give more photographs, or measure on another folder"};
       }
     }
@@ -268,7 +269,7 @@ Result<bool> is_finished(const PretrainOptions& options, const PretrainImages& t
         {"embedding_steps", "--measure-steps", options.measure_steps}})
     differences.values(option, found->value(field, nlohmann::json()), now);
   if (found->value("training_images_sha256", nlohmann::json()) != digest_of(train))
-    differences.add("--images, or --held-out,", "was another");
+    differences.add("--images, or --held-out,", "differ");
   if (differences.none()) return true;
   if (options.force) return false;
   return Error{ErrorKind::invalid, options.out.string(), "--resume",
@@ -444,38 +445,45 @@ int run(PretrainOptions& options) {
 
 Command add_pretrain(Options& app) {
   auto options = std::make_shared<PretrainOptions>();
-  app.reads("--images", options->images, InputKind::images, "folder of photographs (default: procedural images)");
+  app.reads("--images", options->images, InputKind::images,
+            "folder of photographs to train on (default: procedural images)");
   app.number("--bits", options->bits, WholeRange{1, message_bits_limit}, "length of the message")
       ->capture_default_str();
   app.writes("--out", options->out, OutputKind::decoder, "decoder file to write (safetensors)")->required();
-  app.number("--steps", options->steps, any_count, "length of the run")->capture_default_str();
+  app.number("--steps", options->steps, any_count, "iterations of the run")->capture_default_str();
   app.number("--seed", options->seed, any_seed, "seed of every random number")->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
   app.word("--waves", options->waves,
-           "contrast: survives changes of brightness, noise, JPEG, scaling; colour: carries more in a scene, and "
-           "survives little")
+           "Fourier features of contrast (survive changes of brightness, noise, JPEG and "
+           "scaling) or of colour (carry more bits in a scene, but survive little)")
       ->capture_default_str()
       ->check(CLI::IsMember({"contrast", "colour"}));
   app.number("--features", options->features, WholeRange{0, 4096},
-             "waves that are averaged; more read more and cost more (default: 256, of colour one a bit)");
+             "number of Fourier features; more of them give more bit accuracy and take longer "
+             "(default: 256 of contrast, one for each bit of colour)");
   app.number("--crop", options->crop, WholeRange{32, 1024}, "side of the training crops, pixels")
       ->capture_default_str();
   app.number("--memory-budget", options->memory_budget_mb, WholeRange{1, 1 << 24},
-             "MiB that one photograph may take to read; larger ones are refused before they are decoded")
+             "MiB of memory for reading one photograph; larger ones are refused before they are "
+             "decoded")
       ->capture_default_str();
   app.flag("--resume", options->resume, "continue the run of --out from its checkpoint");
-  app.number("--checkpoint-every", options->checkpoint_every, run_length, "steps between checkpoints")
+  app.number("--checkpoint-every", options->checkpoint_every, run_length, "iterations between checkpoints")
       ->capture_default_str();
   app.share_or_folder("--held-out", options->held_out,
-                      "what is measured: a share of the photographs, taken out of the training, or a folder")
+                      "images to measure on: a share of the photographs, which is then not trained on, or "
+                      "another folder")
       ->capture_default_str();
-  app.number("--measure", options->measured, WholeRange{1, 100000}, "images to embed in and read at the end")
+  app.number("--measure", options->measured, WholeRange{1, 100000},
+             "images that are marked and read for the measurement at the end")
       ->capture_default_str();
-  app.number("--measure-steps", options->measure_steps, WholeRange{1, 1000000}, "steps of each embedding")
+  app.number("--measure-steps", options->measure_steps, WholeRange{1, 1000000},
+             "iterations of embedding into each of these images")
       ->capture_default_str();
-  app.flag("--force", options->force, "if --out is there already, move that to OUT.<beginning of its SHA-256>.old");
-  app.writes("--json", options->json, OutputKind::words, "what was measured (default: --out with the ending .json)");
+  app.flag("--force", options->force, "move an existing file of --out to OUT.<beginning of its SHA-256>.old");
+  app.writes("--json", options->json, OutputKind::words,
+             "write the measurements to this file (default: --out with the ending .json)");
   app.also([options](FileUse& use) {
     if (options->json.empty())
       use.write(std::filesystem::path(options->out).replace_extension(".json"), "--json", OutputKind::words);

@@ -25,7 +25,7 @@ Command add_probe(Options& app) {
   app.reads("--data", options->data, InputKind::dataset,
             "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
       ->required();
-  app.flag("--json", options->json, "one JSON object instead of text");
+  app.flag("--json", options->json, "print one JSON object instead of text");
   return [options]() -> int {
     using namespace compmark;
     Result<Dataset> dataset = open_dataset(options->data, {});
@@ -65,7 +65,7 @@ Command add_probe(Options& app) {
     std::printf("%s: %s, %zu training and %zu test views, %zu points\n", options->data.string().c_str(),
                 dataset->kind.c_str(), dataset->indices(Split::train).size(), dataset->indices(Split::test).size(),
                 dataset->points.size());
-    if (effects->empty()) std::printf("  no effect is called for\n");
+    if (effects->empty()) std::printf("  no effect of this capture needs to be modelled\n");
     for (const ProbedEffect& effect : *effects) {
       std::printf("  %-20s %10.4g  (limit %g)  %s\n", effect_name(effect.effect), effect.value, effect.limit,
                   effect.evidence.c_str());
@@ -76,7 +76,7 @@ Command add_probe(Options& app) {
     }
     std::printf("  recipe: %s\n", choice.recipe.c_str());
     for (const std::string& name : choice.left_out) {
-      std::printf("  called for, but in no recipe of this tool together with the others: %s\n", name.c_str());
+      std::printf("  measured, but no recipe of this tool models it together with the others: %s\n", name.c_str());
     }
     return success;
   };

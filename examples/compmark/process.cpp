@@ -37,7 +37,7 @@ int finish_output(int code) {
                "standard output",
                {},
                std::string("not everything could be written: ") + (why != 0 ? std::strerror(why) : "an earlier error"),
-               "what this command found is not told; run it again, with room for its words"});
+               "the output of this command is incomplete; free some space and run it again"});
 }
 
 int answer_parser(const CLI::App& app, const CLI::ParseError& error) {

@@ -203,7 +203,7 @@ void Progress::log(const std::string& text) {
   log_failure_ =
       Error{ErrorKind::unwritable, settings_.json_log.string(), "--json-log",
             std::string("a line could not be written") + (why != 0 ? std::string(": ") + std::strerror(why) : ""),
-            "all else of the run was; the log ends there"};
+            "the log ends there; all other files of the run are complete"};
   note("compmark: warning: the log " + settings_.json_log.string() + " cannot be written any more; the run goes on");
 }
 
@@ -264,9 +264,9 @@ void Progress::finish() {
   if (bar_visible_) std::fputc('\n', settings_.stream);
   bar_visible_ = false;
   if (log_ && std::fclose(log_.release()) != 0 && !log_failure_)
-    log_failure_ =
-        Error{ErrorKind::unwritable, settings_.json_log.string(), "--json-log",
-              std::string("its end could not be written: ") + std::strerror(errno), "all else of the run was"};
+    log_failure_ = Error{ErrorKind::unwritable, settings_.json_log.string(), "--json-log",
+                         std::string("its end could not be written: ") + std::strerror(errno),
+                         "all other files of the run are complete"};
   stream_log_.reset();
 }
 

@@ -70,7 +70,7 @@ Result<Done> read_planes(const fs::path& path, const ReadingOptions& options, Re
       for (std::size_t i = channels - 1; i < image->pixels.size(); i += channels) {
         if (image->pixels[i] == 255) continue;
         return Error{ErrorKind::invalid, path.string(), "alpha", "has transparent pixels",
-                     "say what is behind them: --background white or black"};
+                     "choose the colour behind them with --background white or black"};
       }
     }
     read.width = image->width;
@@ -110,8 +110,8 @@ Result<AnyModel> load_unmarked(const fs::path& path, const ModelInfo& marked, Re
   if (!model) return model;
   if (model->info().unit != marked.unit || model->info().origin != marked.origin) {
     return Error{ErrorKind::invalid, path.string(), "--unmarked",
-                 "counts its lengths in another unit, or from another origin, than the model",
-                 "give the model that was marked"};
+                 "has another unit of length or another origin than the model",
+                 "give the unmarked model that this one was made from"};
   }
   const Result<std::string> digest = file_sha256(path);
   if (!digest) return digest.error();
@@ -238,7 +238,7 @@ Result<Decoder> load_decoder(const fs::path& path, const OwnerKey* key) {
     return Error{
         ErrorKind::invalid, path.string(), "bits",
         "the decoder reads " + std::to_string(bits) + " bits, the key is for messages of " + std::to_string(key->bits),
-        "use a key and a decoder of one message length"};
+        "use a key and a decoder of the same message length"};
   }
   if (bits > static_cast<int>(message_bits_limit)) {
     return Error{ErrorKind::unsupported, path.string(), "bits", "the decoder reads " + std::to_string(bits) + " bits",
@@ -250,23 +250,23 @@ Result<Decoder> load_decoder(const fs::path& path, const OwnerKey* key) {
 void add_reading_options(Options& app, ReadingOptions& options) {
   app.reads("--decoder", options.decoder, InputKind::decoder, "decoder file (safetensors)")->required();
   CLI::Option* model = app.reads("--model", options.model, InputKind::model,
-                                 "model.safetensors of a run or a .cmk: its renders are read");
+                                 "model.safetensors of a run or a .cmk; its renders are read");
   CLI::Option* images =
       app.reads("--images", options.images, InputKind::images, "image files, or folders of them (PNG, JPEG)");
   app.reads("--unmarked", options.unmarked, InputKind::model,
-            "the model before it was marked: what the decoder reads of it at the same cameras is subtracted")
+            "the unmarked model; its reading at the same cameras is subtracted (informed reading)")
       ->needs(model);
   images->excludes(model);
   model->excludes(images);
-  app.word("--split", options.split, "which of the model's cameras: test, train or all")
+  app.word("--split", options.split, "cameras of the model: test, train or all")
       ->capture_default_str()
       ->check(CLI::IsMember({"test", "train", "all"}));
-  app.number("--views", options.views, any_count, "read at most so many, evenly spaced (0: all)")
+  app.number("--views", options.views, any_count, "largest number of views that are read, evenly spaced; 0: all")
       ->capture_default_str();
-  app.word("--background", options.background, "what is behind transparent pixels of images: white or black")
+  app.word("--background", options.background, "colour behind transparent pixels of images: white or black")
       ->check(CLI::IsMember({"white", "black"}));
   app.number("--memory-budget", options.memory_budget_mb, WholeRange{1, 1 << 24},
-             "MiB that one image may take to read; larger ones are refused before they are decoded")
+             "MiB of memory for reading one image; larger ones are refused before they are decoded")
       ->capture_default_str();
   app.number("--threads", options.threads, thread_range, "0: all")->capture_default_str();
 }
@@ -304,7 +304,7 @@ Result<std::vector<fs::path>> image_files(const std::vector<fs::path>& paths) {
 
 Result<Reading> read_all(const ReadingOptions& options, const std::optional<OwnerKey>& key) {
   if (options.model.empty() && options.images.empty()) {
-    return Error{ErrorKind::invalid, {}, "--model, --images", "neither is given", "say what is to be read"};
+    return Error{ErrorKind::invalid, {}, "--model, --images", "are both missing", "give a model or images"};
   }
   Result<Decoder> decoder = load_decoder(options.decoder, key ? &*key : nullptr);
   if (!decoder) return decoder.error();

@@ -67,7 +67,7 @@ Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::
   for (const std::filesystem::path& photographs : folders) {
     if (!same_file(photographs, options.out)) continue;
     return Error{ErrorKind::invalid, options.out.string(), "--out", "is the folder of photographs that --data reads",
-                 "choose another, renders among them would be taken for photographs"};
+                 "choose another folder, so that renders are not taken for photographs later"};
   }
   return Done{};
 }
@@ -121,7 +121,9 @@ int run(const RenderOptions& options) {
   if (!held) return fail(held.error());
   for (const auto& [view, file] : wanted) {
     if (file.stem().string() == view_stem(view.name)) continue;
-    std::fprintf(stderr, "compmark: note: view \"%s\" is written as %s: another view has the name without its ending\n",
+    std::fprintf(stderr,
+                 "compmark: note: view \"%s\" is written as %s, because another view has the same name"
+                 " without its ending\n",
                  view.name.c_str(), file.filename().string().c_str());
   }
 

@@ -47,14 +47,14 @@ Result<Done> check_unfinished(const fs::path& folder, bool wanted) {
   std::error_code status;
   if (wanted || !fs::exists(folder / "results.json", status)) return Done{};
   return Error{ErrorKind::invalid, folder.string(), "--out", "holds a finished run (results.json)",
-               "choose another, or give --force to replace it"};
+               "choose another folder, or give --force to replace it"};
 }
 
 Result<Done> check_no_decoder(const fs::path& file, bool wanted) {
   std::error_code status;
   if (wanted || !fs::is_regular_file(file, status)) return Done{};
-  return Error{ErrorKind::invalid, file.string(), "--out", "exists, and without its decoder nobody reads a mark",
-               "choose another, or give --force to move it aside"};
+  return Error{ErrorKind::invalid, file.string(), "--out", "exists, and without this decoder its marks cannot be read",
+               "choose another file, or give --force to move it aside"};
 }
 
 Result<Done> move_decoder_aside(const fs::path& file) {
@@ -71,7 +71,7 @@ Result<Done> move_decoder_aside(const fs::path& file) {
                  {},
                  "the old decoder cannot be moved there: " + status.message(),
                  "choose another --out"};
-  std::fprintf(stderr, "compmark: the old decoder is %s now\n", aside.string().c_str());
+  std::fprintf(stderr, "compmark: the old decoder was moved to %s\n", aside.string().c_str());
   return Done{};
 }
 

@@ -115,7 +115,7 @@ Result<Done> choose_effects(TrainOptions& options) {
                    {},
                    "--effects",
                    std::string(background) + ": the borders of these photographs have no common colour",
-                   "leave it out, or name the colour with --background"};
+                   "leave the effect out, or give the colour with --background"};
     }
   }
   EffectChoice choice = choose_recipe(*wanted, settings.lens);
@@ -148,7 +148,7 @@ Result<Done> choose_effects(TrainOptions& options) {
         options.simulated.push_back(name);
     }
     if (recipe_given && choice.recipe != options.recipe)
-      options.notes.push_back("recipe " + options.recipe + " as told; the effects call for " + choice.recipe);
+      options.notes.push_back("recipe " + options.recipe + " as told; for these effects it would be " + choice.recipe);
     return Done{};
   }
   options.recipe = choice.recipe;
@@ -156,7 +156,7 @@ Result<Done> choose_effects(TrainOptions& options) {
   if (options.lens == "project" && !projects_lens(options.recipe))
     options.lens = "undistort";  // there is no lens to speak of
   for (const std::string& name : choice.left_out)
-    options.notes.push_back("effect " + name + " is left out: no recipe of this tool has it beside the others");
+    options.notes.push_back("effect " + name + " is left out: no recipe of this tool has it together with the others");
   options.notes.push_back("recipe " + options.recipe);
   return Done{};
 }
@@ -196,23 +196,23 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
     return Error{ErrorKind::invalid,
                  {},
                  "--for-fit-codec",
-                 "is of a model without a codec, and this one is trained for one",
-                 "leave out one of the two"};
+                 "belongs to a model without a codec, but this run trains for one",
+                 "leave out one of the two options"};
   }
   if (coded) {
     if (options.recipe.find("+fitted") != std::string::npos) {
       return Error{ErrorKind::invalid,
                    {},
                    "--recipe",
-                   "\"" + options.recipe + "\" is of a codec for a finished model",
-                   "compmark fit-codec makes it"};
+                   "\"" + options.recipe + "\" is for fitting a codec to a finished model",
+                   "use compmark fit-codec"};
     }
     if (options.codec != "none" && options.codec != recipe_codec(options.recipe)) {
       return Error{ErrorKind::invalid,
                    {},
                    "--codec",
                    "\"" + options.codec + "\" is not the codec of recipe " + options.recipe,
-                   "leave out one of the two"};
+                   "leave out one of the two options"};
     }
     options.codec = recipe_codec(options.recipe);
     return Done{};
@@ -267,7 +267,8 @@ int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   const bool fits = options.mark.decoder.empty();
   if (fits && !options.resume && !options.force && std::filesystem::exists(decoder)) {
     return fail({ErrorKind::invalid, decoder.string(), "--out", "holds the decoder of an earlier run",
-                 "keep it: choose another --out, go on with --resume, or move it aside with --force"});
+                 "to keep it, choose another --out; to continue, give --resume; to move it aside, give"
+                 " --force"});
   }
   for (const std::filesystem::path& folder : {options.out, options.out / unmarked_folder}) {
     if (Result<Done> free = check_unfinished(folder, options.resume || options.force); !free) return fail(free.error());
@@ -312,71 +313,69 @@ Command add_train(Options& app) {
       ->required();
   app.writes_into("--out", options->out, "folder for the model, results.json and report.html")->required();
   app.word("--recipe", options->recipe,
-           "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, +antialiasing+mask, +lens, "
-           "+fisheye, +exposure, "
-           "+exposure+mask, +farfield or +exposure+farfield), hac or context_gs (with +mask, +alpha or "
-           "+exposure), compmark-host or "
-           "compmark-paper-host (default: "
-           "what the data call for, or the profile's)");
-  app.word("--codec", options->codec, "train for a small file: none, hac or context_gs; writes model.cmk too")
+           "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, "
+           "+antialiasing+mask, +lens, +fisheye, +exposure, +exposure+mask, +farfield or "
+           "+exposure+farfield), hac or context_gs (with +mask, +alpha or +exposure), "
+           "compmark-host or compmark-paper-host (default: chosen from the data or the profile)");
+  app.word("--codec", options->codec, "codec to train for: none, hac or context_gs; a codec writes model.cmk too")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "hac", "context_gs"}));
-  app.flag("--for-fit-codec", options->for_fit_codec,
-           "leave out effects that a codec which is fitted afterwards (compmark fit-codec) does not know");
+  app.flag("--for-fit-codec", options->for_fit_codec, "leave out effects that compmark fit-codec does not support");
   app.number("--lambda", options->rate_lambda, share_range,
-             "with a codec: loss of one bit more a scalar; 0.0005 for quality to 0.004 for size")
+             "with a codec: loss of one bit more a scalar, from 0.0005 (quality) to 0.004 (size)")
       ->capture_default_str();
   app.word("--profile", options->profile,
-           "hyper-parameters: scaffold, hac, or the published method as its program (official) or its text "
-           "(paper) has it, "
-           "whose mark trains with the scene (--decoder)")
+           "hyper-parameters: scaffold, hac, official (the program of the published method) or "
+           "paper (its text); the last two hide a message while training (--decoder)")
       ->capture_default_str();
-  app.number("--iterations", options->iterations, run_length, "length of the run; every phase scales with it")
+  app.number("--iterations", options->iterations, run_length, "iterations of the run; every phase scales with it")
       ->capture_default_str();
   std::vector<std::string> preset_names;
   for (const Preset& preset : presets) preset_names.emplace_back(preset.name);
   app.word("--preset", options->preset,
-           "draft, standard or best: --iterations, --lambda and --mark-iterations by what there is time for; what "
-           "is given beside it holds")
+           "draft, standard or best: sets --iterations, --lambda and --mark-iterations, unless "
+           "they are given")
       ->check(CLI::IsMember(preset_names));
-  app.number("--downscale", options->downscale, downscale_range, "divide the images' size by this")
+  app.number("--downscale", options->downscale, downscale_range, "divide the size of the images by this")
       ->capture_default_str();
   app.number("--seed", options->seed, any_seed, "seed of every random number (default: the profile's)");
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
-  app.number("--max-anchors", options->max_anchors, any_count, "never more anchors than this; 0: no limit")
+  app.number("--max-anchors", options->max_anchors, any_count, "largest number of anchors; 0: no limit")
       ->capture_default_str();
   app.number("--memory-budget", options->memory_budget_mb, WholeRange{0, 1 << 24},
-             "MiB for decoded images; 0: a default that suits most scenes")
+             "MiB of memory for decoded images; 0: chosen by the program")
       ->capture_default_str();
   app.number("--checkpoint-every", options->checkpoint_every, run_length, "iterations between checkpoints")
       ->capture_default_str();
-  app.number(
-         "--voxel-size", options->voxel_size, RealRange{-1e9, 1e9},
-         "in the lengths of the dataset's files; 0 or less: median nearest-neighbour distance (default: the profile's)")
+  app.number("--voxel-size", options->voxel_size, RealRange{-1e9, 1e9},
+             "cell size of anchors, in units of the dataset; 0 or less: median nearest-neighbour "
+             "distance (default: the profile's)")
       ->each([options](const std::string&) { options->voxel_size_given = true; });
-  app.word("--background", options->background, "black or white (default black), behind transparent images");
+  app.word("--background", options->background, "colour behind transparent images: black or white (default: black)");
   app.word("--effects", options->effects,
-           "auto (what the data call for: see compmark probe), none, or names with commas; chooses the recipe")
+           "scene effects to model, which choose the recipe: auto (measured as by compmark "
+           "probe), none, or names separated by commas")
       ->capture_default_str();
   app.word("--lens", options->lens,
-           "undistort (images are resampled once, on load), project (images stay, Gaussians are projected through "
-           "the lens) or ignore")
+           "undistort (images are resampled once), project (Gaussians are projected through the "
+           "lens) or ignore")
       ->capture_default_str()
       ->check(CLI::IsMember({"undistort", "project", "ignore"}));
   app.flag("--resume", options->resume, "continue the run in --out from its checkpoint");
   app.flag("--force", options->force, "replace a finished run in --out");
   app.writes("--json-log", options->json_log, OutputKind::words,
-             "progress, one JSON object a line (default: log.jsonl in --out)");
+             "write progress to this file, one JSON object a line (default: log.jsonl in --out)");
   app.reads("--lpips-alex", options->lpips.alex, InputKind::weights,
             "LPIPS weights (safetensors) to report lpips_alex");
   app.reads("--lpips-squeeze", options->lpips.squeeze, InputKind::weights,
             "LPIPS weights (safetensors) to report lpips_squeeze");
-  app.flag("--lpips-family-range", options->lpips.family_range, "feed LPIPS [0,1] as the 3DGS family does");
+  app.flag("--lpips-family-range", options->lpips.family_range,
+           "give LPIPS images in [0, 1], as the 3DGS family does, not in [-1, 1]");
   add_mark_options(app, options->mark, false);
   app.number("--mark-iterations", options->mark_iterations, run_length,
-             "without --decoder: length of the run that hides the message after the training (default: 2000; with a "
-             "codec 4000)");
+             "iterations that hide the message after the training, without --decoder (default: "
+             "2000; 4000 for a codec)");
   app.also([options](FileUse& use) {
     add_run_files(use, *options, options->out);
     add_record_written(use, options->mark.key);
@@ -428,19 +427,20 @@ Command add_train(Options& app) {
       settings->blur_variance = recipes::antialiasing_blur_variance;
     if (options->mark.wanted()) {
       if (is_published_profile(options->profile) && options->mark.decoder.empty()) {
-        return fail({ErrorKind::invalid,
-                     {},
-                     "--profile",
-                     "\"" + options->profile +
-                         "\" hides the message while the scene trains, read by a decoder that is there before",
-                     "give it with --decoder (one of weights/, or of compmark pretrain), or leave out --profile"});
+        return fail(
+            {ErrorKind::invalid,
+             {},
+             "--profile",
+             "\"" + options->profile + "\" hides the message while the scene trains and needs a finished decoder",
+             "give --decoder (one of weights/, or of compmark pretrain), or leave out --profile"});
       }
       if (is_published_profile(options->profile) && options->mark.fidelity && *options->mark.fidelity > 0) {
         return fail({ErrorKind::unsupported,
                      {},
                      "--fidelity",
-                     "is of a mark beside the scene, and profile \"" + options->profile + "\" trains it with the scene",
-                     "leave out one of the two"});
+                     "above 0 is for post-hoc embedding, but profile \"" + options->profile +
+                         "\" hides the message while the scene trains",
+                     "leave out one of the two options"});
       }
       if (marks_afterwards(*options)) return train_then_mark(*options, *settings);
       if (options->mark.fidelity && *options->mark.fidelity > 0) {
@@ -448,10 +448,10 @@ Command add_train(Options& app) {
         return fail({ErrorKind::unsupported,
                      {},
                      "--fidelity",
-                     "is above 0, and the model is marked when it is finished",
+                     "above 0 needs a finished model to mark",
                      key    ? "give a --key too"
                      : twin ? "leave out --twin: this run trains the unmarked model too"
-                            : "leave out --for-compression: it is of a mark that trains with the scene"});
+                            : "leave out --for-compression, which is for marks that train with the scene"});
       }
       for (const auto& [given, name] : {std::pair(options->mark.by_cost.has_value(), "--draw-by-cost"),
                                         std::pair(options->mark.hold_steps.has_value(), "--hold-steps")}) {
@@ -459,8 +459,8 @@ Command add_train(Options& app) {
         return fail({ErrorKind::unsupported,
                      {},
                      name,
-                     "is that of a mark in a finished model, and this one trains with the scene",
-                     "leave it out, or --decoder, or mark the finished model with compmark embed"});
+                     "belongs to post-hoc embedding, but this mark trains with the scene",
+                     "leave out this option or --decoder, or mark the finished model with compmark embed"});
       }
       if (Result<Done> fits = check_to_fit(options->mark); !fits) return fail(fits.error());
       Result<MarkInput> mark = load_mark(options->mark, *settings);

@@ -14,7 +14,7 @@ Error no_message_in(const std::string& recipe) {
   return {ErrorKind::unsupported,
           {},
           "--recipe",
-          "\"" + recipe + "\" is not built with a message",
+          "\"" + recipe + "\" cannot carry a message in this tool",
           "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha, compmark-host and "
           "compmark-paper-host with a decoder that is there (--decoder), and finished models with +exposure or of "
           "fit-codec too: train with one of them (--recipe)"};
@@ -33,8 +33,8 @@ int train_marked(const TrainOptions& options, TrainSettings settings, const Mark
     return fail({ErrorKind::unsupported,
                  {},
                  "--for-compression",
-                 "is there for the recipe scaffold alone",
-                 "leave it out, or choose --recipe scaffold"});
+                 "works with the recipe scaffold only",
+                 "leave the option out, or choose --recipe scaffold"});
   }
   if (options.recipe == "scaffold+mask") return run<Marked<ScaffoldMasked, Decoder>>(options, settings, &mark);
   if (options.recipe == "scaffold+alpha") return run<Marked<ScaffoldAlpha, Decoder>>(options, settings, &mark);

@@ -93,7 +93,7 @@ ReportTable mark_table(const std::string& heading, const WatermarkMetrics& m, co
                      {"p-value of all views together", detail::short_number(m.p_value)},
                      {"p-value of the worst view", detail::short_number(m.largest_view_p_value)}}};
   if (m.psnr_cost_vs_unmarked)
-    table.rows.emplace_back("PSNR lost to the twin", decimals(*m.psnr_cost_vs_unmarked, 2) + " dB");
+    table.rows.emplace_back("PSNR lost to the unmarked counterpart", decimals(*m.psnr_cost_vs_unmarked, 2) + " dB");
   if (m.psnr_marked_vs_unmarked)
     table.rows.emplace_back("PSNR of marked against unmarked", decimals(*m.psnr_marked_vs_unmarked, 2) + " dB");
   return table;

@@ -85,7 +85,7 @@ struct TrainObserver {
     progress->show(line);
     if (report.skipped_blocks != 0) {
       progress->note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
-                     " parameter blocks had a gradient that is not finite; their step was skipped");
+                     " parameter blocks had a gradient that is not finite and were not updated");
     }
     // Opacities of zero and less get no gradient, so that what nobody sees stays so: the hours that are left would train nothing.
     if (report.rendered) empty_renders = report.forward.gaussians == 0 ? empty_renders + 1 : 0;
@@ -93,10 +93,10 @@ struct TrainObserver {
       failure = Error{ErrorKind::invalid,
                       {},
                       "iteration " + std::to_string(report.iteration),
-                      "the training has died: in " + std::to_string(empty_renders) +
-                          " iterations no Gaussian had an opacity above 0, and such ones learn nothing any more",
-                      "give another --seed; if most of the pixels are background, a recipe that trains on their alpha "
-                      "(leave out --recipe and --profile); if the photographs are black, other photographs"};
+                      "the training has failed: in " + std::to_string(empty_renders) +
+                          " iterations no Gaussian had an opacity above 0, so that none can learn any more",
+                      "give another --seed; if most pixels are background, use a recipe that trains on "
+                      "alpha (leave out --recipe and --profile); if the photographs are black, replace them"};
       return false;
     }
     if (report.adjusted && report.grown > 0 && report.iteration < report.total) {
@@ -134,8 +134,8 @@ Result<LensViews<L>> lens_views(DatasetViews views) {
     if (!is_pinhole(lens) && !policy) {
       return Error{ErrorKind::unsupported, result.dataset->root.string(), "lens",
                    "of view \"" + result.dataset->views[result.index[i]].name + "\" is not of the " + lens_family<L> +
-                       " family, which is what this recipe projects through",
-                   "take the lens out of the images with --lens undistort"};
+                       " family that this recipe projects through",
+                   "remove the distortion with --lens undistort"};
     }
     CameraOf<L> camera(result.dataset->views[result.index[i]].camera);
     if constexpr (!std::is_same_v<L, PinholeLens>) {
@@ -343,7 +343,9 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready)
       return fail(ready.error());
     if (trainer.far_points() != 0) {
-      std::fprintf(stderr, "compmark: warning: %zu of %zu points lie far beyond the others and are left out\n",
+      std::fprintf(stderr,
+                   "compmark: warning: %zu of %zu points are outliers, far from the others, and are left"
+                   " out\n",
                    trainer.far_points(), data.dataset.points.size());
     }
   }
@@ -363,7 +365,7 @@ int run_coded(const TrainOptions& options, const TrainSettings& settings, const 
       return fail({ErrorKind::unsupported,
                    {},
                    "--profile",
-                   "\"" + settings.profile + "\" marks hac and context_gs as they are, not " + options.recipe,
+                   "\"" + settings.profile + "\" marks hac and context_gs only, not " + options.recipe,
                    "leave out --recipe, or --profile"});
     } else {
       return run<recipes::WithFrequency<recipes::Marked<R, Decoder>>>(options, settings, mark);

@@ -30,7 +30,8 @@ namespace tool {
 using namespace compmark;
 
 void add_finished_model_options(Options& app, TrainOptions& options) {
-  app.number("--downscale", options.downscale, downscale_range, "divide the images' size by this; as in the training")
+  app.number("--downscale", options.downscale, downscale_range,
+             "divide the size of the images by this; use the value of the training")
       ->capture_default_str();
   app.number("--seed", options.seed, any_seed, "seed of every random number (default: 0)");
   app.number("--threads", options.threads, thread_range, "0: all; the result is the same for any number")
@@ -40,7 +41,7 @@ void add_finished_model_options(Options& app, TrainOptions& options) {
   app.flag("--resume", options.resume, "continue the run in --out from its checkpoint");
   app.flag("--force", options.force, "replace a finished run in --out");
   app.writes("--json-log", options.json_log, OutputKind::words,
-             "progress, one JSON object a line (default: log.jsonl in --out)");
+             "write progress to this file, one JSON object a line (default: log.jsonl in --out)");
   app.reads("--lpips-alex", options.lpips.alex, InputKind::weights, "LPIPS weights (safetensors) to report lpips_alex");
 }
 
@@ -145,13 +146,13 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
   if (mark != nullptr && !mark->twin.empty() &&
       (mark->twin_unit != run.dataset.unit || mark->twin_origin != run.dataset.origin)) {
     return Error{ErrorKind::invalid, mark->twin.string(), "--twin",
-                 "counts its lengths in another unit, or from another origin, than this version does for these data",
-                 "train the twin again"};
+                 "has another unit of length or another origin than these data have in this version",
+                 "train the unmarked counterpart again"};
   }
   if (source.info == nullptr) return Done{};
   const auto foreign = [&](std::string field, std::string problem) {
     return Error{ErrorKind::invalid, options.model.string(), std::move(field), std::move(problem),
-                 "give the data that it was trained on, as large as then (--downscale)"};
+                 "give the data that it was trained on, with the same --downscale"};
   };
   if (source.info->views.size() != run.info.views.size() || source.train_views != run.train.size()) {
     return foreign("views", "are " + std::to_string(source.info->views.size()) + ", of them " +
@@ -159,9 +160,9 @@ Result<Done> check_run(const TrainOptions& options, RunData& run, const SourceMo
                                 std::to_string(run.info.views.size()) + " and " + std::to_string(run.train.size()));
   }
   if (const std::optional<OtherView> other = other_view(source.info->views, run.info.views))
-    return foreign(other->field, "of view " + other->name + " is another one in the data");
-  if (source.info->origin != run.dataset.origin) return foreign("origin", "of the scene is another one in the data");
-  if (source.info->unit != run.dataset.unit) return foreign("unit", "of the scene is another one in the data");
+    return foreign(other->field, "of view " + other->name + " differs in the data");
+  if (source.info->origin != run.dataset.origin) return foreign("origin", "of the scene differs in the data");
+  if (source.info->unit != run.dataset.unit) return foreign("unit", "of the scene differs in the data");
   return Done{};
 }
 
@@ -302,7 +303,8 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
                 coded->metrics.test.ssim);
     if (const std::optional<WatermarkMetrics>& m = coded->metrics.watermark) {
       std::printf("  bits read: %.1f %% in the mean, %.1f %% in the worst view", 100 * m->mean, 100 * m->min);
-      if (m->psnr_cost_vs_unmarked) std::printf(", %.2f dB lost to the twin", *m->psnr_cost_vs_unmarked);
+      if (m->psnr_cost_vs_unmarked)
+        std::printf(", %.2f dB lost to the unmarked counterpart", *m->psnr_cost_vs_unmarked);
       std::printf("\n");
     }
   }
@@ -310,7 +312,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
     std::printf("bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s", 100 * results.watermark->mean,
                 100 * results.watermark->min, report_text(measured_mark->report.verification).c_str());
     if (results.watermark->psnr_marked_vs_unmarked) {
-      std::printf("against the unmarked twin: %.2f dB lost, %.2f dB between the renders\n",
+      std::printf("against the unmarked counterpart: %.2f dB lost, %.2f dB between the renders\n",
                   *results.watermark->psnr_cost_vs_unmarked, *results.watermark->psnr_marked_vs_unmarked);
     }
   }

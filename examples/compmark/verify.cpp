@@ -54,7 +54,7 @@ int run(const VerifyOptions& options) {
     if (Result<Done> written = write_json(options.json, json); !written) return fail(written.error());
   }
   const ReportSources& from = report.sources;
-  std::printf("key         %s, created %s by its own account\n", from.key_id.c_str(), from.key_created.c_str());
+  std::printf("key         %s, created %s according to the key file\n", from.key_id.c_str(), from.key_created.c_str());
   std::printf("commitment  %s: published earlier, it shows that the key was not made to fit\n",
               from.key_commitment.c_str());
   std::printf("decoder     %s, sha256 %s\n", from.decoder.c_str(), from.decoder_sha256.c_str());
@@ -86,11 +86,12 @@ Command add_verify(Options& app) {
              "false-positive rate you accept; choose it before you look")
       ->capture_default_str();
   app.number("--tests", options->tests, WholeRange{1, 1'000'000'000'000'000},
-             "how many tests are made in all: keys times crops times models; the p-value is multiplied by it")
+             "number of tests in all: keys times crops times models; the p-value is multiplied by "
+             "it")
       ->capture_default_str();
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.flag("--any-decoder", options->any_decoder,
-           "read with this decoder although another one is on record for marks of this key (KEY.record)");
+           "use this decoder even if the record of this key (KEY.record) names another one");
   app.writes("--json", options->json, OutputKind::words, "write the report to this file");
   app.footer(
       "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive: tests times p is above --alpha but not above\n"

@@ -316,7 +316,7 @@ TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvag
   check_refused(tool(decompress), {"gs_begun.cmk", "bytes", "decompress --partial"});
   const Outcome preview = done(decompress + "--partial");
   CHECK(preview.text.find("2 of 3 levels") != std::string::npos);
-  CHECK(preview.text.find(std::to_string(levels[2].anchors) + " anchors are still to come") != std::string::npos);
+  CHECK(preview.text.find(std::to_string(levels[2].anchors) + " anchors are still missing") != std::string::npos);
   done("evaluate --model " + at("gs_begun.safetensors") + " --data " + at("scene") + " --json " +
        at("gs_evaluate.json"));
   CHECK(json_of(at("gs_evaluate.json"))["psnr"].get<double>() < compressed["test"]["psnr"].get<double>());

@@ -238,7 +238,7 @@ TEST_CASE("tool: what no codec can be fitted to is refused in one line") {
   check_refused(tool("fit-codec --model " + at("short/model.cmk") + " --data " + at("scene") + " --out " + at("twice")),
                 {"compressed already"});
   check_refused(tool("fit-codec --model " + plain() + " --data " + at("scene") + " --out " + at("plain")),
-                {"--out", "worth keeping"});
+                {"--out", "would be overwritten"});
   check_refused(tool("fit-codec --model " + plain() + " --data " + at("scene") + " --downscale 2 --out " + at("twice")),
                 {"--downscale"});
   done("train --recipe compmark-host --iterations 20 --data " + at("scene") + " --out " + at("other"));

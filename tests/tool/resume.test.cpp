@@ -140,11 +140,11 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
                   {"--fidelity 7", "--fidelity was"},
                   {"--message-weight 3", "--message-weight was"},
                   {"--for-compression", "--for-compression"},
-                  {"--twin " + other_host, "--twin was another"}});
+                  {"--twin " + other_host, "--twin differs"}});
   const auto before = all_of(at("marked"));
-  check_refused(tool(embed(other_host, at("owner.key"), decoder) + " --resume"), {"--model was another"});
-  check_refused(tool(embed(host, at("other.key"), decoder) + " --resume"), {"--key was another"});
-  check_refused(tool(embed(host, at("owner.key"), other) + " --resume"), {"--decoder was another"});
+  check_refused(tool(embed(other_host, at("owner.key"), decoder) + " --resume"), {"--model differs"});
+  check_refused(tool(embed(host, at("other.key"), decoder) + " --resume"), {"--key differs"});
+  check_refused(tool(embed(host, at("owner.key"), other) + " --resume"), {"--decoder differs"});
   CHECK(all_of(at("marked")) == before);
 
   const std::string fitted = "fit-codec" + from + " --out " + at("fitted") + " --model " + host;
@@ -163,7 +163,7 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
                  {{"--seed 3", "--seed was 0 and is 3"}, {"--distortion none", "--distortion was"}});
   fs::copy(at("small/unmarked.cmk"), at("unmarked.cmk"));
   done("fit-codec" + from + " --seed 5 --out " + at("other_fitted") + " --model " + host);
-  check_refused(tool(small + at("other_fitted/model.safetensors") + " --resume"), {"--model was another"});
+  check_refused(tool(small + at("other_fitted/model.safetensors") + " --resume"), {"--model differs"});
   CHECK(testing::file_bytes(at("small/unmarked.cmk")) == testing::file_bytes(at("unmarked.cmk")));
 }
 

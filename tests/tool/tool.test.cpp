@@ -122,7 +122,7 @@ TEST_CASE("tool: a training that nobody sees anything of is stopped and said to 
   const Outcome dead = tool("train --voxel-size 0.3 --iterations 30000 --data " + at("black") + " --out " + at("dead"));
   INFO(dead.text);
   CHECK(dead.code == 2);
-  CHECK(dead.text.find("the training has died") != std::string::npos);
+  CHECK(dead.text.find("the training has failed") != std::string::npos);
   CHECK(dead.text.find("--seed") != std::string::npos);
   CHECK_FALSE(fs::exists(at("dead/model.safetensors")));
 }

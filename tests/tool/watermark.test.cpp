@@ -210,7 +210,7 @@ TEST_CASE("tool: a model that was trained with exposures is marked as what its r
   const Outcome marked = tool(embed + at("exposed-marked"));
   INFO(marked.text);
   REQUIRE(marked.code == 0);
-  CHECK(marked.text.find("exposures stay in the unmarked model") != std::string::npos);
+  CHECK(marked.text.find("exposures of the photographs stay in the unmarked model") != std::string::npos);
   const nlohmann::json results = json_of(at("exposed-marked/results.json"));
   CHECK(results["recipe"] == "scaffold");
   CHECK(results["psnr_marked_vs_unmarked"].get<double>() >
@@ -558,7 +558,7 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   }
   CHECK(tool(common + setting().mark() + " --message-power 0.5").code != 0);
   CHECK(tool(common + setting().mark() + " --fidelity 3000 --fidelity-fall 5").code != 0);
-  check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "held to its host"});
+  check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "needs post-hoc embedding"});
   check_refused(tool(common + setting().mark() + " --draw-by-cost 1"), {"--draw-by-cost", "finished model"});
   check_refused(tool(common + setting().mark() + " --fidelity 3000 --for-compression"),
                 {"--fidelity", "leave out --for-compression"});
@@ -566,7 +566,7 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
                 {"--fidelity", "leave out --twin"});
   // Before the host is trained, not after.
   check_refused(tool(common + " --key " + setting().key + " --fidelity 0 --draw-by-cost 1"),
-                {"--draw-by-cost", "held to its host"});
+                {"--draw-by-cost", "needs post-hoc embedding"});
   check_refused(tool(common + " --key " + setting().key + " --codec hac --hold-steps 50"),
                 {"--hold-steps", "context_gs"});
   check_refused(tool(common + setting().mark() + " --codec context_gs --hold-steps 50"),
