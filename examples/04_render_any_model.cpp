@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Renders a camera that is stored in any model, trained or compressed, to a PNG:   04_render_any_model MODEL PICTURE.png [VIEW]
+// Renders a camera that is stored in any model, trained or compressed, to a PNG: 04_render_any_model MODEL PICTURE.png
+// [VIEW]
 #include <compmark/app/any_model.hpp>
 #include <compmark/io/image_file.hpp>
 #include <cstdio>

@@ -1,14 +1,16 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rate-distortion curves: scenes x codecs x lambda, each point a training of its own (compmark train --codec), measured from its file; and how many
-// bytes one codec takes less than the other for the same quality.
+// Rate-distortion curves: scenes x codecs x lambda, each point a training of its own (compmark train --codec), measured
+// from its file; and how many bytes one codec takes less than the other for the same quality.
 //
-//   rate_distortion --data SCENE[@DOWNSCALE] ... --out DIR [--codecs C ...] [--lambdas L ...] [--iterations N] [words for compmark train]
+//   rate_distortion --data SCENE[@DOWNSCALE] ... --out DIR [--codecs C ...] [--lambdas L ...] [--iterations N] [words
+//     for compmark train]
 //
-// What is finished is not run again, what was stopped goes on. DIR/rate_distortion.json, .md, .html and .svg (the first plot) are written after each
-// point, and have the finished points of earlier commands for these scenes, codecs and lambdas. LPIPS is measured where --lpips-alex FILE is among
-// the words of the first command. Cost: a training for a codec each.
+// What is finished is not run again, what was stopped goes on. DIR/rate_distortion.json, .md, .html and .svg (the first
+// plot) are written after each point, and have the finished points of earlier commands for these scenes, codecs and
+// lambdas. LPIPS is measured where --lpips-alex FILE is among the words of the first command. Cost: a training for a
+// codec each.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstddef>

@@ -3,13 +3,16 @@
 //
 // The paper's Table 1 on the scenes of a folder: {HAC, ContextGS} x {unmarked, marked}, before and after compression.
 //
-//   reproduce_fidelity --data SCENE[@DOWNSCALE] ... --out DIR [--iterations N] [--lambda L] [--bits B] [--fit-codec N] [words for compmark train]
+//   reproduce_fidelity --data SCENE[@DOWNSCALE] ... --out DIR [--iterations N] [--lambda L] [--bits B] [--fit-codec N]
+//     [words for compmark train]
 //
-// A scene is a folder that compmark train takes, or one with such folders in it; lego@2 is trained at half its size. Each scene and codec has a
-// folder of its own in DIR, trained by compmark train --codec --key and measured by compmark evaluate; what is finished is not run again, what was
-// stopped goes on from its checkpoint. All cells are of DIR/owner.key: with another, nothing is run. DIR/fidelity.json, .md and .html are written after each, with the rows of earlier commands into DIR. Cost of a
-// cell: a training, a fit and a marking (compmark train --codec --key), and four times the test views. With --fit-codec the training is one a scene,
-// without a codec, which is fitted to it in N iterations (compmark fit-codec) before the marking (compmark embed): fidelity/fitted.hpp.
+// A scene is a folder that compmark train takes, or one with such folders in it; lego@2 is trained at half its size.
+// Each scene and codec has a folder of its own in DIR, trained by compmark train --codec --key and measured by compmark
+// evaluate; what is finished is not run again, what was stopped goes on from its checkpoint. All cells are of
+// DIR/owner.key: with another, nothing is run. DIR/fidelity.json, .md and .html are written after each, with the rows
+// of earlier commands into DIR. Cost of a cell: a training, a fit and a marking (compmark train --codec --key), and
+// four times the test views. With --fit-codec the training is one a scene, without a codec, which is fitted to it in N
+// iterations (compmark fit-codec) before the marking (compmark embed): fidelity/fitted.hpp.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>

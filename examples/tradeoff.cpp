@@ -1,14 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Accuracy against time, whole: what a marked, compressed scene costs in minutes and bytes and gives in decibels and bits, for the presets of the
-// tool with both codecs and for one change at a time from the standard one.
+// Accuracy against time, whole: what a marked, compressed scene costs in minutes and bytes and gives in decibels and
+// bits, for the presets of the tool with both codecs and for one change at a time from the standard one.
 //
 //   tradeoff --data SCENE[@DOWNSCALE] --out DIR [--points NAME ...] [words for compmark train]
 //
-// Every point is a cell of the fidelity table (examples/fidelity/cell.hpp) in a folder of its own; points that differ in the mark alone share the
-// training and the decoder. What is finished is not run again, what was stopped goes on. DIR/tradeoff.json, .md, .html and .svg are written after each.
-// Cost: that of its points; the presets alone are 84,000 iterations of training and 26,000 of the mark.
+// Every point is a cell of the fidelity table (examples/fidelity/cell.hpp) in a folder of its own; points that differ
+// in the mark alone share the training and the decoder. What is finished is not run again, what was stopped goes on.
+// DIR/tradeoff.json, .md, .html and .svg are written after each. Cost: that of its points; the presets alone are 84,000
+// iterations of training and 26,000 of the mark.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -55,7 +56,8 @@ bool has_host(const fs::path& folder) {
          fs::exists(folder / "decoder.safetensors") && fs::exists(folder / "decoder.json");
 }
 
-/// The training and the decoder of a point with the same host, for one that has none: `train --resume` takes what is there.
+/// The training and the decoder of a point with the same host, for one that has none: `train --resume` takes what is
+/// there.
 Result<Done> share_host(const fs::path& from, const fs::path& to) {
   if (fs::exists(to / "unmarked")) return Done{};
   std::error_code status;

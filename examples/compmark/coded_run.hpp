@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What becomes of a trained model when it is compressed: the file is written, read again as any other program would, rendered and measured.
+// What becomes of a trained model when it is compressed: the file is written, read again as any other program would,
+// rendered and measured.
 #pragma once
 
 #include <compmark/codec/codec_model.hpp>
@@ -31,7 +32,8 @@ struct CodedRun {
   std::optional<Plot> bits;             ///< for the page, of a marked model
 };
 
-/// Writes `file`, loads it and measures it over `measured`; `mark` may be null, `keep` is called for every view of the decoded model.
+/// Writes `file`, loads it and measures it over `measured`; `mark` may be null, `keep` is called for every view of the
+/// decoded model.
 compmark::Result<CodedRun> write_and_measure(const compmark::CodecModel& model, const std::filesystem::path& file,
                                              const DatasetViews& measured, const LpipsFiles& lpips,
                                              const MarkInput* mark, const KeepView& keep,

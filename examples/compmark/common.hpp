@@ -27,7 +27,8 @@ enum : int { success = 0, not_detected = 1, failure = 2, inconclusive = 3, salva
 /// Prints "compmark: error: <line>" and returns the exit code.
 int fail(const compmark::Error& error);
 
-/// A generic lambda of recipes (compmark/app/recipe_list.hpp) that returns an exit code, which is that of a name that is in no list.
+/// A generic lambda of recipes (compmark/app/recipe_list.hpp) that returns an exit code, which is that of a name that
+/// is in no list.
 template <class F>
 struct ExitCode : F {
   explicit ExitCode(F f) : F(f) {}
@@ -69,7 +70,8 @@ struct DatasetViews {
 }
 /// SHA-256 of a file, 64 hexadecimal digits.
 compmark::Result<std::string> file_sha256(const std::filesystem::path& path);
-/// Whether the memory that an image will take is there, asked before it is decoded: a small file may hold a very large one.
+/// Whether the memory that an image will take is there, asked before it is decoded: a small file may hold a very large
+/// one.
 compmark::Result<compmark::Done> check_image_memory(const compmark::ImageInfo& info, const std::filesystem::path& path,
                                                     std::uint64_t bytes_a_pixel, std::size_t budget_mb);
 /// The last name of a path, also of "scene/": what a dataset is called.

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The figures of a view that compmark evaluate writes: one list for the table, JSON, CSV and the page, so that none of them lacks one.
+// The figures of a view that compmark evaluate writes: one list for the table, JSON, CSV and the page, so that none of
+// them lacks one.
 #pragma once
 
 #include <array>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark compress: a model that was trained for it, as one small file. compmark decompress: the way back, damaged files included.
+// compmark compress: a model that was trained for it, as one small file. compmark decompress: the way back, damaged
+// files included.
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/pipeline/coded_model.hpp>

@@ -24,8 +24,9 @@ struct EffectChoice {
   std::vector<std::string> left_out;   ///< called for, but in no recipe of the list together with those
 };
 
-/// The recipe with the most of these effects and none besides (a principal point, a constant background and forward-facing cameras need none); with LensTreatment::keep it is one that projects through the lens, if the
-/// effects name one.
+/// The recipe with the most of these effects and none besides (a principal point, a constant background and
+/// forward-facing cameras need none); with LensTreatment::keep it is one that projects through the lens, if the effects
+/// name one.
 EffectChoice choose_recipe(const std::vector<std::string>& effects, compmark::LensTreatment lens);
 
 /// True for the recipes that project through a lens.

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark embed: hides a message in a finished model: a residual of its features is trained beside it, and the model that is read from is left as it
-// is. Without --decoder one is fitted to the scene first. With --fidelity 0 it is trained on from, with the photographs it was trained on: nothing grows, and the learning rates are small.
+// compmark embed: hides a message in a finished model: a residual of its features is trained beside it, and the model
+// that is read from is left as it is. Without --decoder one is fitted to the scene first. With --fidelity 0 it is
+// trained on from, with the photographs it was trained on: nothing grows, and the learning rates are small.
 #include <compmark/pipeline/model_file.hpp>
 #include <cstdint>
 #include <cstdio>
@@ -29,9 +30,10 @@
 namespace tool {
 namespace {
 
-/// A finished model is marked as it is: the residual trains, nothing else. Without fidelity to it (--fidelity 0, the published way) it is touched up:
-/// constant small rates, no growing. The message begins with the first iteration. `distortion` is what becomes of a coded model's features where the
-/// message is read: `round`ed as the file does, `noise` as wide as a step (the distortion layer of the paper), or `none`; the file rounds whatever it says.
+/// A finished model is marked as it is: the residual trains, nothing else. Without fidelity to it (--fidelity 0, the
+/// published way) it is touched up: constant small rates, no growing. The message begins with the first iteration.
+/// `distortion` is what becomes of a coded model's features where the message is read: `round`ed as the file does,
+/// `noise` as wide as a step (the distortion layer of the paper), or `none`; the file rounds whatever it says.
 TrainSettings embed_settings(TrainSettings settings, const std::string& distortion) {
   settings.grow_until = 0;
   settings.mark.message_after = settings.mark.residual_after = 0;
@@ -115,7 +117,7 @@ Result<Done> make_decoder(TrainOptions& options) {
                    of_this ? "is missing, and a decoder of an earlier run is in this folder"
                            : "is missing, and a decoder of another model is in this folder",
                    "to keep it, choose another --out or name it with --decoder; to continue with a "
-            "decoder of this model, give --resume; to move it aside, give --force"};
+                   "decoder of this model, give --resume; to move it aside, give --force"};
     }
     if (Result<Done> moved = move_decoder_aside(fit.out); !moved) return moved;
   }

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark export: the anchors as the Scaffold family's PLY, or explicit Gaussians as the PLY every viewer opens - baked for one camera
-// (exact from there) or fitted with spherical harmonics over the training cameras - with what the bake loses, in dB.
+// compmark export: the anchors as the Scaffold family's PLY, or explicit Gaussians as the PLY every viewer opens -
+// baked for one camera (exact from there) or fitted with spherical harmonics over the training cameras - with what the
+// bake loses, in dB.
 #include <algorithm>
 #include <cmath>
 #include <compmark/core/thread_executor.hpp>

@@ -40,7 +40,8 @@ bool is_image_name(const fs::path& path) {
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
 }
 
-/// Whether a file in a capture's folder is one that this tool wrote there, by its name or by how it begins: JSON of ours has a schema first.
+/// Whether a file in a capture's folder is one that this tool wrote there, by its name or by how it begins: JSON of
+/// ours has a schema first.
 bool is_ours(const fs::path& path) {
   static constexpr std::array<std::string_view, 8> endings{".safetensors", ".cmk",        ".html", ".jsonl",
                                                            ".lock",        ".checkpoint", ".key",  ".old"};

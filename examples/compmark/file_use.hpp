@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a command reads and what it writes, and that no output is one of the others: by identity of the file, through links of either kind, for every
-// pair, before any work is done. A key that is replaced by a log cannot be made again.
+// What a command reads and what it writes, and that no output is one of the others: by identity of the file, through
+// links of either kind, for every pair, before any work is done. A key that is replaced by a log cannot be made again.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -61,8 +61,8 @@ struct FileUse {
   }
 };
 
-/// An error if an output is an input, another output, or a file of a folder that is read. Cost: a look at every file that is named; where an output is
-/// there already, at every name in the folders that are read.
+/// An error if an output is an input, another output, or a file of a folder that is read. Cost: a look at every file
+/// that is named; where an output is there already, at every name in the folders that are read.
 compmark::Result<compmark::Done> check_file_use(const FileUse& use);
 
 }  // namespace tool

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark keygen: a new owner's key, 256 random bits of the operating system. A key that exists is never lost: --force moves it aside.
+// compmark keygen: a new owner's key, 256 random bits of the operating system. A key that exists is never lost: --force
+// moves it aside.
 #include <compmark/io/os_random.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/mark/key.hpp>
@@ -84,7 +85,8 @@ int run(const KeygenOptions& options) {
                  "would make the same key again",
                  "give the new key a payload of its own with --payload"});
   }
-  // Of two that make one name at once the second would replace the first's: a key that somebody was told of, and nobody has.
+  // Of two that make one name at once the second would replace the first's: a key that somebody was told of, and nobody
+  // has.
   const Result<std::shared_ptr<const void>> alone = hold_file(options.out);
   if (!alone) return fail(alone.error());
   fs::path aside;

@@ -8,8 +8,9 @@
 
 namespace tool {
 
-/// Bytes: the least of what the machine has available, what its control groups (versions 1 and 2, with all that are above) leave, and what the
-/// address space of the process may still grow by. 0: the system does not say. Below `root` are proc and sys/fs/cgroup, as tests lay them out.
+/// Bytes: the least of what the machine has available, what its control groups (versions 1 and 2, with all that are
+/// above) leave, and what the address space of the process may still grow by. 0: the system does not say. Below `root`
+/// are proc and sys/fs/cgroup, as tests lay them out.
 [[nodiscard]] double free_memory_bytes(const std::filesystem::path& root = "/");
 
 }  // namespace tool

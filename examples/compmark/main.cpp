@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The command-line tool: train, render and evaluate anchor-based splats on the CPU. Exit codes: 0 done (verify: detected), 1 verify: not detected,
-// 2 error (one line says what, where and what to do), 3 verify: inconclusive,
-// 4 decompress --salvage: something was lost, 130 interrupted (a checkpoint was written).
+// The command-line tool: train, render and evaluate anchor-based splats on the CPU. Exit codes: 0 done (verify:
+// detected), 1 verify: not detected, 2 error (one line says what, where and what to do), 3 verify: inconclusive, 4
+// decompress --salvage: something was lost, 130 interrupted (a checkpoint was written).
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>

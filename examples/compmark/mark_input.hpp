@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What train and embed share to hide a message: the key's message, the decoder that shall read it, and the measurement of the result.
+// What train and embed share to hide a message: the key's message, the decoder that shall read it, and the measurement
+// of the result.
 #pragma once
 
 #include <array>
@@ -47,8 +48,8 @@ struct MarkOptions {
            power || rate || fidelity || fall || by_cost || hold_steps || message_every != 1 || for_compression;
   }
 };
-/// --bits, --key, --decoder, --period, --tone, --twin, --message-weight, --message-margin, --message-power, --message-rate, --fidelity, --fidelity-fall,
-/// --draw-by-cost, --hold-steps, --message-every, --for-compression
+/// --bits, --key, --decoder, --period, --tone, --twin, --message-weight, --message-margin, --message-power,
+/// --message-rate, --fidelity, --fidelity-fall, --draw-by-cost, --hold-steps, --message-every, --for-compression
 void add_mark_options(Options& app, MarkOptions& options, bool required);
 
 /// That what is said of a decoder to fit is said where none is given.

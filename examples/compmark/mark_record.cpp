@@ -56,8 +56,8 @@ std::string word(const Json& json, std::initializer_list<const char*> keys) {
   return at->is_string() ? at->get<std::string>() : std::string();
 }
 
-/// False if the JSON is no record, or one that was damaged: its checksum is another, or one of its fields has a name that none has. Records of before
-/// have no checksum.
+/// False if the JSON is no record, or one that was damaged: its checksum is another, or one of its fields has a name
+/// that none has. Records of before have no checksum.
 bool read(const Json& json, MarkRecord& record) {
   if (word(json, {"schema"}) != schema) return false;
   constexpr std::array<std::string_view, 4> fields{"schema", "key", "decoder", "models"};

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which decoder reads the marks of a key. Every mark that is hidden is noted: in mark.json of its run, and as a line of <key>.record beside the key,
-// which is appended to and never rewritten; the key file itself is left alone. Who reads later is told if the decoder is another one: a message that
-// is there would not be found, and no one would know why.
+// Which decoder reads the marks of a key. Every mark that is hidden is noted: in mark.json of its run, and as a line of
+// <key>.record beside the key, which is appended to and never rewritten; the key file itself is left alone. Who reads
+// later is told if the decoder is another one: a message that is there would not be found, and no one would know why.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -38,7 +38,8 @@ compmark::Result<KeptRecords> read_record(const std::filesystem::path& path);
 /// mark.json of a run; nothing if it is no record or was damaged.
 std::optional<MarkRecord> read_mark(const std::filesystem::path& path);
 
-/// SHA-256 of what a decoder computes with: of name, type, shape and numbers of every tensor, by name. Notes and other words are no part of it.
+/// SHA-256 of what a decoder computes with: of name, type, shape and numbers of every tensor, by name. Notes and other
+/// words are no part of it.
 std::string tensors_sha256(const compmark::SafetensorsFile& file);
 
 /// <key>.record beside the key file itself, links followed; empty for a key that is no file.
@@ -52,7 +53,8 @@ void warn_of_record(const std::filesystem::path& key, const std::filesystem::pat
 compmark::Result<compmark::Done> keep_record(const MarkRecord& record, const std::filesystem::path& key,
                                              const std::filesystem::path& run);
 
-/// An error if marks of this key are on record, and none of them (of this model, where the record knows it; it may be empty) is read by this decoder.
+/// An error if marks of this key are on record, and none of them (of this model, where the record knows it; it may be
+/// empty) is read by this decoder.
 compmark::Result<compmark::Done> check_recorded(const std::filesystem::path& key_file, const compmark::OwnerKey& key,
                                                 const std::filesystem::path& decoder,
                                                 const std::filesystem::path& model = {});

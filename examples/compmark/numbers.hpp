@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Numbers as a user writes them: the whole word is one, it is finite and in its range, or the option is refused by name. The parser's own conversion
-// takes -1 for 18446744073709551615 where a count is wanted, "010" for eight, and lets NaN through its comparisons.
+// Numbers as a user writes them: the whole word is one, it is finite and in its range, or the option is refused by
+// name. The parser's own conversion takes -1 for 18446744073709551615 where a count is wanted, "010" for eight, and
+// lets NaN through its comparisons.
 #pragma once
 
 #include <CLI/CLI.hpp>

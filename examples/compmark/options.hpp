@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How a command declares its options: each says what it is, a file that is read or written, a number with its range, a word or a flag. From that table
-// come the checks that no command has to remember: no output is a file that is read or written otherwise (file_use.hpp), no input is a file of another
-// kind (input_files.hpp), and no number is outside its range. There is no other way to declare one, and `compmark --options-json` shows the table.
+// How a command declares its options: each says what it is, a file that is read or written, a number with its range, a
+// word or a flag. From that table come the checks that no command has to remember: no output is a file that is read or
+// written otherwise (file_use.hpp), no input is a file of another kind (input_files.hpp), and no number is outside its
+// range. There is no other way to declare one, and `compmark --options-json` shows the table.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pages of figures without pictures, as the programs of the benchmarks and of the fidelity table write them: a heading, a line that says what was
-// measured, plots, tables (as Markdown too). No script, nothing loaded. The page of a run, with its pictures, is report.hpp's.
+// Pages of figures without pictures, as the programs of the benchmarks and of the fidelity table write them: a heading,
+// a line that says what was measured, plots, tables (as Markdown too). No script, nothing loaded. The page of a run,
+// with its pictures, is report.hpp's.
 #pragma once
 
 #include <algorithm>

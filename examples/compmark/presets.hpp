@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Settings of a marked, compressed scene by what there is time for. What each costs and gives is for examples/tradeoff.cpp to measure
-// (docs/accuracy_vs_time.md).
+// Settings of a marked, compressed scene by what there is time for. What each costs and gives is for
+// examples/tradeoff.cpp to measure (docs/accuracy_vs_time.md).
 #pragma once
 
 #include <array>

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark pretrain: photographs, or nothing, in; a message decoder and a JSON of what it reads out. Ctrl-C writes a checkpoint; --resume
-// continues from it to the same bits as an uninterrupted run. How and why: docs/decoder_training.md.
+// compmark pretrain: photographs, or nothing, in; a message decoder and a JSON of what it reads out. Ctrl-C writes a
+// checkpoint; --resume continues from it to the same bits as an uninterrupted run. How and why:
+// docs/decoder_training.md.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -121,7 +122,8 @@ class Lines {
   double loss_ = 0, count_ = 0, right_ = 0, read_ = 0;
 };
 
-/// Square `again` of `count` images, spread over all there are, in turn; what `read` makes of each is appended to the result.
+/// Square `again` of `count` images, spread over all there are, in turn; what `read` makes of each is appended to the
+/// result.
 template <class Read>
 std::vector<double> over_squares(const PretrainImages& images, std::size_t count, int side, const Read& read) {
   std::vector<double> result;
@@ -241,7 +243,8 @@ std::vector<double> periods_of(const LatticeSettings& shape) {
   return std::vector<double>(shape.dimensions() / 3, shape.measure == LatticeMeasure::colour ? 0.047 : 0.1);
 }
 
-/// Octaves by which the waves' periods differ, either way: colours are few, and waves of one length feel the same of them.
+/// Octaves by which the waves' periods differ, either way: colours are few, and waves of one length feel the same of
+/// them.
 double spread_of(const LatticeSettings& shape) { return shape.measure == LatticeMeasure::colour ? 0.7 : 0; }
 
 /// Images that are measured.
@@ -250,8 +253,8 @@ std::size_t measured_of(const PretrainOptions& options, const PretrainImages& he
 }
 std::string digest_of(const PretrainImages& train) { return train.procedural() ? "" : train.digest(); }
 
-/// Whether the decoder that is there was trained with these options, as its measurements say. An error names those that are others; with --force
-/// there is none.
+/// Whether the decoder that is there was trained with these options, as its measurements say. An error names those that
+/// are others; with --force there is none.
 Result<bool> is_finished(const PretrainOptions& options, const PretrainImages& train, const PretrainImages& held) {
   const Result<nlohmann::json> found = read_json<nlohmann::json>(options.json);
   const Result<std::string> decoder = file_sha256(options.out);
@@ -368,7 +371,8 @@ int run(PretrainOptions& options) {
   lines.finish();
   const double seconds = lines.seconds();
 
-  // Logits of unmarked images: no offset, unit variance, no correlation. Squares of several kinds, because photographs are few.
+  // Logits of unmarked images: no offset, unit variance, no correlation. Squares of several kinds, because photographs
+  // are few.
   network.load(arena);
   const Lattice& trained = network.decoder();
   const std::size_t samples = std::max<std::size_t>(1200, 24 * static_cast<std::size_t>(options.bits));

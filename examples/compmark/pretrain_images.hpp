@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images a message decoder is trained and measured on: photographs of a folder, decoded once, or dead leaves made on demand. One type for
-// both, so that the training has no branch. Photographs that belong together ("kitchen_0.jpg", "kitchen_1.jpg") stay on one side of a split.
+// The images a message decoder is trained and measured on: photographs of a folder, decoded once, or dead leaves made
+// on demand. One type for both, so that the training has no branch. Photographs that belong together ("kitchen_0.jpg",
+// "kitchen_1.jpg") stay on one side of a split.
 #pragma once
 
 #include <algorithm>
@@ -87,8 +88,9 @@ class PretrainImages {
     return PretrainImages(std::move(taken));
   }
 
-  /// Every PNG and JPEG of a folder. One whose shorter side is above `most` is reduced to it, antialiased: a photograph of a modern camera
-  /// is smooth at the scale of a few pixels, and a hundred of them would not fit. One that takes more than the budget while it is read is refused.
+  /// Every PNG and JPEG of a folder. One whose shorter side is above `most` is reduced to it, antialiased: a photograph
+  /// of a modern camera is smooth at the scale of a few pixels, and a hundred of them would not fit. One that takes
+  /// more than the budget while it is read is refused.
   [[nodiscard]] static compmark::Result<PretrainImages> folder(const std::filesystem::path& path, const char* option,
                                                                int least, int most, std::size_t budget_mb) {
     using compmark::Error;

@@ -57,7 +57,8 @@ nlohmann::ordered_json to_json(const ProgressLine& line) {
   return json;
 }
 
-/// What a killed run, or a full disk, left of a line at the end of a log: the next one would stand behind it, and neither could be read.
+/// What a killed run, or a full disk, left of a line at the end of a log: the next one would stand behind it, and
+/// neither could be read.
 void drop_torn_line(const std::filesystem::path& log) {
   std::ifstream file(log, std::ios::binary);
   std::uintmax_t whole = 0, size = 0;

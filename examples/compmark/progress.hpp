@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a running training shows: a bar on a terminal, plain lines in a file or pipe, one JSON object a line in a log, and the flag that
-// Ctrl-C raises. Values are means since the last output, so that a line says how the run goes and not how one view went.
+// What a running training shows: a bar on a terminal, plain lines in a file or pipe, one JSON object a line in a log,
+// and the flag that Ctrl-C raises. Values are means since the last output, so that a line says how the run goes and not
+// how one view went.
 #pragma once
 
 #include <signal.h>
@@ -97,15 +98,17 @@ class Progress {
   Clock::time_point rate_time_{};
 };
 
-/// Reads a JSON-lines log back. Where an iteration appears twice (a resumed run), the later line holds; a last line cut short is ignored.
+/// Reads a JSON-lines log back. Where an iteration appears twice (a resumed run), the later line holds; a last line cut
+/// short is ignored.
 compmark::Result<std::vector<ProgressLine>> read_progress_log(const std::filesystem::path& path);
 
 /// "1:02:03" or "4:05".
 std::string format_duration(double seconds);
 
-/// While it lives SIGINT and SIGTERM are caught: the first one raises the flag, a second one ends the program at once. The handler only stores to a
-/// lock-free atomic and restores the default action, both async-signal-safe. For work that leaves a checkpoint, and no longer: what follows (measuring,
-/// the page, the fit of a decoder) looks at no flag, and shall end at the first signal, as it does by itself.
+/// While it lives SIGINT and SIGTERM are caught: the first one raises the flag, a second one ends the program at once.
+/// The handler only stores to a lock-free atomic and restores the default action, both async-signal-safe. For work that
+/// leaves a checkpoint, and no longer: what follows (measuring, the page, the fit of a decoder) looks at no flag, and
+/// shall end at the first signal, as it does by itself.
 class InterruptWatch {
  public:
   InterruptWatch();  ///< lowers the flag

@@ -36,7 +36,8 @@ struct PayloadText {
 };
 PayloadText payload_text(const compmark::OwnerKey& key, const compmark::Message& read);
 
-/// Reads a decoder file. With a key: the decoder of the key's message length, or an error; a carrier file needs the key.
+/// Reads a decoder file. With a key: the decoder of the key's message length, or an error; a carrier file needs the
+/// key.
 compmark::Result<Decoder> load_decoder(const std::filesystem::path& path, const compmark::OwnerKey* key);
 
 /// What is to be read: a model's renders or images.
@@ -63,7 +64,8 @@ struct Reading {
   std::size_t bits = 0;
 };
 
-/// Everything that `options` names, read by its decoder. Renders are rounded to 8 bits; a model without test views gives its training views.
+/// Everything that `options` names, read by its decoder. Renders are rounded to 8 bits; a model without test views
+/// gives its training views.
 compmark::Result<Reading> read_all(const ReadingOptions& options, const std::optional<compmark::OwnerKey>& key);
 
 }  // namespace tool

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark render: PNG images of a model, from the cameras it was trained with (stored in the model) or from those of a dataset.
+// compmark render: PNG images of a model, from the cameras it was trained with (stored in the model) or from those of a
+// dataset.
 #include <algorithm>
 #include <chrono>
 #include <compmark/core/thread_executor.hpp>

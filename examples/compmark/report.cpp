@@ -81,7 +81,8 @@ ReportImage difference(const ReportImage& a, const ReportImage& b, int gain) {
   return result;
 }
 
-/// Lines of report_text(): those with a label of twelve letters are rows of a table, the others the verdict, which stands above it.
+/// Lines of report_text(): those with a label of twelve letters are rows of a table, the others the verdict, which
+/// stands above it.
 std::string words(const ReportWords& input) {
   constexpr std::size_t label = 12;
   std::string verdict, rows;

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// report.html: one file to open or send. Figures, what was read of a message in words and bit by bit, curves, settings and, for chosen test views,
-// ground truth, render and five times their difference side by side, with the unmarked twin's where there is one. Images are embedded PNGs, plots
-// inline SVG; there is no script and nothing is loaded from elsewhere.
+// report.html: one file to open or send. Figures, what was read of a message in words and bit by bit, curves, settings
+// and, for chosen test views, ground truth, render and five times their difference side by side, with the unmarked
+// twin's where there is one. Images are embedded PNGs, plots inline SVG; there is no script and nothing is loaded from
+// elsewhere.
 #pragma once
 
 #include <cstdint>
@@ -91,7 +92,8 @@ struct ReportInput {
 /// Plots of one log, under its heading; empty without lines.
 std::string curves_html(const ReportCurve& curve);
 
-/// The page as text, and written atomically. Cost: PNG compression of three images a view, five with an unmarked twin (~0.1 s each at 800 x 800).
+/// The page as text, and written atomically. Cost: PNG compression of three images a view, five with an unmarked twin
+/// (~0.1 s each at 800 x 800).
 std::string make_report(const ReportInput& input);
 compmark::Result<compmark::Done> write_report(const std::filesystem::path& path, const ReportInput& input);
 

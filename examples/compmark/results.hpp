@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// results.json: what other programs read about a run. The names, their order and their types are a contract (docs/results.md); a change
-// of meaning raises `schema`.
+// results.json: what other programs read about a run. The names, their order and their types are a contract
+// (docs/results.md); a change of meaning raises `schema`.
 #pragma once
 
 #include <cstdint>

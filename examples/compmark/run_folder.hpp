@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A folder that a run has for itself: nobody else writes into it meanwhile, and what an earlier run finished there is not lost unasked.
+// A folder that a run has for itself: nobody else writes into it meanwhile, and what an earlier run finished there is
+// not lost unasked.
 #pragma once
 
 #include <compmark/core/result.hpp>

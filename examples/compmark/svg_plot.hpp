@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Line and scatter plots as inline SVG, for pages that open anywhere without a script. Colours come from the page's style sheet
-// (plot_style), so that a plot follows the reader's light or dark theme.
+// Line and scatter plots as inline SVG, for pages that open anywhere without a script. Colours come from the page's
+// style sheet (plot_style), so that a plot follows the reader's light or dark theme.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,9 @@ struct PlotSeries {
   std::vector<std::array<double, 2>>
       points;  ///< x, y; a point that is not finite (or not positive on a log axis) is left out
   std::vector<std::string>
-      names;  ///< text beside each point, may be shorter than points; with dots, which say it when they are pointed at, room or not
+      /// text beside each point, may be shorter than points; with dots, which say it when they are pointed at, room or
+      /// not
+      names;
   int color = 0;  ///< 0 … 5, see plot_style
   bool line = true;
   bool dots = false;
@@ -169,7 +171,8 @@ class NamePlaces {
     taken_.push_back({x - radius, y - radius, x + radius, y + radius});
     dots_.push_back({x, y});
   }
-  /// For a name of so many letters at the dot (x, y); `left` of it and `below` it are tried first. None if it is crowded.
+  /// For a name of so many letters at the dot (x, y); `left` of it and `below` it are tried first. None if it is
+  /// crowded.
   std::optional<Place> find(double x, double y, std::size_t letters, bool left, bool below) {
     const double wide = 6.4 * static_cast<double>(letters);  // of 12 pixels' text, in the mean
     for (const double away : {6.0, 18.0, 30.0, 42.0}) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark train: a dataset in, a model, its measurements and a page to look at out, with a message in it if a key is given.
-// Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
+// compmark train: a dataset in, a model, its measurements and a page to look at out, with a message in it if a key is
+// given. Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
 #include <algorithm>
 #include <array>
 #include <compmark/io/json_file.hpp>
@@ -43,8 +43,8 @@ bool marks_afterwards(const TrainOptions& options) {
          !options.mark.for_compression;
 }
 
-/// A run that goes on has the recipe, the effects and the background that it began with, whatever a probe would say today. False where nothing was
-/// begun, or the command says otherwise.
+/// A run that goes on has the recipe, the effects and the background that it began with, whatever a probe would say
+/// today. False where nothing was begun, or the command says otherwise.
 Result<bool> continue_begun(TrainOptions& options) {
   std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!std::filesystem::exists(checkpoint) && marks_afterwards(options))
@@ -78,8 +78,8 @@ Result<bool> continue_begun(TrainOptions& options) {
   return true;
 }
 
-/// Settles options.recipe, options.simulated and the probed background, and says why in options.notes. An explicit --recipe is taken as it is; the
-/// hosts of the other profiles have no effects.
+/// Settles options.recipe, options.simulated and the probed background, and says why in options.notes. An explicit
+/// --recipe is taken as it is; the hosts of the other profiles have no effects.
 Result<Done> choose_effects(TrainOptions& options) {
   const Result<bool> begun = continue_begun(options);
   if (!begun) return begun.error();
@@ -161,8 +161,8 @@ Result<Done> choose_effects(TrainOptions& options) {
   return Done{};
 }
 
-/// Whether the photographs' exposures may train although a message is wanted: no recipe with a message has them, but a finished model is marked as
-/// what its renders are, one without (marking_recipe).
+/// Whether the photographs' exposures may train although a message is wanted: no recipe with a message has them, but a
+/// finished model is marked as what its renders are, one without (marking_recipe).
 bool exposes(const TrainOptions& options) {
   if (!options.mark.wanted()) return true;
   return marks_afterwards(options) && (!options.mark.fidelity || *options.mark.fidelity > 0);
@@ -187,8 +187,8 @@ void leave_out_unmarked(TrainOptions& options) {
   options.notes.push_back("recipe " + recipe);
 }
 
-/// From the recipe that the effects call for to the one that trains for the codec, or that one can be fitted to; effects that it lacks are left out
-/// with a note.
+/// From the recipe that the effects call for to the one that trains for the codec, or that one can be fitted to;
+/// effects that it lacks are left out with a note.
 Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   const bool coded = is_coded_recipe(options.recipe);
   if (options.codec == "none" && !coded && !options.for_fit_codec) return Done{};
@@ -248,8 +248,8 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   return Done{};
 }
 
-/// The whole training as if there were no mark, into a folder of its own, and then the mark in the finished model: with the decoder fitted in
-/// between if none is given, and the unmarked model kept.
+/// The whole training as if there were no mark, into a folder of its own, and then the mark in the finished model: with
+/// the decoder fitted in between if none is given, and the unmarked model kept.
 int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   // What is wrong is said before hours of work.
   const Result<OwnerKey> key = key_of(options.mark);

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Training runs for compression, with a message or without. They are compiled apart from the others: each is a recipe of its own.
+// Training runs for compression, with a message or without. They are compiled apart from the others: each is a recipe
+// of its own.
 #pragma once
 
 #include <compmark/pipeline/settings.hpp>
@@ -12,7 +13,8 @@ namespace tool {
 
 struct TrainOptions;
 
-/// Trains options.recipe, one that trains for a codec, and writes the compressed file too. `mark` may be null. Returns the exit code.
+/// Trains options.recipe, one that trains for a codec, and writes the compressed file too. `mark` may be null. Returns
+/// the exit code.
 int train_coded(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput* mark);
 /// Those of one codec, each compiled by itself.
 int train_hac(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput* mark);

@@ -17,13 +17,15 @@ struct TrainOptions;
 /// What is said where no message can be hidden in a recipe.
 [[nodiscard]] compmark::Error no_message_in(const std::string& recipe);
 
-/// Whether a finished model of options.recipe can be marked as options.mark says: what is wrong is said before hours of work.
+/// Whether a finished model of options.recipe can be marked as options.mark says: what is wrong is said before hours of
+/// work.
 [[nodiscard]] compmark::Result<compmark::Done> can_mark_finished(const TrainOptions& options);
 
 /// Trains options.recipe with a mark, or marks options.model by training on from it. Returns the exit code.
 int train_marked(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput& mark);
 
-/// Marks options.model beside what it is: compmark embed. Without a decoder one is fitted into options.out. Returns the exit code.
+/// Marks options.model beside what it is: compmark embed. Without a decoder one is fitted into options.out. Returns the
+/// exit code.
 int embed_model(TrainOptions options);
 
 }  // namespace tool

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the page of a run says. Where the run wrote a compressed file, the page is about that: it is what others get. What the model was before
-// the codec stands in a table.
+// What the page of a run says. Where the run wrote a compressed file, the page is about that: it is what others get.
+// What the model was before the codec stands in a table.
 #pragma once
 
 #include <compmark/core/result.hpp>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A training run of one recipe: the part of train_run.hpp that is compiled for each, about ten seconds of a compiler apiece. Include it
-// where recipes are compiled.
+// A training run of one recipe: the part of train_run.hpp that is compiled for each, about ten seconds of a compiler
+// apiece. Include it where recipes are compiled.
 #pragma once
 
 #include <algorithm>
@@ -87,7 +87,8 @@ struct TrainObserver {
       progress->note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
                      " parameter blocks had a gradient that is not finite and were not updated");
     }
-    // Opacities of zero and less get no gradient, so that what nobody sees stays so: the hours that are left would train nothing.
+    // Opacities of zero and less get no gradient, so that what nobody sees stays so: the hours that are left would
+    // train nothing.
     if (report.rendered) empty_renders = report.forward.gaussians == 0 ? empty_renders + 1 : 0;
     if (empty_renders > patience) {
       failure = Error{ErrorKind::invalid,
@@ -146,7 +147,8 @@ Result<LensViews<L>> lens_views(DatasetViews views) {
   return result;
 }
 
-/// The recipe of the finished model that a run may start from (TrainOptions::model): of a mark, and of a codec that is fitted, the host's.
+/// The recipe of the finished model that a run may start from (TrainOptions::model): of a mark, and of a codec that is
+/// fitted, the host's.
 template <class R>
 struct SourceRecipe {
   using Type = R;
@@ -246,7 +248,8 @@ int run_iterations(Loop& loop, const RunParts<R>& parts, double seconds_before) 
   return with_log(*progress, finish_run(options, data, end, parts.mark, *parts.executor));
 }
 
-/// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which holds one already.
+/// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which
+/// holds one already.
 template <class R>
 int run(const TrainOptions& options, const TrainSettings& settings, const MarkInput* mark = nullptr) {
   using Source = typename SourceRecipe<R>::Type;

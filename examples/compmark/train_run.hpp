@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One training run of the tool, from options to files: what of it no recipe's type decides, and so is compiled once. The rest is in
-// train_recipe.hpp.
+// One training run of the tool, from options to files: what of it no recipe's type decides, and so is compiled once.
+// The rest is in train_recipe.hpp.
 #pragma once
 
 #include <compmark/codec/codec_model.hpp>
@@ -67,7 +67,8 @@ struct TrainOptions {
 /// Options of a run that starts from a finished model, whatever it does with it.
 void add_finished_model_options(Options& app, TrainOptions& options);
 
-/// What a run leaves in its folder, whatever it trains, and what of the run of the model that it starts from it looks at.
+/// What a run leaves in its folder, whatever it trains, and what of the run of the model that it starts from it looks
+/// at.
 void add_run_files(FileUse& use, const TrainOptions& options, const std::filesystem::path& out);
 
 /// What is said where a run without --resume would write over a checkpoint.
@@ -104,7 +105,8 @@ struct RunData {
 /// Opens the data and makes the run's folder; `settings` become those of these data.
 compmark::Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options, compmark::TrainSettings settings,
                                                     const RunNeeds& needs, const SourceModel& source);
-/// Decodes every image once, so that a bad one is named before hours of work, and compares the data with the source model's.
+/// Decodes every image once, so that a bad one is named before hours of work, and compares the data with the source
+/// model's.
 compmark::Result<compmark::Done> check_run(const TrainOptions& options, RunData& run, const SourceModel& source,
                                            const MarkInput* mark);
 
@@ -120,7 +122,8 @@ struct RunEnd {
   std::vector<ProgressLine> curve;            ///< of this run, its sessions before included
   std::optional<compmark::CodecModel> coded;  ///< of a run for compression
 };
-/// Measures the model that was written, compresses it where `end` says so, reads the mark, writes results and report. Returns the exit code.
+/// Measures the model that was written, compresses it where `end` says so, reads the mark, writes results and report.
+/// Returns the exit code.
 int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, const MarkInput* mark,
                compmark::ThreadExecutor& executor);
 

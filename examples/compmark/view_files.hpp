@@ -38,8 +38,8 @@ inline std::string view_stem(std::string name) {
   return name.empty() ? "view" : name;
 }
 
-/// A file name for every view, none twice, also where capitals and small letters are the same: of views whose stems agree the first keeps it, the
-/// others get a number.
+/// A file name for every view, none twice, also where capitals and small letters are the same: of views whose stems
+/// agree the first keeps it, the others get a number.
 inline std::vector<std::string> view_files(const std::vector<std::string>& views) {
   std::vector<std::string> names;
   std::set<std::string> stems, taken;

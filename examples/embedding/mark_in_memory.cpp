@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// CompMark inside another program: images that are in memory, threads of its own, a recipe of five policies of which one, the message decoder,
-// is written here, progress by an observer; then the proof that the message is there, and that another key's is not. No file is read or written.
+// CompMark inside another program: images that are in memory, threads of its own, a recipe of five policies of which
+// one, the message decoder, is written here, progress by an observer; then the proof that the message is there, and
+// that another key's is not. No file is read or written.
 #include <compmark/compmark.hpp>
 
 #include <array>
@@ -112,7 +113,8 @@ Memory photographs(int count, Team& team) {
   return memory;
 }
 
-// 3. A message decoder: bit i is the sign of the image's correlation with wave i. The waves' directions, lengths and phases are the key's secret.
+// 3. A message decoder: bit i is the sign of the image's correlation with wave i. The waves' directions, lengths and
+// phases are the key's secret.
 struct SecretWaves {
   using Scalar = float;
   struct Context {};
@@ -159,7 +161,8 @@ struct SecretWaves {
   }
 };
 
-// 4. A recipe: five policies by position, and what carries the mark. The host is what a file of the finished model holds.
+// 4. A recipe: five policies by position, and what carries the mark. The host is what a file of the finished model
+// holds.
 constexpr DecoderShape shape{.feature_dim = 16, .offsets = 5};
 using Anchors = ScaffoldAnchors<float, shape>;
 using Raster = TrainingRasterizer<float, accuracy::fast>;

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One cell of the fidelity table, a scene with a codec: its commands, and what their files say. One training makes all four models of it: the
-// unmarked one, its compressed file, the marked one, and its compressed file (or three commands do: fitted.hpp).
+// One cell of the fidelity table, a scene with a codec: its commands, and what their files say. One training makes all
+// four models of it: the unmarked one, its compressed file, the marked one, and its compressed file (or three commands
+// do: fitted.hpp).
 #pragma once
 
 #include <algorithm>
@@ -131,8 +132,8 @@ struct Cell {
                "is " + key->dump() + ", and owner.key beside the cells is \"" + key_id + "\"",
                "put that key back as owner.key, or choose another --out"};
 }
-/// A cell's folder, made or found again with the same settings. One in which nothing was trained, as after words that `compmark train` refused, is
-/// anybody's.
+/// A cell's folder, made or found again with the same settings. One in which nothing was trained, as after words that
+/// `compmark train` refused, is anybody's.
 [[nodiscard]] inline Result<Done> open_folder(const fs::path& folder, const nlohmann::ordered_json& wanted) {
   const fs::path file = folder / "cell.json";
   if (fs::exists(file) && is_begun(folder)) {
@@ -196,7 +197,8 @@ struct Cell {
   const fs::path folder = cell.folder(settings);
   std::vector<std::string> words = {settings.tool.string(), "evaluate", "--model"};
   for (const char* file : model_files) words.push_back((folder / file).string());
-  // Each against the unmarked one on its side of the codec; the unmarked ones are their own twins, as every model is given one.
+  // Each against the unmarked one on its side of the codec; the unmarked ones are their own twins, as every model is
+  // given one.
   words.emplace_back("--unmarked");
   for (const Model twin : {unmarked, unmarked_coded, unmarked, unmarked_coded})
     words.push_back((folder / model_files[twin]).string());
@@ -290,7 +292,8 @@ struct Cell {
   return row;
 }
 
-/// The finished cells of an earlier command into the same folder, with the same settings but for scene and codec, in the order of their names.
+/// The finished cells of an earlier command into the same folder, with the same settings but for scene and codec, in
+/// the order of their names.
 [[nodiscard]] inline std::vector<Row> finished_rows(const Settings& settings) {
   std::vector<fs::path> folders;
   std::error_code status;

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rate-distortion curves of codecs over lambda: a point is a training and its compressed file, measured from the file; codecs are compared by the
-// Bjontegaard delta (compmark/metric/bd_rate.hpp) of their points that no other of the same codec beats: where more bytes buy no quality, which
-// photographs of changing brightness come to soon, who takes the codec takes the smaller file.
+// Rate-distortion curves of codecs over lambda: a point is a training and its compressed file, measured from the file;
+// codecs are compared by the Bjontegaard delta (compmark/metric/bd_rate.hpp) of their points that no other of the same
+// codec beats: where more bytes buy no quality, which photographs of changing brightness come to soon, who takes the
+// codec takes the smaller file.
 #pragma once
 
 #include <algorithm>
@@ -97,8 +98,8 @@ struct CurveDelta {
   return own;
 }
 
-/// The curve of a codec on a scene, with the quality that `quality` says of a point, by rising bytes. Points that another one beats, with no more bytes
-/// and no less quality, are told to `beaten` (point, by which) instead.
+/// The curve of a codec on a scene, with the quality that `quality` says of a point, by rising bytes. Points that
+/// another one beats, with no more bytes and no less quality, are told to `beaten` (point, by which) instead.
 template <class Quality, class Beaten>
 [[nodiscard]] std::vector<compmark::RatePoint> front_of(const std::vector<CurvePoint>& points, const std::string& scene,
                                                         const std::string& codec, Quality&& quality, Beaten&& beaten) {
@@ -128,7 +129,8 @@ template <class Quality, class Beaten>
   return names;
 }
 
-/// Every codec against the first of `codecs`, whichever points are there, scene by scene, by what no other point of theirs beats.
+/// Every codec against the first of `codecs`, whichever points are there, scene by scene, by what no other point of
+/// theirs beats.
 [[nodiscard]] inline std::vector<CurveDelta> curve_deltas(const std::vector<CurvePoint>& points,
                                                           const std::vector<std::string>& codecs) {
   const auto psnr = [](const CurvePoint& point) { return point.psnr; };

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The other road to a cell: a host that is trained without a codec, one a scene; the codec is fitted to it afterwards, and the mark hidden in what
-// the codec's file says. The host stays the model that its owner has, and both codecs are of the same one. Its folder, SCENE_host, is that of no cell:
-// two commands into one --out at a time would both train it.
+// The other road to a cell: a host that is trained without a codec, one a scene; the codec is fitted to it afterwards,
+// and the mark hidden in what the codec's file says. The host stays the model that its owner has, and both codecs are
+// of the same one. Its folder, SCENE_host, is that of no cell: two commands into one --out at a time would both train
+// it.
 #pragma once
 
 #include <algorithm>

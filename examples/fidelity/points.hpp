@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The runs of the page "accuracy against time, whole": every preset of the tool with both codecs, and one change at a time from the standard one. What
-// each costs (seconds, bytes) and gives (decibels, bits), and which of them no other is better than.
+// The runs of the page "accuracy against time, whole": every preset of the tool with both codecs, and one change at a
+// time from the standard one. What each costs (seconds, bytes) and gives (decibels, bits), and which of them no other
+// is better than.
 #pragma once
 
 #include <algorithm>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs another program to its end, without a shell in between: no name of a folder is read as a command. Who is told to stop tells it, and waits for
-// what it still has to write.
+// Runs another program to its end, without a shell in between: no name of a folder is read as a command. Who is told to
+// stop tells it, and waits for what it still has to write.
 #pragma once
 
 #include <fcntl.h>
@@ -39,8 +39,8 @@ inline void watch_stop() {
 }
 [[nodiscard]] inline bool stopped() { return detail::stopped != 0; }
 
-/// Exit code of `command[0]` (a path, or a name that is looked up in PATH) with the other words as its arguments; 128 and the signal if one ended
-/// it. What it prints goes to the file `output`; its progress and errors to where ours go.
+/// Exit code of `command[0]` (a path, or a name that is looked up in PATH) with the other words as its arguments; 128
+/// and the signal if one ended it. What it prints goes to the file `output`; its progress and errors to where ours go.
 [[nodiscard]] inline compmark::Result<int> run_program(const std::vector<std::string>& command,
                                                        const std::filesystem::path& output) {
   using compmark::Error, compmark::ErrorKind;

@@ -84,7 +84,8 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
   }
   return Done{};
 }
-/// … with the owner's key of all cells, made once, whose id is noted in the settings. False: the tool said why there is none.
+/// … with the owner's key of all cells, made once, whose id is noted in the settings. False: the tool said why there is
+/// none.
 [[nodiscard]] inline Result<bool> open_run(Settings& settings) {
   if (Result<Done> made = make_run_folder(settings); !made) return made.error();
   if (!fs::exists(settings.key())) {
@@ -99,7 +100,8 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
   settings.key_id = key->id();
   return true;
 }
-/// Whether all cells of the folder that say so are of its key. One of another is neither left out of the table unsaid nor in it.
+/// Whether all cells of the folder that say so are of its key. One of another is neither left out of the table unsaid
+/// nor in it.
 [[nodiscard]] inline Result<Done> check_keys(const Settings& settings) {
   std::error_code status;
   for (fs::directory_iterator entry(settings.out, status), end; !status && entry != end; entry.increment(status)) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The fidelity table of finished cells as Markdown, JSON and a page: what the paper's Table 1 shows, beside its rows, and what the mark and the
-// compression cost of it.
+// The fidelity table of finished cells as Markdown, JSON and a page: what the paper's Table 1 shows, beside its rows,
+// and what the mark and the compression cost of it.
 #pragma once
 
 #include <algorithm>
@@ -84,8 +84,8 @@ inline void add_rows(Grid& grid, const Row& row) {
 
 }  // namespace detail
 
-/// As the paper's Table 1 is laid out: before / after compression. Its own rows are last: means over 25 scenes of three sets at full length, of which
-/// a few shorter ones are no copy.
+/// As the paper's Table 1 is laid out: before / after compression. Its own rows are last: means over 25 scenes of three
+/// sets at full length, of which a few shorter ones are no copy.
 [[nodiscard]] inline Grid fidelity_grid(const std::vector<Row>& rows) {
   Grid grid;
   grid.title = "Before / after compression";

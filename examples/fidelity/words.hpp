@@ -10,7 +10,8 @@
 
 namespace fidelity {
 
-/// The words for `compmark train` but for those that make no other results: when a checkpoint is written and how many images are kept.
+/// The words for `compmark train` but for those that make no other results: when a checkpoint is written and how many
+/// images are kept.
 [[nodiscard]] inline std::vector<std::string> words_that_count(const std::vector<std::string>& words) {
   std::vector<std::string> count;
   bool value_of_none = false;
