@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Adaptive bits in both directions under one name, so that one traversal of a tree, a mask or a table serves the
-// encoder and the decoder and the two cannot differ: with BitsOut a call writes the bit it is given, with BitsIn it
-// ignores that and returns the one it reads.
+// Adaptive bits with one interface for both directions: BitsOut writes the bit that a call is given, BitsIn ignores it
+// and returns the bit it reads. One traversal of a tree, a mask or a table then serves the encoder and the decoder, and
+// the two cannot differ.
 #pragma once
 
 #include <array>
@@ -31,7 +31,7 @@ class BitsOut {
     coder_.encode(context, bit);
     return bit;
   }
-  /// The low bits of a value, each in the context that those above it name.
+  /// The low bits of a value; the context of each is given by the bits above it.
   std::uint32_t tree(std::span<BinaryContext> contexts, std::uint32_t value, int count) {
     coder_.encode_tree(contexts, value, count);
     return value;
@@ -70,9 +70,9 @@ class BitsIn {
     used_ = used_ || count > 0;
     return coder_.decode_bits(count);
   }
-  /// More was asked for than there is: what came means nothing.
+  /// True after more bits were read than there are: the values are meaningless.
   [[nodiscard]] bool overrun() const { return coder_.overrun(); }
-  /// The decoder stands where the encoder ended, and nothing is left.
+  /// True where the decoder stands at the encoder's last position and no byte is left.
   [[nodiscard]] bool complete() const { return used_ ? coder_.valid() : empty_; }
 
  private:

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One chunk of anchors, to bytes and back, of any codec: masks, then one stream of symbols, of each anchor in order its
-// D features, 6 extents and the three coordinates of each live offset. Both directions ask the same integer context for
-// the same models; the encoder rounds with the step that the context says, value / q to the nearest, ties to even, so
-// that only whole numbers travel. Cost: ~2 us an anchor each way.
+// One chunk of anchors, to bytes and back, for any codec: masks, then one stream of symbols. It holds for each anchor
+// in order its D features, 6 scalings (extents) and the three coordinates of each unmasked offset. Both directions ask
+// the same integer context for the same models. The encoder rounds with the step of the context, value / q to the
+// nearest, ties to even, so that only whole numbers are coded. Cost: ~2 us an anchor each way.
 #pragma once
 
 #include <algorithm>
@@ -110,7 +110,7 @@ inline void append_models(const PanelModels& evaluator, const ContextHeads& head
   return digest;
 }
 
-/// The nearest symbol, ties to even, and whether it had to be held at the greatest.
+/// The nearest symbol, ties to even, and whether it was clipped to the greatest one.
 [[nodiscard]] inline std::pair<std::int32_t, bool> symbol_of(float value, int index, double base_step) {
   const double q = static_cast<double>(step_ratio(index)) * (base_step * 0x1p-24);
   constexpr double limit = greatest_symbol;
@@ -127,7 +127,7 @@ struct EncodedChunk {
   double hyperprior_bits = 0;
 };
 
-/// Anchors of a panel, with what the predictor says of them: body(anchor, lane).
+/// Anchors of a panel with the outputs of the predictor: body(anchor, lane).
 template <class Predictor, class Body>
 void for_predicted(Predictor& predictor, std::size_t anchors, const Body& body) {
   for (std::size_t first = 0; first < anchors; first += integer_panel) {
@@ -137,9 +137,9 @@ void for_predicted(Predictor& predictor, std::size_t anchors, const Body& body) 
   }
 }
 
-/// Replaces the rows' values by those that decoding will give, and returns the bytes. `predictor` is PanelModels with
-/// look(first, count), which asks the context about anchors of the chunk, and tell(anchor, channel, symbol, step
-/// index), which tells it of a coded feature or extent.
+/// Replaces the rows' values by the decoded ones and returns the bytes. `predictor` is PanelModels with two methods:
+/// look(first, count) evaluates the context for anchors of the chunk, and tell(anchor, channel, symbol, step index)
+/// gives it a coded feature or extent.
 template <class Predictor>
 [[nodiscard]] EncodedChunk encode_chunk(const ChunkCoder& coder, const ChunkRows& rows, Predictor& predictor) {
   EncodedChunk chunk;

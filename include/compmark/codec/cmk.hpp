@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any `.cmk` file, as bytes or on disk, replaced whole or not at all: the codec is the one that the model was trained
-// for, or the one that the file's header names. A program that knows its codec includes that codec's encoder or decoder
-// alone.
+// Any `.cmk` file, as bytes or on disk, replaced whole or not at all. When writing, the codec is the one that the model
+// was trained for; when reading, the one that the file's header names. A program that knows its codec includes only
+// that codec's encoder or decoder.
 #pragma once
 
 #include <cstddef>
@@ -54,7 +54,7 @@ template <Executor E>
 template <Executor E>
 [[nodiscard]] Result<CodecDecoded> read_cmk(const std::filesystem::path& path, const CodecDecodeSettings& settings,
                                             E& executor) {
-  // What begins as a .cmk nearly does may be one that was copied as text: the parser's to judge.
+  // A nearly right magic may come from a copy in text mode: the parser reports that.
   const auto fits = [](FileKind kind, std::span<const std::byte> head) {
     return kind == FileKind::cmk || (head.size() > 4 && head[1] == std::byte{'C'} && head[2] == std::byte{'M'});
   };

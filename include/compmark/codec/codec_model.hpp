@@ -81,8 +81,8 @@ struct CodecModel {
   std::vector<float> offset;             ///< [N, 3 K]; of offsets that are not live, decoding makes zeros
   std::vector<std::int32_t> hyperprior;  ///< ContextGS: [N, channels] symbols of z
 
-  /// One of the four. Encoding makes the second of a pair from the first; where the second is there, it is used as it
-  /// is.
+  /// Exactly one of the four is set in a model. Encoding makes the integer context from the trained one; an integer
+  /// context that is there is used unchanged.
   std::optional<TrainedContext> trained;  ///< HAC
   std::optional<IntegerContext> context;
   std::optional<TrainedContextGs> trained_gs;  ///< ContextGS

@@ -55,7 +55,7 @@ struct ContainerFormat {
   static constexpr std::uint32_t flag_reserved = 1, flag_networks = 2, flag_salvageable = 4;
 };
 
-/// What stands in the header and is not about bytes.
+/// Fields of the header that are not about byte positions.
 struct ContainerHeader {
   ContainerProfile profile = ContainerProfile::hac;
   std::uint32_t numeric_spec = 0;  ///< version of the integer arithmetic: another number is another decoder
@@ -124,11 +124,11 @@ class Container {
   ContainerHeader header;
   std::vector<SectionEntry> sections;  ///< in the order of the file
 
-  /// Bytes of the file that are not there; 0 of a file that was parsed whole.
+  /// Bytes that a truncated file lacks; 0 for a file that was parsed whole.
   [[nodiscard]] std::uint64_t absent_bytes() const {
     return sections.empty() ? 0 : sections.back().offset + sections.back().size - bytes_.size();
   }
-  /// Whether all of a section is there.
+  /// Whether a truncated file has all bytes of a section.
   [[nodiscard]] bool arrived(const SectionEntry& entry) const { return entry.offset + entry.size <= bytes_.size(); }
   /// The bytes of a section, once their CRC is right.
   [[nodiscard]] Result<std::span<const std::byte>> payload(const SectionEntry& entry) const {
@@ -147,7 +147,7 @@ class Container {
     }
     return bytes;
   }
-  /// The bytes of a section that has arrived, as they are.
+  /// The bytes of a complete section, without a check of their CRC.
   [[nodiscard]] std::span<const std::byte> raw(const SectionEntry& entry) const {
     return bytes_.subspan(static_cast<std::size_t>(entry.offset), static_cast<std::size_t>(entry.size));
   }

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context of a ContextGS file from that of training: cells, scales and prior as they are, the three networks in the
-// bits that make the smallest file (network_choice.hpp). What the networks of levels 1 and 0 read hangs on how the
-// levels above them were rounded, so the levels above are coded once with fine networks first, for the sample's inputs.
+// Makes the integer context of a ContextGS file from the trained one. Cells, scales and prior stay; the three networks
+// get the bits that make the smallest file (network_choice.hpp). The inputs of the networks of levels 1 and 0 depend on
+// the rounded levels above them, so those levels are coded once with fine networks first, to have the sample's inputs.
 // Cost: 0.5 s of one core, in parallel.
 #pragma once
 
@@ -117,7 +117,7 @@ template <class Context>
   return {context.network[0].pack(), context.network[1].pack(), context.network[2].pack()};
 }
 
-/// The anchors as all chunks see them; `seen` has room for those of levels 2 and 1.
+/// The anchors, as all chunks read them; `seen` has room for those of levels 2 and 1.
 [[nodiscard]] inline ContextGsRows context_gs_rows(const CodecModel& coded, const ContextGsOrder& order,
                                                    std::span<std::int16_t> seen) {
   return {coded.voxels, order.parent, coded.hyperprior, seen};
@@ -139,7 +139,7 @@ template <Executor E>
   for (const LevelRange& range : order.ranges()) {
     const std::size_t level = range.part, end = begin + range.count;
     const FloatContext floats = float_context(*model.trained_gs, level, fine.inputs(level));
-    if (range.count == 0) {  // nobody asks it
+    if (range.count == 0) {  // the network is never used
       IntegerNetworkSettings small = settings;
       small.bits = WeightBits::all(least);
       Result<IntegerNetwork> network = quantize_network(floats, fine.heads, small);

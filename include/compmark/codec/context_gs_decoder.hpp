@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The bytes of a ContextGS file to a model; what is refused: decoding.hpp. Levels follow one another, the chunks of a
-// level decode in parallel; the result does not depend on the number of threads. With salvage a damaged chunk costs its
-// own anchors, and every chunk in which some anchor has a parent among lost ones: a chunk is one stream of symbols, of
-// which nothing can be read without the models of all that come before. So damage at level 0 costs one chunk, damage at
-// level 2 may cost most of the file. A file that has not arrived to its end gives its whole levels (partial). Cost:
-// ~2.5 us an anchor and core.
+// The bytes of a ContextGS file to a model (decoding.hpp says what is refused). Levels follow one another, the chunks
+// of a level decode in parallel, and the result does not depend on the number of threads. A chunk is one stream of
+// symbols, which cannot be read without the models of all symbols before. With salvage, a damaged chunk therefore loses
+// its own anchors and every chunk in which an anchor has a lost parent: damage at level 0 costs one chunk, damage at
+// level 2 may cost most of the file. A truncated file gives its complete levels (partial). Cost: ~2.5 us an anchor and
+// core.
 #pragma once
 
 #include <cstddef>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What all decoders do. Nothing is believed before its checksum, no memory is taken before the limits. A damaged file
-// is refused with section and remedy, or, with `salvage`, the anchors of damaged chunks are left out and listed.
-// With `partial` a ContextGS file need not have arrived whole: the levels that are there are decoded. What is in the
-// sections is the codec's (hac_decoder.hpp, context_gs_decoder.hpp).
+// The part of decoding that all codecs share. Nothing is used before its checksum is right, and no memory is taken
+// before the limits are checked. A damaged file is refused with section and remedy; with `salvage` the anchors of
+// damaged chunks are left out and listed instead. With `partial` a ContextGS file may be truncated: its complete levels
+// are decoded. The sections of one codec are in hac_decoder.hpp and context_gs_decoder.hpp.
 #pragma once
 
 #include <algorithm>
@@ -45,7 +45,7 @@ struct CodecDecoded {
   std::uint64_t absent_bytes = 0;          ///< of the file's end (partial); sections of others there are left out too
   std::uint32_t levels = 0, file_levels = 0;  ///< how many were whole, of how many; HAC has one
   std::uint64_t absent_anchors = 0;           ///< of the levels that were not
-  bool verified = false;  ///< DIGS was right; cannot be when it has not arrived, or anchors were lost or are absent
+  bool verified = false;                      ///< DIGS was right; false if DIGS or any anchor is missing
 };
 
 namespace detail {
@@ -81,7 +81,7 @@ class FileReader {
     return bytes;
   }
 
-  /// Checksums first, all of them: nothing after this reads a byte that is not as it was written. Then META and TABL.
+  /// Checks all checksums first, so that everything after this reads the bytes that were written; then META and TABL.
   [[nodiscard]] Result<Done> begin(CodecDecoded& result) {
     const Result<Done> promised = check_sections(file_, format_);
     if (!promised) return promised.error();
@@ -203,7 +203,7 @@ class FileReader {
     return Done{};
   }
 
-  /// Decodes one chunk, in parallel with others; what goes wrong is remembered. decode(kind): Result<DecodedChunk>.
+  /// Decodes one chunk, in parallel with others; its error is kept for finish(). decode(kind): Result<DecodedChunk>.
   template <class Decode>
   void chunk(std::size_t c, const Decode& decode) {
     for (const std::vector<SectionEntry>& entries : entries_) {
@@ -233,7 +233,7 @@ class FileReader {
   }
   [[nodiscard]] bool lost(std::size_t c) const { return errors_[c].has_value(); }
 
-  /// What was remembered; the digest of the whole, or the model without the lost anchors.
+  /// Returns the kept errors, checks the digest of the whole, or makes the model without the lost anchors.
   [[nodiscard]] Result<Done> finish(CodecDecoded& result) {
     std::vector<std::uint32_t> kept;
     result.levels = whole_levels_;
@@ -262,7 +262,7 @@ class FileReader {
   }
 
  private:
-  /// Levels from the first on whose chunks are all there; one that is not whole would show as holes.
+  /// Complete levels, counted from the first; the anchors of an incomplete level would leave holes.
   [[nodiscard]] Result<Done> count_arrived(std::span<const LevelRange> levels) {
     for (whole_levels_ = 0; whole_levels_ < levels.size(); ++whole_levels_) {
       std::size_t end = arrived_;

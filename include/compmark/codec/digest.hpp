@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// DIGS, what decoding must have arrived at (docs/spec/compression.md, 4.3): checksums say that the bytes survived,
-// these that this decoder made the same model of them. A hash of symbols and masks for each chunk, and one SHA-256 over
-// everything that the file decodes to.
+// DIGS, the digests that a decoder must arrive at (docs/spec/compression.md, 4.3). Checksums show that the bytes
+// survived; digests show that this decoder made the same model from them. There is a hash of symbols and masks for each
+// chunk, and one SHA-256 over everything that the file decodes to.
 #pragma once
 
 #include <algorithm>

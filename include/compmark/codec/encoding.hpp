@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What all encoders do: leave out anchors without a live offset, put the others into an order, cut them into chunks,
-// write the sections that every file has, count every byte. What is between the sections is the codec's
-// (hac_encoder.hpp, context_gs_encoder.hpp).
+// The part of encoding that all codecs share: it leaves out anchors without an unmasked offset, orders the others, cuts
+// them into chunks, writes the sections that every file has and counts every byte. The sections of one codec are in
+// hac_encoder.hpp and context_gs_encoder.hpp.
 #pragma once
 
 #include <algorithm>
@@ -39,12 +39,12 @@ struct CodecEncodeSettings {
 struct CodecReport {
   ContainerProfile profile = ContainerProfile::hac;
   std::uint64_t anchors = 0;  ///< in the file
-  std::uint64_t dropped = 0;  ///< had no live offset
+  std::uint64_t dropped = 0;  ///< had no unmasked offset
   std::uint64_t live_offsets = 0;
   std::array<std::uint64_t, 3> level_anchors{};  ///< ContextGS: of levels 0, 1, 2
   std::array<std::uint64_t, 3> symbols{};        ///< by attribute group
-  std::array<std::uint64_t, 3> clamped{};        ///< values beyond the greatest symbol, which were held there
-  std::array<double, 3> ideal_bits{};            ///< what the tables say the symbols cost
+  std::array<std::uint64_t, 3> clamped{};        ///< values beyond the greatest symbol, which were clipped to it
+  std::array<double, 3> ideal_bits{};            ///< cost of the symbols by the tables
   std::uint64_t hyperprior_symbols = 0;          ///< ContextGS: of z
   double hyperprior_bits = 0;
   std::uint64_t coded_bytes = 0;                                       ///< of the sections that hold these symbols
@@ -59,7 +59,7 @@ struct CodecReport {
     }
     return 0;
   }
-  /// Size of the file if its symbols cost what the tables say.
+  /// Size of the file if each symbol cost exactly its ideal bits.
   [[nodiscard]] double estimated_bytes() const {
     return static_cast<double>(total_bytes - coded_bytes) +
            (ideal_bits[0] + ideal_bits[1] + ideal_bits[2] + hyperprior_bits) / 8;

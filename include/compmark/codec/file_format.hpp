@@ -59,7 +59,7 @@ namespace detail {
   return {ErrorKind::malformed, "", section, std::move(problem), "copy the file again"};
 }
 
-/// Checks what the table of contents promises, before any payload is looked at.
+/// Checks the entries of the table of contents before any payload is read.
 [[nodiscard]] inline Result<Done> check_sections(const Container& file, const CodecSections& format) {
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
     return file.error(kind, std::move(field), std::move(problem), std::move(remedy));

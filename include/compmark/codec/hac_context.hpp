@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context of a HAC file from that of training, and what asks it while a chunk is coded: an anchor's voxel is all it
-// needs to know.
+// Makes the integer context of a HAC file from the trained one, and evaluates it while a chunk is coded. Its only input
+// is the voxel of an anchor.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@
 
 namespace compmark::detail {
 
-/// Asks for the voxels of a chunk; learns nothing of what is coded.
+/// Evaluates the context for the voxels of a chunk; coded values do not change it.
 class HacPredictor : public ContextEvaluator {
  public:
   HacPredictor(const IntegerContext& context, const IntegerNetwork::Packed& packed, std::span<const Voxel> voxels)

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a compressed file says of itself without being decoded: versions, numbers, metadata, and where its bytes are.
+// Information about a compressed file without decoding it: versions, numbers, metadata, and the bytes of each section.
 // Reads the header, the table of contents and META, and checks the checksums of all sections: one pass over the bytes.
 #pragma once
 

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Offset masks, K bits an anchor, by adaptive bits (docs/spec/compression.md, 1.5 and 4.2; HAC stores them at one
-// common probability). The context of a bit is its place, how many before it in the anchor are live, and how full the
-// anchors before were; the last bit of an anchor that has none yet is not written, because an anchor without live
-// offsets does not exist. One chunk is one stream and decodes alone.
+// common probability). The context of a bit is its place, the number of unmasked offsets before it in the anchor, and
+// the number in the anchors before. If an anchor has no unmasked offset yet, its last bit is not written, because every
+// coded anchor has at least one. One chunk is one stream and decodes alone.
 #pragma once
 
 #include <algorithm>

@@ -133,8 +133,8 @@ template <class Network>
   return sums;
 }
 
-/// Moves the biases of the coarse network's second layer so that on the sample each output is what the fine network's
-/// is in the mean: what rounding a few thousand weights shifts is the same for all anchors, and would make all steps a
+/// Moves the biases of the coarse network's second layer so that each output has the fine network's mean on the sample.
+/// Rounding a few thousand weights shifts an output by the same amount for all anchors, which would make all steps a
 /// little larger or smaller.
 template <class Network>
 void match_means(const Network& fine, const ContextHeads& heads, const NetworkSample& sample, std::int64_t most_input,

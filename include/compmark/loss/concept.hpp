@@ -34,9 +34,9 @@ concept ImageLoss = requires(const L& loss, ImageView<const typename L::Scalar> 
     } -> std::convertible_to<double>;
 };
 
-/// Saturated colours count like all others.
+/// No HSV loss: saturated colours count like all others.
 struct NoHsvLoss : Absent<NoHsvLoss> {};
-/// Frequencies are not compared.
+/// No frequency loss.
 struct NoFrequencyLoss : Absent<NoFrequencyLoss> {};
 
 }  // namespace compmark

@@ -101,13 +101,13 @@ class FrequencyLoss {
     const std::size_t side = static_cast<std::size_t>(settings.side);
     return settings.side > 0 ? side * side : static_cast<std::size_t>(height) * static_cast<std::size_t>(width);
   }
-  /// The filtered grey plane of an image, which a caller may keep for a target that is met again.
+  /// The filtered grey plane of an image. A caller may keep it for a target that is used again.
   template <Executor E>
   void filter(ImageView<const T> image, std::span<T> plane, Context& context, E& executor) const {
     respond(image, tables_of(image, context), plane.data(), context, executor);
     if (settings.modulus) take_modulus(plane.data(), plane.data(), plane.size(), executor);
   }
-  /// As forward_backward, with what `filter` made of the target: a third of the transforms saved.
+  /// As forward_backward, with the filtered plane of the target given: a third of the transforms is saved.
   template <Executor E>
   FrequencyReport forward_backward_filtered(ImageView<const T> rendered, std::span<const T> filtered_target, T weight,
                                             ImageView<T> d_rendered, Context& context, E& executor) const {

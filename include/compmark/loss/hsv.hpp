@@ -25,7 +25,8 @@ enum class HueThirds {
   closed,  ///< as released: 60 and 180 and 300 degrees belong to both neighbours, so a tie of two channels counts twice
   half_open,  ///< as in the paper: [300, 360) and [0, 60), [60, 180), [180, 300)
 };
-/// Whose colours decide the masks. A render alone (as released) lets a wrong colour escape by leaving the mask.
+/// The image that decides the masks. If it is the render alone (as released), a wrong colour can leave the mask and is
+/// then free.
 enum class HueSource { rendered, target, either };
 /// |Omega|: what a colour's squared error is divided by.
 enum class HueNorm {

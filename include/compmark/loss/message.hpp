@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Message loss: what the logits z of a MessageDecoder cost when the bits m are expected, and the gradient
-// (docs/spec/method.md, 5.4). With x = scale z and s = +1 for a one, -1 for a zero: cross entropy softplus(-s x),
-// derivative -s scale sigmoid(-s x); hinge max(0, margin - s x) (Fernandez et al., ICASSP 2022), or a power of it:
-// margin (max(0, margin - s x) / margin)^power, which pulls a bit the more the wronger it is. Both are written in the
-// sign that does not cancel: full relative digits where a bit is safely right, and no infinity at |x| = 1e4 but that of
-// a power which is one (docs/spec/numerics.md, LS8). Mean over the bits as released, plain sum as in the paper. Cost:
-// two transcendentals a bit.
+// Message loss: the cost of the logits z of a MessageDecoder when the bits m are expected, and its gradient
+// (docs/spec/method.md, 5.4). With x = scale z and s = +1 for a one, -1 for a zero, it is cross entropy softplus(-s x),
+// with derivative -s scale sigmoid(-s x); or a hinge max(0, margin - s x) (Fernandez et al., ICASSP 2022); or a power
+// of it, margin (max(0, margin - s x) / margin)^power, whose gradient grows with the error of a bit. Both are written
+// in the sign that does not cancel: a bit that is safely right keeps its full relative digits, and |x| = 1e4 gives no
+// infinity unless the power itself is infinite (docs/spec/numerics.md, LS8). The loss is the mean over the bits as
+// released, or their sum as in the paper. Cost: two transcendentals a bit.
 #pragma once
 
 #include <cmath>
@@ -21,7 +21,7 @@ namespace compmark {
 
 enum class MessageRule {
   cross_entropy,
-  hinge,  ///< no pull on a bit that is right by `margin`
+  hinge,  ///< a bit that is right by `margin` has no gradient
 };
 enum class MessageReduction {
   mean,
@@ -44,14 +44,14 @@ class MessageLoss {
  public:
   using Scalar = T;
   struct Settings {
-    /// The published decoders give logits of about +-0.1, which 10 brings into the soft part of the loss
-    /// (docs/spec/method.md, 7.10). A decoder of another scale wants scale * deviation = 0.5 ... 1.
+    /// The published decoders give logits of about +-0.1; a scale of 10 brings them into the range where the loss is
+    /// not linear (docs/spec/method.md, 7.10). For another decoder choose scale * deviation = 0.5 ... 1.
     T logit_scale = T(10);
     MessageRule rule = MessageRule::cross_entropy;
     MessageReduction reduction = MessageReduction::mean;
     T margin = T(5);  ///< of the hinge, in scaled logits; carriers are published with logit_scale 1 and margin 5
-    /// Of the hinge, at least 1; above 1 the margin is above 0. At 1, as published, a bit that is nearly right is
-    /// pulled as much as one that is wrong; at 2 as it needs.
+    /// Power of the hinge, at least 1; above 1 it needs a margin above 0. At 1, as published, all bits within the
+    /// margin have the same gradient; at 2 the gradient is proportional to the error.
     T power = T(1);
   };
 

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Views that nobody took: cameras between two neighbouring training cameras. What needs no photograph, such as reading
-// a message, can be asked of them, and then holds between the photographs too (docs/notebook/watermark_experiments.md).
-// Position and axes are interpolated, the latter along the shorter arc; the intrinsics are those of the first camera.
-// Cost: O(views) for a choice and for a distance; O(views^2) once for their room.
+// Sampled novel views: cameras between and around neighbouring training cameras. A loss that needs no photograph, such
+// as that of the message, can be evaluated in them, and then also holds between the photographs
+// (docs/notebook/watermark_experiments.md). Position and axes are interpolated, the latter along the shorter arc; the
+// intrinsics are those of the first camera. Cost: O(views) for a choice and for a distance; O(views^2) once for the
+// clearances.
 #pragma once
 
 #include <algorithm>
@@ -93,10 +94,10 @@ template <class Cameras>
   return found == 0 ? view : index[random.below(draw, found)];
 }
 
-/// How much room every view has: the square of its distance to the third nearest other one, which is as an area where
-/// views stand on a surface; not below a quarter of the median nor above sixteen of them, so that no view is left out
-/// and none takes over. Views that are drawn in proportion to it cover the gaps of a capture, where what a scene says
-/// is known least; four medians at most left them thin, sixty-four took from the rest
+/// The clearance round every view: the square of its distance to the third nearest other view, which is an area where
+/// views stand on a surface. It is at least a quarter of the median and at most sixteen medians, so that no view is
+/// left out and none dominates. Views that are drawn in proportion to it cover the gaps of a capture, where the cover
+/// interference is known least. A limit of four medians left them thin; sixty-four took too many views from the rest
 /// (docs/notebook/watermark_experiments.md).
 class ViewRoom {
  public:
@@ -125,17 +126,17 @@ class ViewRoom {
     const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
     double sum = 0;
     for (double& room : summed_) {
-      sum += median > 0 ? std::clamp(room, median / 4, 16 * median) : 1;  // half of them in one place: as often each
+      sum += median > 0 ? std::clamp(room, median / 4, 16 * median) : 1;  // half stand in one place: all equal
       room = sum;
     }
   }
   [[nodiscard]] bool empty() const { return summed_.empty(); }
-  /// The view at `uniform` in [0, 1): each as often as it has room. Not of none.
+  /// The view at `uniform` in [0, 1), drawn in proportion to clearance. Needs at least one view.
   [[nodiscard]] std::size_t view(double uniform) const {
     const auto found = std::upper_bound(summed_.begin(), summed_.end(), uniform * summed_.back());
     return std::min(static_cast<std::size_t>(found - summed_.begin()), summed_.size() - 1);
   }
-  /// The same with the room of every view times its `factor`; an empty `factor` changes nothing.
+  /// The same with the clearance of every view times its `factor`; an empty `factor` changes nothing.
   [[nodiscard]] std::size_t view(double uniform, std::span<const double> factor) const {
     if (factor.empty()) return view(uniform);
     COMPMARK_ASSERT(factor.size() == summed_.size(), "ViewRoom: a factor for every view");
@@ -152,9 +153,9 @@ class ViewRoom {
   std::vector<double> summed_;  ///< of the views up to each
 };
 
-/// How far a camera stands from the photographs: the distance to the nearest training view that looks the same way
-/// within 60 degrees, in medians of that distance between the training views. A trained scene is the wronger the
-/// farther from its photographs it is looked at (docs/notebook/watermark_experiments.md).
+/// The distance of a camera from the photographs: to the nearest training view that looks the same way within 60
+/// degrees, in medians of that distance between the training views. The error of a trained scene grows with it
+/// (docs/notebook/watermark_experiments.md).
 class PhotographDistance {
  public:
   PhotographDistance() = default;
@@ -178,8 +179,8 @@ class PhotographDistance {
   }
 
   [[nodiscard]] bool empty() const { return center_.empty(); }
-  /// 0 at a photograph, infinite where no view looks that way. 1 everywhere where the photographs say nothing of what
-  /// is far: most of them were taken from one place, or less than half of them has another one that looks the same way.
+  /// 0 at a photograph, infinite where no view looks that way. It is 1 everywhere if the photographs define no
+  /// distance: most of them were taken from one place, or fewer than half have another one that looks the same way.
   template <class AnyCamera>
   [[nodiscard]] double medians(const AnyCamera& camera) const {
     if (median_ == 0) return 1;
@@ -224,11 +225,11 @@ template <class AnyCamera>
   return camera;
 }
 
-/// A camera drawn near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and zoomed by
-/// up to a fifth either way, so that what is learned from such views holds for more than the places where somebody
-/// stood. With a `reach` above 1 the triangle is stretched away from `view`: past the neighbours, where at the rim of a
-/// capture nobody stood on the other side. The distance from `view` is uniform, not the place in the triangle, where a
-/// view that stands by itself would hardly ever be drawn from near by (docs/notebook/watermark_experiments.md).
+/// A sampled novel view near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and
+/// zoomed by up to a fifth either way, so that what is learned there also holds away from the training views. With a
+/// `reach` above 1 the triangle is stretched away from `view`, beyond the neighbours, to cover the rim of a capture.
+/// The distance from `view` is uniform, not the place in the triangle: otherwise a view that stands alone would hardly
+/// ever have a sample close to it (docs/notebook/watermark_experiments.md).
 template <class Cameras>
 [[nodiscard]] auto drawn_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
                                 double reach = 1) {

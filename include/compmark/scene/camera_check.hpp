@@ -1,10 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras that are most likely not where their photographs were taken: poses that were inverted or have other axes look
-// past the scene, and poses that were not filled in are all the same. Nothing is wrong with such a file as a file, and
-// a training of it is wasted: that is said. Cost: at most 1,000 points are looked at from every camera, about 10 us
-// each.
+// Warns of cameras that are most likely wrong. Poses that were inverted, or that have other axes, look past the scene;
+// poses that were not filled in are all the same. Such a file is valid, but a training on it is wasted. Cost: at most
+// 1,000 points are projected into every camera, about 10 us each.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +18,7 @@
 namespace compmark {
 namespace detail {
 
-/// Whether a place is in front of a camera and on its image; a lens bends rays, so half an image beside it counts too.
+/// Whether a point is in front of a camera and on its image. A lens bends rays, so half an image beside it counts too.
 [[nodiscard]] inline bool may_see(const Camera<double>& camera, const std::array<float, 3>& place) {
   std::array<double, 3> p{};
   for (std::size_t a = 0; a < 3; ++a) {
@@ -31,13 +30,13 @@ namespace detail {
          std::abs(camera.fy * p[1] / p[2] + camera.cy - camera.height / 2.0) <= camera.height;
 }
 
-/// Says that all cameras stand in one place, or that more than half of them see none of the points.
+/// Warns if all cameras stand in one place, or if more than half of them see none of the points.
 inline void say_strange_cameras(Dataset& dataset) {
   const auto say = [&](const std::string& sentence) {
     dataset.warnings.push_back(dataset.root.string() + ": " + sentence);
   };
   const std::size_t n = dataset.views.size();
-  if (n < 4) return;  // as many are no capture yet
+  if (n < 4) return;  // too few for a judgement
   const Camera<double>& first = dataset.views[0].camera;
   const auto all = [&](const auto& test) { return std::all_of(dataset.views.begin(), dataset.views.end(), test); };
   if (all([&](const View& view) { return same_pose(view.camera, first); })) {

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Before a training begins: that there is something to learn from, and something to measure. Masks may count for
-// nothing at the size they are delivered in although their files do not: a few white pixels of a large photograph, or
-// white where the lens has no pixel. Photographs of one colour alone (an export that failed, everything transparent)
-// teach nothing either. Cost: decodes the views that have masks, which the store keeps as far as it can, and the
-// training views up to the first that has two colours.
+// Checks before a training that there are pixels to learn from and pixels to measure. A mask can count for nothing at
+// the delivered size although its file does not: a few white pixels of a large photograph, or white where the lens has
+// no pixel. Photographs of a single colour (a failed export, everything transparent) teach nothing either. Cost:
+// decodes the views that have masks, which the store keeps as far as it can, and the training views up to the first
+// that has two colours.
 #pragma once
 
 #include <algorithm>
@@ -70,7 +70,7 @@ namespace detail {
 [[nodiscard]] inline Result<Done> check_weights(const Dataset& dataset, ImageStore& store) {
   if (const Result<Done> colors = detail::check_colors(dataset, store); !colors) return colors.error();
   const bool tests = !dataset.indices(Split::test).empty();
-  bool learned = dataset.indices(Split::train).empty();  // whoever has no training views does not train
+  bool learned = dataset.indices(Split::train).empty();  // no training views: nothing will be trained
   const View* masked = nullptr;
   for (std::size_t i = 0; i < dataset.views.size(); ++i) {
     const View& view = dataset.views[i];

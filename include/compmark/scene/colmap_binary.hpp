@@ -108,7 +108,7 @@ template <class Record>
       "copy the file again or export the model again with colmap model_converter"};
 }
 
-/// What is said of an id that an earlier record has: which of the two is meant cannot be known.
+/// The error of an id that appeared before: the file does not say which of the two records is meant.
 [[nodiscard]] inline Error repeated_id(const char* field, std::uint64_t id) {
   return {ErrorKind::malformed,
           {},

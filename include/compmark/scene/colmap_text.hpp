@@ -92,7 +92,7 @@ class LineReader {
     ++number_;
     return line;
   }
-  /// The line that next returned last is returned once more.
+  /// Makes the next call of next() return the last line again.
   void back() {
     position_ = previous_;
     --number_;
@@ -109,7 +109,7 @@ class LineReader {
     return {kind, name_, "line " + std::to_string(number_), std::move(problem),
             "correct the line or export the model again with colmap model_converter"};
   }
-  /// An id that an earlier line has: which of the two is meant cannot be known.
+  /// The error of an id that appeared before: the file does not say which of the two lines is meant.
   [[nodiscard]] Error repeated_id(const char* what, std::uint64_t id) const {
     return error(ErrorKind::malformed, std::string(what) + " " + std::to_string(id) + " is there twice");
   }

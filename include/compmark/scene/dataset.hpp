@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What every reader produces: cameras with the names of their images, a point cloud to start from, and what was noticed
-// on the way. No pixel is decoded here; ImageStore does that on demand.
+// The result of every reader: cameras with the names of their images, a point cloud to start from, and warnings. No
+// pixel is decoded here; ImageStore does that on demand.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@ namespace compmark {
 
 enum class Split { train, test };
 
-/// What becomes of a lens that is not a pinhole.
+/// How a lens that is not a pinhole is treated.
 enum class LensTreatment : std::uint8_t {
   /// images are resampled to the pinhole when they are loaded, with a mask of the pixels that the photograph has
   undistort,
@@ -27,7 +27,7 @@ enum class LensTreatment : std::uint8_t {
   keep     ///< images stay as they are; whoever renders projects through the lens
 };
 
-/// Where a mask says how much a pixel counts (scene/mask_reading.hpp).
+/// How the numbers of a mask become the weight of a pixel (scene/mask_reading.hpp).
 enum class MaskReading : std::uint8_t {
   level,     ///< the brightness is the weight
   any,       ///< what is not black counts whole

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How large the scene is, as its training cameras see it: the scale of position learning rates and growing thresholds
-// in the published family (docs/spec/formats.md, 6). Test cameras do not count. That rule gives 0 for one training
-// camera, or several in one place, and no offset would ever move; there the extent is what cameras around what is seen
-// from that place would have. A camera that was registered far away is no part of it: offsets would learn as many times
-// faster as it stands away. Cost: O(cameras + points).
+// The size of the scene as its training cameras see it. In the published family it scales the learning rates of
+// positions and the thresholds of growing (docs/spec/formats.md, 6). Test cameras do not count. The published rule
+// gives 0 for one training camera, or for several in one place, and offsets would never move; there the extent is that
+// of imagined cameras around the middle of what is seen. A camera that was registered far away does not count: it would
+// make offsets learn too fast. Cost: O(cameras + points).
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@ struct SceneExtent {
 
 namespace detail {
 
-/// Distance of the middle point from a place: the scale of a scene whose cameras stand in one place; 0 without finite
+/// Distance of the middle point from a place: the scale of a scene whose cameras stand in one place. 0 without finite
 /// points.
 template <class Points>
 [[nodiscard]] double median_distance(const Points& points, const std::array<double, 3>& from) {

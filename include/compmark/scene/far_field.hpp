@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What an unbounded scene needs to know beyond its points: the ball that its cameras stand in, inside which cells of
-// anchors are those of the world (anchor/contracted_space.hpp). Cost: O(cameras).
+// The ball of the training cameras of an unbounded scene. Inside it cells of anchors are cubes of the world, outside
+// cubes of contracted space (anchor/contracted_space.hpp). Cost: O(cameras).
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace compmark {
 
-/// The ball of the training cameras. Cameras that stand in one place have one of half the distance to what they look
+/// The ball of the training cameras. If all stand in one place, its radius is half the distance to the point they look
 /// at.
 struct CameraBall {
   std::array<double, 3> origin{0, 0, 0};

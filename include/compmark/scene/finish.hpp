@@ -86,9 +86,8 @@ inline void move_to_origin(Dataset& dataset, PrecisePoints& points) {
                              " times its size from the origin of its coordinates and is moved to it");
 }
 
-/// Sizes within which a scene keeps its unit; others are brought to 4 … 8, where the cameras of the published scenes
-/// and of ordinary captures are. A power of two, so that the same scene in other units that are powers of two is the
-/// same scene to the bit.
+/// Sizes between these limits keep their unit. Others are scaled by a power of two to 4 … 8, the size of the published
+/// scenes and of ordinary captures. Powers of two keep the scene the same to the bit.
 inline constexpr double least_scene_size = 0.1, greatest_scene_size = 100;
 
 /// The median of the cameras' centres along each axis, and the middle camera's distance from it: one camera that was
@@ -111,8 +110,8 @@ inline constexpr double least_scene_size = 0.1, greatest_scene_size = 100;
 inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
   const CameraSpread spread = middle_spread(dataset);
   const double around = median_distance(points, spread.mean);
-  if (!(std::fmax(spread.radius, around) > 0)) return;  // one place, and nothing says how far anything is from it
-  // Without points a small baseline is no small scene: it may look at something far.
+  if (!(std::fmax(spread.radius, around) > 0)) return;  // all cameras in one place and no points: no length is known
+  // Without points a small baseline does not mean a small scene: the cameras may look at something far.
   const double size = std::fmax(spread.radius, around > 0 ? around : look_at(dataset).distance);
   const double seen = std::fmax(spread.radius, around);
   if ((size >= least_scene_size && seen <= greatest_scene_size) || !std::isfinite(size)) return;
@@ -144,7 +143,7 @@ inline void fit_unit(Dataset& dataset, PrecisePoints& points) {
          sizes_text(farthest) + " away";
 }
 
-/// Says which cameras stand beyond the core of the others.
+/// Warns of cameras that stand beyond the core of the others.
 inline void name_far_cameras(Dataset& dataset) {
   const std::vector<std::size_t> views = all_views(dataset);
   const CameraCore core = camera_core(dataset, views, dataset.points);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Captures that are not read here, told by their files: what they are and what turns them into one that is
-// (docs/capture_formats.md). Asked only where no reader knows a folder. Cost: names of the folder and the first bytes
+// Recognises captures of formats that are not read here, and names the program that converts them
+// (docs/capture_formats.md). Used only after no reader knew the folder. Cost: names of the folder and the first bytes
 // of a few files.
 #pragma once
 
@@ -24,7 +24,7 @@
 
 namespace compmark {
 
-/// A capture that is not read: told by a name in the folder and by what the file of that name says near its beginning.
+/// A capture format that is not read. It is recognised by a file name and by a text near the beginning of that file.
 struct ForeignCapture {
   std::string_view name;   ///< in small letters; ".xml" is any file that ends so
   std::string_view holds;  ///< in the file's first 4,096 bytes, in small letters; empty: the name is enough
@@ -86,7 +86,7 @@ namespace detail {
   return folded(first_text(file, 4096)).find(kind.holds) != std::string::npos;
 }
 
-/// What a folder is that no reader knows, or a file; nothing if that is not known either.
+/// The format of a folder or a file that no reader knows; nothing if it is unknown here too.
 [[nodiscard]] inline std::optional<Error> foreign_capture(const std::filesystem::path& place) {
   std::vector<std::filesystem::path> entries, folders;
   std::error_code status;

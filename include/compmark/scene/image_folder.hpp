@@ -20,8 +20,8 @@
 namespace compmark {
 namespace detail {
 
-/// True for the name of a PNG or JPEG in any capitals. What a system left beside the photographs (._a.png, .hidden.png)
-/// is none.
+/// True for the name of a PNG or JPEG in any capitals. Files that a system leaves beside photographs (._a.png,
+/// .hidden.png) do not count.
 [[nodiscard]] inline bool is_image_name(const std::string& name) {
   const std::string extension = folded(std::filesystem::path(name).extension().string());
   return !name.empty() && name.front() != '.' && (extension == ".png" || extension == ".jpg" || extension == ".jpeg");

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images of a capture by their names: as they are written where they are, and by scene/pairing.hpp where they are
-// not. What was not found as it is written is said. Cost: one look at the disk for an image that is there; where one is
-// not, the folder is listed once.
+// Finds the images of a capture by their names: exact names first, others by scene/pairing.hpp, with a note for each
+// that is not exact. Cost: one look at the disk for an image that is there; where one is not, the folder is listed
+// once.
 #pragma once
 
 #include <cstddef>
@@ -46,7 +46,8 @@ struct FoundImages {
   return "\"" + first + "\"" + (count > 1 ? " and " + std::to_string(count - 1) + " others" : "");
 }
 
-/// Looks for what is missing among `files`, which are at `places` relative to `folder`; nobody's file is given away.
+/// Looks for missing images among `files`, which are at `places` relative to `folder`; a file that another name has is
+/// not used.
 inline void pair_the_missing(const std::vector<std::string>& names, const std::vector<std::string>& files,
                              const std::vector<std::string>& places, const std::filesystem::path& folder,
                              const PairingSettings& settings, FoundImages& found) {

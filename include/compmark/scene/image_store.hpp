@@ -36,7 +36,7 @@ struct ImageStoreSettings {
   bool keep_alpha = false;  ///< the alpha channel is kept: load can then composite over another background
 };
 
-/// What the store did so far.
+/// Counters of the store.
 struct ImageStoreStatistics {
   std::size_t hits = 0;
   std::size_t decoded = 0;

@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A camera and the lens before it: what a pipeline that projects through lenses is given for each view. Coefficients
-// are on normalised coordinates, so that a resized or cropped camera keeps them. Cost: those of the policy, 24 to 48
-// bytes.
+// A camera with its lens: the input of a pipeline that projects through lenses, for each view. Coefficients are on
+// normalised coordinates, so that a resized or cropped camera keeps them. Cost: the size of the policy, 24 to 48 bytes.
 #pragma once
 
 #include <optional>
@@ -62,7 +61,7 @@ template <class LensPolicy>
 [[nodiscard]] std::optional<LensPolicy> lens_policy(const Lens& lens) {
   return detail::LensConversion<LensPolicy>::from(lens);
 }
-/// In words, for messages.
+/// The name of the lens family in messages.
 template <class LensPolicy>
 inline constexpr const char* lens_family = detail::LensConversion<LensPolicy>::family;
 

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One mask as its file has it: 8 or 16 bits, grey, colours (a palette is expanded), with an alpha channel or without.
-// What the numbers mean is decided over all masks of a capture (scene/mask_reading.hpp). Cost: decoding, ~20 ns a
-// pixel.
+// One mask, decoded as it is stored: 8 or 16 bits, grey, colours (a palette is expanded), with an alpha channel or
+// without. The meaning of the numbers is decided over all masks of a capture (scene/mask_reading.hpp). Cost: decoding,
+// ~20 ns a pixel.
 #pragma once
 
 #include <algorithm>
@@ -82,7 +82,7 @@ namespace detail {
 }
 }  // namespace detail
 
-/// How much each pixel counts, 0 … 255, by what the numbers mean.
+/// The weight of each pixel, 0 … 255, for a given meaning of the numbers.
 [[nodiscard]] inline std::vector<std::uint8_t> mask_weights(const MaskFile& mask, MaskReading reading) {
   std::vector<std::uint8_t> weights(mask.size());
   const bool alpha = mask.has_alpha() && (reading == MaskReading::alpha || reading == MaskReading::any_alpha);

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Masks that are found by the names of the images, for views whose file of cameras names none. A mask that more than
-// one image could mean (masks/r_0.png beside train/r_0.png and test/r_0.png) is nobody's: a guess would hide parts of
-// the wrong photograph. Masks that have other names (a_mask.png for a.jpg) are found by scene/pairing.hpp, and those
-// that belong to no image are said.
+// Finds masks by the names of the images, for views whose file of cameras names none. A mask that could belong to
+// several images (masks/r_0.png beside train/r_0.png and test/r_0.png) is given to none: a wrong guess would hide parts
+// of the wrong photograph. Masks with other names (a_mask.png for a.jpg) are found by scene/pairing.hpp. Masks that
+// belong to no image are reported.
 #pragma once
 
 #include <algorithm>
@@ -101,7 +101,8 @@ namespace detail {
   return folders;
 }
 
-/// Says what may be masks, but lies where none are looked for: beside the photographs, or in folders of labels.
+/// Warns of files that may be masks but lie in places where masks are not looked for: beside the photographs, or in
+/// folders of labels.
 inline void say_other_masks(Dataset& dataset, const std::filesystem::path& root) {
   std::size_t count = 0;
   std::string first;
@@ -135,7 +136,7 @@ inline void say_other_masks(Dataset& dataset, const std::filesystem::path& root)
   }
 }
 
-/// Says which files in the folders of masks are no PNG or JPEG, and folders that hold nothing.
+/// Warns of files in the folders of masks that are no PNG or JPEG, and of empty folders.
 inline void say_unread_masks(Dataset& dataset, const std::filesystem::path& root) {
   for (const std::filesystem::path& folder : mask_folders(root)) {
     std::size_t files = 0, others = 0;
@@ -157,8 +158,8 @@ inline void say_unread_masks(Dataset& dataset, const std::filesystem::path& root
   }
 }
 
-/// Looks for masks of views that have none among those that nobody has, by the ends of their names, and says which of
-/// them belong to no image. `nobodys`: masks of which that was said before.
+/// Finds masks for views without one among the unused masks, by the ends of their names, and warns of masks that belong
+/// to no image. `nobodys`: masks that were warned of before.
 inline void pair_masks(Dataset& dataset, const std::filesystem::path& root,
                        const std::set<std::filesystem::path>& nobodys) {
   int told = 0;

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the numbers in the masks of a capture mean. Black is ignored, white counts and between is a weight; but masks
-// are also written as 0 and 1 (not 0 counts), as labels, with the colours of a palette, with 16 bits, or in the alpha
-// channel of an image of one colour. All masks of a capture are looked at together, as one alone may be all black or
-// all white; how they were read is said where it is not by their levels. Views of which nothing counts are left out,
-// and a capture of which nothing counts is refused: there is nothing to learn from. Cost: decodes every mask once.
+// Decides what the numbers in the masks of a capture mean. Usually black is ignored, white counts, and a level between
+// is a weight. But masks are also written as 0 and 1 (not 0 counts), as labels, with the colours of a palette, with 16
+// bits, or in the alpha channel of an image of one colour. All masks of a capture are examined together, because a
+// single one may be all black or all white. A reading other than by levels is reported. Views without a counting pixel
+// are left out; a capture without one is refused. Cost: decodes every mask once.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,7 @@
 namespace compmark {
 namespace detail {
 
-/// A mask that is nowhere brighter, as a share of white, is no soft one: it holds labels, or 0 and 1.
+/// A mask whose brightest pixel is below this share of white holds labels, or 0 and 1, and no soft weights.
 inline constexpr double dark_mask = 0.25;
 
 /// What one channel of a mask holds.
@@ -80,7 +80,7 @@ struct MaskFacts {
   return facts;
 }
 
-/// How the masks of a capture are read, with a sentence for what is not the ordinary way.
+/// The meaning of the masks of a capture, with a sentence for the user if it is not the ordinary one.
 struct MaskDecision {
   MaskReading reading = MaskReading::level;
   std::string sentence;
@@ -131,7 +131,7 @@ struct MaskDecision {
   if (colored && all.least > 0)
     return fail(*first_colored,
                 "has colours, and no pixel of any mask is black, so it is not known what is to be ignored", plain);
-  // Labels and counts stay small; a soft edge of a mask has a white side. One level beside black is what counts,
+  // Labels and counts stay small; a soft edge of a mask has a white side. A single level beside black is what counts,
   // whatever its number.
   const bool any = colored || all.most < dark_mask || (levels.size() == 1 && all.most < 1);
   MaskDecision decision;

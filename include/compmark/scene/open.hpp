@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One door for all datasets: looks at what a folder holds and calls the reader of that kind. COLMAP comes first, as
-// published (docs/spec/method.md, 3.5: Blender where transforms_train.json is and no folder sparse), then
-// transforms*.json, then LLFF's poses_bounds.npy. A transforms file may also be named itself.
+// Opens any dataset: recognises the format of a folder and calls its reader. COLMAP comes first, as published
+// (docs/spec/method.md, 3.5: Blender where transforms_train.json is and no folder sparse), then transforms*.json, then
+// LLFF's poses_bounds.npy. A transforms file may also be named itself.
 #pragma once
 
 #include <algorithm>
@@ -61,8 +61,8 @@ namespace detail {
   return found == folders.end() ? std::filesystem::path() : found->second;
 }
 
-/// What is said of a capture below the folder that was named: its own path, or, where its photographs are not in it,
-/// where to put them.
+/// The hint for a capture below the given folder: its own path, or, if its photographs are not in it, where to put
+/// them.
 [[nodiscard]] inline Error capture_below(const std::filesystem::path& folder, const std::filesystem::path& inner) {
   const bool whole = holds_images(inner);
   return {ErrorKind::not_found, folder.string(), "",
@@ -89,7 +89,7 @@ namespace detail {
   return found == files.end() ? std::filesystem::path() : *found;
 }
 
-/// Says which other files of the folder describe cameras and are not used.
+/// Warns of other files of the folder that describe cameras and are not used.
 inline void say_other_cameras(Dataset& dataset, const std::filesystem::path& folder,
                               const std::filesystem::path& used) {
   for (const char* name : {"transforms_train.json", "transforms.json", "poses_bounds.npy"}) {

@@ -174,7 +174,7 @@ class NamePairs {
     return a.compare(a.size() - n, n, b, b.size() - n, n) == 0;
   }
 
-  /// Takes away what was found only because the right file is missing.
+  /// Removes pairs that exist only because the right file is missing.
   void drop_strangers() {
     std::map<Folder, std::pair<std::size_t, int>> best;  // of the names of one folder
     for (std::size_t i = 0; i < names_.size(); ++i) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the name of a photograph says wherever it was written: on another system, in capitals or small letters, with
-// another extension, in an address. Two spellings of one path have one key. Cost: linear in the name.
+// A normalised form of a photograph's path. Paths that differ in system, in capitals, in the extension or in the form
+// of an address have one key. Cost: linear in the name.
 #pragma once
 
 #include <algorithm>

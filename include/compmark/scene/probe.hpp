@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a capture calls for: each effect with the number that was measured, the limit it was held against, and a
-// sentence (docs/spec/effects.md, 1). An effect that is not called for is not in the list, so that a recipe without it
-// can be chosen. Cost: decodes 128 photographs at most and goes once through the features.
+// Measures which scene effects a capture has: for each effect the measured number, its limit and a sentence of evidence
+// (docs/spec/effects.md, 1). The list holds only effects above their limits, so that a recipe without the others can be
+// chosen. Cost: decodes 128 photographs at most and goes once through the features.
 #pragma once
 
 #include <algorithm>
@@ -151,9 +151,8 @@ struct GeometryEvidence {
 
 }  // namespace detail
 
-/// The effects of which this dataset says too little, so that their absence from a probe's answer means nothing:
-/// exposure is measured on COLMAP's features; distances, scales and depths on points that are not random (else on one
-/// place, where all cameras look).
+/// Effects that this dataset cannot measure, so that their absence from the list means nothing. Exposure needs COLMAP's
+/// features; distances, scales and depths need points that are not random, or else one place where all cameras look.
 [[nodiscard]] inline std::vector<SceneEffect> unmeasured_effects(const Dataset& dataset) {
   std::vector<SceneEffect> effects;
   if (!detail::features_of(dataset).are_features) effects.push_back(SceneEffect::exposure);
@@ -164,7 +163,7 @@ struct GeometryEvidence {
   return effects;
 }
 
-/// The effects a dataset calls for, in the order of SceneEffect.
+/// The effects of a dataset, in the order of SceneEffect.
 [[nodiscard]] inline Result<std::vector<ProbedEffect>> probe_scene(const Dataset& dataset,
                                                                    const ProbeSettings& settings = {}) {
   std::vector<ProbedEffect> effects;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a sample of a dataset's photographs tells, for scene/probe.hpp: transparency, a constant border, drift of
+// Statistics of a sample of a dataset's photographs for scene/probe.hpp: transparency, a constant border, drift of
 // exposure. Cost: decodes the sample once, 128 photographs at most.
 #pragma once
 

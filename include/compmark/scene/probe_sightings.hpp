@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which camera sees which point where, for scene/probe.hpp: COLMAP's own features where the dataset has them, else the
-// points projected into the images, else (random points say nothing of the scene) the one place all cameras look at.
-// Cost: reads the model once more.
+// Sightings for scene/probe.hpp: which camera sees which point, and where. They are COLMAP's features where the dataset
+// has them, else projections of the points. Random points carry no information; for them the only point is the place
+// that all cameras look at. Cost: reads the model once more.
 #pragma once
 
 #include <array>

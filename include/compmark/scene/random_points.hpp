@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Points to start from where a dataset has none: uniform in a cube, from (seed, index). The cube is the published
-// [-1.3, 1.3]^3 for the Blender scenes (docs/spec/method.md, 3.5); elsewhere it is set around what the cameras look at:
-// the point nearest to all optical axes, which is least squares, held towards a place in front of the cameras where the
-// axes are nearly parallel. So it is for Blender scenes too that are counted in another unit than their own
-// (Dataset::unit), in the published proportion to the cameras' distance.
+// Initial points for a dataset without any: uniform in a cube, from (seed, index). For Blender scenes the cube is the
+// published [-1.3, 1.3]^3 (docs/spec/method.md, 3.5). For others it is centred on the point nearest to all optical
+// axes, by least squares, which is held towards a place in front of the cameras where the axes are nearly parallel.
+// Blender scenes in another unit than their own (Dataset::unit) also have such a cube, in the published proportion to
+// the cameras' distance.
 #pragma once
 
 #include <array>
@@ -34,7 +34,7 @@ namespace compmark {
   return points;
 }
 
-/// What the cameras of a dataset look at.
+/// The point that the cameras of a dataset look at.
 struct LookAt {
   std::array<double, 3> center{0, 0, 0};
   double distance = 1;  ///< mean distance of the cameras from it

@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One photograph, one view. A photograph that two frames name would count twice, and where one of them is a test view
-// the figures would be those of what was trained on. Cost: one look at the disk for each view; files of one size are
-// read once more.
+// Removes repeated photographs. A photograph in two frames would count twice; if one of them is a test view, the test
+// would measure a training photograph. Cost: one look at the disk for each view; files of one size are read once more.
 #pragma once
 
 #include <algorithm>
@@ -75,8 +74,8 @@ namespace detail {
   return Done{};
 }
 
-/// Says how many test photographs are, byte by byte, training photographs under another name. Captures of which all
-/// photographs are one picture have nothing to tell apart.
+/// Warns of test photographs that are, byte by byte, training photographs under another name. A capture in which all
+/// photographs are the same picture is not examined.
 inline void say_copies(Dataset& dataset) {
   std::map<std::uintmax_t, std::vector<std::size_t>> sizes;
   for (std::size_t i = 0; i < dataset.views.size(); ++i) {

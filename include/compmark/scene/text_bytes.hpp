@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Text as editors and other systems leave it: with a byte order mark, in UTF-16, with zero bytes at its end. Every text
-// file of a capture goes through here, so that a mark nobody sees is neither a part of the first word nor a reason to
-// drop a line. Cost: one pass over the first bytes.
+// Reads text as editors and other systems write it: with a byte order mark, in UTF-16, with zero bytes at its end.
+// Every text file of a capture is read through this file, so that an invisible mark neither becomes part of the first
+// word nor makes a line unreadable. Cost: one pass over the first bytes.
 #pragma once
 
 #include <cstddef>

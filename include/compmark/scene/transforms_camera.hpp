@@ -87,7 +87,7 @@ template <class Json>
   return size;
 }
 
-/// A pair of fields that give the focal length.
+/// A pair of fields that define the focal length.
 struct FocalSource {
   const char* x;
   const char* y;
@@ -114,7 +114,7 @@ template <class Json>
   return nullptr;
 }
 
-/// True if the intrinsics mean the pixels of images of one size; angles are the same at any size.
+/// True if the intrinsics are in pixels, and so belong to one image size; angles are the same at any size.
 template <class Json>
 [[nodiscard]] bool counts_pixels(const TransformsFields<Json>& fields) {
   const FocalSource* source = focal_source(fields);

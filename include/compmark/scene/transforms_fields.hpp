@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What becomes of every field of transforms*.json, whoever wrote it (docs/capture_formats.md has the same table). A
-// field that would change the cameras or the photographs and cannot be followed is refused; one that holds something a
-// training could use, and this one does not, is said; one that is not in the table is said as well, once. Cost: one
-// look-up a field.
+// The treatment of every field of transforms*.json, from any program (docs/capture_formats.md has the same table). A
+// field is refused if it would change the cameras or the photographs and is not supported. A field that a training
+// could use, but this one does not, gives a warning; so does a field that is not in the table, once. Cost: one look-up
+// a field.
 #pragma once
 
 #include <algorithm>

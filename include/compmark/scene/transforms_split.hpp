@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which frames of a transforms.json train and which test, where the file says so itself. What is in none of the lists
-// that are used, or in two, is said. Cost: O(frames log frames).
+// The training and test frames of a transforms.json that defines them itself. Frames in none of the lists that are
+// used, or in two of them, give a warning. Cost: O(frames log frames).
 #pragma once
 
 #include <array>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What all readers do with one image: look at its header, decide how it is turned, bring the intrinsics of the file to
-// its true size, say what becomes of the lens. And what they do at the end: split, say in one sentence each what was
-// noticed.
+// Steps that all readers share. For one image: read its header, decide how it is turned, scale the intrinsics of the
+// file to its true size, decide how the lens is treated. At the end: split the views, and report what was noticed in
+// one sentence each.
 #pragma once
 
 #include <array>
@@ -47,7 +47,7 @@ namespace detail {
 /// A side in pixels that a camera can have, not larger than what image files may be.
 [[nodiscard]] inline bool possible_side(double side) { return side >= 1 && side <= 65536; }
 
-/// What became of the images, over all views of a dataset.
+/// Counts over all images of a dataset.
 struct ReaderNotes {
   std::size_t images = 0;
   std::size_t sixteen_bit = 0;
@@ -73,8 +73,9 @@ struct ReaderNotes {
   }
 };
 
-/// Notes intrinsics that are most likely in another unit, or for images of another size: an opening beyond 169 or below
-/// 0.6 degrees, pixels twice as high as wide, or the principal point near or beyond the border (which a crop may have).
+/// Records intrinsics that are most likely in another unit, or for images of another size: a field of view above 169 or
+/// below 0.6 degrees, pixels twice as high as wide, or a principal point near or beyond the border (which a crop may
+/// have).
 inline void look_at_intrinsics(const View& view, const Camera<double>& c, ReaderNotes& notes) {
   const auto focal = [](double f, int side) { return f >= 0.05 * side && f <= 100.0 * side; };
   const auto middle = [](double p, int side) { return p >= 0.05 * side && p <= 0.95 * side; };
@@ -160,7 +161,7 @@ inline void split_views(Dataset& dataset, int test_every) {
   }
 }
 
-/// Adds the sentences. `source` names the file the cameras come from.
+/// Adds the sentences for the user. `source` names the file the cameras come from.
 inline void say_notes(const ReaderNotes& notes, const std::string& source, LensTreatment treatment, Dataset& dataset) {
   const auto say = [&](const std::string& sentence) { dataset.warnings.push_back(source + ": " + sentence); };
   const std::string of = " of " + std::to_string(notes.images) + " images ";
