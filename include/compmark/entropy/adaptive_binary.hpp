@@ -73,8 +73,8 @@ class BinaryEncoder {
     }
   }
 
-  /// The `count` low bits of a value, the highest first, each in the context that the bits above it name: `contexts`
-  /// holds 2^count - 1.
+  /// The `count` low bits of a value, the highest first. The bits above each one select its context: `contexts` holds
+  /// 2^count - 1.
   void encode_tree(std::span<BinaryContext> contexts, std::uint32_t value, int count) {
     std::size_t node = 0;
     while (count-- > 0) {
@@ -178,8 +178,8 @@ class BinaryDecoder {
     return value;
   }
 
-  /// Bits have been asked for that the stream does not hold, or that no encoder writes: what they are means nothing.
-  /// For loops that the bits themselves end.
+  /// True after bits were asked for that the stream does not hold, or that no encoder writes: their values are
+  /// meaningless. For loops whose end depends on the bits themselves.
   [[nodiscard]] bool overrun() const { return overrun_; }
   /// After the last bit: the stream is used up, and the decoder stands where the encoder ended.
   [[nodiscard]] bool valid() const { return !overrun_ && position_ == stream_.size() && offset_ == 0; }

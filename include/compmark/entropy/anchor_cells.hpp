@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which cells make levels of the wanted sizes (ContextGS; docs/spec/compression.md, 2.1): edges such that a fifth of
-// the anchors are heads of fine cells, and a fifth of those of coarse ones, by bisection over whole edges with ratios
-// as fractions. A file carries the edges; this is the encoder's choice and no decoder repeats it. Cost: a sort of all
+// Chooses cells that give levels of the wanted sizes (ContextGS; docs/spec/compression.md, 2.1): edges such that a
+// fifth of the anchors are heads of fine cells, and a fifth of those of coarse ones, by bisection over whole edges with
+// ratios as fractions. A file stores the edges: only the encoder chooses, no decoder repeats it. Cost: a sort of all
 // anchors for each of some ten steps.
 #pragma once
 
@@ -62,7 +62,7 @@ namespace detail {
 
 }  // namespace detail
 
-/// Edges for these anchors, all of which live.
+/// Edges for these anchors, all of them coded.
 [[nodiscard]] inline AnchorCells choose_anchor_cells(std::span<const Voxel> voxels,
                                                      const AnchorCellSettings& settings = {}) {
   Buffer<Voxel> scratch, heads;

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What HacModel and ContextGsModel do alike: an anchor's attributes carry the noise of the steps that a network says,
-// their bits under the Gaussians it says are counted for a sample of the anchors, and the gradients of both go back to
-// the attributes, the steps and the masks. The two differ in what their networks read. `entry` numbers the anchors a
-// model looks at in an iteration, `rated` those of them whose rate counts; what has to last until the backward pass is
-// kept in tables with a row each.
+// The common part of HacModel and ContextGsModel. An anchor's attributes get the noise of the steps that a network
+// predicts; their bits under the predicted Gaussians are counted for a sample of the anchors; and the gradients of both
+// go back to the attributes, the steps and the masks. The two models differ in the inputs of their networks. `entry`
+// numbers the anchors that a model evaluates in an iteration, `rated` those of them whose rate counts; data for the
+// backward pass is kept in tables with a row each.
 #pragma once
 
 #include <algorithm>
@@ -44,11 +44,11 @@ class AnchorRateModel {
   using Phase = RatePhase;
   using Report = RateReport;
   using Handles = ModelHandles;
-  static constexpr int feature_channels = feature_dim;  ///< as many as the anchors have: check_recipe compares
+  static constexpr int feature_channels = feature_dim;  ///< the anchors have the same number: check_recipe compares
   static constexpr int anchor_offsets = offsets;        ///< likewise
   using Attributes = HacAttributes<T, feature_dim, offsets>;
 
-  /// Opacity 0 where an offset's mask is dead; see offset_mask.hpp.
+  /// Sets the opacity to 0 where an offset is masked; see offset_mask.hpp.
   template <Executor E>
   static void mask_opacity(const ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> slot,
                            T* opacity, E& executor) {
@@ -74,7 +74,7 @@ class AnchorRateModel {
   struct Tables {
     MatrixView<U> feature, scaling, offset;
   };
-  /// One anchor's attributes, for anchors that no table lists.
+  /// The attributes of one anchor that no table lists.
   struct RowScratch {
     alignas(64) T feature[static_cast<std::size_t>(feature_dim)];
     alignas(64) T scaling[6];
@@ -132,7 +132,7 @@ class AnchorRateModel {
     return {static_cast<T>(settings.feature_step), static_cast<T>(settings.scaling_step),
             static_cast<T>(settings.offset_step)};
   }
-  /// An entry's steps from its network's raw ones, which may be read past their end; kept.
+  /// An entry's steps from the raw outputs of its network, which may be read past their end; the steps are kept.
   static std::array<T, 3> take_steps(const AnchorRateSettings& settings, const T* raw, std::size_t entry,
                                      EntryTables& kept) {
     T q[3 + Attributes::W];
@@ -171,7 +171,7 @@ class AnchorRateModel {
     s.read(from, row);
     return distort(settings, random, q, entry, row, s.feature, s.scaling, s.offset, s.rate.values, kept);
   }
-  /// Attributes::rate() drops an anchor whose values are no numbers.
+  /// Attributes::rate() drops an anchor whose values are not finite.
   static void leave_unrated(RowScratch& s) {
     std::fill(std::begin(s.rate.values), std::end(s.rate.values), std::numeric_limits<T>::quiet_NaN());
   }
@@ -188,7 +188,7 @@ class AnchorRateModel {
     return bits;
   }
 
-  /// One entry's gradients, in place, and with them those of `rate` by its values (null: none); returns those by its
+  /// The gradients of one entry, in place. Adds those of `rate` by its values (null: none) and returns those by its
   /// steps.
   static std::array<T, 3> pull_back(std::size_t entry, std::size_t row, const T* rate, const Tables<T>& d,
                                     const EntryTables& kept) {
@@ -209,9 +209,9 @@ class AnchorRateModel {
     const std::array<T, 3> base = base_steps(settings);
     for (std::size_t g = 0; g < 3; ++g) to[g] = Attributes::pull_step(kept.step[3 * entry + g], base[g], d_step[g]);
   }
-  /// An entry without a rate: by its raw steps, zero where it is not among the `share` that is drawn to teach them, at
-  /// 1 / share the weight: the same mean, less work for who asks the network back only where there is a gradient, more
-  /// noise. Returns whether there is one; a NaN is one.
+  /// The backward pass of an entry without a rate, by its raw steps. Only a random `share` of such entries has a
+  /// gradient, with the weight 1 / share: the mean stays the same, with less work for the caller and more noise.
+  /// Returns whether the entry has a gradient; a NaN is one.
   static bool pull_drawn_steps(const AnchorRateSettings& settings, double share, const Random& random,
                                std::size_t entry, std::uint32_t row, std::array<T, 3> d_step, EntryTables& kept) {
     const bool all = share >= 1;

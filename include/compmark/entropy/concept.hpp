@@ -1,16 +1,16 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the entropy room: an EntropyModel says how probable the symbols of an anchor are, in floating point while
-// training and in whole numbers while coding. Everything that decides a symbol of a file is an integer
-// (docs/spec/numerics.md, EN6); floats only choose which one.
+// Concept of an EntropyModel: it predicts the probabilities of an anchor's symbols, in floating point while training
+// and in whole numbers while coding. Everything that decides a symbol of a file is an integer (docs/spec/numerics.md,
+// EN6); floats only choose these integers.
 #pragma once
 
 #include "compmark/core/absent.hpp"
 
 namespace compmark {
 
-/// No rate in the loss, and nothing that could be coded: what a plain training has.
+/// No entropy model: no rate in the loss, and nothing that can be coded. A plain training has this.
 struct NoEntropyModel : Absent<NoEntropyModel> {};
 
 template <class E>

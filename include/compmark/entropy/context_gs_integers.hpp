@@ -115,7 +115,7 @@ struct IntegerContextGs {
   }
 };
 
-/// The anchors of a file in the order of coding, level 2 first, as all its chunks see them.
+/// The anchors of a file in the order of coding, level 2 first, as all its chunks read them.
 struct ContextGsRows {
   std::span<const Voxel> voxels;
   std::span<const std::uint32_t> parent;     ///< rows; AnchorLevels::none at level 2
@@ -140,7 +140,7 @@ class ContextGsEvaluator : public PanelModels {
     panel_.input.resize((context.inputs(level) + 1) / 2 * 2 * integer_panel);
   }
 
-  /// Up to `integer_panel` anchors; their z and, of their parents, all symbols must be known.
+  /// Up to `integer_panel` anchors. Their z, and all symbols of their parents, must be known.
   void look(std::size_t first, std::size_t count) {
     std::fill(panel_.input.begin(), panel_.input.end(), std::int16_t{0});
     const std::size_t geometry = context_->geometry(), channels = context_->channels;
@@ -168,8 +168,8 @@ class ContextGsEvaluator : public PanelModels {
     }
     run(context_->network[level_], *packed_, count);
   }
-  /// Of an anchor that has just been coded: a symbol of a feature (channel < D) or an extent, and its step index. For
-  /// its children.
+  /// Takes a symbol of an anchor that has just been coded, of a feature (channel < D) or an extent, with its step
+  /// index. The anchor's children read it.
   void tell(std::size_t anchor, std::size_t channel, std::int32_t symbol, int index) {
     if (level_ == 0) return;
     rows_->seen[(begin_ + anchor) * context_->geometry() + channel] =

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The levels of the anchors that train: AnchorLevels of their voxels, kept from one iteration to the next. Anchors do
-// not move, so that they are sorted again only after growing and pruning, and walked through again only when an anchor
-// died or revived (docs/spec/compression.md, 5.12: the published code sorts in every iteration). The result hangs on
-// positions, masks and cells alone, not on what came before. Cost of an iteration in which nothing changed: a
-// comparison of the positions and one look at each anchor's masks.
+// The levels of the anchors in training: AnchorLevels of their voxels, kept from one iteration to the next. Anchors do
+// not move. They are sorted again only after growing and pruning, and their levels are assigned again only when an
+// anchor was masked or unmasked (docs/spec/compression.md, 5.12: the published code sorts in every iteration). The
+// result depends on positions, masks and cells alone, not on earlier iterations. Cost of an iteration in which nothing
+// changed: a comparison of the positions and one look at each anchor's masks.
 #pragma once
 
 #include <algorithm>

@@ -29,7 +29,7 @@ struct HyperpriorFormat {
   static constexpr std::int32_t greatest = 1'000'000;  ///< |z|
 };
 
-/// Frequencies of one channel from the probabilities of -15 … 15: none is 0, and something is left for the escape.
+/// Frequencies of one channel from the probabilities of -15 … 15. None is 0, and the escape gets a rest.
 [[nodiscard]] inline Result<std::vector<std::uint16_t>> hyperprior_frequencies(std::span<const double> probability) {
   constexpr std::uint32_t spread = HyperpriorFormat::total - static_cast<std::uint32_t>(HyperpriorFormat::slots) - 1;
   const auto fail = [](const char* problem) {

@@ -148,7 +148,7 @@ struct ContextNetwork {
       return Pack<T, W>::load(bias + column);
     }
   };
-  /// Nothing passes where the hidden unit was off.
+  /// A hidden unit that was 0 passes no gradient.
   struct FinishSlope {
     const T* on;
     COMPMARK_INLINE Pack<T, W> operator()(int row, int column, Pack<T, W> sum) const {

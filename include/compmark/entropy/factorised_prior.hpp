@@ -36,7 +36,7 @@ struct FactorisedPrior {
   static constexpr int W = native_width<T>;
   using P = Pack<T, W>;
 
-  /// What a scalar of a channel is, by its index 0 ... 57.
+  /// The kind of a channel's scalar, by its index 0 ... 57.
   enum class Kind : std::uint8_t { matrix, bias, factor };
   [[nodiscard]] static constexpr Kind kind(int index) {
     if (index >= last) return index < last + 3 ? Kind::matrix : Kind::bias;
@@ -59,7 +59,7 @@ struct FactorisedPrior {
     }
   }
 
-  /// What bits() reads: softplus of matrices, tanh of factors. `ready` [channels * 58].
+  /// The values that bits() reads: softplus of matrices, tanh of factors. `ready` [channels * 58].
   static void prepare(MatrixView<const T> values, T* ready) {
     for (std::size_t i = 0; i < count; ++i) {
       const T x = values.data[i];

@@ -115,8 +115,8 @@ template <class T, int W>
 
 }  // namespace detail
 
-/// Lane by lane. `floored` off leaves out the coder's floor and escape: bits of the Gaussian alone, exact at any
-/// distance.
+/// Lane by lane. With `floored` false the coder's floor and escape are left out: bits of the Gaussian alone, exact at
+/// any distance.
 template <bool floored = true, class T, int W>
 [[nodiscard]] COMPMARK_INLINE GaussianBits<Pack<T, W>> gaussian_bits(const Pack<T, W>& value, const Pack<T, W>& mean,
                                                                      const Pack<T, W>& raw_sigma,

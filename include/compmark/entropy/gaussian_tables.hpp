@@ -51,7 +51,7 @@ inline constexpr std::array<std::int64_t, 16> sixteenth_octaves{
   return static_cast<std::int64_t>(std::clamp(z, -limit, limit));
 }
 
-/// ceil(5 sigma) + 1: outside are 6e-7 of the symbols.
+/// ceil(5 sigma) + 1: only 6e-7 of the symbols are outside.
 [[nodiscard]] inline int window_of(int sixteenths) {
   int window =
       1;  // the smallest window + 1 - 1 >= 5 sigma, by its inverse: 1 >= 5 / (window - 1) sigma has no root to round
@@ -124,7 +124,7 @@ class GaussianTables : private SlotTables {
     return 1u << levels_[static_cast<std::size_t>(index)].shift;
   }
 
-  /// Names the numbers of all tables: decoders of one specification agree in it (the container stores it).
+  /// A fingerprint of all tables. Decoders of the same specification have the same one (the container stores it).
   [[nodiscard]] std::uint64_t fingerprint() const {
     std::uint64_t hash = tables().size();
     for (const Table& table : tables()) {

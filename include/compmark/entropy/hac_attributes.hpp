@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What HacModel does with the scalars of one anchor: feature [D], extent l = exp(scaling) [6], offset [3 K], each group
-// with a step q of its own (docs/spec/compression.md, 1.3, 1.4). Distortion x~ = x + q u, u uniform in (-1/2, 1/2) or,
-// where training rounds, the error of rounding to whole steps (those of the file then, below); l~ stays above a small
-// positive least, and its table holds the logarithm. The rate predicts each scalar by a Gaussian of mean m + d mu and
-// deviation d 2^s, where (m, d) are the mean and deviation of that scalar over all anchors and (mu, s) the network's
-// outputs: HAC takes both raw, so that a negative deviation has no gradient and channels ask for outputs of very
-// different size. Cost an anchor: D + 6 + 3 K random numbers, exponentials and logarithms of 6; where its rate counts,
-// the bits of all scalars.
+// The scalars of one anchor in HacModel: feature [D], extent l = exp(scaling) [6], offset [3 K]. Each group has a step
+// q of its own (docs/spec/compression.md, 1.3, 1.4). Distortion adds noise, x~ = x + q u with u uniform in (-1/2, 1/2),
+// or the error of rounding to whole steps where training rounds (then with the steps of the file, below). l~ stays
+// above a small positive least, and its table holds the logarithm. The rate predicts each scalar by a Gaussian of mean
+// m + d mu and deviation d 2^s: (m, d) are the mean and deviation of that scalar over all anchors, (mu, s) the outputs
+// of the network. HAC uses both outputs raw, so that a negative deviation has no gradient and the outputs of different
+// channels have very different sizes. Cost an anchor: D + 6 + 3 K random numbers, exponentials and logarithms of 6;
+// where its rate counts, the bits of all scalars.
 #pragma once
 
 #include <algorithm>
@@ -37,7 +37,7 @@ struct HacAttributes {
   static constexpr int outputs = 2 * scalars + 3;  ///< mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o
   static constexpr double most_log2 = 24;          ///< of a deviation over d, either way
 
-  /// Numbers of one attribute group; HAC's.
+  /// Settings of one attribute group, as HAC has them.
   static constexpr std::array<double, 3> published_steps{1, 0.001, 0.2};
   static constexpr double least_step = 0x1p-6;  ///< in units of Q0: index -96 of the coded 16 log2(q / Q0)
 
@@ -55,10 +55,11 @@ struct HacAttributes {
       max(P::load(doubled + g) * sigmoid(r + r), P::load(least + g)).store(q + g);
     }
   }
-  /// The steps of the file, whole sixteenths of an octave: with others, values near the border of two symbols are
-  /// another one there than here. The coder's own function of r (integer_functions.hpp), of a float instead of a whole
-  /// number of 2^-16. The gradient passes straight through, as that of the step itself. It is zero at the greatest
-  /// step, 2 Q0: a step that reaches it while it is rounded never leaves it.
+  /// The steps of the file, whole sixteenths of an octave. With any other step, values near the border of two symbols
+  /// would be rounded differently in training and in the file. It is the coder's own function of r
+  /// (integer_functions.hpp), of a float instead of a whole number of 2^-16. The gradient passes straight through, as
+  /// that of the step itself. It is zero at the greatest step, 2 Q0, so that a step which reaches it while training
+  /// rounds stays there.
   static void coded_steps(const T* raw, const std::array<T, 3>& base, T* q) {
     constexpr double unit = 1 << StepGrid::r_bits;
     for (std::size_t g = 0; g < 3; ++g) {
@@ -71,8 +72,8 @@ struct HacAttributes {
       q[g] = static_cast<T>(static_cast<double>(ratio) * (static_cast<double>(base[g]) * 0x1p-24));
     }
   }
-  /// d loss / dr, dq / dr = q (2 - q / Q0). Where the step is held at its least, only a gradient that pulls it up
-  /// passes (case EN2).
+  /// d loss / dr, dq / dr = q (2 - q / Q0). Where the step is at its least, only a gradient that increases it passes
+  /// (case EN2).
   [[nodiscard]] static T pull_step(T q, T base, T d_step) {
     const bool held = q <= static_cast<T>(least_step) * base;
     return held && d_step > T(0) ? T(0) : d_step * q * (2 - q / base);
@@ -89,7 +90,7 @@ struct HacAttributes {
     }
   }
 
-  /// Whether every attribute of an anchor is a number. Sums of zeros, or NaN.
+  /// Tests whether every attribute of an anchor is finite: the sum of zeros is a NaN otherwise.
   [[nodiscard]] static bool finite(const T* feature, const T* scaling, const T* offset) {
     T sum{};
     for (int c = 0; c < D; ++c) sum += T(0) * feature[c];
@@ -104,7 +105,7 @@ struct HacAttributes {
   }
 
   /// Distorts one anchor in place. `noise` [row] is read, or written where `round`; extents [12] receives l and d
-  /// log(l~) / dl~; values [row], if wanted, the distorted scalars with l~ not held.
+  /// log(l~) / dl~; values [row], if wanted, the distorted scalars with l~ before its least.
   static void distort(bool round, const std::array<T, 3>& q, T least_extent, T* feature, T* scaling, T* offset,
                       T* noise, T* extents, T* values) {
     const auto group = [&](T* from, int first, int count, T step) {
@@ -133,7 +134,7 @@ struct HacAttributes {
     std::copy_n(slope, 6, extents + 6);
   }
 
-  /// The backward pass, in place: gradients by the distorted table rows become those by the rows before. `rate` [row],
+  /// The backward pass, in place: from gradients by the distorted table rows to those by the rows before. `rate` [row],
   /// if any, holds gradients by the distorted scalars and is added. Returns the gradients by the three steps.
   static std::array<T, 3> pull_back(const T* noise, const T* extents, const T* rate, T* d_feature, T* d_scaling,
                                     T* d_offset) {
@@ -213,15 +214,14 @@ struct HacAttributes {
       bits.d_value.store(s.d_value + c);
       (-bits.d_value * spread).store(s.d_mean_output + c);
       const P d_log = bits.d_sigma * sigma * P(ln2);
-      // held: only what leads back passes
+      // at the limit: only a gradient that leads back passes
       select(raw > most, max(d_log, P(T(0))), select(raw < -most, min(d_log, P(T(0))), d_log))
           .store(s.d_log_output + c);
       bits.d_step.store(s.d_step + c);
     }
     Bits result;
     for (int k = 0; k < K; ++k) result.live += mask_live(mask[k]) ? 1 : 0;
-    if (const P total = sum_of(s.bits);
-        !std::isfinite(reduce_add(total))) {  // a bad attribute or weight: it teaches nothing
+    if (const P total = sum_of(s.bits); !std::isfinite(reduce_add(total))) {  // a bad attribute or weight: no gradient
       drop(d_value, d_output, d_step, d_mask);
       return result;
     }

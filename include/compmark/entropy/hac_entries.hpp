@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which anchors HacModel deals with in an iteration, and who of them counts in the rate. An entry is an anchor: first
-// those that need steps alone ("light"), then, from the next whole panel on, those whose rate is counted ("full"). The
-// sample is drawn row by row, keyed by seed and iteration: of all rows of the table, or of the listed ones; with masks
-// of anchors it takes the dead along, else live ones only (docs/spec/compression.md, 1.7; HAC++). Cost: one pass over
-// the rows, 2 ns a random number.
+// The anchors that HacModel evaluates in an iteration. An entry is an anchor: first those that need only their steps
+// ("light"), then, from the next whole panel on, those whose rate is counted ("full"). The sample is drawn row by row,
+// keyed by seed and iteration, from all rows of the table or from the listed ones. With masks of anchors it includes
+// masked anchors, else only unmasked ones (docs/spec/compression.md, 1.7; HAC++). Cost: one pass over the rows, 2 ns a
+// random number.
 #pragma once
 
 #include <algorithm>
@@ -24,16 +24,16 @@
 namespace compmark {
 
 struct HacSample {
-  double share = 0;         ///< of the candidates; 0: nobody
+  double share = 0;         ///< of the candidates; 0: none
   bool everywhere = false;  ///< all rows are candidates, else the listed ones
-  bool dead = true;         ///< dead anchors too
+  bool dead = true;         ///< masked anchors too
 };
 
 struct HacEntries {
   static constexpr std::size_t panel = 64;
   std::size_t light = 0, full = 0, first_full = 0, capacity = 0;
   Buffer<std::uint8_t> mark;  ///< [N] bit 0 listed, bit 1 sampled
-  Buffer<std::uint32_t> row;  ///< [capacity] of the anchor table; those of panels' ends mean nothing
+  Buffer<std::uint32_t> row;  ///< [capacity] of the anchor table; padding of panels is meaningless
 
   [[nodiscard]] bool visible(std::size_t entry) const { return (mark[row[entry]] & 1) != 0; }
 

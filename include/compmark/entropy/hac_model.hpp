@@ -58,9 +58,10 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
   struct Settings : AnchorRateSettings {
     double sample = 0.05;    ///< share of the anchors whose rate is counted in an iteration
     bool sample_all = true;  ///< of all anchors, else of the visible ones
-    /// Share of the light anchors that teach their steps in an iteration, at 1 / share the weight. Published: 1. With a
-    /// third of them an iteration takes 1.43 to 1.48 plain ones, 1.37 to 1.42 at 100,000 anchors, for 0.2 and 0.8 % of
-    /// the bytes of two short runs; the quality is the same (docs/notebook/compression_experiments.md).
+    /// Share of the light anchors that have a gradient for their steps in an iteration, with the weight 1 / share.
+    /// Published: 1. With a third of them an iteration costs 1.43 to 1.48 plain ones, 1.37 to 1.42 at 100,000 anchors,
+    /// for 0.2 and 0.8 % of the bytes of two short runs; the quality is the same
+    /// (docs/notebook/compression_experiments.md).
     double step_share = 1.0 / 3;
   };
 
@@ -254,7 +255,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     context.unit = full == 0 ? 0 : settings_.lambda * share / static_cast<double>(full * scalars);
     context.hash_weight = settings_.lambda / static_cast<double>(std::max<std::size_t>(1, anchors) * scalars);
   }
-  /// Grid and hidden layer at a panel of positions. Cheaper twice than kept: 830 bytes an anchor, written and read.
+  /// Grid and hidden layer at a panel of positions. Two computations are cheaper than keeping 830 bytes an anchor.
   static void see(const T* unit, Scratch& s, const Context& context) {
     if constexpr (input_row != Grid::channels) std::fill(std::begin(s.input), std::end(s.input), T(0));
     Grid::interpolate(context.grid, unit, panel, s.input, input_row);

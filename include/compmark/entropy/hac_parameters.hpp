@@ -34,8 +34,8 @@ struct HacHandles {
   BlockHandle feature, scaling, offset;  ///< of the anchor table, where the arena has one
 };
 
-/// Of an entropy model's networks and grid: from the iteration on in which the rate counts (docs/spec/compression.md,
-/// 1.8).
+/// Learning schedule of an entropy model's networks and grid: it starts with the iteration in which the rate counts
+/// first (docs/spec/compression.md, 1.8).
 inline constexpr LearningSchedule context_schedule{0.005, 0.00001, RateUnit::one, 10000};
 
 template <class T, class Network, class Attributes, HashGridShape shape>
@@ -84,15 +84,16 @@ void initialise_hac(ParameterArena<T>& arena, const HacHandles& handles, std::ui
   }
 }
 
-/// Scalars of dead offsets and of anchors without a live one are never coded and do not count; a channel that does not
-/// vary keeps a sixty- fourth of its published base step as deviation, so that the network's outputs have an effect.
+/// Scalars of masked offsets, and of anchors without an unmasked one, are never coded and do not count. A channel that
+/// does not vary gets a sixty-fourth of its published base step as deviation, so that the network's outputs have an
+/// effect.
 template <class Attributes, class T>
 void begin_hac_context(ParameterArena<T>& arena, const HacHandles& handles, MatrixView<const T> position,
                        MatrixView<const T> feature, MatrixView<const T> scaling, MatrixView<const T> offset) {
   const MatrixView<T> box = arena.values(handles.box), statistics = arena.values(handles.statistics);
   const MatrixView<const T> mask = std::as_const(arena).values(handles.mask);
-  // A few anchors far away would have all others in one cell of the grid: beyond the core they are outside the box,
-  // where the context says nothing.
+  // A few distant anchors would put all others into one cell of the grid. Anchors beyond the core are therefore outside
+  // the box, where the grid gives no information.
   const RobustBall ball = robust_ball(position.rows, [&](std::size_t i) { return position.row(i); });
   const double core = ball.core();
   for (std::size_t axis = 0; axis < 3; ++axis) {

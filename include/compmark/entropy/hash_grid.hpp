@@ -120,7 +120,8 @@ class HashGrid {
  private:
   static constexpr int W = native_width<T>;
   static constexpr std::size_t panel = 64;  ///< positions that a level is kept for
-  /// The output's part, as if every value passed: 144 corners an anchor are spared the look-up of which do.
+  /// The output's part of the gradient, without the straight-through rule: that saves a look-up for each of 144
+  /// corners.
   template <Executor E>
   static void scatter(const T* unit, std::size_t count, const T* d_out, std::size_t capacity, MatrixView<T> d_table,
                       E& executor) {
@@ -164,7 +165,7 @@ class HashGrid {
       });
     });
   }
-  /// The derivative of weight * bits, and the straight-through rule: nothing passes where |value| > 1.
+  /// Adds the derivative of weight * bits and applies the straight-through rule: no gradient passes where |value| > 1.
   template <Executor E>
   static void settle(const Context& context, double weight, MatrixView<T> d_table, E& executor) {
     const Pack<T, W> slope(static_cast<T>(weight * context.bits_slope));

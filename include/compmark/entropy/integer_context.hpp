@@ -37,7 +37,7 @@ struct IntegerContext {
   }
 };
 
-/// What a network says of the anchors of a panel: steps and models of their scalars.
+/// The outputs of a network for the anchors of a panel: steps and models of their scalars.
 class PanelModels {
  public:
   explicit PanelModels(const ContextHeads& heads) : heads_(heads) {}
@@ -49,7 +49,7 @@ class PanelModels {
   [[nodiscard]] const Steps& steps() const { return step_; }
   void set_steps(const Steps& steps) { step_ = steps; }
 
-  /// What the network read, [channel / 2][lane][2], and its outputs, [row][lane].
+  /// The inputs of the network, [channel / 2][lane][2], and its outputs, [row][lane].
   [[nodiscard]] std::span<const std::int16_t> inputs() const { return panel_.input; }
   [[nodiscard]] std::span<const std::int32_t> outputs() const { return panel_.output; }
   [[nodiscard]] const ContextHeads& heads() const { return heads_; }

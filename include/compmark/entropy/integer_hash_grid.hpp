@@ -35,7 +35,7 @@ struct VoxelBox {
     const std::int64_t t = (std::int64_t{scale[axis]} * coordinate + offset[axis]) >> (fraction[axis] - 32);
     return t < 0 || t > std::int64_t{1} << 32 ? outside : static_cast<std::uint64_t>(t);
   }
-  /// No coordinate of 32 bits overflows: what the numbers of a file are asked before they are used.
+  /// True if no coordinate of 32 bits overflows; checked before the numbers of a file are used.
   [[nodiscard]] bool valid() const {
     constexpr std::int64_t limit = std::int64_t{1} << 61;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -107,8 +107,8 @@ class IntegerHashGrid {
     }
   }
 
-  /// Sets the bytes of all entries of one level that these voxels look at; `seen` has entries().size() of them, levels
-  /// are disjoint.
+  /// Sets the bytes of all entries of one level that these voxels read; `seen` has entries().size() of them, levels are
+  /// disjoint.
   void mark_seen(std::size_t level, std::span<const std::array<std::int32_t, 3>> voxels,
                  std::span<std::uint8_t> seen) const {
     for (std::size_t first = 0; first < voxels.size(); first += integer_panel) {

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The context network in whole numbers (docs/spec/compression.md, 3.2, point 3): activations and weights of 16 bits,
-// sums of 32, a shift for every row so that each row uses its bits, ReLU, shifts that round. A network is asked once,
-// at load, whether any input could overflow a sum; then no order of summation, thread count or compiler can change a
-// bit of what it says. Outputs an anchor: means in units of Q0 (Q12), 8 log2(sigma / Q0) (Q8), r (Q16). Cost: 0.5-1 us
-// an anchor for 96 -> 100 -> 175.
+// sums of 32, a shift for every row so that each row uses its bits, ReLU, shifts that round. A check at load shows that
+// no input can overflow a sum; then no order of summation, thread count or compiler can change a bit of an output.
+// Outputs an anchor: means in units of Q0 (Q12), 8 log2(sigma / Q0) (Q8), r (Q16). Cost: 0.5-1 us an anchor for 96 ->
+// 100 -> 175.
 #pragma once
 
 #include <algorithm>
@@ -59,7 +59,7 @@ class IntegerNetwork {
 
   IntegerLayer hidden, output;
 
-  /// What could go wrong with these numbers, whatever the inputs up to `most`; none if nothing.
+  /// The problem with these numbers, for any inputs up to `most`; none if there is no problem.
   [[nodiscard]] Result<Done> check(std::size_t inputs, const ContextHeads& heads,
                                    std::int64_t most = std::int64_t{1} << IntegerHashGrid::activation_bits) const {
     const auto fail = [](std::string problem) {

@@ -50,7 +50,7 @@ struct IntegerNetworkSettings {
   std::array<double, 3> base_step{1, 0.001, 0.2};
   int input_bits = IntegerHashGrid::activation_bits;  ///< fraction bits of the inputs
   /// The greatest input there is, and one that all inputs of an anchor seldom reach together: beyond it hidden units
-  /// may be held.
+  /// may be clipped.
   std::int64_t most_input = std::int64_t{1} << IntegerHashGrid::activation_bits, usual_input = most_input;
 };
 
@@ -70,7 +70,7 @@ namespace detail {
     bool fits = true;
     for (std::size_t i = 0; fits && i < weight.size(); ++i) {
       const double scaled = std::ldexp(weight[i] * unit[i], exponent);
-      // A hair more is the greatest itself, out of float_network().
+      // A hair more is the greatest itself, from float_network().
       fits = std::abs(scaled) <= static_cast<double>(greatest) * (1 + 0x1p-20);
       if (!fits) break;
       const std::int64_t rounded = std::llround(scaled);
@@ -178,15 +178,15 @@ struct OutputUnit {
   return network;
 }
 
-/// Weights of a float network, as FloatContext looks at them.
+/// The weights of a float network in the form that FloatContext has.
 struct FloatNetwork {
   std::vector<float> weight1, bias1, weight2, bias2;
 };
 
-/// The float network that says what the integer one does, to the rounding of its hidden units and outputs. Those are in
-/// the integers' units (a factor that ReLU lets pass). In the same bits quantize_network makes the same integers of it
-/// again, but for the last bits of biases above 2^24, which a float does not hold. `statistics` and `settings` as
-/// there.
+/// A float network with the outputs of the integer one, up to the rounding of its hidden units and outputs. Its hidden
+/// units are in the integers' units (a factor that ReLU lets pass). With the same bits, quantize_network makes the same
+/// integers from it again, except for the last bits of biases above 2^24, which a float does not hold. `statistics` and
+/// `settings` are the same there.
 [[nodiscard]] inline FloatNetwork float_network(const IntegerNetwork& network, const ContextHeads& heads,
                                                 std::span<const float> statistics,
                                                 const IntegerNetworkSettings& settings) {

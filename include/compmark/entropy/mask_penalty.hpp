@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What keeps masks from staying alive for nothing (HAC eq. 9; docs/spec/compression.md, 1.7): the mean of
-// sigmoid(logit) over all cells of the mask table, and its derivative. The table holds logit - 1 (offset_mask.hpp).
-// Cost: an exponential a cell each way, in packs.
+// The penalty that masks useless offsets (HAC eq. 9; docs/spec/compression.md, 1.7): the mean of sigmoid(logit) over
+// all cells of the mask table, and its derivative. The table holds logit - 1 (offset_mask.hpp). Cost: an exponential a
+// cell each way, in packs.
 #pragma once
 
 #include <algorithm>

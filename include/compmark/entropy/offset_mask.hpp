@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Masks of offsets (HAC; docs/spec/compression.md, 1.5): offset k of an anchor lives while sigmoid(logit) > 0.01, with
-// gradients straight through to sigmoid(logit). A dead offset is neither rendered (its Gaussian's opacity is set to 0,
-// which the rasterizer drops) nor coded, and an anchor without a live offset is not coded at all. The table holds logit
-// - 1, so that the zeros of a new row are the initial logit 1. Cost: a few operations a Gaussian.
+// Masks of offsets (HAC; docs/spec/compression.md, 1.5): offset k of an anchor is unmasked ("live") while
+// sigmoid(logit) > 0.01, with gradients straight through to sigmoid(logit). A masked ("dead") offset is neither
+// rendered (its Gaussian's opacity is set to 0, which the rasterizer drops) nor coded, and an anchor without an
+// unmasked offset is not coded at all. The table holds logit - 1, so that the zeros of a new row are the initial logit
+// 1. Cost: a few operations a Gaussian.
 #pragma once
 
 #include <cmath>
@@ -18,13 +19,13 @@
 
 namespace compmark {
 
-/// How fast the logits train (docs/spec/compression.md, 1.8).
+/// The learning rate of the logits (docs/spec/compression.md, 1.8).
 inline constexpr LearningSchedule offset_mask_schedule{0.01, 0.0001, RateUnit::scene_extent};
 
-/// ln(0.01 / 0.99) - 1: a stored logit above it is alive. Compared in double, so that training and coding agree.
+/// ln(0.01 / 0.99) - 1: a stored logit above it is unmasked. Compared in double, so that training and coding agree.
 inline constexpr double dead_mask_logit = -4.59511985013459 - 1;
 
-/// `stored` is logit - 1. A NaN is dead.
+/// `stored` is logit - 1. A NaN is masked.
 template <class T>
 [[nodiscard]] constexpr bool mask_live(T stored) {
   return static_cast<double>(stored) > dead_mask_logit;
@@ -39,7 +40,7 @@ template <class T>
   const T p = mask_probability(stored);
   return stored == stored ? p * (1 - p) : T(0);
 }
-/// Whether any of `count` offsets lives.
+/// Whether any of `count` offsets is unmasked.
 template <class T>
 [[nodiscard]] constexpr bool anchor_live(const T* stored, std::size_t count) {
   for (std::size_t k = 0; k < count; ++k) {
@@ -49,15 +50,15 @@ template <class T>
 }
 
 /// Gaussian g came from cell slot[g] = anchor row * K + k of the table [N, K]: its opacity becomes 0 where that cell is
-/// dead.
+/// masked.
 template <class T, Executor E>
 void mask_opacity(MatrixView<const T> mask, std::span<const std::uint32_t> slot, T* opacity, E& executor) {
   executor.for_chunks(slot.size(), std::size_t{4096}, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t g = begin; g < end; ++g) opacity[g] = mask_live(mask.data[slot[g]]) ? opacity[g] : T(0);
   });
 }
-/// Adds d_opacity * opacity * slope into the gradients of the masks. `opacity` is that after mask_opacity: the dead
-/// have no part in a render, hence no gradient. Each cell belongs to one Gaussian at most.
+/// Adds d_opacity * opacity * slope into the gradients of the masks. `opacity` is that after mask_opacity: masked
+/// offsets are not in a render, so they have no gradient. Each cell belongs to one Gaussian at most.
 template <class T, Executor E>
 void mask_opacity_backward(MatrixView<const T> mask, std::span<const std::uint32_t> slot, const T* opacity,
                            const T* d_opacity, MatrixView<T> d_mask, E& executor) {

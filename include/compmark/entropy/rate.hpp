@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What an entropy model is told in an iteration of training, and what it reports: shared by the codecs, so that one
+// The phase of an entropy model in an iteration of training, and its report. The codecs share both, so that one
 // schedule drives them all (docs/spec/compression.md, 1.6). Cost: none.
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace compmark {
 
-/// What the model does in one iteration. All false: nothing.
+/// The work of the model in one iteration. All false: none.
 struct RatePhase {
   bool noise = false;    ///< noise of the base steps
   bool context = false;  ///< noise of the predicted steps …
@@ -23,7 +23,7 @@ struct RatePhase {
 
 struct RateReport {
   double loss = 0;
-  double bits_per_scalar = 0;                                  ///< of the sample, dead ones at no bits
+  double bits_per_scalar = 0;                                  ///< of the sample; masked ones count as 0 bits
   double bits_feature = 0, bits_scaling = 0, bits_offset = 0;  ///< the same by group
   double hash_bits = 0;                                        ///< of the whole grid
   double live_share = 0;                                       ///< of the sample's anchors; HAC: of all candidates

@@ -74,7 +74,7 @@ class SlotTables {
     return slot;
   }
 
-  /// The slot that a symbol falls into; 2 window + 1 outside the window.
+  /// The slot of a symbol; 2 window + 1 outside the window.
   [[nodiscard]] static std::uint32_t slot_at(const Place& at, std::int32_t symbol) {
     const std::int64_t bin = ((symbol - at.centre) ^ at.mirror) - at.mirror + at.table->window;
     const auto escape = static_cast<std::uint64_t>(2 * at.table->window + 1);

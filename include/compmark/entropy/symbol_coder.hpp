@@ -72,7 +72,7 @@ namespace detail {
 inline constexpr std::size_t rans_states = 4;
 inline constexpr std::uint8_t chunk_format = 1;
 
-/// Where the states begin: what a decoder must find at its end.
+/// The initial states, which a decoder must reach at its end.
 [[nodiscard]] inline std::array<std::uint64_t, rans_states> first_states(std::span<const std::int32_t> symbols) {
   const SymbolDigest digest = digest_symbols(symbols);
   constexpr std::uint64_t free_bits = least_rans_state - 1;
@@ -87,7 +87,7 @@ inline constexpr std::uint8_t chunk_format = 1;
   return zigzag(bin < 0 ? bin + at.table->window : bin - at.table->window - 1);
 }
 [[nodiscard]] inline std::optional<std::int32_t> escaped_symbol(const SlotTables::Place& at, std::uint64_t code) {
-  if (code >> 34 != 0) return std::nullopt;  // no two symbols are so far apart
+  if (code >> 34 != 0) return std::nullopt;  // no two symbols are that far apart
   const std::int64_t beyond = unzigzag(code);
   const std::int64_t bin = beyond < 0 ? beyond - at.table->window : beyond + at.table->window + 1;
   const std::int64_t symbol = at.centre + (bin ^ at.mirror) - at.mirror;
