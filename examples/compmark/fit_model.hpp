@@ -78,8 +78,8 @@ Result<DecoderFit<float>> fit_model(const ModelSource& source, FitOptions& optio
     }
     options.fit.stride = std::clamp(static_cast<int>(std::lround(std::sqrt(pixels) / 500)), 1, 64);
   }
-  std::fprintf(stderr, "compmark: %d waves in %d drawn views, their gradients in %d\n", options.fit.waves,
-               options.fit.statistics_views, options.fit.gradient_views);
+  std::fprintf(stderr, "compmark: %d Fourier features in %d sampled novel views, their gradients in %d\n",
+               options.fit.waves, options.fit.statistics_views, options.fit.gradient_views);
   return fit_decoder(loaded->model, views, options.fit, executor, FitLine{}, JpegCodec{});
 }
 
