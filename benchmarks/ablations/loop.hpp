@@ -51,7 +51,7 @@ class Loop {
     auto& message = pipeline_.template stage<compmark::MessageStage>();
     message.decoder = decoder;
     message.message = bits;
-    message.message_loss.settings.logit_scale = static_cast<float>(settings.mark.logit_scale);
+    message.message_loss.settings.logit_scale = static_cast<float>(settings.mark.message.logit_scale);
   }
 
   [[nodiscard]] compmark::Result<compmark::Model<R>> run() {

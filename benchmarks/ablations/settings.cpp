@@ -31,10 +31,10 @@ TrainSettings training_settings(std::int64_t iterations, std::uint64_t seed) {
 
 TrainSettings row_settings(const Row& row, std::int64_t iterations, std::uint64_t seed) {
   TrainSettings settings = training_settings(iterations, seed);
-  if (!row.message) settings.mark.lambda_message = 0;
-  if (!row.message || !row.residual) settings.mark.residual_rate = 0;
-  if (!row.hsv) settings.mark.lambda_hsv = 0;
-  if (!row.growing) settings.mark.lambda_frequency = 0;
+  if (!row.message) settings.mark.message.lambda = 0;
+  if (!row.message || !row.residual) settings.mark.residual.learning_rate = 0;
+  if (!row.hsv) settings.mark.hsv.lambda = 0;
+  if (!row.growing) settings.mark.frequency.lambda = 0;
   return settings;
 }
 
@@ -51,10 +51,10 @@ nlohmann::ordered_json settings_json(const Scene& scene, std::int64_t iterations
           {"max_anchors", s.max_anchors},
           {"gradient_threshold", s.gradient_threshold},
           {"lambda_rate", s.rate.lambda},
-          {"lambda_message", s.mark.lambda_message},
-          {"message_after", s.mark.message_after},
-          {"logit_scale", s.mark.logit_scale},
-          {"residual_rate", s.mark.residual_rate}};
+          {"lambda_message", s.mark.message.lambda},
+          {"message_after", s.mark.message.after},
+          {"logit_scale", s.mark.message.logit_scale},
+          {"residual_rate", s.mark.residual.learning_rate}};
 }
 
 Decoder waves(int bits, std::uint64_t seed) {

@@ -36,10 +36,10 @@ namespace {
 /// `noise` as wide as a step (the distortion layer of the paper), or `none`; the file rounds whatever it says.
 TrainSettings embed_settings(TrainSettings settings, const std::string& distortion) {
   settings.grow_until = 0;
-  settings.mark.message_after = settings.mark.residual_after = 0;
-  settings.mark.hsv_after = 0;
-  settings.mark.frequency_after = 0;
-  if (settings.mark.fidelity > 0) {
+  settings.mark.message.after = settings.mark.residual.after = 0;
+  settings.mark.hsv.after = 0;
+  settings.mark.frequency.after = 0;
+  if (settings.mark.posthoc.fidelity > 0) {
     for (LearningRate* rate :
          {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity, &settings.mlp_covariance,
           &settings.mlp_color, &settings.feature_bank, &settings.appearance, &settings.effects.exposure}) {
@@ -52,7 +52,7 @@ TrainSettings embed_settings(TrainSettings settings, const std::string& distorti
     constexpr std::int64_t always = -60000, never = 60000;  // of 30,000
     rate.noise_after = rate.context_after = distortion == "none" ? never : always;
     rate.round_after = distortion == "round" ? always : never;
-    settings.mark.distortion_rate = 0;
+    settings.mark.distortion.learning_rate = 0;
     return settings;
   }
   const auto last = [](LearningRate& rate) { rate.initial = rate.final; };
@@ -60,8 +60,8 @@ TrainSettings embed_settings(TrainSettings settings, const std::string& distorti
   last(settings.mlp_opacity);
   last(settings.mlp_color);
   settings.mlp_covariance = {settings.mlp_color.final, settings.mlp_color.final};
-  settings.scaling = {settings.mark.residual_rate / 10, settings.mark.residual_rate / 100};
-  settings.feature = {settings.mark.residual_rate, settings.mark.residual_rate / 10};
+  settings.scaling = {settings.mark.residual.learning_rate / 10, settings.mark.residual.learning_rate / 100};
+  settings.feature = {settings.mark.residual.learning_rate, settings.mark.residual.learning_rate / 10};
   return settings;
 }
 
@@ -218,15 +218,15 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   if (own_twin) options.mark.twin = options.model;
   settings.mark = posthoc_mark();
   // what each was measured with (docs/notebook/watermark_experiments.md)
-  settings.mark.residual_rate = fitted ? 0.006 : 0.001;
+  settings.mark.residual.learning_rate = fitted ? 0.006 : 0.001;
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
   // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other
   // views (docs/notebook/watermark_experiments.md).
-  if (coded && !options.mark.fidelity) settings.mark.fidelity = fitted ? 2000 : 600;
+  if (coded && !options.mark.fidelity) settings.mark.posthoc.fidelity = fitted ? 2000 : 600;
   // What the mark does to ancestors is not to make the steps of their descendants finer (pipeline/held_steps.hpp).
   if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != "none" && !options.mark.hold_steps)
-    settings.mark.hold_steps_every = 50;
+    settings.mark.posthoc.hold_steps_every = 50;
   const Result<std::string> digest = file_sha256(options.model);
   if (!digest) return fail(digest.error());
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone

@@ -150,29 +150,29 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
   input.for_compression = options.for_compression;
 
   MarkNumbers& mark = settings.mark;
-  if (options.fidelity && (*options.fidelity > 0) != (mark.fidelity > 0)) {
+  if (options.fidelity && (*options.fidelity > 0) != (mark.posthoc.fidelity > 0)) {
     mark = *options.fidelity > 0 ? posthoc_mark() : mark_in_the_photographs();
   }
-  if (mark.fidelity > 0 && fitted_decoder(options.decoder)) mark.hinge_power = 2;
-  mark.logit_scale = decoder->logit_scale();
-  if (options.weight) mark.lambda_message = *options.weight;
-  if (options.margin) mark.hinge_margin = *options.margin * mark.logit_scale;
-  if (options.power && mark.hinge_margin <= 0) {
+  if (mark.posthoc.fidelity > 0 && fitted_decoder(options.decoder)) mark.message.hinge_power = 2;
+  mark.message.logit_scale = decoder->logit_scale();
+  if (options.weight) mark.message.lambda = *options.weight;
+  if (options.margin) mark.message.hinge_margin = *options.margin * mark.message.logit_scale;
+  if (options.power && mark.message.hinge_margin <= 0) {
     return Error{ErrorKind::unsupported,
                  {},
                  "--message-power",
                  "belongs to a hinge loss, but this profile uses cross entropy",
                  "give --message-margin too, or leave this option out"};
   }
-  if (options.power) mark.hinge_power = *options.power;
-  if (options.rate) mark.residual_rate = *options.rate;
-  if (options.fidelity) mark.fidelity = *options.fidelity;
-  if (Result<Done> held = check_held(options, mark.fidelity); !held) return held.error();
-  if (options.by_cost) mark.draw_by_cost = *options.by_cost;
-  if (options.hold_steps) mark.hold_steps_every = *options.hold_steps;
-  if (options.fall) mark.fidelity_fall = *options.fall;
-  mark.message_every = options.message_every;
-  if (mark.between_every != 0) mark.between_every = options.message_every;
+  if (options.power) mark.message.hinge_power = *options.power;
+  if (options.rate) mark.residual.learning_rate = *options.rate;
+  if (options.fidelity) mark.posthoc.fidelity = *options.fidelity;
+  if (Result<Done> held = check_held(options, mark.posthoc.fidelity); !held) return held.error();
+  if (options.by_cost) mark.posthoc.draw_by_cost = *options.by_cost;
+  if (options.hold_steps) mark.posthoc.hold_steps_every = *options.hold_steps;
+  if (options.fall) mark.posthoc.fidelity_fall = *options.fall;
+  mark.message.every = options.message_every;
+  if (mark.message.between_every != 0) mark.message.between_every = options.message_every;
   // A run is resumed with the same key, decoder and stages alone. The commitment says nothing of the message.
   mark.identity = key->commitment().substr(0, 16) + digest->substr(0, 16) + (options.for_compression ? "c" : "");
   input.decoder = std::move(*decoder);

@@ -39,7 +39,7 @@ struct MarkOptions {
   std::optional<double> fidelity;          ///< of the marked renders to the unmarked ones; not set: that of the command
   std::optional<double> fall;              ///< power by which the fidelity falls with the distance from the photographs
   std::optional<double> by_cost;           ///< share of the draw of cameras that follows what the message costs there
-  std::optional<std::int64_t> hold_steps;  ///< cadence of MarkNumbers::hold_steps_every
+  std::optional<std::int64_t> hold_steps;  ///< cadence of PosthocSettings::hold_steps_every
   std::int64_t message_every = 1;          ///< cadence
   bool for_compression = false;            ///< with the noise of quantization
   /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.

@@ -80,7 +80,7 @@ std::vector<ReportCurve> run_curves(const RunFindings& f, std::optional<HostRun>
   const char* const heading = !from_model ? (marks(f) ? "Training, with the message" : "Training")
                               : marks(f)  ? "Hiding the message"
                                           : "Fitting the codec";
-  curves.push_back({heading, f.end.curve, from_model && marks(f) && f.run.settings.mark.fidelity > 0});
+  curves.push_back({heading, f.end.curve, from_model && marks(f) && f.run.settings.mark.posthoc.fidelity > 0});
   return curves;
 }
 

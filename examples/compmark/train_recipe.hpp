@@ -300,7 +300,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
       Result<CodecEncoded> file = encode_codec(*coded, executor);
       if (!file) return fail(in_file(file.error(), options.model));
       host_file = std::move(file->model);
-      if (data.settings.mark.hold_steps_every > 0) leave_room_for_steps(*host_file);
+      if (data.settings.mark.posthoc.hold_steps_every > 0) leave_room_for_steps(*host_file);
     }
   }
 
@@ -323,7 +323,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     return Done{};
   };
   if constexpr (is_marked) {
-    if (data.settings.mark.fidelity > 0) {
+    if (data.settings.mark.posthoc.fidelity > 0) {
       PosthocEmbedding<R, ThreadExecutor> embedding(data.settings, executor);
       set_watermark(embedding, mark->decoder, mark->bits);
       const Result<std::optional<double>> before = take_up(options, data, embedding);

@@ -222,10 +222,10 @@ int main() {
   TrainSettings settings;
   settings.iterations = 1500;
   settings.voxel_size = 0.02;
-  settings.mark.logit_scale = 1;
-  settings.mark.lambda_message = 0.03;
-  settings.mark.message_after = 6000;  // of 30,000: windows scale with the number of iterations
-  settings.mark.message_ramp = 3000;
+  settings.mark.message.logit_scale = 1;
+  settings.mark.message.lambda = 0.03;
+  settings.mark.message.after = 6000;  // of 30,000: windows scale with the number of iterations
+  settings.mark.message.ramp = 3000;
   Trainer<MyRecipe, Team> trainer(settings, views.size(), 3.8, team);
   const Message message = message_of(key);
   std::vector<std::uint8_t> bits;

@@ -50,10 +50,10 @@ struct CodedReadingBench {
   }
   static MarkPhases phases() {
     MarkNumbers numbers = posthoc_mark();
-    numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
-    numbers.lambda_message = 1;
-    numbers.between_every = 1;
-    numbers.fidelity = 40;
+    numbers.message.after = numbers.residual.after = numbers.message.ramp = 0;
+    numbers.message.lambda = 1;
+    numbers.message.between_every = 1;
+    numbers.posthoc.fidelity = 40;
     return {numbers, 100};
   }
   void read(DrawnReading<MarkedSmallHac>& drawn) {

@@ -226,12 +226,12 @@ TEST_CASE(
     TrainSettings settings;
     settings.iterations = 600;
     settings.mark = posthoc_mark();
-    settings.mark.logit_scale = decoder.logit_scale();
-    settings.mark.hinge_margin = 1.5 * decoder.logit_scale();  // a small scene bears no more
-    settings.mark.fidelity = 150;
-    settings.mark.residual_rate = 0.005;
+    settings.mark.message.logit_scale = decoder.logit_scale();
+    settings.mark.message.hinge_margin = 1.5 * decoder.logit_scale();  // a small scene bears no more
+    settings.mark.posthoc.fidelity = 150;
+    settings.mark.residual.learning_rate = 0.005;
     settings.grow_until = 0;
-    settings.mark.message_after = settings.mark.residual_after = settings.mark.hsv_after = 0;
+    settings.mark.message.after = settings.mark.residual.after = settings.mark.hsv.after = 0;
     ThreadExecutor executor(2);
     PosthocEmbedding<ColourMarked, ThreadExecutor> trainer(settings, executor);
     set_watermark(trainer, decoder, message);

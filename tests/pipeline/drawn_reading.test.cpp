@@ -56,11 +56,11 @@ struct DrawnReadingBench {
   }
   static MarkPhases phases(double fidelity, double fall = 0) {
     MarkNumbers numbers = fidelity > 0 ? posthoc_mark() : mark_in_the_photographs();
-    numbers.message_after = numbers.residual_after = numbers.message_ramp = 0;
-    numbers.lambda_message = 1;
-    numbers.between_every = 1;
-    numbers.fidelity = fidelity;
-    numbers.fidelity_fall = fall;
+    numbers.message.after = numbers.residual.after = numbers.message.ramp = 0;
+    numbers.message.lambda = 1;
+    numbers.message.between_every = 1;
+    numbers.posthoc.fidelity = fidelity;
+    numbers.posthoc.fidelity_fall = fall;
     return {numbers, 100};
   }
   void clear() { std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0); }

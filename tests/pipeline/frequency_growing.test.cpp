@@ -50,9 +50,9 @@ TrainSettings growing_settings() {
   s.grow_after = 1500;
   s.grow_until = 25000;
   s.grow_interval = 5;
-  s.mark.frequency_after = 2000;
-  s.mark.frequency_grow_from = 10000;   // iteration 40 …
-  s.mark.frequency_grow_until = 17500;  // … to 69
+  s.mark.frequency.after = 2000;
+  s.mark.frequency.grow_from = 10000;   // iteration 40 …
+  s.mark.frequency.grow_until = 17500;  // … to 69
   return s;
 }
 
@@ -90,8 +90,8 @@ TEST_CASE("pipeline/frequency_growing: it is the other growing until its window 
   CHECK(inside.selected < inside.visible);
   CHECK(inside.coverage > 0);
   TrainSettings wide = s;
-  wide.mark.frequency_band_lowest = -2;  // an error lies in 0 to 2
-  wide.mark.frequency_band_highest = 2;
+  wide.mark.frequency.band_lowest = -2;  // an error lies in 0 to 2
+  wide.mark.frequency.band_highest = 2;
   Trainer<Growing, ThreadExecutor> other(wide, views.size(), 1.0, executor);
   REQUIRE(other.initialise(testing::cloud(300, 7)));
   while (other.state().iteration < 41) REQUIRE(other.step(views));
@@ -102,10 +102,10 @@ TEST_CASE("pipeline/frequency_growing: it is the other growing until its window 
 
   // Without a loss there is nothing to look at, and without a window no time to: the other growing, to the bit.
   TrainSettings silent = s;
-  silent.mark.lambda_frequency = 0;
+  silent.mark.frequency.lambda = 0;
   CHECK(testing::same_bits(train<WithFrequencyLoss>(silent), train<Growing>(silent)));
   TrainSettings never = s;
-  never.mark.frequency_grow_until = never.mark.frequency_grow_from;
+  never.mark.frequency.grow_until = never.mark.frequency.grow_from;
   CHECK(testing::same_bits(plain, train<Growing>(never)));
 }
 
@@ -131,8 +131,8 @@ TEST_CASE("pipeline/frequency_growing: a run with another window is not resumed"
   const std::filesystem::path path = folder.path / "checkpoint.safetensors";
   REQUIRE(write_checkpoint(path, trainer.state(), s, ModelInfo{}, 1.0));
   for (const auto& change : std::initializer_list<std::function<void(MarkNumbers&)>>{
-           [](MarkNumbers& m) { m.frequency_grow_until = 15000; },
-           [](MarkNumbers& m) { m.frequency_band_lowest = -0.3; }}) {
+           [](MarkNumbers& m) { m.frequency.grow_until = 15000; },
+           [](MarkNumbers& m) { m.frequency.band_lowest = -0.3; }}) {
     TrainSettings other = s;
     change(other.mark);
     CHECK_FALSE((read_checkpoint<Trainer<Growing, ThreadExecutor>>(path, other, ModelInfo{}).ok()));
@@ -148,7 +148,7 @@ TEST_CASE_TEMPLATE("pipeline/frequency_growing: the whole method inside the code
   s.pause_from = s.pause_until = 0;
   s.grow_interval = 5;
   s.mark = mark_in_the_photographs();
-  s.mark.message_after = s.mark.residual_after = 0;
+  s.mark.message.after = s.mark.residual.after = 0;
   BlobViews views;
   ThreadExecutor executor(2);
   Trainer<R, ThreadExecutor> trainer(s, views.size(), 1.0, executor);

@@ -152,10 +152,10 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
   TrainSettings settings = compmark::testing::short_settings(24);
   settings.grow_until = 0;
   settings.mark = posthoc_mark();
-  settings.mark.message_after = settings.mark.residual_after = 0;
-  settings.mark.residual_rate = 0.3;  // loud at once
-  settings.mark.fidelity = 1;
-  settings.mark.hold_steps_every = 5;
+  settings.mark.message.after = settings.mark.residual.after = 0;
+  settings.mark.residual.learning_rate = 0.3;  // loud at once
+  settings.mark.posthoc.fidelity = 1;
+  settings.mark.posthoc.hold_steps_every = 5;
   settings.rate.mask = settings.rate.grid = settings.rate.context = {0, 0};
   settings.rate.hyperprior = 0;
   settings.rate.noise_after = settings.rate.context_after = settings.rate.round_after = -60000;
@@ -187,7 +187,7 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
     return all;
   };
   TrainSettings loose = settings;
-  loose.mark.hold_steps_every = 0;
+  loose.mark.posthoc.hold_steps_every = 0;
   const Model<SmallContextGs>& unmarked = host;
   const Model<MarkedSteps> roomy = with_room_for_stages<MarkedSteps>(unmarked, 1);
   CHECK(biases(straight(2, loose)) == biases(roomy));  // negative control: nothing else moves them
@@ -203,7 +203,7 @@ TEST_CASE("pipeline/held_steps: a run that holds them is the same at any thread 
   // Whatever the cadence of reading: the first reading looks, and later ones hold.
   for (const std::int64_t every : {2, 3, 5}) {
     TrainSettings seldom = settings;
-    seldom.mark.between_every = every;
+    seldom.mark.message.between_every = every;
     CAPTURE(every);
     CHECK(biases(straight(2, seldom)) != biases(roomy));
   }

@@ -96,9 +96,9 @@ TEST_CASE("pipeline/learning_rates: what a block is declared with are the defaul
 TEST_CASE("pipeline/learning_rates: a residual trains under any name, from where the settings let it begin") {
   TrainSettings settings;
   settings.iterations = 300;
-  settings.mark.residual_after = 15000;
-  settings.mark.residual_rate = 0.002;
-  settings.mark.residual_decay = 0.5;
+  settings.mark.residual.after = 15000;
+  settings.mark.residual.learning_rate = 0.002;
+  settings.mark.residual.decay = 0.5;
   const Rates<OwnMarked> own(settings);
   CHECK(own("my.residual", 150) == 0);
   CHECK(own("my.residual", 151) == doctest::Approx(0.002).epsilon(0.01));

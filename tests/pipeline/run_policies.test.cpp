@@ -105,9 +105,9 @@ TEST_CASE("pipeline/run_policies: density control is told the numbers that it na
 
 TEST_CASE("pipeline/run_policies: a distortion layer is told the numbers that it names") {
   MarkNumbers mark;
-  mark.feature_noise = 1;
-  mark.least_step = 2;
-  mark.step_rate_weight = 3;
+  mark.distortion.feature_noise = 1;
+  mark.distortion.least_step = 2;
+  mark.distortion.rate_weight = 3;
   const EveryNoiseNumber all = distortion_layer<Recorded<NoNumber, EveryNoiseNumber>>(mark).settings;
   CHECK(all.base_step == 1);
   CHECK(all.least_step == 2);

@@ -46,11 +46,33 @@ struct ChangeOne {
     auto& [exposure, alpha, origin, radius] = effects;
     all(exposure, alpha, origin, radius);
   }
+  void operator()(MessageSettings& message) {
+    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8] = message;
+    all(f0, f1, f2, f3, f4, f5, f6, f7, f8);
+  }
+  void operator()(PosthocSettings& posthoc) {
+    auto& [f0, f1, f2, f3] = posthoc;
+    all(f0, f1, f2, f3);
+  }
+  void operator()(HsvSettings& hsv) {
+    auto& [lambda, as_written, after] = hsv;
+    all(lambda, as_written, after);
+  }
+  void operator()(FrequencySettings& frequency) {
+    auto& [f0, f1, f2, f3, f4, f5] = frequency;
+    all(f0, f1, f2, f3, f4, f5);
+  }
+  void operator()(ResidualSettings& residual) {
+    auto& [learning_rate, decay, after] = residual;
+    all(learning_rate, decay, after);
+  }
+  void operator()(DistortionSettings& distortion) {
+    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8] = distortion;
+    all(f0, f1, f2, f3, f4, f5, f6, f7, f8);
+  }
   void operator()(MarkNumbers& mark) {
-    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13, f14, f15, f16, f17, f18, f19, f20, f21, f22, f23,
-           f24, f25, f26, f27, f28, f29, f30, f31, f32, f33, f34] = mark;
-    all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13, f14, f15, f16, f17, f18, f19, f20, f21, f22, f23,
-        f24, f25, f26, f27, f28, f29, f30, f31, f32, f33, f34);
+    auto& [message, posthoc, hsv, frequency, residual, distortion, identity] = mark;
+    all(message, posthoc, hsv, frequency, residual, distortion, identity);
   }
   void operator()(RateNumbers& rate) {
     auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13] = rate;

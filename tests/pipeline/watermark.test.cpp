@@ -140,8 +140,8 @@ TEST_CASE(
     TrainSettings settings;
     settings.iterations = 12;
     settings.voxel_size = 0.05;
-    settings.mark.lambda_message = settings.mark.lambda_hsv = 0;
-    settings.mark.residual_after = 30000;  // the residual has a learning rate, but not yet
+    settings.mark.message.lambda = settings.mark.hsv.lambda = 0;
+    settings.mark.residual.after = 30000;  // the residual has a learning rate, but not yet
     ThreadExecutor executor(2);
     Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
     if constexpr (present<typename R::MessageDecoder>) set_watermark(trainer, Waves<float>{}, message);
@@ -181,14 +181,14 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
   settings.iterations = compmark::testing::short_trainings ? 30 : 600;
   settings.voxel_size = 0.05;
   settings.seed = 2;
-  settings.mark.lambda_message = marked ? 0.05 : 0;
-  settings.mark.message_after = 6000;
-  settings.mark.message_ramp = 3000;
-  settings.mark.logit_scale = 1;
-  settings.mark.scaling_noise = 1e-4;
-  settings.mark.between_every = between_every;
+  settings.mark.message.lambda = marked ? 0.05 : 0;
+  settings.mark.message.after = 6000;
+  settings.mark.message.ramp = 3000;
+  settings.mark.message.logit_scale = 1;
+  settings.mark.distortion.scaling_noise = 1e-4;
+  settings.mark.message.between_every = between_every;
   if (between_every != 0) {
-    settings.mark.hinge_margin = 1;
+    settings.mark.message.hinge_margin = 1;
     // The waves of this decoder stand still, and the drawn cameras are turned and zoomed: that takes longer to learn.
     if (!compmark::testing::short_trainings) settings.iterations = 1500;
   }
@@ -296,11 +296,11 @@ TEST_CASE("pipeline/watermark: a finished model is marked by training on from it
 
   settings.iterations = compmark::testing::short_trainings ? 20 : 400;
   settings.grow_until = 0;
-  settings.mark.lambda_message = 0.05;
-  settings.mark.message_after = 0;
-  settings.mark.message_ramp = 0;
-  settings.mark.hsv_after = 0;
-  settings.mark.logit_scale = 1;
+  settings.mark.message.lambda = 0.05;
+  settings.mark.message.after = 0;
+  settings.mark.message.ramp = 0;
+  settings.mark.hsv.after = 0;
+  settings.mark.message.logit_scale = 1;
   Trainer<MarkedHost, ThreadExecutor> second(settings, 6, 1.0, executor);
   set_watermark(second, Waves<float>{}, message);
   second.start_from(with_room_for_stages<MarkedHost>(first.model(), settings.seed));
@@ -342,14 +342,14 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   settings.iterations = compmark::testing::short_trainings ? 20 : 600;
   settings.voxel_size = 0.05;
   settings.seed = 2;
-  settings.mark.message_after = settings.mark.residual_after = 6000;
-  settings.mark.message_ramp = 0;
-  settings.mark.logit_scale = 1;
-  settings.mark.hinge_margin = 0.2;
-  settings.mark.between_every = 1;
-  settings.mark.lambda_message = 1;
-  settings.mark.residual_rate = 0.02;
-  settings.mark.residual_decay = 0.1;
+  settings.mark.message.after = settings.mark.residual.after = 6000;
+  settings.mark.message.ramp = 0;
+  settings.mark.message.logit_scale = 1;
+  settings.mark.message.hinge_margin = 0.2;
+  settings.mark.message.between_every = 1;
+  settings.mark.message.lambda = 1;
+  settings.mark.residual.learning_rate = 0.02;
+  settings.mark.residual.decay = 0.1;
   BlobViews views;
   const auto same = [](const Model<Host>& a, const Model<Host>& b) {
     const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
@@ -368,8 +368,8 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   }
 
   TrainSettings frozen = settings;
-  frozen.mark.fidelity = 60;
-  frozen.mark.message_after = frozen.mark.residual_after = 0;
+  frozen.mark.posthoc.fidelity = 60;
+  frozen.mark.message.after = frozen.mark.residual.after = 0;
   using Embedding = PosthocEmbedding<ColourMarked, ThreadExecutor>;
   const auto finished_model = [&](const TrainSettings& chosen, double& departure, std::size_t threads = 2) {
     ThreadExecutor own(threads);
@@ -388,12 +388,12 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   CHECK(same(baked_host(finished_model(frozen, again, 1)), baked_host(second)));  // whatever the number of threads
   // A residual whose rate never begins stays zero.
   TrainSettings late = frozen;
-  late.mark.residual_after = 30000;
+  late.mark.residual.after = 30000;
   CHECK(same(baked_host(finished_model(late, again)), plain.model()));
   // An iteration that does not read looks at no view, and changes nothing.
   {
     TrainSettings seldom = frozen;
-    seldom.mark.between_every = 3;
+    seldom.mark.message.between_every = 3;
     Embedding embedding(seldom, executor);
     set_watermark(embedding, colours(), message);
     embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
@@ -408,7 +408,7 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
   }
   // Cameras drawn by what the message cost there: another run, whose state is in its checkpoint.
   TrainSettings by_cost = frozen;
-  by_cost.mark.draw_by_cost = 1;
+  by_cost.mark.posthoc.draw_by_cost = 1;
   double by_cost_departure = 0;
   const Model<ColourMarked> straight = finished_model(by_cost, by_cost_departure);
   CHECK(same(host_alone(straight), plain.model()));
@@ -454,7 +454,7 @@ TEST_CASE("pipeline/watermark: a mark is learned in a finished model, which stay
     CHECK_FALSE(refused(stopped.state().costs.mean));
     std::filesystem::remove(path);
   }
-  frozen.mark.fidelity /= 100;  // held a hundredth as much
+  frozen.mark.posthoc.fidelity /= 100;  // held a hundredth as much
   const Model<ColourMarked> loose = finished_model(frozen, loose_departure);
   CHECK(departure > 0);
   CHECK(loose_departure > departure);

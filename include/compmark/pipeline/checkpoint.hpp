@@ -88,14 +88,14 @@ template <class State, class Json = nlohmann::json>
   }
   [[maybe_unused]] std::vector<double> costs, steps;  // the writer copies nothing
   if constexpr (requires { state.costs.mean; }) {
-    if (settings.mark.draw_by_cost > 0) {
+    if (settings.mark.posthoc.draw_by_cost > 0) {
       costs = state.costs.mean;
       if (costs.empty()) costs.assign(detail::training_views(info), ViewCosts::unread);
       writer.template add_values<double>("mark.view_costs", {static_cast<std::int64_t>(costs.size())}, costs);
     }
   }
   if constexpr (requires { state.steps.wanted; }) {
-    if (settings.mark.hold_steps_every > 0) {
+    if (settings.mark.posthoc.hold_steps_every > 0) {
       steps = state.steps.wanted;
       if (steps.empty()) steps.assign(HeldSteps::levels * HeldSteps::groups, HeldSteps::not_looked);
       writer.template add_values<double>("mark.held_steps", {static_cast<std::int64_t>(steps.size())}, steps);
@@ -274,7 +274,7 @@ template <class Loop, class Json = nlohmann::json>
     detail::for_each_statistic(state.growth.statistics, fill);
   }
   if constexpr (requires { state.costs.mean; }) {
-    if (settings.mark.draw_by_cost > 0) {
+    if (settings.mark.posthoc.draw_by_cost > 0) {
       std::vector<double>& costs = state.costs.mean;
       costs.resize(detail::training_views(info));
       fill("mark.view_costs", costs);
@@ -283,7 +283,7 @@ template <class Loop, class Json = nlohmann::json>
     }
   }
   if constexpr (requires { state.steps.wanted; }) {
-    if (settings.mark.hold_steps_every > 0) {
+    if (settings.mark.posthoc.hold_steps_every > 0) {
       std::vector<double>& wanted = state.steps.wanted;
       wanted.resize(HeldSteps::levels * HeldSteps::groups);
       fill("mark.held_steps", wanted);

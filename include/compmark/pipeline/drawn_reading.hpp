@@ -3,7 +3,7 @@
 //
 // Readings of a message in sampled views that nobody photographed (scene/between.hpp): a message needs no photograph. `read` adds its gradients to
 // those of the photographed view of an iteration. `read_held` renders the unmarked model there too and holds the marked render to it
-// (MarkNumbers::fidelity). Cost: a render, a reading and the backward pass; held, one render more.
+// (PosthocSettings::fidelity). Cost: a render, a reading and the backward pass; held, one render more.
 #pragma once
 
 #include <algorithm>

@@ -6,7 +6,7 @@
 // detail: on the cup its steps shrink by half an octave at level 1 and a quarter at level 0, of which come five of the
 // seven percent that a marked file is larger (docs/notebook/watermark_experiments.md). So the biases of these outputs
 // are moved now and then until the steps of each level are in the mean (of their logarithms) what they are without a
-// mark. Cost: a pass of the context over all anchors, 3 us an anchor and core, every MarkNumbers::hold_steps_every-th
+// mark. Cost: a pass of the context over all anchors, 3 us an anchor and core, every PosthocSettings::hold_steps_every-th
 // iteration: half a percent of a run at every 50th (pipeline_coded_iteration.bench).
 #pragma once
 

@@ -31,39 +31,39 @@ class MarkPhases {
   MarkPhases() = default;
   MarkPhases(const MarkNumbers& numbers, std::int64_t total)
       : numbers_(numbers),
-        message_{scale_iteration(numbers.message_after, total),
-                 scale_iteration(numbers.message_after + numbers.message_ramp, total)},
-        hsv_after_(scale_iteration(numbers.hsv_after, total)),
-        frequency_after_(scale_iteration(numbers.frequency_after, total)),
-        noise_after_(scale_iteration(numbers.noise_after, total)),
-        adaptive_after_(scale_iteration(numbers.adaptive_after, total)) {}
+        message_{scale_iteration(numbers.message.after, total),
+                 scale_iteration(numbers.message.after + numbers.message.ramp, total)},
+        hsv_after_(scale_iteration(numbers.hsv.after, total)),
+        frequency_after_(scale_iteration(numbers.frequency.after, total)),
+        noise_after_(scale_iteration(numbers.distortion.noise_after, total)),
+        adaptive_after_(scale_iteration(numbers.distortion.adaptive_after, total)) {}
 
   [[nodiscard]] MarkWeights weights(std::int64_t t) const {
     MarkWeights weights;
     if (t > message_.begin) {
-      const std::int64_t every = std::max<std::int64_t>(1, numbers_.message_every);
+      const std::int64_t every = std::max<std::int64_t>(1, numbers_.message.every);
       if (t % every == 0) {
-        weights.message = numbers_.lambda_message * message_.progress(t) * static_cast<double>(every);
+        weights.message = numbers_.message.lambda * message_.progress(t) * static_cast<double>(every);
       }
-      weights.image = numbers_.image_weight;
+      weights.image = numbers_.message.image_weight;
     }
-    if (t > hsv_after_) weights.hsv = numbers_.lambda_hsv * weights.image;
-    if (t > frequency_after_) weights.frequency = numbers_.lambda_frequency * weights.image;
+    if (t > hsv_after_) weights.hsv = numbers_.hsv.lambda * weights.image;
+    if (t > frequency_after_) weights.frequency = numbers_.frequency.lambda * weights.image;
     return weights;
   }
 
   /// Whether the marked renders are held to those of the unmarked model (PosthocEmbedding).
-  [[nodiscard]] bool held() const { return numbers_.fidelity > 0; }
+  [[nodiscard]] bool held() const { return numbers_.posthoc.fidelity > 0; }
   /// Weight of the mean square difference to the unmarked render, in an iteration that reads.
-  [[nodiscard]] double fidelity() const { return numbers_.fidelity * static_cast<double>(between_every()); }
+  [[nodiscard]] double fidelity() const { return numbers_.posthoc.fidelity * static_cast<double>(between_every()); }
   /// Whether that falls with the distance from the photographs.
-  [[nodiscard]] bool fidelity_falls() const { return held() && numbers_.fidelity_fall > 0; }
+  [[nodiscard]] bool fidelity_falls() const { return held() && numbers_.posthoc.fidelity_fall > 0; }
   /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): up to twice as much beside it, at a median as much, far
   /// away a twentieth. What a mark costs there is to be measured by how wrong the host is already, and that grows with the distance.
   [[nodiscard]] double fidelity(double medians) const {
     if (!fidelity_falls()) return fidelity();
     constexpr double least = 0.05;
-    return fidelity() * std::max(least, 2 / (1 + std::pow(medians, numbers_.fidelity_fall)));
+    return fidelity() * std::max(least, 2 / (1 + std::pow(medians, numbers_.posthoc.fidelity_fall)));
   }
 
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
@@ -72,23 +72,23 @@ class MarkPhases {
   }
   [[nodiscard]] double between_weight(std::int64_t t) const {
     if (t <= message_.begin) return 0;
-    return numbers_.lambda_message * message_.progress(t) * static_cast<double>(between_every());
+    return numbers_.message.lambda * message_.progress(t) * static_cast<double>(between_every());
   }
 
   [[nodiscard]] DistortionPhase distortion(std::int64_t t, std::uint64_t seed) const {
     DistortionPhase phase;
     phase.seed = seed;
     phase.iteration = static_cast<std::uint64_t>(t);
-    phase.scaling = numbers_.scaling_noise;
-    phase.offset = numbers_.offset_noise;
+    phase.scaling = numbers_.distortion.scaling_noise;
+    phase.offset = numbers_.distortion.offset_noise;
     if (t > adaptive_after_) {
-      phase.adaptive = numbers_.feature_noise != 0;
-      if (phase.adaptive && numbers_.hard_fraction > 0) {
+      phase.adaptive = numbers_.distortion.feature_noise != 0;
+      if (phase.adaptive && numbers_.distortion.hard_fraction > 0) {
         const Random random(seed, phase.iteration, random_stage("hard rounding"));
-        phase.round = random.uniform(0) < numbers_.hard_fraction;
+        phase.round = random.uniform(0) < numbers_.distortion.hard_fraction;
       }
     } else if (t > noise_after_) {
-      phase.feature_uniform = numbers_.feature_noise;
+      phase.feature_uniform = numbers_.distortion.feature_noise;
     }
     return phase;
   }
@@ -96,7 +96,7 @@ class MarkPhases {
  private:
   /// Where the marked renders are held there is no other reading: without a number it is every iteration.
   [[nodiscard]] std::int64_t between_every() const {
-    return held() ? std::max<std::int64_t>(1, numbers_.between_every) : numbers_.between_every;
+    return held() ? std::max<std::int64_t>(1, numbers_.message.between_every) : numbers_.message.between_every;
   }
 
   MarkNumbers numbers_;

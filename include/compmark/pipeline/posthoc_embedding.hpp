@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Post-hoc embedding: hides a message in a finished model, which stays as it is. One iteration samples a view near a training view, renders it with
-// the mark and without, reads the message, and moves the embedder's residual alone: towards the message, by MarkNumbers::lambda_message, and towards
-// the unmarked render, by MarkNumbers::fidelity. No photograph is looked at; cameras are. In place of the published loss, which trains the model with
+// the mark and without, reads the message, and moves the embedder's residual alone: towards the message, by MessageSettings::lambda, and towards
+// the unmarked render, by PosthocSettings::fidelity. No photograph is looked at; cameras are. In place of the published loss, which trains the model with
 // the message (Trainer). Deterministic: the state after iteration t is a function of the settings, the model, the cameras and t.
 // Cost an iteration: two renders, a reading, one backward pass.
 #pragma once
@@ -65,7 +65,8 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   PosthocEmbedding(TrainSettings settings, E& executor)
       : Loop(std::move(settings), executor),
         schedule_(settings_.mark, settings_.iterations) {
-    COMPMARK_ASSERT(settings_.mark.fidelity > 0, "PosthocEmbedding: the fidelity to the unmarked renders is above 0");
+    COMPMARK_ASSERT(settings_.mark.posthoc.fidelity > 0,
+                    "PosthocEmbedding: the fidelity to the unmarked renders is above 0");
   }
 
   /// Starts from a finished model with room for a mark (with_room_for_stages).
@@ -81,7 +82,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     set_schedules(state_.model, settings_);
   }
 
-  /// One iteration. An iteration that does not read (MarkNumbers::between_every) changes nothing.
+  /// One iteration. An iteration that does not read (MessageSettings::between_every) changes nothing.
   template <class Views>
   [[nodiscard]] Result<IterationReport> step(const Views& views) {
     static_assert(Loop::template has_cameras_of_recipe<const Views>,
@@ -113,7 +114,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   void read(const Views& views, IterationReport& report) {
     Model<R>& model = state_.model;
     const std::int64_t t = report.iteration;
-    const double share = settings_.mark.draw_by_cost;
+    const double share = settings_.mark.posthoc.draw_by_cost;
     report.view = reading_.roomy_view(views, settings_.seed, t, state_.costs, share);
     if constexpr (reads_marked_ancestors<R>) hold_steps(t);
     report.forward =
@@ -131,9 +132,10 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
 
   /// In the first reading, and in the first of every so many iterations.
   void hold_steps(std::int64_t t) requires(reads_marked_ancestors<R>) {
-    const std::int64_t every = settings_.mark.hold_steps_every;
+    const std::int64_t every = settings_.mark.posthoc.hold_steps_every;
     if (every <= 0 || !phases_.template of<RateStage>().context) return;
-    const std::int64_t before = t - std::max<std::int64_t>(1, settings_.mark.between_every);  // the reading before
+    const std::int64_t before =
+        t - std::max<std::int64_t>(1, settings_.mark.message.between_every);  // the reading before
     if (!state_.steps.wanted.empty() && (t - 1) / every == (before - 1) / every) return;
     const RateNumbers& rate = settings_.rate;
     state_.steps.hold(pipeline_, phases_, {rate.feature_step, rate.scaling_step, rate.offset_step}, state_.model,

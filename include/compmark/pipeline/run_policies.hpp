@@ -22,7 +22,7 @@ namespace compmark {
 }
 
 [[nodiscard]] inline Window frequency_window(const TrainSettings& run) {
-  return closed_window(run.mark.frequency_grow_from, run.mark.frequency_grow_until, run.iterations);
+  return closed_window(run.mark.frequency.grow_from, run.mark.frequency.grow_until, run.iterations);
 }
 
 /// `in_window`: of frequency-aware growing, where the recipe has it.
@@ -31,8 +31,8 @@ template <Recipe R>
   typename R::DensityControl::Settings settings;
   if constexpr (grows_by_frequency<typename R::DensityControl>) {
     settings.in_window = in_window;
-    settings.band.lowest = run.mark.frequency_band_lowest;
-    settings.band.highest = run.mark.frequency_band_highest;
+    settings.band.lowest = run.mark.frequency.band_lowest;
+    settings.band.highest = run.mark.frequency.band_highest;
   } else {
     static_cast<void>(in_window);
   }
@@ -60,7 +60,7 @@ template <Recipe R>
 template <Recipe R>
 [[nodiscard]] typename R::HsvLoss hsv_loss(const MarkNumbers& mark) {
   if constexpr (requires { R::HsvLoss::Settings::paper(); }) {
-    if (mark.hsv_as_written) return typename R::HsvLoss(R::HsvLoss::Settings::paper());
+    if (mark.hsv.as_written) return typename R::HsvLoss(R::HsvLoss::Settings::paper());
   } else {
     static_cast<void>(mark);
   }
@@ -71,9 +71,9 @@ template <Recipe R>
 template <Recipe R>
 [[nodiscard]] typename R::DistortionLayer distortion_layer(const MarkNumbers& mark) {
   typename R::DistortionLayer::Settings settings;
-  if constexpr (requires { settings.base_step; }) settings.base_step = mark.feature_noise;
-  if constexpr (requires { settings.least_step; }) settings.least_step = mark.least_step;
-  if constexpr (requires { settings.rate_weight; }) settings.rate_weight = mark.step_rate_weight;
+  if constexpr (requires { settings.base_step; }) settings.base_step = mark.distortion.feature_noise;
+  if constexpr (requires { settings.least_step; }) settings.least_step = mark.distortion.least_step;
+  if constexpr (requires { settings.rate_weight; }) settings.rate_weight = mark.distortion.rate_weight;
   return typename R::DistortionLayer(settings);
 }
 

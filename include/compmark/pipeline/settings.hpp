@@ -33,53 +33,93 @@ struct EffectNumbers {
   friend bool operator==(const EffectNumbers&, const EffectNumbers&) = default;
 };
 
-/// Numbers of a recipe with a watermark; of no meaning to the others (docs/spec/method.md, 5.2, 5.4, 5.7; windows as
-/// below). Defaults are the published program's, but for image_weight: its 10 for the image's losses from iteration
-/// 20,000 on is invisible to Adam apart from a jump of the step size (docs/spec/method.md, 7.9), so that here the
-/// message's weight is a tenth instead; the profile "official" sets the published pair.
-struct MarkNumbers {
-  double lambda_message = 0.045;
-  std::int64_t message_after = 20000;  ///< no message before, full weight after message_ramp more
-  std::int64_t message_ramp = 5000;
-  std::int64_t message_every = 1;  ///< cadence: every n-th iteration, n times the weight; does not scale
-  double logit_scale = 10;         ///< of the cross entropy; a decoder file states what suits its logits
+/// Numbers of the message's stage (stages/message.hpp; windows as below). Defaults are the published program's, but for image_weight: its 10 for the
+/// image's losses from iteration 20,000 on is invisible to Adam apart from a jump of the step size (method sheet, trap A16), so that here the message's
+/// weight is a tenth instead; the profile "official" sets the published pair.
+struct MessageSettings {
+  double lambda = 0.045;
+  std::int64_t after = 20000;  ///< no message before, full weight after `ramp` more
+  std::int64_t ramp = 5000;
+  std::int64_t every = 1;   ///< cadence: every n-th iteration, n times the weight; does not scale
+  double logit_scale = 10;  ///< of the cross entropy; a decoder file states what suits its logits
   double hinge_margin = 0;  ///< above 0: a hinge instead, no pull on a bit that is right by this much (scaled logits)
   double hinge_power = 1;   ///< at least 1: of the hinge, in units of its margin; above 1 wrong bits are pulled harder
   std::int64_t between_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
-  /// Above 0, of PosthocEmbedding alone: sampled views of a finished model shall carry the message and differ little from its unmarked renders. The
-  /// loss is this, times their mean square difference.
+  double image_weight = 1;         ///< of every other loss once the message has begun
+
+  friend bool operator==(const MessageSettings&, const MessageSettings&) = default;
+};
+
+/// Numbers of PosthocEmbedding beyond those of the message and the residual.
+struct PosthocSettings {
+  /// Above 0: sampled views of a finished model shall carry the message and differ little from its unmarked renders. The loss is this, times their mean
+  /// square difference.
   double fidelity = 0;
   /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as the median photograph does; it falls with this power of
   /// the distance beyond, and is up to twice as much nearer by. 0: the same everywhere.
   double fidelity_fall = 0;
-  /// Of a finished host: how much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the views alone) to 1.
+  /// How much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the views alone) to 1.
   double draw_by_cost = 0;
-  /// Of a finished host whose context reads ancestors (ContextGS): every n-th iteration its steps are held at what they are in the mean without a mark
+  /// Where the context reads ancestors (ContextGS): every n-th iteration its steps are held at what they are in the mean without a mark
   /// (pipeline/held_steps.hpp); 0: never. Does not scale.
   std::int64_t hold_steps_every = 0;
-  double lambda_hsv = 0.6;
-  bool hsv_as_written = false;  ///< saturated colours by the paper's thresholds, not by those that were released
-  std::int64_t hsv_after = 20000;
-  double lambda_frequency = 0.1;
-  std::int64_t frequency_after = 9999;
-  std::int64_t frequency_grow_from = 10000,
-               frequency_grow_until = 15000;  ///< window of frequency-aware growing; it looks where the loss is on
-  double frequency_band_lowest = 0.1,
-         frequency_band_highest = 0.3;  ///< of the error beside its median: where it looks; the paper's is -0.3 to 0.3
-  double image_weight = 1;              ///< of every other loss once the message has begun
 
-  double residual_rate = 0.0015;    ///< learning rate of the embedder's residual
-  double residual_decay = 1;        ///< of that rate, over the iterations in which the residual trains
-  std::int64_t residual_after = 0;  ///< the residual is zero until here, and the run to the bit that of the host
-  double distortion_rate = 0.001;   ///< learning rate of the distortion layer's network
+  friend bool operator==(const PosthocSettings&, const PosthocSettings&) = default;
+};
+
+/// Numbers of the loss of saturated colours (method sheet, 5.4).
+struct HsvSettings {
+  double lambda = 0.6;
+  bool as_written = false;  ///< saturated colours by the paper's thresholds, not by those that were released
+  std::int64_t after = 20000;
+
+  friend bool operator==(const HsvSettings&, const HsvSettings&) = default;
+};
+
+/// Numbers of the loss of frequencies, and of growing by its error map.
+struct FrequencySettings {
+  double lambda = 0.1;
+  std::int64_t after = 9999;
+  std::int64_t grow_from = 10000,
+               grow_until = 15000;  ///< window of frequency-aware growing; it looks where the loss is on
+  /// Of the error beside its median: where growing looks; the paper's is -0.3 to 0.3.
+  double band_lowest = 0.1, band_highest = 0.3;
+
+  friend bool operator==(const FrequencySettings&, const FrequencySettings&) = default;
+};
+
+/// Numbers of the embedder's residual (stages/embedder.hpp).
+struct ResidualSettings {
+  double learning_rate = 0.0015;
+  double decay = 1;        ///< of that rate, over the iterations in which the residual trains
+  std::int64_t after = 0;  ///< the residual is zero until here, and the run to the bit that of the unmarked model
+
+  friend bool operator==(const ResidualSettings&, const ResidualSettings&) = default;
+};
+
+/// Numbers of the distortion layer (stages/distortion.hpp; method sheet, 5.2).
+struct DistortionSettings {
+  double learning_rate = 0.001;     ///< of the layer's network
   double feature_noise = 1;         ///< Q0 of features: uniform noise first, the step of the network later
   double scaling_noise = 0.001;     ///< of exp(scaling), world units, from the first iteration
   double offset_noise = 0.2;        ///< from the first iteration
   std::int64_t noise_after = 3000;  ///< features without noise until here
   std::int64_t adaptive_after = 10000;
-  double hard_fraction = 0;     ///< of the adaptive iterations that round instead of drawing noise
-  double least_step = 0;        ///< against the collapse of the step, see quant/distortion.hpp
-  double step_rate_weight = 0;  ///< likewise
+  double hard_fraction = 0;  ///< of the adaptive iterations that round instead of drawing noise
+  double least_step = 0;     ///< against the collapse of the step, see quant/distortion.hpp
+  double rate_weight = 0;    ///< likewise
+
+  friend bool operator==(const DistortionSettings&, const DistortionSettings&) = default;
+};
+
+/// Numbers of the stages of a watermark, each stage's its own; of no meaning to a recipe without the stage.
+struct MarkNumbers {
+  MessageSettings message;
+  PosthocSettings posthoc;
+  HsvSettings hsv;
+  FrequencySettings frequency;
+  ResidualSettings residual;
+  DistortionSettings distortion;
 
   std::string identity;  ///< hash of message, decoder and the model begun from; a run is resumed with the same alone
 
@@ -156,23 +196,23 @@ struct TrainSettings {
 /// views too.
 [[nodiscard]] inline MarkNumbers mark_in_the_photographs() {
   MarkNumbers mark;
-  mark.lambda_message = 0.002;
-  mark.message_after = mark.residual_after = 15000;
-  mark.hinge_margin = 4;
-  mark.between_every = 1;
-  mark.residual_rate = 0.002;
+  mark.message.lambda = 0.002;
+  mark.message.after = mark.residual.after = 15000;
+  mark.message.hinge_margin = 4;
+  mark.message.between_every = 1;
+  mark.residual.learning_rate = 0.002;
   return mark;
 }
 /// A mark that is learned in a finished model and held to its unmarked renders: PosthocEmbedding
 /// (docs/notebook/watermark_experiments.md).
 [[nodiscard]] inline MarkNumbers posthoc_mark() {
   MarkNumbers mark = mark_in_the_photographs();
-  mark.lambda_message = 0.25;
-  mark.message_ramp = 0;
-  mark.fidelity = 3000;
-  mark.fidelity_fall = 2;
-  mark.residual_rate = 0.006;
-  mark.residual_decay = 0.05;
+  mark.message.lambda = 0.25;
+  mark.message.ramp = 0;
+  mark.posthoc.fidelity = 3000;
+  mark.posthoc.fidelity_fall = 2;
+  mark.residual.learning_rate = 0.006;
+  mark.residual.decay = 0.05;
   return mark;
 }
 
@@ -199,14 +239,14 @@ struct TrainSettings {
     settings.grow_after = 500;  // the published test of update_from was dropped: docs/spec/method.md, 4.2
     settings.pause_from = 3000;
     settings.pause_until = 4000;
-    settings.mark.lambda_message = 0.45;
-    settings.mark.image_weight = 10;
+    settings.mark.message.lambda = 0.45;
+    settings.mark.message.image_weight = 10;
     return settings;
   }
   if (profile == "paper") {
     settings.seed = 42;
-    settings.mark.frequency_band_lowest = -0.3;
-    settings.mark.hsv_as_written = true;
+    settings.mark.frequency.band_lowest = -0.3;
+    settings.mark.hsv.as_written = true;
     settings.grow_after = 1599;
     return settings;
   }

@@ -55,40 +55,40 @@ template <class Json = nlohmann::json>
   const std::optional<TrainSettings> profile = profile_settings(s.profile);
   if (const MarkNumbers& m = s.mark; m != (profile ? profile->mark : MarkNumbers{})) {
     Json& mark = json["mark"];
-    mark["lambda_message"] = m.lambda_message;
-    mark["message_after"] = m.message_after;
-    mark["message_ramp"] = m.message_ramp;
-    mark["message_every"] = m.message_every;
-    mark["logit_scale"] = m.logit_scale;
-    mark["hinge_margin"] = m.hinge_margin;
-    if (m.hinge_power != 1) mark["hinge_power"] = m.hinge_power;  // as fidelity
-    mark["between_every"] = m.between_every;
-    if (m.fidelity != 0) mark["fidelity"] = m.fidelity;  // checkpoints are older than this number
-    if (m.fidelity_fall != 0) mark["fidelity_fall"] = m.fidelity_fall;
-    if (m.draw_by_cost != 0) mark["draw_by_cost"] = m.draw_by_cost;
-    if (m.hold_steps_every != 0) mark["hold_steps_every"] = m.hold_steps_every;
-    mark["lambda_hsv"] = m.lambda_hsv;
-    if (m.hsv_as_written) mark["hsv_as_written"] = true;  // as fidelity
-    mark["hsv_after"] = m.hsv_after;
-    mark["lambda_frequency"] = m.lambda_frequency;
-    mark["frequency_after"] = m.frequency_after;
-    if (m.frequency_grow_from != 10000 || m.frequency_grow_until != 15000)
-      mark["frequency_grow"] = {m.frequency_grow_from, m.frequency_grow_until};
-    if (m.frequency_band_lowest != 0.1 || m.frequency_band_highest != 0.3)
-      mark["frequency_band"] = {m.frequency_band_lowest, m.frequency_band_highest};
-    mark["image_weight"] = m.image_weight;
-    mark["residual_rate"] = m.residual_rate;
-    mark["residual_decay"] = m.residual_decay;
-    mark["residual_after"] = m.residual_after;
-    mark["distortion_rate"] = m.distortion_rate;
-    mark["feature_noise"] = m.feature_noise;
-    mark["scaling_noise"] = m.scaling_noise;
-    mark["offset_noise"] = m.offset_noise;
-    mark["noise_after"] = m.noise_after;
-    mark["adaptive_after"] = m.adaptive_after;
-    mark["hard_fraction"] = m.hard_fraction;
-    mark["least_step"] = m.least_step;
-    mark["step_rate_weight"] = m.step_rate_weight;
+    mark["lambda_message"] = m.message.lambda;
+    mark["message_after"] = m.message.after;
+    mark["message_ramp"] = m.message.ramp;
+    mark["message_every"] = m.message.every;
+    mark["logit_scale"] = m.message.logit_scale;
+    mark["hinge_margin"] = m.message.hinge_margin;
+    if (m.message.hinge_power != 1) mark["hinge_power"] = m.message.hinge_power;  // as fidelity
+    mark["between_every"] = m.message.between_every;
+    if (m.posthoc.fidelity != 0) mark["fidelity"] = m.posthoc.fidelity;  // checkpoints are older than this number
+    if (m.posthoc.fidelity_fall != 0) mark["fidelity_fall"] = m.posthoc.fidelity_fall;
+    if (m.posthoc.draw_by_cost != 0) mark["draw_by_cost"] = m.posthoc.draw_by_cost;
+    if (m.posthoc.hold_steps_every != 0) mark["hold_steps_every"] = m.posthoc.hold_steps_every;
+    mark["lambda_hsv"] = m.hsv.lambda;
+    if (m.hsv.as_written) mark["hsv_as_written"] = true;  // as fidelity
+    mark["hsv_after"] = m.hsv.after;
+    mark["lambda_frequency"] = m.frequency.lambda;
+    mark["frequency_after"] = m.frequency.after;
+    if (m.frequency.grow_from != 10000 || m.frequency.grow_until != 15000)
+      mark["frequency_grow"] = {m.frequency.grow_from, m.frequency.grow_until};
+    if (m.frequency.band_lowest != 0.1 || m.frequency.band_highest != 0.3)
+      mark["frequency_band"] = {m.frequency.band_lowest, m.frequency.band_highest};
+    mark["image_weight"] = m.message.image_weight;
+    mark["residual_rate"] = m.residual.learning_rate;
+    mark["residual_decay"] = m.residual.decay;
+    mark["residual_after"] = m.residual.after;
+    mark["distortion_rate"] = m.distortion.learning_rate;
+    mark["feature_noise"] = m.distortion.feature_noise;
+    mark["scaling_noise"] = m.distortion.scaling_noise;
+    mark["offset_noise"] = m.distortion.offset_noise;
+    mark["noise_after"] = m.distortion.noise_after;
+    mark["adaptive_after"] = m.distortion.adaptive_after;
+    mark["hard_fraction"] = m.distortion.hard_fraction;
+    mark["least_step"] = m.distortion.least_step;
+    mark["step_rate_weight"] = m.distortion.rate_weight;
     mark["identity"] = m.identity;
   }
   if (const RateNumbers& r = s.rate; r != (profile ? profile->rate : RateNumbers{})) {

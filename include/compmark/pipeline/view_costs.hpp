@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What a message costs lately near each training view, and how much oftener than by its room a view is therefore drawn
-// (MarkNumbers::draw_by_cost). Some places of a capture take a mark later than the others; of the cup, drawn as often,
+// (PosthocSettings::draw_by_cost). Some places of a capture take a mark later than the others; of the cup, drawn as often,
 // a few end with half of the bits where the others have all (docs/notebook/watermark_experiments.md). It is part of the
 // state of a run. Cost: O(views) an iteration.
 #pragma once

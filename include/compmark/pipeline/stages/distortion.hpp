@@ -45,7 +45,7 @@ class DistortionStage : public Stage<DistortionStage<Layer>> {
   }
   static void set_schedules(Arena& arena, const Handles& blocks, const TrainSettings& settings) {
     if constexpr (requires { blocks.weight1; }) {
-      detail::set_network_schedule(arena, blocks, LearningSchedule::constant(settings.mark.distortion_rate));
+      detail::set_network_schedule(arena, blocks, LearningSchedule::constant(settings.mark.distortion.learning_rate));
     }
   }
   template <class R>

@@ -37,8 +37,8 @@ struct EmbedderStage : Stage<EmbedderStage<Embed>> {
   }
   static void set_schedules(Arena& arena, const Handles& blocks, const TrainSettings& settings) {
     const MarkNumbers& mark = settings.mark;
-    arena.set_schedule(blocks.residual, {mark.residual_rate, mark.residual_rate * mark.residual_decay, RateUnit::one,
-                                         mark.residual_after, mark.residual_after});
+    arena.set_schedule(blocks.residual, {mark.residual.learning_rate, mark.residual.learning_rate * mark.residual.decay,
+                                         RateUnit::one, mark.residual.after, mark.residual.after});
   }
   /// The mark moves into the attribute that carries it: same renders, nothing left to embed.
   static void bake(Arena& arena, const AnchorHandles& anchors, const Handles& blocks) {

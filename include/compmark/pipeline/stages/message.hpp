@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The stage of a MessageDecoder (mark/concept.hpp): reads the message from the render and pulls every bit to its side; in a training reads views
-// between the photographed ones too, where MarkNumbers::between_every says so. Cost: the decoder's forward and backward pass, and of a view between
+// between the photographed ones too, where MessageSettings::between_every says so. Cost: the decoder's forward and backward pass, and of a view between
 // a render and its backward pass more.
 #pragma once
 
@@ -49,11 +49,11 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   void set(Decoder reader, std::span<const std::uint8_t> bits, const MarkNumbers& mark) {
     COMPMARK_ASSERT(static_cast<std::size_t>(reader.bits()) == bits.size(), "MessageStage: message length");
     auto& loss = message_loss.settings;
-    loss.logit_scale = static_cast<Scalar>(mark.logit_scale);
-    if (mark.hinge_margin > 0) {
+    loss.logit_scale = static_cast<Scalar>(mark.message.logit_scale);
+    if (mark.message.hinge_margin > 0) {
       loss.rule = MessageRule::hinge;
-      loss.margin = static_cast<Scalar>(mark.hinge_margin);
-      loss.power = static_cast<Scalar>(mark.hinge_power);
+      loss.margin = static_cast<Scalar>(mark.message.hinge_margin);
+      loss.power = static_cast<Scalar>(mark.message.hinge_power);
     }
     decoder = std::move(reader);
     message.assign(bits.begin(), bits.end());
