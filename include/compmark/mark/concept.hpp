@@ -17,13 +17,26 @@
 // exact zeros for zero d_logits; D3 same bits at any thread count; D4 a NaN pixel makes every logit NaN or is refused
 // by an assertion, never a guess; D5 any image of at least minimum_size() a side is read, odd sizes too; D6 forward
 // twice in one context gives the same bits.
+//
+//   Embedder                                               meaning                                            cost
+//   typename E::Scalar, E::Handles, E::Context             number type, its blocks, scratch                   -
+//   E::target                                              which attribute of an anchor carries the mark      -
+//   E::add_parameters(arena, rows, columns)                its block, as wide as that attribute               once
+//   blocks.residual                                        the block                                          -
+//   E::forward(plain, residual, rows, marked, context,     fills the listed rows of the marked attribute      a row
+//     executor)
+//   E::backward(d_marked, rows, d_residual, context,       ADDS the residual's gradient; that of the          a row
+//     executor)                                            attribute itself is d_marked
+//   E::bake(plain, residual)                               plain becomes marked, to the bit; nothing is left  a table
 #pragma once
 
 #include <concepts>
+#include <cstddef>
 #include <span>
 
 #include "compmark/core/absent.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark {
@@ -43,9 +56,17 @@ concept MessageDecoder = D::is_absent ||
   decoder.forward(image, logits, context, executor);
   decoder.backward(d_logits, d_image, context, executor);
 };
-template <class D>
-concept Embedder = D::is_absent || requires {
-  typename D::Settings;
+template <class E>
+concept Embedder = E::is_absent ||
+    requires(ParameterArena<typename E::Scalar>& arena, const typename E::Handles& blocks,
+             MatrixView<const typename E::Scalar> plain, MatrixView<typename E::Scalar> table,
+             std::span<const std::uint32_t> rows, typename E::Context& context, SerialExecutor& executor) {
+  E::target;
+  { E::add_parameters(arena, std::size_t{}, std::size_t{}) } -> std::same_as<typename E::Handles>;
+  { blocks.residual } -> std::convertible_to<BlockHandle>;
+  E::forward(plain, plain, rows, table, context, executor);
+  E::backward(plain, rows, table, context, executor);
+  E::bake(table, table);
 };
 
 }  // namespace compmark

@@ -85,6 +85,10 @@ using RecipeLens = typename detail::LensOf<typename R::Rasterizer>::type;
 template <class R>
 using ViewCamera = CameraOf<RecipeLens<R>>;
 
+/// A recipe's distortion layer, with the steps of the recipe's Quantizer.
+template <class R>
+using RecipeDistortion = WithQuantizer<typename R::DistortionLayer, typename R::Quantizer>;
+
 /// Whether growing looks at the error map of the frequency loss in a window of the run (anchor/frequency_growth.hpp).
 template <class Growth>
 inline constexpr bool grows_by_frequency = false;
@@ -133,15 +137,27 @@ consteval void check_recipe() {
                   "Recipe: AlphaLoss reads the coverage, which this Rasterizer does not write (use "
                   "RasterOutputs{.alpha = true})");
   }
-  static_assert(Embedder<typename R::Embedder>, "Recipe: Embedder lacks Settings (see mark/concept.hpp)");
+  static_assert(Embedder<typename R::Embedder>,
+                "Recipe: Embedder lacks target, add_parameters, forward, backward, bake or Handles::residual (see "
+                "mark/concept.hpp)");
   static_assert(MessageDecoder<typename R::MessageDecoder>,
                 "Recipe: MessageDecoder lacks bits, minimum_size, forward or backward (see mark/concept.hpp)");
   if constexpr (present<typename R::MessageDecoder>) {
     static_assert(std::is_same_v<typename R::Scalar, typename R::MessageDecoder::Scalar>,
                   "Recipe: MessageDecoder has another Scalar than the recipe");
   }
+  static_assert(Quantizer<typename R::Quantizer>,
+                "Recipe: Quantizer lacks step, step_slope, step_log_slope, symbol, value or error (see "
+                "quant/concept.hpp)");
+  static_assert(DistortionLayer<typename R::DistortionLayer>,
+                "Recipe: DistortionLayer lacks add_parameters, initialise, forward or backward (see "
+                "quant/concept.hpp)");
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
                 "Recipe: a DistortionLayer needs a Quantizer, whose step is its amplitude");
+  static_assert(!present<typename R::HsvLoss> || ImageLoss<typename R::HsvLoss>,
+                "Recipe: HsvLoss lacks forward or forward_backward (see loss/concept.hpp)");
+  static_assert(!present<typename R::FrequencyLoss> || ImageLoss<typename R::FrequencyLoss>,
+                "Recipe: FrequencyLoss lacks forward or forward_backward (see loss/concept.hpp)");
   if constexpr (requires { R::DistortionLayer::feature_channels; }) {
     static_assert(R::DistortionLayer::feature_channels == R::AnchorModel::shape.feature_dim,
                   "Recipe: DistortionLayer distorts another number of feature channels than AnchorModel stores");
@@ -161,7 +177,8 @@ consteval void check_recipe() {
                   "Recipe: this DensityControl finds Gaussians as a pinhole projects them, and the recipe has a lens");
   }
   static_assert(EntropyModel<typename R::EntropyModel>,
-                "Recipe: EntropyModel lacks Settings (see entropy/concept.hpp)");
+                "Recipe: EntropyModel lacks Phase, Report, add_parameters, initialise, mask_opacity, forward or "
+                "backward (see entropy/concept.hpp)");
   static_assert(!present<typename R::EntropyModel> || !present<typename R::DistortionLayer>,
                 "Recipe: an EntropyModel draws the noise of its own step, so a DistortionLayer would distort twice");
 }

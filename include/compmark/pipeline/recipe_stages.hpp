@@ -55,7 +55,7 @@ using RecipeStages = JoinStages<
     detail::StagesOf<BackgroundStage, typename R::Background>, detail::StagesOf<AlphaLossStage, typename R::AlphaLoss>,
     detail::StagesOf<EmbedderStage, typename R::Embedder>, detail::StagesOf<MessageStage, typename R::MessageDecoder>,
     detail::StagesOf<HsvStage, typename R::HsvLoss>, detail::StagesOf<FrequencyStage, typename R::FrequencyLoss>,
-    detail::StagesOf<DistortionStage, typename R::DistortionLayer>,
+    detail::StagesOf<DistortionStage, RecipeDistortion<R>>,
     detail::StagesOf<RateStage, typename R::EntropyModel>, typename detail::OwnStages<R>::type>;
 
 }  // namespace compmark

@@ -69,12 +69,12 @@ template <Recipe R>
 
 /// Of a recipe with a DistortionLayer.
 template <Recipe R>
-[[nodiscard]] typename R::DistortionLayer distortion_layer(const MarkNumbers& mark) {
-  typename R::DistortionLayer::Settings settings;
+[[nodiscard]] RecipeDistortion<R> distortion_layer(const MarkNumbers& mark) {
+  typename RecipeDistortion<R>::Settings settings;
   if constexpr (requires { settings.base_step; }) settings.base_step = mark.distortion.feature_noise;
   if constexpr (requires { settings.least_step; }) settings.least_step = mark.distortion.least_step;
   if constexpr (requires { settings.rate_weight; }) settings.rate_weight = mark.distortion.rate_weight;
-  return typename R::DistortionLayer(settings);
+  return RecipeDistortion<R>(settings);
 }
 
 }  // namespace compmark

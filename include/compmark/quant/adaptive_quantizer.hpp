@@ -23,11 +23,12 @@ struct AdaptiveQuantizer {
     double offset = 0.2;
   };
 
-  /// Step for the context's r; see quant/step.hpp.
-  [[nodiscard]] static T step(T r, T q0) { return adaptive_step(r, q0, static_cast<T>(least_relative_step) * q0); }
-  [[nodiscard]] static T step_slope(T r, T q0) {
-    return adaptive_step_slope(r, q0, static_cast<T>(least_relative_step) * q0);
-  }
+  /// Step for the context's r, its slope and that of its logarithm; see quant/step.hpp.
+  [[nodiscard]] static T step(T r, T q0, T least) { return adaptive_step(r, q0, least); }
+  [[nodiscard]] static T step_slope(T r, T q0, T least) { return adaptive_step_slope(r, q0, least); }
+  [[nodiscard]] static T step_log_slope(T r) { return adaptive_step_log_slope(r); }
+  [[nodiscard]] static T step(T r, T q0) { return step(r, q0, static_cast<T>(least_relative_step) * q0); }
+  [[nodiscard]] static T step_slope(T r, T q0) { return step_slope(r, q0, static_cast<T>(least_relative_step) * q0); }
   /// The integer that is coded.
   [[nodiscard]] static T symbol(T x, T q) { return std::nearbyint(x / q); }
   /// The value that is decoded.

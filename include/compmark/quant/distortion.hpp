@@ -28,23 +28,6 @@
 
 namespace compmark {
 
-/// What the layer does in one iteration; resolved from the run's phases by the trainer. All zero: it is not called.
-struct DistortionPhase {
-  double feature_uniform = 0;  ///< width of uniform noise on features, before the adaptive one begins
-  bool adaptive = false;       ///< noise of the learned step on features
-  bool round = false;          ///< … or hard rounding by that step
-  double scaling = 0;          ///< width of the noise on exp(scaling), world units
-  double offset = 0;           ///< width of the noise on offsets
-  std::uint64_t seed = 0, iteration = 0;
-
-  [[nodiscard]] bool active() const { return feature_uniform != 0 || adaptive || scaling != 0 || offset != 0; }
-};
-
-struct DistortionReport {
-  double mean_step = 0;  ///< of q over visible anchors and channels, 0 while it is not adaptive
-  double rate_loss = 0;  ///< rate_weight * mean(-log2(q / Q0))
-};
-
 /// Choices the compiler needs.
 struct DistortionOptions {
   bool per_channel = true;  ///< else one step an anchor
@@ -59,6 +42,9 @@ class QuantizationNoise {
  public:
   static constexpr bool is_absent = false;
   using Scalar = T;
+  /// The same layer with the steps and the rounding of another quantizer: a recipe's layer has the recipe's.
+  template <class Other>
+  using WithQuantizer = QuantizationNoise<T, feature_dim, options, Other>;
   static constexpr int feature_channels = feature_dim;  ///< as many as the anchors have: check_recipe compares
   static constexpr int steps = options.per_channel ? feature_dim : 1;
 
@@ -260,7 +246,7 @@ class QuantizationNoise {
       for (std::size_t c = 0; c < out; ++c) {
         const T r = p.raw[c * panel + i - begin];
         context.raw_step[i * out + c] = r;
-        q[c] = adaptive_step(r, base_step(), least_step());
+        q[c] = Quantizer::step(r, base_step(), least_step());
         sum += static_cast<double>(q[c]);
         if (settings_.rate_weight != 0) sum_log += std::log2(static_cast<double>(q[c]) / settings_.base_step);
       }
@@ -315,8 +301,8 @@ class QuantizationNoise {
       for (std::size_t c = 0; c < out; ++c) {
         const T r = context.raw_step[i * out + c];
         T& d = p.d_raw[c * panel + lane];
-        d *= adaptive_step_slope(r, base_step(), least_step());
-        if (rate != T(0)) d += rate * adaptive_step_log_slope(r);
+        d *= Quantizer::step_slope(r, base_step(), least_step());
+        if (rate != T(0)) d += rate * Quantizer::step_log_slope(r);
       }
     }
   }

@@ -59,6 +59,10 @@ class UniformQuantizer {
   }
 
   [[nodiscard]] T step() const { return step_; }
+  /// As the Quantizer of a recipe: the base step, whatever a network says.
+  [[nodiscard]] static T step(T /*r*/, T q0, T least) { return std::max(q0, least); }
+  [[nodiscard]] static T step_slope(T /*r*/, T /*q0*/, T /*least*/) { return T(0); }
+  [[nodiscard]] static T step_log_slope(T /*r*/) { return T(0); }
   /// The integer that is coded.
   [[nodiscard]] static T symbol(T x, T q) { return AdaptiveQuantizer<T>::symbol(x, q); }
   /// The value that is decoded; of NaN, NaN.

@@ -34,8 +34,8 @@ struct Marked : HostRecipe {
 template <class HostRecipe, class Decoder, DistortionOptions distortion_options = DistortionOptions{}>
 struct MarkedForCompression : Marked<HostRecipe, Decoder> {
   using Quantizer = AdaptiveQuantizer<typename HostRecipe::Scalar>;
-  using DistortionLayer = QuantizationNoise<typename HostRecipe::Scalar, HostRecipe::AnchorModel::shape.feature_dim,
-                                            distortion_options, Quantizer>;
+  using DistortionLayer =
+      QuantizationNoise<typename HostRecipe::Scalar, HostRecipe::AnchorModel::shape.feature_dim, distortion_options>;
 };
 
 }  // namespace recipes

@@ -1,0 +1,27 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A message decoder of nothing but names would read nothing.
+// message: Recipe: MessageDecoder lacks bits
+#include "compmark/mark/lattice_decoder.hpp"
+#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/recipes/marked_codecs.hpp"
+
+using namespace compmark;
+
+struct Empty {
+  static constexpr bool is_absent = false;
+  using Scalar = float;
+  struct Settings {};
+  struct Handles {};
+  struct Context {};
+};
+struct Mine : recipes::Scaffold {
+#ifdef COMPMARK_MUST_FAIL
+  using MessageDecoder = Empty;
+#else
+  using MessageDecoder = LatticeDecoder<float>;
+#endif
+};
+
+void check() { check_recipe<Mine>(); }

@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A quantizer without steps would never be called.
+// message: Recipe: Quantizer lacks step
+#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/recipes/marked_codecs.hpp"
+
+using namespace compmark;
+
+struct Empty {
+  static constexpr bool is_absent = false;
+  using Scalar = float;
+  struct Settings {};
+  struct Handles {};
+  struct Context {};
+};
+struct Mine : recipes::Scaffold {
+#ifdef COMPMARK_MUST_FAIL
+  using Quantizer = Empty;
+#else
+  using Quantizer = AdaptiveQuantizer<float>;
+#endif
+};
+
+void check() { check_recipe<Mine>(); }
