@@ -23,4 +23,4 @@ struct Mine : recipes::Scaffold {
 #endif
 };
 
-void check() { check_recipe<Mine>(); }
+Pipeline<Mine> pipeline;

@@ -24,4 +24,4 @@ struct Mine : recipes::Scaffold {
 #endif
 };
 
-void check() { check_recipe<Mine>(); }
+Pipeline<Mine> pipeline;

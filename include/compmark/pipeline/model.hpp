@@ -40,6 +40,7 @@ struct Model {
 
   /// Blocks for `rows` anchors, all values zero.
   void create(std::size_t rows, std::size_t views) {
+    check_recipe<R>();
     train_views = views;
     arena = {};
     anchors = add_anchor_blocks(arena, rows, R::AnchorModel::shape);

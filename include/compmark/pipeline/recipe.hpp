@@ -85,9 +85,11 @@ using RecipeLens = typename detail::LensOf<typename R::Rasterizer>::type;
 template <class R>
 using ViewCamera = CameraOf<RecipeLens<R>>;
 
-/// A recipe's distortion layer, with the steps of the recipe's Quantizer.
+/// A recipe's distortion layer, with the steps of the recipe's Quantizer if it has one.
 template <class R>
-using RecipeDistortion = WithQuantizer<typename R::DistortionLayer, typename R::Quantizer>;
+using RecipeDistortion =
+    std::conditional_t<present<typename R::Quantizer>,
+                       WithQuantizer<typename R::DistortionLayer, typename R::Quantizer>, typename R::DistortionLayer>;
 
 /// Whether growing looks at the error map of the frequency loss in a window of the run (anchor/frequency_growth.hpp).
 template <class Growth>
@@ -99,18 +101,24 @@ template <class Growth>
   })
 inline constexpr bool grows_by_frequency<Growth> = true;
 
+namespace detail {
+/// A concept as a bool, so that the compiler says the sentence and not every expression that is missing: the tables of
+/// the concepts' headers name them.
+consteval bool holds(bool satisfied) { return satisfied; }
+}  // namespace detail
+
 /// Cross-stage facts, each a sentence. Called by Pipeline, so a wrong recipe is told at the door.
 template <Recipe R>
 consteval void check_recipe() {
-  static_assert(Rasterizer<typename R::Rasterizer>,
+  static_assert(detail::holds(Rasterizer<typename R::Rasterizer>),
                 "Recipe: Rasterizer lacks forward, backward, screen, Settings or Context (see raster/concept.hpp)");
-  static_assert(AnchorModel<typename R::AnchorModel>,
+  static_assert(detail::holds(AnchorModel<typename R::AnchorModel>),
                 "Recipe: AnchorModel lacks Scalar or shape (see anchor/scaffold_anchors.hpp)");
   static_assert(!present<typename R::DensityControl> || DensityControl<typename R::DensityControl>,
                 "Recipe: DensityControl lacks prepare, observe or adapt (see anchor/density_control.hpp)");
-  static_assert(Space<typename R::Space>,
+  static_assert(detail::holds(Space<typename R::Space>),
                 "Recipe: Space lacks cell_of, center, in_range or stretch (see anchor/space.hpp)");
-  static_assert(Optimizer<typename R::Optimizer>,
+  static_assert(detail::holds(Optimizer<typename R::Optimizer>),
                 "Recipe: Optimizer lacks prepare, step or edit_rows (see optim/concept.hpp)");
   static_assert(std::is_same_v<typename R::Scalar, typename R::AnchorModel::Scalar>,
                 "Recipe: AnchorModel has another Scalar than the recipe");
@@ -126,30 +134,32 @@ consteval void check_recipe() {
                   "TrainingRasterizer, or "
                   "NoGrowth)");
   }
-  static_assert(Exposure<typename R::Exposure>,
+  static_assert(detail::holds(Exposure<typename R::Exposure>),
                 "Recipe: Exposure lacks add_parameters, forward, backward or fix_gauge (see effect/concept.hpp)");
-  static_assert(Background<typename R::Background>, "Recipe: Background lacks color (see effect/concept.hpp)");
-  static_assert(AlphaLoss<typename R::AlphaLoss>, "Recipe: AlphaLoss lacks forward_backward (see effect/concept.hpp)");
-  static_assert(PixelWeights<typename R::PixelWeights>,
+  static_assert(detail::holds(Background<typename R::Background>),
+                "Recipe: Background lacks color (see effect/concept.hpp)");
+  static_assert(detail::holds(AlphaLoss<typename R::AlphaLoss>),
+                "Recipe: AlphaLoss lacks forward_backward (see effect/concept.hpp)");
+  static_assert(detail::holds(PixelWeights<typename R::PixelWeights>),
                 "Recipe: PixelWeights lacks mix or apply (see effect/concept.hpp)");
   if constexpr (present<typename R::AlphaLoss> && requires { R::Rasterizer::output_policy; }) {
     static_assert(R::Rasterizer::output_policy.alpha,
                   "Recipe: AlphaLoss reads the coverage, which this Rasterizer does not write (use "
                   "RasterOutputs{.alpha = true})");
   }
-  static_assert(Embedder<typename R::Embedder>,
+  static_assert(detail::holds(Embedder<typename R::Embedder>),
                 "Recipe: Embedder lacks target, add_parameters, forward, backward, bake or Handles::residual (see "
                 "mark/concept.hpp)");
-  static_assert(MessageDecoder<typename R::MessageDecoder>,
+  static_assert(detail::holds(MessageDecoder<typename R::MessageDecoder>),
                 "Recipe: MessageDecoder lacks bits, minimum_size, forward or backward (see mark/concept.hpp)");
   if constexpr (present<typename R::MessageDecoder>) {
     static_assert(std::is_same_v<typename R::Scalar, typename R::MessageDecoder::Scalar>,
                   "Recipe: MessageDecoder has another Scalar than the recipe");
   }
-  static_assert(Quantizer<typename R::Quantizer>,
+  static_assert(detail::holds(Quantizer<typename R::Quantizer>),
                 "Recipe: Quantizer lacks step, step_slope, step_log_slope, symbol, value or error (see "
                 "quant/concept.hpp)");
-  static_assert(DistortionLayer<typename R::DistortionLayer>,
+  static_assert(detail::holds(DistortionLayer<typename R::DistortionLayer>),
                 "Recipe: DistortionLayer lacks add_parameters, initialise, forward or backward (see "
                 "quant/concept.hpp)");
   static_assert(!present<typename R::DistortionLayer> || present<typename R::Quantizer>,
@@ -176,7 +186,7 @@ consteval void check_recipe() {
     static_assert(std::is_same_v<RecipeLens<R>, PinholeLens>,
                   "Recipe: this DensityControl finds Gaussians as a pinhole projects them, and the recipe has a lens");
   }
-  static_assert(EntropyModel<typename R::EntropyModel>,
+  static_assert(detail::holds(EntropyModel<typename R::EntropyModel>),
                 "Recipe: EntropyModel lacks Phase, Report, add_parameters, initialise, mask_opacity, forward or "
                 "backward (see entropy/concept.hpp)");
   static_assert(!present<typename R::EntropyModel> || !present<typename R::DistortionLayer>,

@@ -25,18 +25,18 @@
 namespace compmark {
 
 namespace detail {
-template <template <class...> class S, class Policy>
+template <template <class...> class S, class Policy, bool usable>
 struct StageOfPolicy {
   using type = StageList<>;
 };
 template <template <class...> class S, class Policy>
-  requires present<Policy>
-struct StageOfPolicy<S, Policy> {
+struct StageOfPolicy<S, Policy, true> {
   using type = StageList<S<Policy>>;
 };
-template <template <class...> class S, class Policy>
-using StagesOf = typename StageOfPolicy<S, Policy>::type;
-
+/// The stage of a policy that is there. One that lacks a member is left out, so that check_recipe's sentence is all that
+/// the compiler says of it.
+template <template <class...> class S, class Policy, bool complete = true>
+using StagesOf = typename StageOfPolicy<S, Policy, present<Policy> && complete>::type;
 template <class R>
 struct OwnStages {
   using type = StageList<>;
@@ -49,13 +49,17 @@ struct OwnStages<R> {
 }  // namespace detail
 
 template <Recipe R>
-using RecipeStages = JoinStages<
-    detail::StagesOf<ExposureStage, typename R::Exposure>,
-    detail::StagesOf<PixelWeightsStage, typename R::PixelWeights>,
-    detail::StagesOf<BackgroundStage, typename R::Background>, detail::StagesOf<AlphaLossStage, typename R::AlphaLoss>,
-    detail::StagesOf<EmbedderStage, typename R::Embedder>, detail::StagesOf<MessageStage, typename R::MessageDecoder>,
-    detail::StagesOf<HsvStage, typename R::HsvLoss>, detail::StagesOf<FrequencyStage, typename R::FrequencyLoss>,
-    detail::StagesOf<DistortionStage, RecipeDistortion<R>>,
-    detail::StagesOf<RateStage, typename R::EntropyModel>, typename detail::OwnStages<R>::type>;
+using RecipeStages =
+    JoinStages<detail::StagesOf<ExposureStage, typename R::Exposure, Exposure<typename R::Exposure>>,
+               detail::StagesOf<PixelWeightsStage, typename R::PixelWeights, PixelWeights<typename R::PixelWeights>>,
+               detail::StagesOf<BackgroundStage, typename R::Background, Background<typename R::Background>>,
+               detail::StagesOf<AlphaLossStage, typename R::AlphaLoss, AlphaLoss<typename R::AlphaLoss>>,
+               detail::StagesOf<EmbedderStage, typename R::Embedder, Embedder<typename R::Embedder>>,
+               detail::StagesOf<MessageStage, typename R::MessageDecoder, MessageDecoder<typename R::MessageDecoder>>,
+               detail::StagesOf<HsvStage, typename R::HsvLoss, ImageLoss<typename R::HsvLoss>>,
+               detail::StagesOf<FrequencyStage, typename R::FrequencyLoss, ImageLoss<typename R::FrequencyLoss>>,
+               detail::StagesOf<DistortionStage, RecipeDistortion<R>, DistortionLayer<RecipeDistortion<R>>>,
+               detail::StagesOf<RateStage, typename R::EntropyModel, EntropyModel<typename R::EntropyModel>>,
+               typename detail::OwnStages<R>::type>;
 
 }  // namespace compmark
