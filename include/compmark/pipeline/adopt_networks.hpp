@@ -44,8 +44,9 @@ template <class T, class Handles>
 
 }  // namespace detail
 
-/// Replaces the networks of a trained model, those that render and those of its context, by what a file of it holds: `file` is the model of
-/// CodecEncoded or CodecDecoded. An Error, and the model as it was or in part replaced, if that file is of another model.
+/// Replaces the networks of a trained model, those that render and those of its context, by what a file of it holds:
+/// `file` is the model of CodecEncoded or CodecDecoded. An Error, and the model as it was or in part replaced, if that
+/// file is of another model.
 template <Recipe R>
   requires present<typename R::EntropyModel>
 [[nodiscard]] Result<Done> adopt_networks(const CodecModel& file, Model<R>& model) {
@@ -87,9 +88,10 @@ template <Recipe R>
   return Done{};
 }
 
-/// Halves the weights of the outputs that choose the steps of a ContextGS file wherever their sums could come to more than half of what 32 bits hold, so
-/// that training has room to move their biases (pipeline/held_steps.hpp). Before adopt_networks. They lose their last bit, and some anchors' steps
-/// are a sixteenth of an octave from the file's; the means of a level's by less than .02 (held_steps.test).
+/// Halves the weights of the outputs that choose the steps of a ContextGS file wherever their sums could come to more
+/// than half of what 32 bits hold, so that training has room to move their biases (pipeline/held_steps.hpp). Before
+/// adopt_networks. They lose their last bit, and some anchors' steps are a sixteenth of an octave from the file's; the
+/// means of a level's by less than .02 (held_steps.test).
 inline void leave_room_for_steps(CodecModel& file) {
   if (!file.context_gs) return;
   for (IntegerNetwork& network : file.context_gs->network) {
@@ -107,8 +109,8 @@ inline void leave_room_for_steps(CodecModel& file) {
   }
 }
 
-/// Gives what a trained model is coded from the very context of `file`, whose networks it adopted, but for the biases of the steps where training has
-/// moved them.
+/// Gives what a trained model is coded from the very context of `file`, whose networks it adopted, but for the biases
+/// of the steps where training has moved them.
 inline void keep_context(const CodecModel& file, CodecModel& coded) {
   coded.context = file.context;
   coded.context_gs = file.context_gs;

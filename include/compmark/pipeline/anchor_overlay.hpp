@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What stages change of the anchors before they are decoded (x + tanh x' of a mark, the noise of a quantizer) is written to tables of its own,
-// beside the model's, which stay: an overlay. Rows that nobody lists stay unwritten, attributes that nobody changes are read where they are. On the
-// way back the decoder adds its gradients to tables like these, the stages turn them into gradients of what they read, and what is left is added to
-// the model's. Cost: one copy of a visible anchor's changed attributes, forward and backward; where a stage writes all anchors, of all.
+// What stages change of the anchors before they are decoded (x + tanh x' of a mark, the noise of a quantizer) is
+// written to tables of its own, beside the model's, which stay: an overlay. Rows that nobody lists stay unwritten,
+// attributes that nobody changes are read where they are. On the way back the decoder adds its gradients to tables like
+// these, the stages turn them into gradients of what they read, and what is left is added to the model's. Cost: one
+// copy of a visible anchor's changed attributes, forward and backward; where a stage writes all anchors, of all.
 #pragma once
 
 #include <algorithm>
@@ -54,7 +55,8 @@ class AnchorOverlay {
     return overlaid(which) == OverlaidRows::all ? all_rows_.span() : visible;
   }
 
-  /// Says that a stage fills rows of an attribute from what `columns` says of them: the table to fill, shaped like that.
+  /// Says that a stage fills rows of an attribute from what `columns` says of them: the table to fill, shaped like
+  /// that.
   [[nodiscard]] MatrixView<T> write(MarkTarget which, OverlaidRows rows, const AnchorColumns<const T>& columns) {
     overlaid_[index(which)] = rows;
     if (rows == OverlaidRows::all) {
@@ -63,7 +65,8 @@ class AnchorOverlay {
     }
     return table(which, columns);
   }
-  /// The table of an attribute that a stage changes in place: visible rows are copied first, unless they were written, and `columns` reads it.
+  /// The table of an attribute that a stage changes in place: visible rows are copied first, unless they were written,
+  /// and `columns` reads it.
   template <Executor E>
   MatrixView<T> change(MarkTarget which, std::span<const std::uint32_t> visible, AnchorColumns<const T>& columns,
                        E& executor) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Explicit Gaussians out of a model, for viewers that know nothing of anchors and networks. Here: exact for one camera. For all cameras at
-// once see sh_fit.hpp. compare_bake says what a bake costs: PSNR of its render against the model's own, view by view.
+// Explicit Gaussians out of a model, for viewers that know nothing of anchors and networks. Here: exact for one camera.
+// For all cameras at once see sh_fit.hpp. compare_bake says what a bake costs: PSNR of its render against the model's
+// own, view by view.
 #pragma once
 
 #include <algorithm>
@@ -24,8 +25,8 @@
 
 namespace compmark {
 
-/// The Gaussians that the decoder gives for this camera, colours as degree 0: rendered from here the table is the model. `view` chooses
-/// the appearance row, if the recipe has one. Cost: one decode.
+/// The Gaussians that the decoder gives for this camera, colours as degree 0: rendered from here the table is the
+/// model. `view` chooses the appearance row, if the recipe has one. Cost: one decode.
 template <Recipe R, Executor E>
 [[nodiscard]] SplatTable bake_at_camera(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view,
                                         E& executor) {
@@ -42,7 +43,8 @@ template <Recipe R, Executor E>
   return to_splat_table(std::as_const(gaussians).columns());
 }
 
-/// Renders explicit Gaussians as a viewer would, with the rasterizer and the render settings of the model they come from.
+/// Renders explicit Gaussians as a viewer would, with the rasterizer and the render settings of the model they come
+/// from.
 template <Recipe R>
 class SplatRenderer {
  public:
@@ -90,8 +92,8 @@ struct BakeReport {
 struct NoTargets {};
 
 /// Renders `table_at(i)` (a const SplatTable&) and the model at every camera. `targets` is NoTargets, or is called as
-/// targets(i, ImageView<float> image) -> Result<Done> to fill the ground truth of camera i. `first_view` is the appearance row.
-/// Cost: two renders a camera.
+/// targets(i, ImageView<float> image) -> Result<Done> to fill the ground truth of camera i. `first_view` is the
+/// appearance row. Cost: two renders a camera.
 template <Recipe R, class TableAt, class Targets, Executor E>
   requires std::same_as<typename R::Scalar, float>
 [[nodiscard]] Result<BakeReport> compare_bakes(const Model<R>& model, const TableAt& table_at,

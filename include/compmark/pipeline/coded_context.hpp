@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context of a trained model as a codec compresses it: that of HacModel with the signs of its hash grid, or that of ContextGsModel with the
-// symbols of z and, of the prior, the probabilities that coding wants to know. Cost: a copy of the networks, 31 probabilities a channel of z.
+// The context of a trained model as a codec compresses it: that of HacModel with the signs of its hash grid, or that of
+// ContextGsModel with the symbols of z and, of the prior, the probabilities that coding wants to know. Cost: a copy of
+// the networks, 31 probabilities a channel of z.
 #pragma once
 
 #include <algorithm>

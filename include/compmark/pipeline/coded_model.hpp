@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Between a model that renders and what a codec compresses: coded_model() turns a trained Model of a recipe with an entropy model into a
-// CodecModel, model_from() turns a decoded one back. Anchors must lie on the voxel grid, as those of every recipe without a contracted space
-// do. Extents are stored, the table holds their logarithms: both ways go through double, once, so that the same file gives the same bits.
-// A decoded model renders; the context that predicted it stays with the file. Cost: one copy of the model.
+// Between a model that renders and what a codec compresses: coded_model() turns a trained Model of a recipe with an
+// entropy model into a CodecModel, model_from() turns a decoded one back. Anchors must lie on the voxel grid, as those
+// of every recipe without a contracted space do. Extents are stored, the table holds their logarithms: both ways go
+// through double, once, so that the same file gives the same bits. A decoded model renders; the context that predicted
+// it stays with the file. Cost: one copy of the model.
 #pragma once
 
 #include <algorithm>

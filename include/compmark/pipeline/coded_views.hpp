@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras in the metadata of a compressed file: names and splits as JSON, numbers as the bits of doubles, 144 bytes a view (280 with lenses),
-// so that who receives it renders the owner's views to the bit. Every number is checked before it is believed.
+// Cameras in the metadata of a compressed file: names and splits as JSON, numbers as the bits of doubles, 144 bytes a
+// view (280 with lenses), so that who receives it renders the owner's views to the bit. Every number is checked before
+// it is believed.
 #pragma once
 
 #include <bit>

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A message decoder for one scene. The waves of a lattice decoder of colour (mark/lattice_decoder.hpp) say something of every scene by themselves,
-// and that changes from view to view; and a mark can move them at the same time in all views that see a surface, or only in some. Both are known
-// before anything is hidden, from the unmarked host alone, so that the head can read where the scene is silent and a mark is heard.
-// What the host says is told from the view, as far as it can be, and subtracted (quiet_waves.hpp, mark/host_prediction.hpp). With q(v) what is left
-// of the waves' means in view v, and J(v) their gradient to the anchors' features in a metric that counts a feature by how much it shows,
+// A message decoder for one scene. The waves of a lattice decoder of colour (mark/lattice_decoder.hpp) say something of
+// every scene by themselves, and that changes from view to view; and a mark can move them at the same time in all views
+// that see a surface, or only in some. Both are known before anything is hidden, from the unmarked host alone, so that
+// the head can read where the scene is silent and a mark is heard. What the host says is told from the view, as far as
+// it can be, and subtracted (quiet_waves.hpp, mark/host_prediction.hpp). With q(v) what is left of the waves' means in
+// view v, and J(v) their gradient to the anchors' features in a metric that counts a feature by how much it shows,
 //   noise      N = covariance of q over drawn views, as they are and after gentle edits,
 //   energy     E = mean over v of J(v) J(v)^T         what a mark that is made for one view would move there,
 //   agreement  A = mean over u != v of J(u) J(v)^T    what a mark that is made for one view moves in another,
@@ -52,8 +53,9 @@ struct DecoderFit {
   double noise_ratio = 0;     ///< their w^T N w / w^T A w, as a share of the waves' own; below 1
 };
 
-/// The decoder for `host`, whose gradients are used as workspace. `views` has size() and camera(i), of the cameras it was trained on. An Error where
-/// nothing can be chosen: no view, or no colour between black and white in any; of kind cancelled where the observer said stop (decoder_fit_settings.hpp).
+/// The decoder for `host`, whose gradients are used as workspace. `views` has size() and camera(i), of the cameras it
+/// was trained on. An Error where nothing can be chosen: no view, or no colour between black and white in any; of kind
+/// cancelled where the observer said stop (decoder_fit_settings.hpp).
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
 [[nodiscard]] Result<DecoderFit<typename R::Scalar>> fit_decoder(Model<R>& host, const Views& views,
                                                                  DecoderFitSettings settings, E& executor,
@@ -95,7 +97,8 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
                  "its renders hold no colour between black and white",
                  "a scene that can be seen from the cameras of the dataset"};
   }
-  // Of the directions that are left to choose from: all of them, or the quiet ones, less what the loud ones say of them.
+  // Of the directions that are left to choose from: all of them, or the quiet ones, less what the loud ones say of
+  // them.
   std::optional<detail::QuietWaves> quiet = detail::quiet_waves(found, settings, executor);
   const std::size_t left = quiet ? quiet->count : 0;
   const double count = static_cast<double>(waves);

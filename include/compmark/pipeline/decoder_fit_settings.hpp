@@ -46,8 +46,8 @@ struct DecoderFitSettings {
   /// (mark/tone.hpp); 0: the host's own, and a decoder that takes 1 % of another, or two levels of green, for a
   /// message. What .01 costs and brings: docs/notebook/watermark_experiments.md, "Another light".
   double tone = 0.01;
-  /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much weight in the noise as `edit_weight`
-  /// says: what is quiet in clean renders alone is drowned by a JPEG.
+  /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much
+  /// weight in the noise as `edit_weight` says: what is quiet in clean renders alone is drowned by a JPEG.
   int edits_per_view = 1;
   double edit_weight = 0.15;
   AugmentationSettings edits = gentle_edits();
@@ -55,11 +55,12 @@ struct DecoderFitSettings {
   std::size_t anchors = 8000;
   double conflict_weight = 0.03;  ///< of the energy beside the noise
   double ridge = 0.003;           ///< share of the mean variance that is added to every variance of the noise
-  /// What a region of an image says more than so many medians, over drawn views of the host, of what the loudest region says, counts less
-  /// (mark/lattice_decoder.hpp); 0: no limit.
+  /// What a region of an image says more than so many medians, over drawn views of the host, of what the loudest region
+  /// says, counts less (mark/lattice_decoder.hpp); 0: no limit.
   double region_limit = 1.2;
   int regions = 24;  ///< of an image, about
-  /// Of a region of the smallest view at least, or there are fewer: small ones would hold back a mark that has to be loud.
+  /// Of a region of the smallest view at least, or there are fewer: small ones would hold back a mark that has to be
+  /// loud.
   int region_positions = 5000;
   int limit_views = 256;  ///< drawn views of the limit; at most statistics_views
 };
@@ -72,7 +73,8 @@ struct NoJpeg {
   }
 };
 
-/// Watches nothing. An observer is told of the way: after a part of the work, of `total` parts of about the same cost; it returns false to stop.
+/// Watches nothing. An observer is told of the way: after a part of the work, of `total` parts of about the same cost;
+/// it returns false to stop.
 struct NoFitObserver {
   constexpr bool on_progress(std::size_t /*done*/, std::size_t /*total*/) const { return true; }
 };

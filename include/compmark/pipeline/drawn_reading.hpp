@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Readings of a message in sampled views that nobody photographed (scene/between.hpp): a message needs no photograph. `read` adds its gradients to
-// those of the photographed view of an iteration. `read_held` renders the unmarked model there too and holds the marked render to it
-// (PosthocSettings::fidelity). Cost: a render, a reading and the backward pass; held, one render more.
+// Readings of a message in sampled views that nobody photographed (scene/between.hpp): a message needs no photograph.
+// `read` adds its gradients to those of the photographed view of an iteration. `read_held` renders the unmarked model
+// there too and holds the marked render to it (PosthocSettings::fidelity). Cost: a render, a reading and the backward
+// pass; held, one render more.
 #pragma once
 
 #include <algorithm>
@@ -78,8 +79,9 @@ double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> h
 }
 }  // namespace detail
 
-/// The message alone, of a render that there is no photograph of, in place of Pipeline::loss: context.d_image is set from what was read, by the weight
-/// of the forward pass, and with a weight `fidelity` above 0 from the mean square difference to `host`, the unmarked render of the same view.
+/// The message alone, of a render that there is no photograph of, in place of Pipeline::loss: context.d_image is set
+/// from what was read, by the weight of the forward pass, and with a weight `fidelity` above 0 from the mean square
+/// difference to `host`, the unmarked render of the same view.
 template <Recipe R, Executor E>
 ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageView<const typename R::Scalar> host,
                            typename Pipeline<R>::Context& context, E& executor) {
@@ -112,8 +114,8 @@ class DrawnReading {
   /// (docs/notebook/watermark_experiments.md).
   static constexpr double reach = 1.7;
 
-  /// The training view that iteration t reads near if no photograph says which: those with room around them more often, and by a `share` of the
-  /// draw those that cost more. `views` are always the same.
+  /// The training view that iteration t reads near if no photograph says which: those with room around them more often,
+  /// and by a `share` of the draw those that cost more. `views` are always the same.
   template <class Views>
   [[nodiscard]] std::size_t roomy_view(const Views& views, std::uint64_t seed, std::int64_t t,
                                        const ViewCosts& costs = {}, double share = 0) {
@@ -122,8 +124,8 @@ class DrawnReading {
     return room_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0), factor_);
   }
 
-  /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. The stages are in the phases of the iteration,
-  /// but for what belongs to its photograph.
+  /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. The stages are
+  /// in the phases of the iteration, but for what belongs to its photograph.
   template <class Views, Executor E>
   auto read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
             std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) {
@@ -140,8 +142,8 @@ class DrawnReading {
     Phases unmarked = marked;
     unmarked.template of<EmbedderStage>().embeds = false;
     if constexpr (present<typename R::EntropyModel>) {
-      // The marked render is not held to what rounding did to the unmarked model: steps that take some of it back are as good as steps that carry
-      // the message.
+      // The marked render is not held to what rounding did to the unmarked model: steps that take some of it back are
+      // as good as steps that carry the message.
       if (marked.template of<RateStage>().round) unmarked.template of<RateStage>() = {};
     }
     static_cast<void>(pipeline.forward(model, camera, view, context_, executor, unmarked));

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Between a recipe and its Host, the recipe it adds stages to: a finished model of the host is given room for a mark, or for a codec's context, and
-// what was trained there can be taken out again.
+// Between a recipe and its Host, the recipe it adds stages to: a finished model of the host is given room for a mark,
+// or for a codec's context, and what was trained there can be taken out again.
 #pragma once
 
 #include <algorithm>
@@ -34,7 +34,8 @@ template <Recipe R>
   return host;
 }
 
-/// The other way: a finished model of the host with room for the stages of R, to be trained on: a mark that is zero yet, fresh networks.
+/// The other way: a finished model of the host with room for the stages of R, to be trained on: a mark that is zero
+/// yet, fresh networks.
 template <Recipe R>
 [[nodiscard]] Model<R> with_room_for_stages(const Model<typename R::Host>& host, std::uint64_t seed) {
   using Scalar = typename R::Scalar;

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How fast each block of a recipe's parameters trains. A stage declares a schedule with each of its blocks; a run's settings replace the schedules
-// of the stages that they have numbers for. A stage with handles of its own keeps what it declared. No name decides anything.
-// Cost: a logarithm and an exponential a block and iteration.
+// How fast each block of a recipe's parameters trains. A stage declares a schedule with each of its blocks; a run's
+// settings replace the schedules of the stages that they have numbers for. A stage with handles of its own keeps what
+// it declared. No name decides anything. Cost: a logarithm and an exponential a block and iteration.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,8 @@ namespace compmark {
   return LogLinear{schedule.initial * unit, schedule.final * unit, iterations - from}.value(t - from);
 }
 
-/// Replaces the schedules that the stages of `model` declared by those of a run, where `settings` has numbers for the stage.
+/// Replaces the schedules that the stages of `model` declared by those of a run, where `settings` has numbers for the
+/// stage.
 template <Recipe R>
 void set_schedules(Model<R>& model, const TrainSettings& settings) {
   auto& arena = model.arena;

@@ -58,8 +58,9 @@ class MarkPhases {
   [[nodiscard]] double fidelity() const { return numbers_.posthoc.fidelity * static_cast<double>(between_every()); }
   /// Whether that falls with the distance from the photographs.
   [[nodiscard]] bool fidelity_falls() const { return held() && numbers_.posthoc.fidelity_fall > 0; }
-  /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): up to twice as much beside it, at a median as much, far
-  /// away a twentieth. What a mark costs there is to be measured by how wrong the host is already, and that grows with the distance.
+  /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): up to twice as much
+  /// beside it, at a median as much, far away a twentieth. What a mark costs there is to be measured by how wrong the
+  /// host is already, and that grows with the distance.
   [[nodiscard]] double fidelity(double medians) const {
     if (!fidelity_falls()) return fidelity();
     constexpr double least = 0.05;

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is asked of a loop with a watermark: telling it the message, and what the last iteration read and lost. Cost: none.
+// What is asked of a loop with a watermark: telling it the message, and what the last iteration read and lost. Cost:
+// none.
 #pragma once
 
 #include <cstddef>
@@ -21,8 +22,8 @@ struct MarkReport : ReadingReport {
   double frequency = 0;
 };
 
-/// Tells a loop whose recipe has a MessageDecoder, Trainer or PosthocEmbedding, the decoder and the bits that every render shall carry: bit i is 0 or 1,
-/// one for each bit of the decoder. Before the first step.
+/// Tells a loop whose recipe has a MessageDecoder, Trainer or PosthocEmbedding, the decoder and the bits that every
+/// render shall carry: bit i is 0 or 1, one for each bit of the decoder. Before the first step.
 template <class Loop, class Decoder = typename Loop::RecipeType::MessageDecoder>
 void set_watermark(Loop& loop, Decoder decoder, std::span<const std::uint8_t> message) {
   loop.template stage<MessageStage>().set(std::move(decoder), message, loop.settings().mark);

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model is what a render needs and nothing of how it was trained: anchors, the decoder's networks, and the few numbers that belong to
-// them. Training state (moments, statistics, schedule) lives in the Trainer and in its checkpoint.
+// A model is what a render needs and nothing of how it was trained: anchors, the decoder's networks, and the few
+// numbers that belong to them. Training state (moments, statistics, schedule) lives in the Trainer and in its
+// checkpoint.
 #pragma once
 
 #include <array>

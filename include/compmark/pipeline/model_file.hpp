@@ -1,13 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model on disk: one safetensors file with every tensor and every number that a render needs, and the cameras it was trained with, so
-// that nothing else is. The same model gives the same bytes; no path, date, machine or thread count is in it.
+// A model on disk: one safetensors file with every tensor and every number that a render needs, and the cameras it was
+// trained with, so that nothing else is. The same model gives the same bytes; no path, date, machine or thread count is
+// in it.
 //
-//   metadata  format = "compmark.model", version = "1", info = JSON (ModelInfo without the cameras, decoder shape, render settings)
+//   metadata  format = "compmark.model", version = "1", info = JSON (ModelInfo without the cameras, decoder shape,
+//     render settings)
 //   tensors   the blocks of the arena by name, [rows, columns] F32; camera.* F64, one row a view
-// What a model does not have is not written: camera.lens (model, 16 parameters) where no view is rendered through a lens, origin where the
-// scene was not moved. Files from before there was either are read as such.
+// What a model does not have is not written: camera.lens (model, 16 parameters) where no view is rendered through a
+// lens, origin where the scene was not moved. Files from before there was either are read as such.
 #pragma once
 
 #include <algorithm>
@@ -107,7 +109,8 @@ template <Recipe R>
   return detail::write_model_file(path, model.arena, detail::numbers_of(model), info);
 }
 
-/// A model of recipe R from a file that was read: every count and shape is checked against the file before it is believed.
+/// A model of recipe R from a file that was read: every count and shape is checked against the file before it is
+/// believed.
 template <Recipe R>
 [[nodiscard]] Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
   if (const Result<std::string> recipe = model_recipe(file); !recipe) return recipe.error();

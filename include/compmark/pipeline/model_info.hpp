@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a model file says beside the blocks of its model: where it comes from, the views it was trained with, the numbers a render needs
-// (fields in model_file.hpp). No recipe's type is in any of it, so that it is compiled once for all recipes of a program. Every number is
-// checked before it is believed.
+// What a model file says beside the blocks of its model: where it comes from, the views it was trained with, the
+// numbers a render needs (fields in model_file.hpp). No recipe's type is in any of it, so that it is compiled once for
+// all recipes of a program. Every number is checked before it is believed.
 #pragma once
 
 #include <algorithm>
@@ -57,7 +57,8 @@ template <class Json = nlohmann::json>
   return json;
 }
 
-/// What a model file says beside its blocks and views. No recipe's type is in it, so that what is done with it is compiled once.
+/// What a model file says beside its blocks and views. No recipe's type is in it, so that what is done with it is
+/// compiled once.
 struct ModelNumbers {
   DecoderShape shape;
   double voxel_size = 0;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the trainer tells the outside after every iteration. Observers read; they never change the model. The library itself prints
-// nothing and has no clock: progress bars, logs and Ctrl-C are observers of the program that embeds it.
+// What the trainer tells the outside after every iteration. Observers read; they never change the model. The library
+// itself prints nothing and has no clock: progress bars, logs and Ctrl-C are observers of the program that embeds it.
 #pragma once
 
 #include <concepts>

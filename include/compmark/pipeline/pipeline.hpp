@@ -3,9 +3,10 @@
 //
 // The passes of one view, forward and backward, written once:
 //   anchors -> visible -> GaussianDecoder -> Gaussians -> Rasterizer -> image -> (1 - l) L1 + l (1 - SSIM) + v volume
-// and what the stages of the recipe do in between (stage.hpp): to the anchors before they are culled and before they are decoded, to the Gaussians,
-// to the image, and as losses. Every step adds into the gradient spans it is given; nothing here knows an iteration number, a file or a clock.
-// Longer than 300 lines: the forward and the backward pass are to be read side by side.
+// and what the stages of the recipe do in between (stage.hpp): to the anchors before they are culled and before they
+// are decoded, to the Gaussians, to the image, and as losses. Every step adds into the gradient spans it is given;
+// nothing here knows an iteration number, a file or a clock. Longer than 300 lines: the forward and the backward pass
+// are to be read side by side.
 #pragma once
 
 #include <algorithm>
@@ -120,8 +121,9 @@ class Pipeline {
 
   Pipeline() { check_recipe<R>(); }
 
-  /// Renders one view into context.image [3, height, width]. `view` selects the appearance and the exposure, if the recipe has them;
-  /// unseen_view is a photograph that was not trained on. `phases` is what the stages do beyond a plain render; the backward pass does the same.
+  /// Renders one view into context.image [3, height, width]. `view` selects the appearance and the exposure, if the
+  /// recipe has them; unseen_view is a photograph that was not trained on. `phases` is what the stages do beyond a
+  /// plain render; the backward pass does the same.
   template <Executor E>
   ForwardReport forward(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context,
                         E& executor, const Phases& phases = {}) const {
@@ -147,7 +149,8 @@ class Pipeline {
     return report;
   }
 
-  /// What the stages make of the attributes of the anchors in context.visible, which the caller filled: the part of forward() before the decoder.
+  /// What the stages make of the attributes of the anchors in context.visible, which the caller filled: the part of
+  /// forward() before the decoder.
   template <Executor E>
   AnchorColumns<const Scalar> read_attributes(const Model<R>& model, Context& context, E& executor,
                                               const Phases& phases) const {
@@ -155,8 +158,8 @@ class Pipeline {
     return attributes(pass, before_culling(pass));
   }
 
-  /// Loss of context.image against `target` and its gradient in context.d_image (set, not added: the first link of the way back). Call
-  /// after forward.
+  /// Loss of context.image against `target` and its gradient in context.d_image (set, not added: the first link of the
+  /// way back). Call after forward.
   template <Executor E>
   LossReport loss(const TargetView<Scalar>& target, const LossWeights& weights, Context& context, E& executor) const {
     set_room(context);
@@ -181,8 +184,8 @@ class Pipeline {
     return report;
   }
 
-  /// In place of loss() for a caller with a loss of its own of the render: room in context.d_image, whose every value it sets, and nothing of the
-  /// losses that loss() would add. Call after forward.
+  /// In place of loss() for a caller with a loss of its own of the render: room in context.d_image, whose every value
+  /// it sets, and nothing of the losses that loss() would add. Call after forward.
   void begin_loss(Context& context) const {
     set_room(context);
     context.volume_weight = 0;

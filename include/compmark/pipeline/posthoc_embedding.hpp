@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Post-hoc embedding: hides a message in a finished model, which stays as it is. One iteration samples a view near a training view, renders it with
-// the mark and without, reads the message, and moves the embedder's residual alone: towards the message, by MessageSettings::lambda, and towards
-// the unmarked render, by PosthocSettings::fidelity. No photograph is looked at; cameras are. In place of the published loss, which trains the model with
-// the message (Trainer). Deterministic: the state after iteration t is a function of the settings, the model, the cameras and t.
+// Post-hoc embedding: hides a message in a finished model, which stays as it is. One iteration samples a view near a
+// training view, renders it with the mark and without, reads the message, and moves the embedder's residual alone:
+// towards the message, by MessageSettings::lambda, and towards the unmarked render, by PosthocSettings::fidelity. No
+// photograph is looked at; cameras are. In place of the published loss, which trains the model with the message
+// (Trainer). Deterministic: the state after iteration t is a function of the settings, the model, the cameras and t.
 // Cost an iteration: two renders, a reading, one backward pass.
 #pragma once
 
@@ -35,7 +36,8 @@
 
 namespace compmark {
 
-/// `settings.mark` and `settings.rate` say all; the other learning rates have no meaning here. Views need camera(i) and size() alone.
+/// `settings.mark` and `settings.rate` say all; the other learning rates have no meaning here. Views need camera(i) and
+/// size() alone.
 template <Recipe R, Executor E>
 class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   using Loop = TrainingLoop<PosthocEmbedding<R, E>, R, E>;

@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a host says in the quiet directions of its waves, told from the loud ones. The principal directions in which the waves' means change most with
-// the view tell the view: a mark moves them hardly, against what the view does. Along the others the host's voice is a smooth function of them, found
-// by kernel ridge regression over all readings; what it misses in a reading that was left out is the noise that a message has to be heard through.
-// Cost: 6 n^3 flops a sweep for n waves, and kernel_ridge.hpp's for the readings.
+// What a host says in the quiet directions of its waves, told from the loud ones. The principal directions in which the
+// waves' means change most with the view tell the view: a mark moves them hardly, against what the view does. Along the
+// others the host's voice is a smooth function of them, found by kernel ridge regression over all readings; what it
+// misses in a reading that was left out is the noise that a message has to be heard through. Cost: 6 n^3 flops a sweep
+// for n waves, and kernel_ridge.hpp's for the readings.
 #pragma once
 
 #include <algorithm>
@@ -25,8 +26,9 @@ namespace compmark {
 
 namespace detail {
 
-/// What is left of the waves when the loud directions are taken to tell the view: `direction` [count, waves], orthonormal rows, and the covariance
-/// `noise` [count, count] of what the prediction from the loud ones misses in a view that it was not fitted to.
+/// What is left of the waves when the loud directions are taken to tell the view: `direction` [count, waves],
+/// orthonormal rows, and the covariance `noise` [count, count] of what the prediction from the loud ones misses in a
+/// view that it was not fitted to.
 struct QuietWaves {
   std::size_t count = 0;
   std::vector<double> direction, noise;

@@ -72,7 +72,8 @@ void set_rate_schedules(ParameterArena<Scalar>& arena, const Handles& handles, c
   if constexpr (requires { handles.prior; }) arena.set_schedule(handles.prior, from_context(rate.context));
 }
 
-/// What the entropy model makes up from all anchors, in the iterations in which it does: box and statistics, cells of levels.
+/// What the entropy model makes up from all anchors, in the iterations in which it does: box and statistics, cells of
+/// levels.
 template <class Rate, class Model>
 void prepare_context(Model& model, const typename Rate::Handles& blocks, const RatePhases& phases, std::int64_t t) {
   const auto columns = std::as_const(model).columns();

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A recipe is a struct that names a stage for every axis. Inherit one from compmark::recipes and rename what you change; the reader sees
-// exactly the delta. check_recipe says in sentences what does not fit together.
+// A recipe is a struct that names a stage for every axis. Inherit one from compmark::recipes and rename what you
+// change; the reader sees exactly the delta. check_recipe says in sentences what does not fit together.
 //
 //   alias                 concept                 default
 //   Scalar                floating point          float

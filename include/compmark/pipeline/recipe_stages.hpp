@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stages of a recipe, in the order in which they are called: those of the policies that it names, and after them its own, if it has a list
-// `Stages`. To add a stage of one's own, that list is all: `struct Mine : recipes::Scaffold { using Stages = StageList<MyStage>; };`.
-// Cost: none.
+// The stages of a recipe, in the order in which they are called: those of the policies that it names, and after them
+// its own, if it has a list `Stages`. To add a stage of one's own, that list is all: `struct Mine : recipes::Scaffold {
+// using Stages = StageList<MyStage>; };`. Cost: none.
 #pragma once
 
 #include <type_traits>
@@ -33,8 +33,8 @@ template <template <class...> class S, class Policy>
 struct StageOfPolicy<S, Policy, true> {
   using type = StageList<S<Policy>>;
 };
-/// The stage of a policy that is there. One that lacks a member is left out, so that check_recipe's sentence is all that
-/// the compiler says of it.
+/// The stage of a policy that is there. One that lacks a member is left out, so that check_recipe's sentence is all
+/// that the compiler says of it.
 template <template <class...> class S, class Policy, bool complete = true>
 using StagesOf = typename StageOfPolicy<S, Policy, present<Policy> && complete>::type;
 template <class R>

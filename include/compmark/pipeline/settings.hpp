@@ -33,9 +33,10 @@ struct EffectNumbers {
   friend bool operator==(const EffectNumbers&, const EffectNumbers&) = default;
 };
 
-/// Numbers of the message's stage (stages/message.hpp; windows as below). Defaults are the published program's, but for image_weight: its 10 for the
-/// image's losses from iteration 20,000 on is invisible to Adam apart from a jump of the step size (method sheet, trap A16), so that here the message's
-/// weight is a tenth instead; the profile "official" sets the published pair.
+/// Numbers of the message's stage (stages/message.hpp; windows as below). Defaults are the published program's, but for
+/// image_weight: its 10 for the image's losses from iteration 20,000 on is invisible to Adam apart from a jump of the
+/// step size (docs/spec/method.md, 6, T16), so that here the message's weight is a tenth instead; the profile
+/// "official" sets the published pair.
 struct MessageSettings {
   double lambda = 0.045;
   std::int64_t after = 20000;  ///< no message before, full weight after `ramp` more
@@ -52,22 +53,24 @@ struct MessageSettings {
 
 /// Numbers of PosthocEmbedding beyond those of the message and the residual.
 struct PosthocSettings {
-  /// Above 0: sampled views of a finished model shall carry the message and differ little from its unmarked renders. The loss is this, times their mean
-  /// square difference.
+  /// Above 0: sampled views of a finished model shall carry the message and differ little from its unmarked renders.
+  /// The loss is this, times their mean square difference.
   double fidelity = 0;
-  /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as the median photograph does; it falls with this power of
-  /// the distance beyond, and is up to twice as much nearer by. 0: the same everywhere.
+  /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as the median photograph
+  /// does; it falls with this power of the distance beyond, and is up to twice as much nearer by. 0: the same
+  /// everywhere.
   double fidelity_fall = 0;
-  /// How much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the views alone) to 1.
+  /// How much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the
+  /// views alone) to 1.
   double draw_by_cost = 0;
-  /// Where the context reads ancestors (ContextGS): every n-th iteration its steps are held at what they are in the mean without a mark
-  /// (pipeline/held_steps.hpp); 0: never. Does not scale.
+  /// Where the context reads ancestors (ContextGS): every n-th iteration its steps are held at what they are in the
+  /// mean without a mark (pipeline/held_steps.hpp); 0: never. Does not scale.
   std::int64_t hold_steps_every = 0;
 
   friend bool operator==(const PosthocSettings&, const PosthocSettings&) = default;
 };
 
-/// Numbers of the loss of saturated colours (method sheet, 5.4).
+/// Numbers of the loss of saturated colours (docs/spec/method.md, 5.4).
 struct HsvSettings {
   double lambda = 0.6;
   bool as_written = false;  ///< saturated colours by the paper's thresholds, not by those that were released
@@ -97,7 +100,7 @@ struct ResidualSettings {
   friend bool operator==(const ResidualSettings&, const ResidualSettings&) = default;
 };
 
-/// Numbers of the distortion layer (stages/distortion.hpp; method sheet, 5.2).
+/// Numbers of the distortion layer (stages/distortion.hpp; docs/spec/method.md, 5.2).
 struct DistortionSettings {
   double learning_rate = 0.001;     ///< of the layer's network
   double feature_noise = 1;         ///< Q0 of features: uniform noise first, the step of the network later
@@ -224,7 +227,8 @@ struct TrainSettings {
   return settings;
 }
 
-/// "scaffold": Scaffold-GS defaults. "hac": those with the pause in growing that the codecs' authors make. "official": what the published CompMarkGS code does. "paper": what its paper says.
+/// "scaffold": Scaffold-GS defaults. "hac": those with the pause in growing that the codecs' authors make. "official":
+/// what the published CompMarkGS code does. "paper": what its paper says.
 [[nodiscard]] inline std::optional<TrainSettings> profile_settings(std::string_view profile) {
   TrainSettings settings;
   settings.profile = std::string(profile);

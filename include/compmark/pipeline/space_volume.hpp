@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The scale volume loss in the lengths of a space. In the world it is loss/scale_volume.hpp and nothing else. Where cells are stretched, each
-// Gaussian counts with its volume in cells, s0 s1 s2 / stretch^3: at 100 radii from the cameras a Gaussian that looks as large as a near one has
-// about 125,000 times its volume, and the published mean of volumes of the world, which such Gaussians rule, takes them all
-// (tests/pipeline/far_field.test.cpp). The stretch is that at the Gaussian's anchor: anchors stand still, so that it is a constant and the gradient
-// is exact; the loss shrinks Gaussians and never pushes them outwards, to where they would count less.
-// Cost beyond the world's: a square root and two divisions a visible anchor, 4 bytes of scratch an anchor and 4 a Gaussian.
+// The scale volume loss in the lengths of a space. In the world it is loss/scale_volume.hpp and nothing else. Where
+// cells are stretched, each Gaussian counts with its volume in cells, s0 s1 s2 / stretch^3: at 100 radii from the
+// cameras a Gaussian that looks as large as a near one has about 125,000 times its volume, and the published mean of
+// volumes of the world, which such Gaussians rule, takes them all (tests/pipeline/far_field.test.cpp). The stretch is
+// that at the Gaussian's anchor: anchors stand still, so that it is a constant and the gradient is exact; the loss
+// shrinks Gaussians and never pushes them outwards, to where they would count less. Cost beyond the world's: a square
+// root and two divisions a visible anchor, 4 bytes of scratch an anchor and 4 a Gaussian.
 #pragma once
 
 #include <array>
@@ -40,7 +41,8 @@ class SpaceVolumeLoss {
   SpaceVolumeLoss() = default;
   explicit SpaceVolumeLoss(const S& space) : space_(space) {}
 
-  /// Remembers the anchors of a forward pass, where the space stretches: their positions, and what statistics() says of the decoded ones.
+  /// Remembers the anchors of a forward pass, where the space stretches: their positions, and what statistics() says of
+  /// the decoded ones.
   template <class Statistics>
   static void look([[maybe_unused]] Context& context, [[maybe_unused]] MatrixView<const T> position,
                    [[maybe_unused]] Statistics&& statistics) {

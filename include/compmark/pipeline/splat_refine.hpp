@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Refines fitted splats against the model they come from. sh_fit.hpp fits colours well (its residual is ~0.001), but a model also changes
-// opacity, scale and rotation with the view, and one average of them loses decibels. Here the table is rendered, compared with the model's
-// own render (mean square, which is what PSNR measures) and moved by Adam, one camera an iteration. Means stay: they are exact.
-// Cost: two renders and a backward pass an iteration; 16 bytes a number of the table.
+// Refines fitted splats against the model they come from. sh_fit.hpp fits colours well (its residual is ~0.001), but a
+// model also changes opacity, scale and rotation with the view, and one average of them loses decibels. Here the table
+// is rendered, compared with the model's own render (mean square, which is what PSNR measures) and moved by Adam, one
+// camera an iteration. Means stay: they are exact. Cost: two renders and a backward pass an iteration; 16 bytes a
+// number of the table.
 #pragma once
 
 #include <cstddef>
@@ -41,7 +42,8 @@ struct SplatRefineSettings {
 };
 
 struct SplatRefineReport {
-  /// Mean square distance to the model's renders, over the first pass over the cameras and over the last (or all iterations, if fewer).
+  /// Mean square distance to the model's renders, over the first pass over the cameras and over the last (or all
+  /// iterations, if fewer).
   double first_mse = 0;
   double last_mse = 0;
   std::size_t skipped_blocks = 0;  ///< columns whose gradient was not finite

@@ -1,15 +1,16 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A stage is what a recipe may have beyond its six required types: an exposure, a message, a rate. It is one type that brings everything of its
-// own: its blocks in the arena (Handles), what it does in an iteration (Phase, an input), what its forward pass leaves for the backward pass
-// (Context), and its hooks. A recipe names its stages as a StageList; Pipeline and Trainer call the hooks in the order of the list, those of a
-// backward pass in the reverse order, and know nothing else of them. What a recipe leaves out is in no list: no member, no branch, no symbol.
+// A stage is what a recipe may have beyond its six required types: an exposure, a message, a rate. It is one type that
+// brings everything of its own: its blocks in the arena (Handles), what it does in an iteration (Phase, an input), what
+// its forward pass leaves for the backward pass (Context), and its hooks. A recipe names its stages as a StageList;
+// Pipeline and Trainer call the hooks in the order of the list, those of a backward pass in the reverse order, and know
+// nothing else of them. What a recipe leaves out is in no list: no member, no branch, no symbol.
 //
-// Derive a stage from Stage<Mine> and write the hooks it needs; a hook that it does not write does nothing. A hook of the wrong signature does not
-// compile, because it hides the empty one of its name. `pass` is what a hook works on (ForwardPass, LossPass, BackwardPass), `own` the stage's
-// part of it (StageOf, StageOfLoss). docs/concepts/Stage.md has the table with the order.
-// Cost: none but the hooks'.
+// Derive a stage from Stage<Mine> and write the hooks it needs; a hook that it does not write does nothing. A hook of
+// the wrong signature does not compile, because it hides the empty one of its name. `pass` is what a hook works on
+// (ForwardPass, LossPass, BackwardPass), `own` the stage's part of it (StageOf, StageOfLoss). docs/concepts/Stage.md
+// has the table with the order. Cost: none but the hooks'.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +26,8 @@ template <class Absentee>
 struct Nothing {};
 }  // namespace detail
 
-/// Base of every stage: nothing of its own, and hooks that do nothing. Self makes the empty types of two stages distinct.
+/// Base of every stage: nothing of its own, and hooks that do nothing. Self makes the empty types of two stages
+/// distinct.
 template <class Self>
 struct Stage {
   struct Handles {};
@@ -84,7 +86,8 @@ struct Stage {
   template <class Pass, class Own>
   static void image(const Pass& /*pass*/, const Own& /*own*/) {}
 
-  // The losses: before and after the photometric one, and those of the stage. `no_loss` in place of all where a caller has a loss of its own.
+  // The losses: before and after the photometric one, and those of the stage. `no_loss` in place of all where a caller
+  // has a loss of its own.
   template <class Pass, class Own, class Image>
   static void before_photometric(const Pass& /*pass*/, const Own& /*own*/, Image& /*compared*/) {}
   template <class Pass, class Own, class Report>

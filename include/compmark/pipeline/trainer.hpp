@@ -38,7 +38,8 @@
 
 namespace compmark {
 
-/// What a stage may look at, and add to, between the backward pass of a photographed view and the step of the optimiser.
+/// What a stage may look at, and add to, between the backward pass of a photographed view and the step of the
+/// optimiser.
 template <class PipelineType, class ModelType, class Views, class E>
 struct TrainingPass {
   const PipelineType& pipeline;
@@ -88,8 +89,9 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     pipeline_.volume() = typename Pipeline<R>::Volume(space());
   }
 
-  /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values. Points beyond the reach of the others
-  /// are left out (far_points()). Where the anchors would take more than `memory` says that there is, an Error of kind `exhausted`, before they are taken.
+  /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values. Points beyond
+  /// the reach of the others are left out (far_points()). Where the anchors would take more than `memory` says that
+  /// there is, an Error of kind `exhausted`, before they are taken.
   [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points, const MemoryBudget& memory = {}) {
     if (Result<Done> room = check_cloud_memory(points.size(), memory); !room) return room.error();
     InitialiseSettings initial;
@@ -126,8 +128,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     start(rows);
     return Done{};
   }
-  /// Starts from a finished model (see with_room_for_stages): its parameters, fresh moments and statistics. Background, blur and voxel size
-  /// are the model's, not the settings'.
+  /// Starts from a finished model (see with_room_for_stages): its parameters, fresh moments and statistics. Background,
+  /// blur and voxel size are the model's, not the settings'.
   void start_from(Model<R> model) {
     COMPMARK_ASSERT(model.train_views == view_count_, "Trainer: the model was trained with another number of views");
     state_.model = std::move(model);
@@ -173,7 +175,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
         [&]<class S>() { pipeline_.template stage<S>().after_backward(pass, stage_states_.template of<S>()); });
     if (t < settings_
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
-      // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the published loop.
+      // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the
+      // published loop.
       const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
       report.skipped_blocks =
           optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
@@ -218,7 +221,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   }
   void control_density(std::int64_t, const ViewCamera<R>&, IterationReport&) requires(!present<Growth>) {}
 
-  /// What growing learns from a photographed view: in the window of frequency-aware growing with the error map of this iteration's loss.
+  /// What growing learns from a photographed view: in the window of frequency-aware growing with the error map of this
+  /// iteration's loss.
   void observe(std::int64_t t, const ViewCamera<R>& camera) {
     const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(state_.model.render).screen(context_.raster);
     const auto decoded = pipeline_.decoder().statistics(context_.decoder);

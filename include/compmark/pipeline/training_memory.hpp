@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a training will take, said before it is taken: a cloud of three million points asks for 11 GB, and a process that is killed for memory says
-// nothing. Counted are the parameters with their gradients, both moments and what a row edit copies into; the Gaussians that one view decodes, with
-// their gradients and the rasterizer's lists; the planes of one image; and the decoded photographs that the caller keeps. Peaks of whole trainings are
-// 0.75 to 1.3 of it (tests/pipeline/training_memory.test.cpp). What growing will add nobody knows: the estimate is of a number of anchors, the
-// first one or a limit, and whoever trains asks again after each growth (check_growth_memory). Nothing here asks the system; who calls says what there is. Cost: none.
+// What a training will take, said before it is taken: a cloud of three million points asks for 11 GB, and a process
+// that is killed for memory says nothing. Counted are the parameters with their gradients, both moments and what a row
+// edit copies into; the Gaussians that one view decodes, with their gradients and the rasterizer's lists; the planes of
+// one image; and the decoded photographs that the caller keeps. Peaks of whole trainings are 0.75 to 1.3 of it
+// (tests/pipeline/training_memory.test.cpp). What growing will add nobody knows: the estimate is of a number of
+// anchors, the first one or a limit, and whoever trains asks again after each growth (check_growth_memory). Nothing
+// here asks the system; who calls says what there is. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -36,11 +38,12 @@ struct TrainingMemory {
 
 namespace detail {
 
-// Measured, the peak of trainings of 3,000 to 150,000 anchors and of images of 64^2 to 1024^2 pixels: 540 to 690 bytes a Gaussian (the most with
-// an entropy model), half of all Gaussians with an opacity above 0, 80 bytes a pixel.
+// Measured, the peak of trainings of 3,000 to 150,000 anchors and of images of 64^2 to 1024^2 pixels: 540 to 690 bytes
+// a Gaussian (the most with an entropy model), half of all Gaussians with an opacity above 0, 80 bytes a pixel.
 inline constexpr double bytes_per_gaussian = 600, bytes_per_coded_gaussian = 800, share_decoded = 0.5,
                         bytes_per_pixel = 90, bytes_per_marked_pixel = 600;
-/// Values, gradients, two moments, and half of the two copies that a row edit makes: its room is taken from what initialising has freed.
+/// Values, gradients, two moments, and half of the two copies that a row edit makes: its room is taken from what
+/// initialising has freed.
 inline constexpr double copies_of_parameters = 5;
 /// Of the cloud and the trees over it, while first anchors are looked for.
 inline constexpr double bytes_per_point = 160;
@@ -99,8 +102,9 @@ template <Recipe R>
                          "(--downscale), a smaller --memory-budget"
                    : "give smaller images (--downscale) or a smaller --memory-budget of images"};
 }
-/// An Error of kind `exhausted` where there is not enough for another growth like the last one, which brought `grown` to `anchors`. `budget.bytes` is
-/// what is free now, beside all that the training has taken. Asked after a growth: a row edit copies what it edits.
+/// An Error of kind `exhausted` where there is not enough for another growth like the last one, which brought `grown`
+/// to `anchors`. `budget.bytes` is what is free now, beside all that the training has taken. Asked after a growth: a
+/// row edit copies what it edits.
 template <Recipe R>
 [[nodiscard]] Result<Done> check_growth_memory(std::size_t anchors, std::size_t grown, const MemoryBudget& budget) {
   const TrainingMemory now = training_memory<R>(anchors, budget), next = training_memory<R>(anchors + grown, budget);
@@ -115,7 +119,8 @@ template <Recipe R>
                    " are free",
                "go on with --resume where there is more, or begin again with --max-anchors " + std::to_string(anchors)};
 }
-/// The same as check_training_memory for a cloud of which no cell is known yet: what is taken before anchors can be counted.
+/// The same as check_training_memory for a cloud of which no cell is known yet: what is taken before anchors can be
+/// counted.
 [[nodiscard]] inline Result<Done> check_cloud_memory(std::size_t points, const MemoryBudget& budget) {
   const double wanted = static_cast<double>(points) * detail::bytes_per_point;
   if (!(budget.bytes > 0) || wanted <= budget.bytes) return Done{};

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The photograph of one iteration, with the planes that stages look at: coverage, and how much each pixel counts. What no stage looks at has no
-// buffer. Cost: a copy of the photograph.
+// The photograph of one iteration, with the planes that stages look at: coverage, and how much each pixel counts. What
+// no stage looks at has no buffer. Cost: a copy of the photograph.
 #pragma once
 
 #include <array>
@@ -26,7 +26,8 @@ class TrainingTarget {
   using Scalar = typename R::Scalar;
   using Stages = RecipeStages<R>;
 
-  /// Photograph `view`, of the size of `camera`, over the colour `behind`. An Error of the views leaves nothing to be compared with.
+  /// Photograph `view`, of the size of `camera`, over the colour `behind`. An Error of the views leaves nothing to be
+  /// compared with.
   template <class Views>
   [[nodiscard]] Result<Done> load(Views& views, std::size_t view, const ViewCamera<R>& camera,
                                   const std::array<Scalar, 3>& behind) {

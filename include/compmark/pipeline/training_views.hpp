@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concept TrainingViews: where the trainer gets its images from. A Dataset with an ImageStore is one; a test's own images are another.
+// Concept TrainingViews: where the trainer gets its images from. A Dataset with an ImageStore is one; a test's own
+// images are another.
 //
 //   v.size()               number of training views
 //   v.camera(i)            Camera<double>, at the size of the image; LensCamera for a recipe that projects through a lens

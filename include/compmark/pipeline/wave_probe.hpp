@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// An unmarked host in views drawn between its training views and past them: what its renders say to waves of colour, how its anchors' features would
-// move them, and how loud a part of an image becomes. The readings that wave_statistics.hpp makes statistics of.
-// Cost: a render and a reading for each view that is asked, a way back for each gradient.
+// An unmarked host in views drawn between its training views and past them: what its renders say to waves of colour,
+// how its anchors' features would move them, and how loud a part of an image becomes. The readings that
+// wave_statistics.hpp makes statistics of. Cost: a render and a reading for each view that is asked, a way back for
+// each gradient.
 #pragma once
 
 #include <algorithm>
@@ -89,7 +90,8 @@ class WaveProbe {
     static_cast<void>(pipeline_.forward(*host_, camera_, view_, context_, *executor_));
     seen_ = context_.image;
   }
-  /// Number n of the views of the statistics, in a light of its own (DecoderFitSettings::tone): what is read of it, edited or not.
+  /// Number n of the views of the statistics, in a light of its own (DecoderFitSettings::tone): what is read of it,
+  /// edited or not.
   void render_statistics_view(std::size_t n) {
     render("decoder fit", n, settings_.reach);
     if (!(settings_.tone > 0)) return;
@@ -135,7 +137,8 @@ class WaveProbe {
     way_back(LatticeDecoder<T>(shape, std::move(waves)), gradient);
   }
 
-  /// What the loudest region of each view of the limit says to a decoder, in growing order; nothing where the observer said stop.
+  /// What the loudest region of each view of the limit says to a decoder, in growing order; nothing where the observer
+  /// said stop.
   template <class O>
   [[nodiscard]] std::optional<std::vector<double>> loudest_regions(LatticeSettings shape,
                                                                    const LatticeWeights<T>& weights, O&& observer) {

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What an unmarked host says to waves of colour, and what a mark could make it say: the statistics that decoder_fit.hpp chooses by. A wave's mean
-// is read in views drawn between the training views and past them; its gradient goes back through the renderer to the anchors' features (wave_probe.hpp).
-// Cost: a render for every statistics view, `waves` ways back for every gradient view, and their inner products.
+// What an unmarked host says to waves of colour, and what a mark could make it say: the statistics that decoder_fit.hpp
+// chooses by. A wave's mean is read in views drawn between the training views and past them; its gradient goes back
+// through the renderer to the anchors' features (wave_probe.hpp). Cost: a render for every statistics view, `waves`
+// ways back for every gradient view, and their inner products.
 #pragma once
 
 #include <cmath>
@@ -22,12 +23,14 @@ namespace compmark {
 
 namespace detail {
 
-/// `mean` is [waves], `deviation` from it [waves, readings], the others [waves, waves]. Readings are `per_view` a view: as it is, then edited.
+/// `mean` is [waves], `deviation` from it [waves, readings], the others [waves, waves]. Readings are `per_view` a view:
+/// as it is, then edited.
 struct WaveStatistics {
   std::vector<double> mean, deviation, noise, energy, agreement;
   std::size_t per_view = 1;
 };
-/// Mean product of the rows of `table` [rows, readings]: of the first of every `per_view` readings, and of the others by `edit_weight`.
+/// Mean product of the rows of `table` [rows, readings]: of the first of every `per_view` readings, and of the others
+/// by `edit_weight`.
 template <Executor E>
 [[nodiscard]] std::vector<double> weighted_products(std::vector<double> table, std::size_t rows, std::size_t per_view,
                                                     double edit_weight, E& executor) {

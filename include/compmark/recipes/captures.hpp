@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Recipes for captures that call for more than the plain one: the closed list that scene/probe.hpp's effects are matched against. Each is
-// Scaffold-GS and exactly the effects it names; what they cost and bring is measured in docs/effects.md.
+// Recipes for captures that call for more than the plain one: the closed list that scene/probe.hpp's effects are
+// matched against. Each is Scaffold-GS and exactly the effects it names; what they cost and bring is measured in
+// docs/effects.md.
 #pragma once
 
 #include "compmark/effect/alpha_loss.hpp"
@@ -30,16 +31,16 @@ struct ScaffoldAlpha : Scaffold {
   using AlphaLoss = L1AlphaLoss<float>;
 };
 
-/// Cameras at several distances or focal lengths: what is smaller than a pixel keeps its energy (with a blur variance of 0.1 pixels^2, as
-/// published; antialiasing_blur_variance).
+/// Cameras at several distances or focal lengths: what is smaller than a pixel keeps its energy (with a blur variance
+/// of 0.1 pixels^2, as published; antialiasing_blur_variance).
 struct ScaffoldAntiAliased : Scaffold {
   using Rasterizer = EffectTileRasterizer<float, RasterEffects<PinholeLens, MipFilter>, accuracy::standard,
                                           RasterOutputs{.screen_statistics = true}>;
 };
 inline constexpr double antialiasing_blur_variance = 0.1;
 
-/// The same with pixels that do not count: what a hand-held capture with a lens calls for most often. It shares the rasterizer's code with
-/// ScaffoldAntiAliased.
+/// The same with pixels that do not count: what a hand-held capture with a lens calls for most often. It shares the
+/// rasterizer's code with ScaffoldAntiAliased.
 struct ScaffoldAntiAliasedMasked : ScaffoldAntiAliased {
   using PixelWeights = MaskedPixels<float>;
 };
@@ -50,7 +51,8 @@ struct ScaffoldAlphaAntiAliased : ScaffoldAlpha {
                                           RasterOutputs{.alpha = true, .screen_statistics = true}>;
 };
 
-/// Photographs through a lens of the radial and tangential family, left as they are: Gaussians are projected through the lens.
+/// Photographs through a lens of the radial and tangential family, left as they are: Gaussians are projected through
+/// the lens.
 struct ScaffoldLens : Scaffold {
   using Rasterizer = EffectTileRasterizer<float, RasterEffects<RadialTangentialLens<float>>, accuracy::standard,
                                           RasterOutputs{.screen_statistics = true}>;

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Recipes that train for compression with ContextGS (Wang et al., NeurIPS 2024): any host, and the entropy model in which anchors predict
-// anchors. Published numbers that differ from HAC's: a rate sample of 15 % (RateNumbers::sample), z at 0.0075, its prior at 0.005 to 0.00001.
+// Recipes that train for compression with ContextGS (Wang et al., NeurIPS 2024): any host, and the entropy model in
+// which anchors predict anchors. Published numbers that differ from HAC's: a rate sample of 15 % (RateNumbers::sample),
+// z at 0.0075, its prior at 0.005 to 0.00001.
 //
 //   ContextGs<Host>                       Host with anchor levels, hyperprior, adaptive steps and offset masks
 //   ContextGsScaffold, ContextGsAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Recipes that train for compression with HAC (Chen et al., ECCV 2024): any host, and the entropy model whose rate is a loss. The model that
-// comes out renders by itself; codec/hac_encoder.hpp makes the small file of it.
+// Recipes that train for compression with HAC (Chen et al., ECCV 2024): any host, and the entropy model whose rate is a
+// loss. The model that comes out renders by itself; codec/hac_encoder.hpp makes the small file of it.
 //
 //   Hac<Host>                 Host with hash-grid context, adaptive steps and offset masks
 //   HacScaffold, HacAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input
@@ -15,7 +15,8 @@
 
 namespace compmark::recipes {
 
-/// `grid`: levels of the context's hash grid; the published one has 1.77 million entries of one bit, 216 KB before coding.
+/// `grid`: levels of the context's hash grid; the published one has 1.77 million entries of one bit, 216 KB before
+/// coding.
 template <class HostRecipe, HashGridShape grid = HashGridShape{}>
 struct Hac : HostRecipe {
   using Host = HostRecipe;

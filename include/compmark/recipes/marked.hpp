@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Recipes with a watermark: any recipe, and the stages that put a message into its anchors. The model that is stored is the host's: the mark
-// is baked into the features, and who reads the file needs no recipe of this page (baked_host).
+// Recipes with a watermark: any recipe, and the stages that put a message into its anchors. The model that is stored is
+// the host's: the mark is baked into the features, and who reads the file needs no recipe of this page (baked_host).
 //
 //   Marked<Host, Decoder>            f^w = f + tanh f', message read by Decoder, loss of saturated colours
 //   MarkedForCompression<…>          the same with the noise of quantization while training, so that the message survives a codec
@@ -40,7 +40,8 @@ struct MarkedForCompression : Marked<HostRecipe, Decoder> {
 
 }  // namespace recipes
 
-/// The model of the host with the mark baked into its anchors: it renders the same bits as `marked` does outside of training.
+/// The model of the host with the mark baked into its anchors: it renders the same bits as `marked` does outside of
+/// training.
 template <Recipe R>
 [[nodiscard]] Model<typename R::Host> baked_host(const Model<R>& marked) {
   Model<R> baked = marked;

@@ -10,8 +10,8 @@
 //   MarkedHac<Decoder>         in HAC        (HacScaffold, or another of hac.hpp)
 //   MarkedContextGs<Decoder>   in ContextGS  (ContextGsScaffold, or another of context_gs.hpp)
 //
-// Differs from the paper inside those hosts: the distortion layer is the host's own, so its step is learned from the rate too; no second one is
-// drawn.
+// Differs from the paper inside those hosts: the distortion layer is the host's own, so its step is learned from the
+// rate too; no second one is drawn.
 #pragma once
 
 #include "compmark/anchor/frequency_growth.hpp"

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The base recipes: plain anchor-based splatting, no watermark, no codec. Everything later inherits one of these and renames.
+// The base recipes: plain anchor-based splatting, no watermark, no codec. Everything later inherits one of these and
+// renames.
 #pragma once
 
 #include "compmark/anchor/growth.hpp"

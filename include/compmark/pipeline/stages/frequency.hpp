@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of the loss of frequencies (loss/frequency.hpp), of which growing may look at the error map (anchor/frequency_growth.hpp). Cost: that of the loss; a weight of zero
-// skips it.
+// The stage of the loss of frequencies (loss/frequency.hpp), of which growing may look at the error map
+// (anchor/frequency_growth.hpp). Cost: that of the loss; a weight of zero skips it.
 #pragma once
 
 #include "compmark/pipeline/mark_phases.hpp"

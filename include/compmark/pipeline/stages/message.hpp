@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of a MessageDecoder (mark/concept.hpp): reads the message from the render and pulls every bit to its side; in a training reads views
-// between the photographed ones too, where MessageSettings::between_every says so. Cost: the decoder's forward and backward pass, and of a view between
-// a render and its backward pass more.
+// The stage of a MessageDecoder (mark/concept.hpp): reads the message from the render and pulls every bit to its side;
+// in a training reads views between the photographed ones too, where MessageSettings::between_every says so. Cost: the
+// decoder's forward and backward pass, and of a view between a render and its backward pass more.
 #pragma once
 
 #include <algorithm>
