@@ -35,7 +35,7 @@ struct EffectNumbers {
 
 /// Numbers of the message's stage (stages/message.hpp; windows as below). Defaults are the published program's, but for
 /// image_weight: its 10 for the image's losses from iteration 20,000 on is invisible to Adam apart from a jump of the
-/// step size (docs/spec/method.md, 6, T16), so that here the message's weight is a tenth instead; the profile
+/// step size (docs/spec/method.md, 7.9), so that here the message's weight is a tenth instead; the profile
 /// "official" sets the published pair.
 struct MessageSettings {
   double lambda = 0.045;
