@@ -140,7 +140,7 @@ class Loop {
       return compmark::image_point<float>(camera, {gaussians.mean[0][i], gaussians.mean[1][i], gaussians.mean[2][i]});
     };
     density.observe(decoded, screen.visible, screen.gradient_norm,
-                    context_.template of<compmark::FrequencyStage>().frequency.error_map(), camera.height, camera.width,
+                    context_.template of<compmark::FrequencyStage>().scratch.error_map(), camera.height, camera.width,
                     mean, statistics_, executor_);
   }
 

@@ -309,6 +309,7 @@
 #include "compmark/pipeline/stages/exposure.hpp"
 #include "compmark/pipeline/stages/frequency.hpp"
 #include "compmark/pipeline/stages/hsv.hpp"
+#include "compmark/pipeline/stages/image_loss.hpp"
 #include "compmark/pipeline/stages/message.hpp"
 #include "compmark/pipeline/stages/pixel_weights.hpp"
 #include "compmark/pipeline/stages/rate.hpp"

@@ -82,6 +82,15 @@ class AnchorOverlay {
     return changed;
   }
 
+  /// The same for what a codec rounds: features, extents (scaling) and offsets, in this order.
+  template <Executor E>
+  std::array<MatrixView<T>, 3> change_coded(std::span<const std::uint32_t> visible, AnchorColumns<const T>& columns,
+                                            E& executor) {
+    std::array<MatrixView<T>, 3> tables;
+    for (std::size_t i = 0; i < 3; ++i) tables[i] = change(coded[i], visible, columns, executor);
+    return tables;
+  }
+
   /// Where the decoder's backward adds: the arena's gradients, or cleared tables for what was changed.
   template <Executor E>
   [[nodiscard]] AnchorColumns<T> gradients(ParameterArena<T>& arena, const AnchorHandles& anchors,
@@ -105,6 +114,12 @@ class AnchorOverlay {
     MatrixView<T> table = attribute(columns, which);
     table.data = gradients_[index(which)].data();
     return table;
+  }
+  /// … of features, extents and offsets.
+  [[nodiscard]] std::array<MatrixView<T>, 3> coded_gradients(ParameterArena<T>& arena, const AnchorHandles& anchors) {
+    std::array<MatrixView<T>, 3> tables;
+    for (std::size_t i = 0; i < 3; ++i) tables[i] = gradient(coded[i], arena, anchors);
+    return tables;
   }
   /// After all stages: adds what is left to the arena's gradients.
   template <Executor E>
@@ -130,6 +145,7 @@ class AnchorOverlay {
   static constexpr std::size_t grain = 1024;  // rows
   static constexpr std::array<MarkTarget, 4> attributes{MarkTarget::feature, MarkTarget::position, MarkTarget::scaling,
                                                         MarkTarget::offset};
+  static constexpr std::array<MarkTarget, 3> coded{MarkTarget::feature, MarkTarget::scaling, MarkTarget::offset};
   [[nodiscard]] static constexpr std::size_t index(MarkTarget which) { return static_cast<std::size_t>(which); }
   /// The overlay's table of an attribute, shaped like `columns`'.
   [[nodiscard]] MatrixView<T> table(MarkTarget which, const AnchorColumns<const T>& columns) {

@@ -43,10 +43,8 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   using Loop = TrainingLoop<PosthocEmbedding<R, E>, R, E>;
   using Loop::context_;
   using Loop::executor_;
-  using Loop::optimizer_;
   using Loop::phases_;
   using Loop::pipeline_;
-  using Loop::rates_;
   using Loop::settings_;
 
  public:
@@ -76,7 +74,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     state_ = {};
     state_.model = std::move(model);
     set_schedules(state_.model, settings_);
-    optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
+    this->optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
   }
   /// Continues from a saved state (see pipeline/checkpoint.hpp).
   void restore(State state) {
@@ -122,11 +120,13 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     report.forward =
         reading_.read_held(pipeline_, model, views, report.view, settings_.seed, t, schedule_, phases_, *executor_);
     const BlockHandle residual = model.template blocks<EmbedderStage>().residual;
-    rates_.assign(model.arena.layout().blocks().size(), 0.0);
+    this->rates_.assign(model.arena.layout().blocks().size(), 0.0);
     // Unlike the published training loop this one steps in its last iteration too.
-    rates_[residual.index] = learning_rate(model.arena.layout().block(residual).schedule, settings_.iterations, 1, t);
+    this->rates_[residual.index] =
+        learning_rate(model.arena.layout().block(residual).schedule, settings_.iterations, 1, t);
     report.skipped_blocks =
-        optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, StepOptions{.zero_gradients_after = true})
+        this->optimizer_
+            .step(model.arena, this->rates_, state_.optimizer, *executor_, StepOptions{.zero_gradients_after = true})
             .skipped_blocks;
     if (share > 0) state_.costs.add(report.view, views.size(), reading_.report().message);
     report.loss.total = reading_.report().total;

@@ -236,7 +236,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
         };
         density_control<R>(settings_, true)
             .observe(decoded, screen.visible, screen.gradient_norm,
-                     context_.template of<FrequencyStage>().frequency.error_map(), camera.height, camera.width, mean,
+                     context_.template of<FrequencyStage>().scratch.error_map(), camera.height, camera.width, mean,
                      state_.growth, *executor_);
         return;
       }

@@ -64,9 +64,7 @@ class DistortionStage : public Stage<DistortionStage<Layer>> {
     if (!own.phase.active()) return;
     auto& overlay = pass.context.overlay;
     const auto visible = std::as_const(pass.context.visible).span();
-    const auto change = [&](MarkTarget which) { return overlay.change(which, visible, columns, pass.executor); };
-    const auto feature = change(MarkTarget::feature), scaling = change(MarkTarget::scaling),
-               offset = change(MarkTarget::offset);
+    const auto [feature, scaling, offset] = overlay.change_coded(visible, columns, pass.executor);
     own.context.report = layer_.forward(pass.model.arena, own.blocks, visible, own.phase, feature, scaling, offset,
                                         own.context.layer, pass.executor);
   }
@@ -78,11 +76,10 @@ class DistortionStage : public Stage<DistortionStage<Layer>> {
   void attributes_backward(const Pass& pass, const Own& own) const {
     if (!own.phase.active()) return;
     auto& arena = pass.model.arena;
-    const auto gradient = [&](MarkTarget which) {
-      return pass.context.overlay.gradient(which, arena, pass.model.anchors);
-    };
-    layer_.backward(arena, own.blocks, std::as_const(pass.context.visible).span(), gradient(MarkTarget::feature),
-                    gradient(MarkTarget::scaling), own.context.layer, pass.executor);
+    [[maybe_unused]] const auto [d_feature, d_scaling, d_offset] =
+        pass.context.overlay.coded_gradients(arena, pass.model.anchors);
+    layer_.backward(arena, own.blocks, std::as_const(pass.context.visible).span(), d_feature, d_scaling,
+                    own.context.layer, pass.executor);
   }
 
  private:

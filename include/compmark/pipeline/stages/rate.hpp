@@ -73,9 +73,7 @@ class RateStage : public Stage<RateStage<Rate>> {
     own.context.report = {};
     if (!own.phase.active()) return;
     const auto visible = std::as_const(pass.context.visible).span();
-    const auto change = [&](MarkTarget which) { return overlay.change(which, visible, columns, pass.executor); };
-    const auto feature = change(MarkTarget::feature), scaling = change(MarkTarget::scaling),
-               offset = change(MarkTarget::offset);
+    const auto [feature, scaling, offset] = overlay.change_coded(visible, columns, pass.executor);
     own.context.report = rate_.forward(pass.model.arena, own.blocks, visible, own.phase, columns.position, feature,
                                        scaling, offset, own.context.rate, pass.executor);
   }
@@ -99,11 +97,9 @@ class RateStage : public Stage<RateStage<Rate>> {
   void attributes_backward(const Pass& pass, const Own& own) const {
     if (!own.phase.active()) return;
     auto& arena = pass.model.arena;
-    const auto gradient = [&](MarkTarget which) {
-      return pass.context.overlay.gradient(which, arena, pass.model.anchors);
-    };
-    rate_.backward(arena, own.blocks, std::as_const(pass.context.visible).span(), gradient(MarkTarget::feature),
-                   gradient(MarkTarget::scaling), gradient(MarkTarget::offset), own.context.rate, pass.executor);
+    const auto [d_feature, d_scaling, d_offset] = pass.context.overlay.coded_gradients(arena, pass.model.anchors);
+    rate_.backward(arena, own.blocks, std::as_const(pass.context.visible).span(), d_feature, d_scaling, d_offset,
+                   own.context.rate, pass.executor);
   }
 
  private:
