@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark attack: what a thief does to a model before passing it on, written as another model for evaluate, extract
-// and verify to look at.
+// compmark attack: applies an attack to a model and writes the result, for evaluate, extract and verify to read.
 #include <compmark/attack/quantize_model.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/quant/int8_quantizer.hpp>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark calibrate: random keys against images that do not carry their messages; whether the p-value of compmark
-// verify keeps its word there, and what the decoder makes of such images. Keys are derived as those of keygen are, from
-// secrets that follow from --seed.
+// compmark calibrate: tests random keys against images that do not carry their messages. It measures whether the
+// p-values of compmark verify are right for a decoder, and the bias and correlation of its bits. Keys are derived as
+// those of keygen are, from secrets that follow from --seed.
 #include <compmark/io/json_file.hpp>
 #include <compmark/mark/calibrate.hpp>
 #include <compmark/mark/key.hpp>

@@ -15,7 +15,7 @@
 
 namespace tool {
 
-/// In memory; its `model` is what a reader of the bytes has.
+/// Encodes in memory. The `model` of the result is the one that a reader of the bytes gets.
 compmark::Result<compmark::CodecEncoded> encode_codec(const compmark::CodecModel& model,
                                                       compmark::ThreadExecutor& executor);
 compmark::Result<compmark::CodecEncoded> write_codec_file(const std::filesystem::path& path,

@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What becomes of a trained model when it is compressed: the file is written, read again as any other program would,
-// rendered and measured.
+// Compresses a trained model: writes the file, reads it back as any other program would, renders and measures it.
 #pragma once
 
 #include <compmark/codec/codec_model.hpp>
@@ -41,13 +40,13 @@ compmark::Result<CodedRun> write_and_measure(const compmark::CodecModel& model, 
 
 /// Bytes by what they are for, largest first; they add up to the file.
 std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const compmark::CodecReport& report);
-/// The same of a file that is there. Nothing of it is decoded; its checksums are looked at.
+/// The same for an existing file. Nothing is decoded; its checksums are checked.
 struct CodedFile {
   std::string codec;
   std::vector<std::pair<std::string, std::uint64_t>> sections;
 };
 compmark::Result<CodedFile> coded_file(const std::filesystem::path& path);
-/// What an encoder found, for people and for programs.
+/// The encoder's report, for people and for programs.
 std::string coded_text(const compmark::CodecReport& report);
 nlohmann::ordered_json coded_json(const compmark::CodecReport& report);
 

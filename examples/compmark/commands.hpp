@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One function a subcommand: add_… declares its options and returns what runs it.
+// One function for each subcommand: add_… declares its options and returns the function that runs it.
 #pragma once
 
 #include <functional>

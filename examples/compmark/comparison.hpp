@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Models of one scene side by side: before and after each codec, marked and not, over the same views. What compmark
-// evaluate measures, and the tables, JSON, CSV and page it makes of it.
+// Compares models of one scene over the same views: before and after each codec, marked and unmarked. These are the
+// measurements of compmark evaluate, with its tables, JSON, CSV and page.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -26,10 +26,10 @@ namespace tool {
 
 struct ComparisonInput {
   std::vector<std::filesystem::path> models;  ///< the first is what the others are compared with
-  /// Twins without a mark: none, one for all models, or one for each in their order, so that a compressed model is
-  /// compared with what the same codec makes of the unmarked one. A twin may be one of the models.
+  /// Unmarked counterparts: none, one for all models, or one for each in their order, so that a compressed model is
+  /// compared with the compressed unmarked one. A counterpart may be one of the models.
   std::vector<std::filesystem::path> unmarked;
-  std::filesystem::path key, decoder;  ///< whose message is read, and by what; both or none
+  std::filesystem::path key, decoder;  ///< key and decoder of the message; both or none
   std::filesystem::path data;
   std::string split = "test";
   double downscale = 1;
@@ -38,7 +38,7 @@ struct ComparisonInput {
   std::size_t shown = 0;  ///< views whose pictures are kept
 };
 
-/// What a mark, and whatever was done since, changed in a view: this model's render against its twin's, over all
+/// The change that a mark and later processing made in a view: this model's render against its counterpart's, over all
 /// pixels.
 struct AgainstTwin {
   double psnr = 0;  ///< dB
@@ -67,8 +67,8 @@ struct Comparison {
   compmark::Message message;  ///< of the key; empty without one
 };
 
-/// Loads, renders and measures every model. Cost: a render a view and model, and as many of the twins, whose
-/// photographs stay in memory together.
+/// Loads, renders and measures every model. Cost: a render for each view and model, and as many of the counterparts,
+/// whose photographs stay in memory together.
 compmark::Result<Comparison> compare_models(const ComparisonInput& input, compmark::ThreadExecutor& executor);
 
 /// A line a model, with the columns that apply.

@@ -73,7 +73,7 @@ std::string csv_text(const std::string& text) {
 }
 std::string number(std::optional<double> value) { return value ? format_text("%.9g", *value) : std::string(); }
 
-/// The columns that there have always been, in their order, then those that came later: who reads by position reads on.
+/// The oldest columns in their order, then later ones: readers that go by position stay valid.
 constexpr std::array csv_first = {"model",
                                   "codec",
                                   "bytes",

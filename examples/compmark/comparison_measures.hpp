@@ -31,7 +31,7 @@ std::optional<double> against_twin(const Comparison&, const ComparedModel& model
   if (model.against_twin.empty()) return std::nullopt;
   return model.against_twin[view].*Member;
 }
-/// The twin's PSNR less this model's.
+/// The counterpart's PSNR minus this model's.
 inline std::optional<double> lost(const Comparison& comparison, const ComparedModel& model, std::size_t view) {
   if (!model.twin) return std::nullopt;
   return comparison.models[*model.twin].evaluation.views[view].psnr - model.evaluation.views[view].psnr;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark compress: a model that was trained for it, as one small file. compmark decompress: the way back, damaged
-// files included.
+// compmark compress: writes the compressed file of a model that was trained for it. compmark decompress: makes a model
+// from a compressed file again, even from a damaged one.
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/pipeline/coded_model.hpp>

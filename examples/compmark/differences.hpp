@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What of a finished run's options is other in the command that would go on with it, in words.
+// Lists the options that differ between a finished run and a command that would continue it.
 #pragma once
 
 #include <nlohmann/json.hpp>

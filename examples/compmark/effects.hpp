@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which recipe a capture's effects call for, of the closed list this tool is built with.
+// Chooses the recipe of the tool's closed list that models the effects of a capture.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -15,13 +15,13 @@
 
 namespace tool {
 
-/// Name of the effect list of a model that was trained as if its lens were a pinhole.
+/// The recorded effect of a model whose lens was treated as a pinhole.
 inline constexpr const char* lens_ignored = "lens_ignored";
 
 struct EffectChoice {
   std::string recipe;
-  std::vector<std::string> simulated;  ///< effects that the recipe and the readers take care of
-  std::vector<std::string> left_out;   ///< called for, but in no recipe of the list together with those
+  std::vector<std::string> simulated;  ///< effects that the recipe and the readers model
+  std::vector<std::string> left_out;   ///< measured, but in no recipe of the list together with those
 };
 
 /// The recipe with the most of these effects and none besides (a principal point, a constant background and
@@ -31,7 +31,7 @@ EffectChoice choose_recipe(const std::vector<std::string>& effects, compmark::Le
 
 /// True for the recipes that project through a lens.
 bool projects_lens(std::string_view recipe);
-/// How the dataset of a model is opened: its lens as in training.
+/// Settings to open the dataset of a model: its lens as in training.
 compmark::DatasetSettings settings_of(const compmark::ModelInfo& info);
 /// Opens a dataset and moves it to where the model lies (ModelInfo::origin).
 compmark::Result<compmark::Dataset> open_for(const compmark::ModelInfo& info, const std::filesystem::path& data,
@@ -39,7 +39,7 @@ compmark::Result<compmark::Dataset> open_for(const compmark::ModelInfo& info, co
 /// A view of a dataset as a model stores it.
 compmark::StoredView stored_view(const compmark::View& view);
 
-/// Effects by name: what --effects says ("auto": those that were probed, "none", or a list with commas).
+/// Effects by name, from --effects ("auto": those that were measured, "none", or a list with commas).
 compmark::Result<std::vector<std::string>> wanted_effects(const std::string& option,
                                                           const std::vector<compmark::ProbedEffect>& probed);
 

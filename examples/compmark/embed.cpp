@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark embed: hides a message in a finished model: a residual of its features is trained beside it, and the model
-// that is read from is left as it is. Without --decoder one is fitted to the scene first. With --fidelity 0 it is
-// trained on from, with the photographs it was trained on: nothing grows, and the learning rates are small.
+// compmark embed: hides a message in a finished model. It trains a residual of the features alone; the source model is
+// not changed. Without --decoder one is fitted to the scene first. With --fidelity 0 the whole model trains on instead,
+// with the photographs it was trained on: nothing grows, and the learning rates are small.
 #include <compmark/pipeline/model_file.hpp>
 #include <cstdint>
 #include <cstdio>
@@ -30,10 +30,10 @@
 namespace tool {
 namespace {
 
-/// A finished model is marked as it is: the residual trains, nothing else. Without fidelity to it (--fidelity 0, the
-/// published way) it is touched up: constant small rates, no growing. The message begins with the first iteration.
-/// `distortion` is what becomes of a coded model's features where the message is read: `round`ed as the file does,
-/// `noise` as wide as a step (the distortion layer of the paper), or `none`; the file rounds whatever it says.
+/// Settings of a mark in a finished model: only the residual trains. With --fidelity 0 (the published way) everything
+/// trains on, at constant small rates and without growing. The message begins with the first iteration. `distortion` is
+/// applied to the features of a model for a codec before the message is read: "round" as the file does, "noise" as wide
+/// as a step (the distortion layer of the paper), or "none". The file is rounded in every case.
 TrainSettings embed_settings(TrainSettings settings, const std::string& distortion) {
   settings.grow_until = 0;
   settings.mark.message.after = settings.mark.residual.after = 0;
@@ -45,7 +45,7 @@ TrainSettings embed_settings(TrainSettings settings, const std::string& distorti
           &settings.mlp_color, &settings.feature_bank, &settings.appearance, &settings.effects.exposure}) {
       *rate = {0, 0};
     }
-    // A model for a codec is read as the file is: rounded from the first iteration on, by a context that stays.
+    // A model for a codec is read as its file is: rounded from the first iteration on, with a fixed context.
     RateNumbers& rate = settings.rate;
     rate.mask = rate.grid = rate.context = {0, 0};
     rate.hyperprior = 0;
@@ -65,7 +65,7 @@ TrainSettings embed_settings(TrainSettings settings, const std::string& distorti
   return settings;
 }
 
-/// A run that goes on has the decoder that it began with, and is not told of another.
+/// A resumed run keeps the decoder that it began with, and is not given another.
 Result<Done> fitted_alike(const MarkOptions& mark, const std::string& note, const std::filesystem::path& decoder) {
   const auto number = [](double value) { return nlohmann::json(value).dump(); };
   const bool other_period = mark.period && note.find(", period " + number(*mark.period) + ",") == std::string::npos;
@@ -221,10 +221,10 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   settings.mark.residual.learning_rate = fitted ? 0.006 : 0.001;
   Result<MarkInput> mark = load_mark(options.mark, settings);
   if (!mark) return fail(mark.error());
-  // Beside what rounding does to the file a mark is hardly seen, and what it moves by whole steps is noise in other
+  // Rounding changes the file far more than a mark does, and a mark that moves values by whole steps is noise in other
   // views (docs/notebook/watermark_experiments.md).
   if (coded && !options.mark.fidelity) settings.mark.posthoc.fidelity = fitted ? 2000 : 600;
-  // What the mark does to ancestors is not to make the steps of their descendants finer (pipeline/held_steps.hpp).
+  // A mark in ancestors must not make the quantizer steps of their descendants finer (pipeline/held_steps.hpp).
   if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != "none" && !options.mark.hold_steps)
     settings.mark.posthoc.hold_steps_every = 50;
   const Result<std::string> digest = file_sha256(options.model);
@@ -238,7 +238,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
     mark->coded_twin = options.out / "unmarked.cmk";
     ThreadExecutor executor(options.threads);
     tell_threads(executor, options.threads);
-    // What is said of a finished run below is said before anything of it is replaced.
+    // The check of a finished run below comes before anything of it is replaced.
     if (!options.resume || options.force || !holds_finished_run(options.out)) {
       const Result<CodecEncoded> written = write_codec_file(mark->coded_twin, *unmarked, executor);
       if (!written) return fail(written.error());

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark evaluate: what models are worth against a dataset, one or several side by side: PSNR, SSIM and, given
-// weights, LPIPS; what a mark costs and how much of a message is read; bytes by section and milliseconds.
+// compmark evaluate: measures one or several models against a dataset: PSNR, SSIM and, given weights, LPIPS; the cost
+// of a mark and the bits of a message; bytes by section and milliseconds.
 #include <compmark/io/json_file.hpp>
 #include <compmark/mark/report.hpp>
 #include <cstdio>

@@ -56,8 +56,8 @@ struct Evaluation {
 struct SeenView {
   std::size_t index = 0;  ///< of the views that are measured
   const ViewResult& result;
-  compmark::ImageView<const float> render;    ///< as anybody has it who renders the model
-  compmark::ImageView<const float> measured;  ///< with the photograph where pixels do not count
+  compmark::ImageView<const float> render;    ///< the plain render of the model
+  compmark::ImageView<const float> measured;  ///< the same, with the photograph where pixels do not count
   compmark::ImageView<const float> truth;
 };
 /// Called for every view; images are 8-bit rounded and valid during the call.

@@ -47,7 +47,7 @@ struct ExportOptions {
   std::filesystem::path json;
 };
 
-/// What the file cannot say, one sentence each: viewers will show something else than the model.
+/// Properties of the model that the file cannot hold, one sentence each: viewers will show something else.
 template <class R>
 std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo& info) {
   std::vector<std::string> warnings;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark extract: the bits that a decoder reads, without saying whose they are. Any image gives bits; only verify
-// tells what they prove.
+// compmark extract: prints the bits that a decoder reads, without a claim about their owner. Any image gives bits; only
+// verify tests whether they are evidence.
 #include <algorithm>
 #include <cmath>
 #include <compmark/io/json_file.hpp>

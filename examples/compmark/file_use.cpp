@@ -22,13 +22,13 @@ namespace {
 using namespace compmark;
 namespace fs = std::filesystem;
 
-/// What tells a file from all others, whatever it is called.
+/// The identity of a file, independent of its name.
 struct Identity {
   dev_t device = 0;
   ino_t number = 0;
   auto operator<=>(const Identity&) const = default;
 };
-/// Of what is there, links followed. Devices, pipes and sockets have nothing to lose and none.
+/// The identity of an existing file, links followed. Devices, pipes and sockets have nothing to lose and none.
 std::optional<Identity> identity(const fs::path& path) {
   struct stat found {};
   if (::stat(path.c_str(), &found) != 0) return std::nullopt;
@@ -91,7 +91,7 @@ Error overwritten(const UsedFile& output, const std::string& what) {
           "choose another file: this one would be overwritten"};
 }
 
-/// What of `replaced` is a file of a folder that is read.
+/// The first of `replaced` that lies in a folder that is read.
 std::optional<Error> in_folder(const UsedFile& read, const Replaced& replaced) {
   const bool capture = read.kind == InputKind::dataset;
   std::error_code status;

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a command reads and what it writes, and that no output is one of the others: by identity of the file, through
-// links of either kind, for every pair, before any work is done. A key that is replaced by a log cannot be made again.
+// The files that a command reads and writes. Before any work is done, every pair is checked by file identity, through
+// links of either kind: no output may be an input or another output. A key that a log has overwritten cannot be made
+// again.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -13,7 +14,7 @@
 
 namespace tool {
 
-/// What an option that is read may be.
+/// Kinds of inputs.
 enum class InputKind {
   model,          ///< model.safetensors or .cmk
   trained_model,  ///< model.safetensors alone
@@ -26,9 +27,9 @@ enum class InputKind {
   other,          ///< what no option names
 };
 
-/// What an option that is written makes, and may replace.
+/// Kinds of outputs, and so of the existing files that they may replace.
 enum class OutputKind {
-  words,       ///< JSON, CSV, HTML, a log: of what tells no other kind
+  words,       ///< JSON, CSV, HTML, a log: text without a kind of its own
   splats,      ///< PLY
   model,       ///< model.safetensors
   compressed,  ///< .cmk
@@ -39,7 +40,7 @@ enum class OutputKind {
 
 struct UsedFile {
   std::filesystem::path path;
-  std::string said;  ///< the option that names it, or what it is: for the error
+  std::string said;  ///< the option that names it, or a description, for the error
   InputKind kind = InputKind::other;
   OutputKind written = OutputKind::any;
 };

@@ -49,7 +49,7 @@ constexpr std::array<Said, 17> options_of_settings{{
     {"mark.draw_by_cost", "--draw-by-cost"},
     {"mark.hold_steps_every", "--hold-steps"},
 }};
-/// What other settings hang on, where nothing above and no file has changed.
+/// Differences in the data, if no setting above and no file has changed: other settings follow from them.
 constexpr std::array<Said, 2> options_of_others{{{"mark.identity", "--for-compression"}, {"feature", "--touch-up"}}};
 
 Json flat(const Json& settings) {
@@ -123,7 +123,7 @@ bool holds_finished_run(const fs::path& folder) {
     return false;
   const Result<Results> results = read_results(folder / "results.json");
   if (!results) return false;
-  // A run that took its place and did not end has left its model, or its file.
+  // A later run that replaced it and did not end has left its model, or its file.
   if (results->compressed && fs::file_size(folder / "model.cmk", status) != results->compressed->bytes) return false;
   const Result<std::string> digest = file_sha256(folder / "model.safetensors");
   return digest && *digest == results->model_sha256;

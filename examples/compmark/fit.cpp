@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark fit: an unmarked model and the cameras it was trained on in; a message decoder for this scene out
-// (pipeline/decoder_fit.hpp), and a JSON of what it found. The decoder reads no message yet: embed hides one for it.
+// compmark fit: makes a message decoder for one scene (pipeline/decoder_fit.hpp) from its unmarked model and its
+// cameras, and a JSON of the fit. No message is hidden yet: embed does that.
 #include "fit_run.hpp"
 
 #include <cstdio>

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark fit-codec: a small file of a model that was not trained for one. What the file says of the model is fitted
-// to it: how finely each anchor is rounded, which offsets it can do without, and what each number is likely to be. The
-// photographs say what rounding costs. The model's attributes and networks keep their bits; with --touch-up they train
-// on. A mark that is in the model is what rounding leaves of it, which --key and --decoder measure; one that is hidden
-// in the fitted model instead (compmark embed) is trained under the rounding of its file.
+// compmark fit-codec: compresses a model that was not trained for a codec. It fits the codec's part to the model: how
+// finely each anchor is rounded, which offsets can be masked, and how probable each number is. The loss of the
+// photographs measures the error of rounding. The model's attributes and networks keep their bits; with --touch-up they
+// train on. A mark of the model is rounded too, and --key and --decoder measure what is left of it; a mark that is
+// hidden in the fitted model instead (compmark embed) is trained under the rounding of its file.
 #include <compmark/pipeline/model_file.hpp>
 #include <cstdio>
 #include <filesystem>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Decoders for models that were trained for compression. They are fitted to what a file of the model says: rounding
-// alone moves what a decoder of the model before it reads by more than a mark may
+// Decoders for models that were trained for compression. They are fitted to the model as its file holds it: rounding
+// alone moves the readings of a decoder for the unrounded model by more than a mark may
 // (docs/notebook/watermark_experiments.md).
 #include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/hac.hpp>

@@ -27,7 +27,7 @@
 
 namespace tool {
 
-using namespace compmark;  // who includes this page does nothing but fit
+using namespace compmark;  // files that include this one do nothing but fit
 
 /// A figure on a terminal, a line every ten seconds elsewhere.
 class FitLine {
@@ -83,7 +83,7 @@ Result<DecoderFit<float>> fit_model(const ModelSource& source, FitOptions& optio
   return fit_decoder(loaded->model, views, options.fit, executor, FitLine{}, JpegCodec{});
 }
 
-/// In a file of their own, compiled beside this one. `plain` is a name without what training alone needs.
+/// These are compiled in files of their own. `plain` is a name without the parts that only training needs.
 Result<DecoderFit<float>> fit_coded(const std::string& plain, const ModelSource& source, FitOptions& options,
                                     ThreadExecutor& executor);
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A message decoder for one scene, into a file: what compmark fit does, and embed and train where no decoder is given.
+// Fits a message decoder to one scene and writes it: compmark fit, and the fit of embed and train without a decoder.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -15,7 +15,7 @@ namespace tool {
 struct FitOptions {
   std::filesystem::path model, data;  ///< unmarked; the dataset it was trained on
   std::filesystem::path out, json;    ///< json may be empty: as out, with another ending
-  /// Numbers of 0 are chosen by the bits and the images' size; coordinates below 0 by the waves.
+  /// Numbers of 0 are chosen from the bits and the size of the images; coordinates below 0 from the number of features.
   compmark::DecoderFitSettings fit{.waves = 0, .stride = 0, .statistics_views = 0, .coordinates = -1};
   bool force = false;  ///< over a decoder that is there
   double downscale = 1;

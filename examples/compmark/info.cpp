@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark info: what a model file holds, and the digest that names it.
+// compmark info: prints the contents of a model file, and its digest.
 #include <bit>
 #include <compmark/codec/container.hpp>
 #include <compmark/codec/inspect.hpp>

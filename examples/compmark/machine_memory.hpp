@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How much memory this process may still take: the library is told and never asks.
+// The memory that this process may still take. The tool asks the system and tells the library, which never asks.
 #pragma once
 
 #include <filesystem>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What train and embed share to hide a message: the key's message, the decoder that shall read it, and the measurement
-// of the result.
+// The part that train and embed share to hide a message: the key's message, its decoder, and the measurement of the
+// result.
 #pragma once
 
 #include <array>
@@ -42,7 +42,8 @@ struct MarkOptions {
   std::optional<std::int64_t> hold_steps;  ///< cadence of PosthocSettings::hold_steps_every
   std::int64_t message_every = 1;          ///< cadence
   bool for_compression = false;            ///< with the noise of quantization
-  /// Whether any of them was given: half of what a mark needs is an error, not an unmarked model.
+  /// Whether any of them was given. A key without a decoder, or a decoder without a key, is an error and not an
+  /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !twin.empty() || period || tone || weight || margin ||
            power || rate || fidelity || fall || by_cost || hold_steps || message_every != 1 || for_compression;
@@ -52,10 +53,10 @@ struct MarkOptions {
 /// --message-rate, --fidelity, --fidelity-fall, --draw-by-cost, --hold-steps, --message-every, --for-compression
 void add_mark_options(Options& app, MarkOptions& options, bool required);
 
-/// That what is said of a decoder to fit is said where none is given.
+/// An error if options for fitting a decoder are given together with a finished decoder.
 compmark::Result<compmark::Done> check_to_fit(const MarkOptions& options);
 
-/// That what is said of holding a mark to its host is said of one that is held, with this `fidelity`.
+/// An error if options of post-hoc embedding are given with a `fidelity` of 0.
 compmark::Result<compmark::Done> check_held(const MarkOptions& options, double fidelity);
 
 struct MarkInput {
@@ -71,29 +72,28 @@ struct MarkInput {
   std::filesystem::path key_file;
   std::string decoder_tensors;  ///< tensors_sha256 (mark_record.hpp)
   bool for_compression = false;
-  bool read_only =
-      false;  ///< the model that a run starts from holds the message already: it is read, and nothing trains for it
+  bool read_only = false;  ///< the source model already holds the message: it is only read, and nothing trains for it
 };
-/// Whether a decoder was fitted to a scene: what it has to say there is quiet, and a mark for it less dear.
+/// Whether a decoder was fitted to a scene: its cover interference is low there, and a mark costs less.
 bool fitted_decoder(const std::filesystem::path& path);
 /// The key of --key, whose message is as long as --bits says, if it says anything.
 compmark::Result<compmark::OwnerKey> key_of(const MarkOptions& options);
-/// Reads key and decoder, which must agree on the length, and writes what they say into the settings of the run.
+/// Reads key and decoder, which must agree on the length, and sets the mark's numbers in the settings of the run.
 compmark::Result<MarkInput> load_mark(const MarkOptions& options, compmark::TrainSettings& settings);
 
-/// What results.json says about a mark.
+/// The measurement of a mark, for results.json.
 struct MarkMeasurement {
   compmark::VerificationReport report;
-  std::optional<double> unmarked_psnr;            ///< of the twin's renders against the photographs, mean, dB
+  std::optional<double> unmarked_psnr;            ///< of the counterpart's renders against the photographs, mean, dB
   std::optional<double> psnr_marked_vs_unmarked;  ///< of the two renders, mean over the views, dB
 };
-/// Reads the message from every view of a marked model, as whoever checks it does: from renders rounded to 8 bits.
+/// Reads the message from every view of a marked model, as a verifier does: from renders rounded to 8 bits.
 compmark::Result<MarkMeasurement> measure_mark(compmark::AnyModel& model, const MarkInput& mark, DatasetViews views,
                                                compmark::ThreadExecutor& executor);
 
 /// The fused logits, a dot a bit: above 0 those that are right.
 Plot logit_plot(const compmark::Message& message, const compmark::Verification& verification, const std::string& title);
-/// What of it results.json says.
+/// The part of it that results.json holds.
 WatermarkMetrics watermark_metrics(const compmark::Verification& verification);
 
 }  // namespace tool

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which decoder reads the marks of a key. Every mark that is hidden is noted: in mark.json of its run, and as a line of
-// <key>.record beside the key, which is appended to and never rewritten; the key file itself is left alone. Who reads
-// later is told if the decoder is another one: a message that is there would not be found, and no one would know why.
+// Records of the decoders that read the marks of a key. Every hidden mark is recorded in mark.json of its run, and as a
+// line of <key>.record beside the key; that file is only appended to, and the key file is never changed. A later
+// reading with another decoder gives an error, because it would not find a message that is there.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -38,8 +38,8 @@ compmark::Result<KeptRecords> read_record(const std::filesystem::path& path);
 /// mark.json of a run; nothing if it is no record or was damaged.
 std::optional<MarkRecord> read_mark(const std::filesystem::path& path);
 
-/// SHA-256 of what a decoder computes with: of name, type, shape and numbers of every tensor, by name. Notes and other
-/// words are no part of it.
+/// SHA-256 of the tensors of a decoder: name, type, shape and numbers of each, by name. Notes and other metadata are no
+/// part of it.
 std::string tensors_sha256(const compmark::SafetensorsFile& file);
 
 /// <key>.record beside the key file itself, links followed; empty for a key that is no file.
@@ -47,14 +47,14 @@ std::filesystem::path key_record(const std::filesystem::path& key);
 void add_record_read(FileUse& use, const std::filesystem::path& key, const std::filesystem::path& model = {});
 void add_record_written(FileUse& use, const std::filesystem::path& key);
 
-/// Warns on stderr if a record could not be kept beside the key. To be asked before hours of work.
+/// Warns on stderr if a record cannot be kept beside the key. Called before hours of work.
 void warn_of_record(const std::filesystem::path& key, const std::filesystem::path& run);
 /// Notes a mark in both places. The key's folder may be read-only, which is a warning; the run's may not.
 compmark::Result<compmark::Done> keep_record(const MarkRecord& record, const std::filesystem::path& key,
                                              const std::filesystem::path& run);
 
-/// An error if marks of this key are on record, and none of them (of this model, where the record knows it; it may be
-/// empty) is read by this decoder.
+/// An error if the key has recorded marks and none of them is read by this decoder. Only marks of this model count
+/// where the record has it; `model` may be empty.
 compmark::Result<compmark::Done> check_recorded(const std::filesystem::path& key_file, const compmark::OwnerKey& key,
                                                 const std::filesystem::path& decoder,
                                                 const std::filesystem::path& model = {});

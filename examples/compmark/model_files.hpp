@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Models by path, as commands have them: compmark/app on so many threads as --threads says.
+// Opens models by path for the commands: compmark/app with as many threads as --threads says.
 #pragma once
 
 #include <compmark/app/any_model.hpp>

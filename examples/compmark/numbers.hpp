@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Numbers as a user writes them: the whole word is one, it is finite and in its range, or the option is refused by
+// Parses numbers of the command line. The whole word must be a finite number in its range, or the option is refused by
 // name. The parser's own conversion takes -1 for 18446744073709551615 where a count is wanted, "010" for eight, and
 // lets NaN through its comparisons.
 #pragma once
@@ -93,7 +93,7 @@ inline CLI::Validator in_range(RealRange range) {
           (range.above ? "above " : "") + numbers::number_text(range.low) + " to " + numbers::number_text(range.high)};
 }
 
-/// What a parser's error says, as one line for the user.
+/// The parser's error as one line for the user.
 inline std::string parse_error_line(const CLI::ParseError& error) {
   std::string line = error.what();
   for (char& c : line) {

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How a command declares its options: each says what it is, a file that is read or written, a number with its range, a
-// word or a flag. From that table come the checks that no command has to remember: no output is a file that is read or
-// written otherwise (file_use.hpp), no input is a file of another kind (input_files.hpp), and no number is outside its
-// range. There is no other way to declare one, and `compmark --options-json` shows the table.
+// Declares the options of a command: each is a file that is read or written, a number with its range, a word or a flag.
+// All checks come from this table, so that no command can forget one: no output is a file that is read or written
+// otherwise (file_use.hpp), no input is a file of another kind (input_files.hpp), and no number is outside its range.
+// There is no other way to declare an option. `compmark --options-json` prints the table.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -48,13 +48,13 @@ class Options {
   CLI::Option* reads(const std::string& name, std::vector<Path>& target, InputKind kind, const std::string& text) {
     return declare({name, OptionRole::input, kind, {}, false, [&target] { return target; }, text}, target);
   }
-  /// A share of photographs or a folder of them, as told: the word itself says which.
+  /// A share of photographs, or a folder of them: the word itself decides.
   CLI::Option* share_or_folder(const std::string& name, std::string& target, const std::string& text);
   /// A file that is written.
   CLI::Option* writes(const std::string& name, Path& target, OutputKind written, const std::string& text) {
     return declare({name, OptionRole::output_file, {}, {}, false, one(target), text, nullptr, written}, target);
   }
-  /// A folder that is written into; `also` has to say which files.
+  /// A folder that is written into; `also` must list the files.
   CLI::Option* writes_into(const std::string& name, Path& target, const std::string& text) {
     return declare({name, OptionRole::output_folder, {}, {}, false, one(target), text}, target);
   }
@@ -79,16 +79,16 @@ class Options {
   }
   CLI::Option* flag(const std::string& name, bool& target, const std::string& text);
 
-  /// What the command reads and writes beside what its options name; called after they were read.
+  /// Adds files that the command reads and writes beside those of its options; called after the options were parsed.
   void also(std::function<void(FileUse&)> more) { more_ = std::move(more); }
   void footer(const std::string& text) { app_.footer(text); }
 
   /// How often an option was given.
   [[nodiscard]] std::size_t count(const std::string& name) const { return app_.count(name); }
   [[nodiscard]] bool parsed() const { return app_.parsed(); }
-  /// What of the command's options was told to be read and written.
+  /// The files that the command's options read and write.
   [[nodiscard]] FileUse use() const;
-  /// The table; options that the parser has beside it are there without a role.
+  /// The table of options; those that the parser adds itself have no role.
   [[nodiscard]] nlohmann::ordered_json json() const;
 
  private:

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark pretrain: photographs, or nothing, in; a message decoder and a JSON of what it reads out. Ctrl-C writes a
-// checkpoint; --resume continues from it to the same bits as an uninterrupted run. How and why:
-// docs/decoder_training.md.
+// compmark pretrain: trains a message decoder on photographs or on procedural images, and writes it with a JSON of its
+// measurements. Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run. How
+// and why: docs/decoder_training.md.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -150,7 +150,7 @@ std::vector<double> logits_of(const Lattice& decoder, const PretrainImages& imag
   });
 }
 
-/// What unmarked images say: for a decoder that can be trusted, nothing.
+/// The logits of unmarked images: for a decoder that can be trusted, no evidence.
 nlohmann::ordered_json unmarked_json(const Lattice& decoder, const std::vector<double>& logits) {
   const auto bits = static_cast<std::size_t>(decoder.bits());
   const std::size_t count = logits.size() / bits;
@@ -243,8 +243,8 @@ std::vector<double> periods_of(const LatticeSettings& shape) {
   return std::vector<double>(shape.dimensions() / 3, shape.measure == LatticeMeasure::colour ? 0.047 : 0.1);
 }
 
-/// Octaves by which the waves' periods differ, either way: colours are few, and waves of one length feel the same of
-/// them.
+/// Spread of the features' periods in octaves, either way: there are few colours, and features of one period respond
+/// alike to them.
 double spread_of(const LatticeSettings& shape) { return shape.measure == LatticeMeasure::colour ? 0.7 : 0; }
 
 /// Images that are measured.

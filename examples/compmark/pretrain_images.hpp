@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images a message decoder is trained and measured on: photographs of a folder, decoded once, or dead leaves made
-// on demand. One type for both, so that the training has no branch. Photographs that belong together ("kitchen_0.jpg",
+// Images to train and measure a message decoder on: photographs of a folder, decoded once, or dead leaves made on
+// demand. One type serves both, so that the training has no branch. Photographs that belong together ("kitchen_0.jpg",
 // "kitchen_1.jpg") stay on one side of a split.
 #pragma once
 
@@ -43,7 +43,7 @@ class PretrainImages {
   [[nodiscard]] bool procedural() const { return photographs_.empty(); }
   [[nodiscard]] std::size_t size() const { return procedural() ? std::size_t{1} << 24 : photographs_.size(); }
 
-  /// What Pretrainer asks for: a random square, mirrored half of the time.
+  /// The sample for Pretrainer: a random square, mirrored half of the time.
   void read(std::size_t index, const compmark::Random& random, int side, compmark::ImageView<float> view) const {
     if (procedural()) return compmark::dead_leaves_image(seed_, index, view);
     const compmark::ImageBytes& image = photographs_[index].image;
@@ -66,7 +66,7 @@ class PretrainImages {
     for (const Photograph& p : photographs_) side = std::min({side, p.image.height, p.image.width});
     return side;
   }
-  /// Of names and decoded pixels, in order: what a run depends on.
+  /// A hash of names and decoded pixels, in order: the identity of the images of a run.
   [[nodiscard]] std::string digest() const {
     compmark::Sha256 hash;
     for (const Photograph& p : photographs_) {

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark probe: what a capture calls for, with the evidence, and the recipe that train would take.
+// compmark probe: measures the scene effects of a capture, with the evidence, and prints the recipe that train would
+// choose.
 #include <algorithm>
 #include <compmark/scene/open.hpp>
 #include <compmark/scene/probe.hpp>

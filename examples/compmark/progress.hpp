@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a running training shows: a bar on a terminal, plain lines in a file or pipe, one JSON object a line in a log,
-// and the flag that Ctrl-C raises. Values are means since the last output, so that a line says how the run goes and not
-// how one view went.
+// The progress of a training: a bar on a terminal, plain lines in a file or pipe, one JSON object a line in a log, and
+// the flag that Ctrl-C sets. Values are means since the last output, so that a line describes the run and not a single
+// view.
 #pragma once
 
 #include <signal.h>
@@ -63,7 +63,7 @@ class Progress {
 
   /// The points of the log, for the report; with `append` those of the sessions before too, as far as they count.
   [[nodiscard]] std::vector<ProgressLine> curve() const;
-  /// What kept a line from the log. The run goes on without it.
+  /// The error that stopped the log. The run goes on without it.
   [[nodiscard]] const std::optional<compmark::Error>& log_failure() const { return log_failure_; }
 
  private:
@@ -105,10 +105,10 @@ compmark::Result<std::vector<ProgressLine>> read_progress_log(const std::filesys
 /// "1:02:03" or "4:05".
 std::string format_duration(double seconds);
 
-/// While it lives SIGINT and SIGTERM are caught: the first one raises the flag, a second one ends the program at once.
-/// The handler only stores to a lock-free atomic and restores the default action, both async-signal-safe. For work that
-/// leaves a checkpoint, and no longer: what follows (measuring, the page, the fit of a decoder) looks at no flag, and
-/// shall end at the first signal, as it does by itself.
+/// Catches SIGINT and SIGTERM during its lifetime: the first one raises the flag, a second one ends the program at
+/// once. The handler only stores to a lock-free atomic and restores the default action, both async-signal-safe. Use it
+/// only for work that leaves a checkpoint. Later work (measuring, the page, the fit of a decoder) reads no flag and
+/// must end at the first signal, as it does by default.
 class InterruptWatch {
  public:
   InterruptWatch();  ///< lowers the flag

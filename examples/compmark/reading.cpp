@@ -104,7 +104,7 @@ Result<Done> read_images(const ReadingOptions& options, const Decoder& decoder, 
   return Done{};
 }
 
-/// The unmarked model of the scene that `marked` is of: its lengths are counted alike, or the cameras of one show
+/// The unmarked model of the scene of `marked`. Both must have the same unit and origin, or a camera of one sees
 /// nothing of the other.
 Result<AnyModel> load_unmarked(const fs::path& path, const ModelInfo& marked, Reading& reading) {
   Result<AnyModel> model = load_model(path);
@@ -180,7 +180,7 @@ std::string_view outcome_name(PayloadCode::Outcome outcome) {
 PayloadText payload_text(const OwnerKey& key, const Message& read) {
   const PayloadCode::Reading reading = read_payload(key, read);
   const bool whole = reading.outcome == PayloadCode::Outcome::read;
-  // A random word passes BCH and the CRC with this probability: no proof of anything.
+  // The probability that random bits pass BCH and the CRC: a payload alone is no evidence.
   const double chance = payload_code(key)->code.random_decode_rate() / 256;
   PayloadText text;
   text.json = {{"outcome", std::string(outcome_name(reading.outcome))},

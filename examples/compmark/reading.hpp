@@ -29,7 +29,7 @@ std::string pixels_sha256(compmark::ImageView<const float> image);
 /// Reads a key file and checks its payload; warns on stderr if others may read it.
 compmark::Result<compmark::OwnerKey> load_key(const std::filesystem::path& path);
 
-/// What read bits say, as a line and as JSON; for a key with a payload.
+/// The payload of read bits, as a line and as JSON; for a key with a payload.
 struct PayloadText {
   std::string line;
   nlohmann::ordered_json json;
@@ -40,11 +40,11 @@ PayloadText payload_text(const compmark::OwnerKey& key, const compmark::Message&
 /// key.
 compmark::Result<Decoder> load_decoder(const std::filesystem::path& path, const compmark::OwnerKey* key);
 
-/// What is to be read: a model's renders or images.
+/// The input of a reading: a model's renders or images.
 struct ReadingOptions {
   std::filesystem::path decoder;
   std::filesystem::path model;
-  std::filesystem::path unmarked;             ///< of a model: what it says by itself is subtracted; may be empty
+  std::filesystem::path unmarked;             ///< unmarked model, whose reading is subtracted; may be empty
   std::vector<std::filesystem::path> images;  ///< files and folders
   std::string split = "test";
   std::size_t views = 0;                ///< at most so many, evenly spaced; 0: all

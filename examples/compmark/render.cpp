@@ -41,7 +41,7 @@ struct RenderOptions {
   std::size_t threads = 0;
 };
 
-/// That no render takes the place of what is read, and that none lies among the photographs.
+/// Checks that no render replaces an input, and that none lies among the photographs.
 Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::filesystem::path>& files,
                            const std::optional<Dataset>& dataset) {
   FileUse use;

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// report.html: one file to open or send. Figures, what was read of a message in words and bit by bit, curves, settings
-// and, for chosen test views, ground truth, render and five times their difference side by side, with the unmarked
-// twin's where there is one. Images are embedded PNGs, plots inline SVG; there is no script and nothing is loaded from
-// elsewhere.
+// report.html: one file to open or send. It has the figures, the verdict on a message in words and bit by bit, curves,
+// settings and, for chosen test views, ground truth, render and five times their difference side by side, with the
+// unmarked counterpart's where there is one. Images are embedded PNGs, plots inline SVG; there is no script and nothing
+// is loaded from elsewhere.
 #pragma once
 
 #include <cstdint>
@@ -52,8 +52,8 @@ struct ReportView {
 struct ReportCurve {
   std::string heading;
   std::vector<ProgressLine> lines;  ///< Progress::curve() or read_progress_log()
-  bool beside_host = false;  ///< a mark learned beside a finished model: its PSNR is that against the unmarked renders
-  std::string page{};        ///< address of the run's own page, relative to this one; empty: it is this one
+  bool beside_host = false;         ///< post-hoc embedding: the PSNR is that against the unmarked renders
+  std::string page{};               ///< address of the run's own page, relative to this one; empty: it is this one
 };
 
 /// A verdict for people who know no statistics.

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// results.json: what other programs read about a run. The names, their order and their types are a contract
+// results.json: the results of a run for other programs. The names, their order and their types are a contract
 // (docs/results.md); a change of meaning raises `schema`.
 #pragma once
 
@@ -27,14 +27,15 @@ struct TestMetrics {
   std::optional<double> psnr_colour_fitted{};  ///< dB; only of models with an exposure
 };
 
-/// What was read from the renders of a marked model.
+/// The reading of a marked model's renders.
 struct WatermarkMetrics {
   double mean = 0;  ///< share of the bits that are right, mean over the views
   double min = 0;   ///< in the worst view
   int views = 0;
-  double p_value = 1;                             ///< of all views together
-  double largest_view_p_value = 1;                ///< of the worst view by itself
-  std::optional<double> psnr_cost_vs_unmarked;    ///< dB, the twin's test PSNR less this model's; null without a twin
+  double p_value = 1;               ///< of all views together
+  double largest_view_p_value = 1;  ///< of the worst view by itself
+  std::optional<double>
+      psnr_cost_vs_unmarked;  ///< dB, the counterpart's test PSNR minus this model's; null without a counterpart
   std::optional<double> psnr_marked_vs_unmarked;  ///< dB, of the renders of both
 };
 
@@ -67,7 +68,7 @@ struct Results {
   std::vector<std::string> effects;             ///< names of the scene effects that the recipe models
   std::optional<WatermarkMetrics> watermark;    ///< not in the file of an unmarked run
   std::optional<CompressedMetrics> compressed;  ///< not in the file of a run without a codec
-  std::string identity;                         ///< JSON that tells the run from others (finished_run.hpp)
+  std::string identity;                         ///< JSON with the identity of the run (finished_run.hpp)
 };
 
 compmark::Result<compmark::Done> write_results(const std::filesystem::path& path, const Results& results);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A folder that a run has for itself: nobody else writes into it meanwhile, and what an earlier run finished there is
-// not lost unasked.
+// Locks the folder of a run: no other run writes into it at the same time, and a finished run there is replaced only on
+// request.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -14,7 +14,7 @@
 
 namespace tool {
 
-/// Makes a folder and holds it against other runs, until the last copy of what is returned is gone.
+/// Makes a folder and locks it against other runs, until the last copy of the returned value is gone.
 compmark::Result<std::shared_ptr<const void>> hold_folder(const std::filesystem::path& folder);
 /// The same for a file that is written when the work is done.
 compmark::Result<std::shared_ptr<const void>> hold_file(const std::filesystem::path& file);
@@ -23,7 +23,7 @@ compmark::Result<std::vector<std::shared_ptr<const void>>> hold_outputs(const Fi
 
 /// An error if a finished run is in the folder; `wanted` says that it may be replaced.
 compmark::Result<compmark::Done> check_unfinished(const std::filesystem::path& folder, bool wanted);
-/// An error if a decoder is in the place of one that would be made: without it nobody reads what was marked for it.
+/// An error if an existing decoder would be replaced: without it its marks cannot be read.
 compmark::Result<compmark::Done> check_no_decoder(const std::filesystem::path& file, bool wanted);
 /// Moves a decoder that is there to <name>.<beginning of its SHA-256>.old.
 compmark::Result<compmark::Done> move_decoder_aside(const std::filesystem::path& file);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark train: a dataset in, a model, its measurements and a page to look at out, with a message in it if a key is
-// given. Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
+// compmark train: trains a model on a dataset and writes it with its measurements and a page; with a key it hides a
+// message too. Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
 #include <algorithm>
 #include <array>
 #include <compmark/io/json_file.hpp>
@@ -33,18 +33,18 @@
 namespace tool {
 namespace {
 
-/// Where the host of a run is trained that is marked afterwards.
+/// The folder of the unmarked model of a run that is marked afterwards.
 constexpr const char* unmarked_folder = "unmarked";
 
-/// Whether the message is hidden when the scene is finished: a key, and nothing that says how else.
+/// Whether this is post-hoc embedding: a key is given, and no option that asks for another way.
 bool marks_afterwards(const TrainOptions& options) {
   const bool held = options.mark.fidelity && *options.mark.fidelity > 0;
   return (options.mark.decoder.empty() || held) && !options.mark.key.empty() && options.mark.twin.empty() &&
          !options.mark.for_compression;
 }
 
-/// A run that goes on has the recipe, the effects and the background that it began with, whatever a probe would say
-/// today. False where nothing was begun, or the command says otherwise.
+/// A resumed run keeps its recipe, effects and background, whatever a probe would measure now. False if there is no run
+/// to resume, or if the command gives other ones.
 Result<bool> continue_begun(TrainOptions& options) {
   std::filesystem::path checkpoint = options.out / "checkpoint.safetensors";
   if (!std::filesystem::exists(checkpoint) && marks_afterwards(options))
@@ -78,8 +78,8 @@ Result<bool> continue_begun(TrainOptions& options) {
   return true;
 }
 
-/// Settles options.recipe, options.simulated and the probed background, and says why in options.notes. An explicit
-/// --recipe is taken as it is; the hosts of the other profiles have no effects.
+/// Chooses options.recipe, options.simulated and the background, with reasons in options.notes. An explicit --recipe is
+/// kept; the recipes of the other profiles have no effects.
 Result<Done> choose_effects(TrainOptions& options) {
   const Result<bool> begun = continue_begun(options);
   if (!begun) return begun.error();
@@ -161,14 +161,14 @@ Result<Done> choose_effects(TrainOptions& options) {
   return Done{};
 }
 
-/// Whether the photographs' exposures may train although a message is wanted: no recipe with a message has them, but a
-/// finished model is marked as what its renders are, one without (marking_recipe).
+/// Whether exposures of photographs may train although a message is wanted. No recipe with a message has exposures, but
+/// post-hoc embedding marks the renders of a finished model, and these have none (marking_recipe).
 bool exposes(const TrainOptions& options) {
   if (!options.mark.wanted()) return true;
   return marks_afterwards(options) && (!options.mark.fidelity || *options.mark.fidelity > 0);
 }
 
-/// Messages are built into three recipes: an effect that none of them has is left out with a note.
+/// Three recipes can carry a message; an effect that none of them has is left out with a note.
 void leave_out_unmarked(TrainOptions& options) {
   if (options.recipe.rfind("scaffold+", 0) != 0) return;
   const auto names = [&](const char* part) { return options.recipe.find(part) != std::string::npos; };
@@ -187,8 +187,8 @@ void leave_out_unmarked(TrainOptions& options) {
   options.notes.push_back("recipe " + recipe);
 }
 
-/// From the recipe that the effects call for to the one that trains for the codec, or that one can be fitted to;
-/// effects that it lacks are left out with a note.
+/// From the recipe of the effects to one that trains for the codec, or that one can be fitted to; effects that it lacks
+/// are left out with a note.
 Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   const bool coded = is_coded_recipe(options.recipe);
   if (options.codec == "none" && !coded && !options.for_fit_codec) return Done{};
@@ -218,7 +218,7 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
     return Done{};
   }
   if (!recipe_given && !options.for_fit_codec && is_published_profile(options.profile)) {
-    options.recipe = options.codec;  // its numbers in the codec's own host
+    options.recipe = options.codec;  // its numbers in the codec's own recipe
     options.notes.push_back("recipe " + options.recipe);
     return Done{};
   }
@@ -248,10 +248,10 @@ Result<Done> choose_codec(TrainOptions& options, bool recipe_given) {
   return Done{};
 }
 
-/// The whole training as if there were no mark, into a folder of its own, and then the mark in the finished model: with
-/// the decoder fitted in between if none is given, and the unmarked model kept.
+/// Trains the unmarked model in a folder of its own, then hides the message in it by post-hoc embedding. Without a
+/// decoder one is fitted in between. The unmarked model is kept.
 int train_then_mark(TrainOptions options, const TrainSettings& settings) {
-  // What is wrong is said before hours of work.
+  // All options are checked before hours of work.
   const Result<OwnerKey> key = key_of(options.mark);
   if (!key) return fail(key.error());
   const bool coded = is_coded_recipe(options.recipe);
@@ -294,7 +294,7 @@ int train_then_mark(TrainOptions options, const TrainSettings& settings) {
   return embed_model(marked);
 }
 
-/// What --preset says of the options that were not given.
+/// Sets the options of --preset that were not given.
 void apply_preset(const Options& app, TrainOptions& options) {
   for (const Preset& preset : presets) {
     if (options.preset != preset.name) continue;

@@ -14,17 +14,16 @@ namespace tool {
 
 struct TrainOptions;
 
-/// What is said where no message can be hidden in a recipe.
+/// The error for a recipe that cannot carry a message.
 [[nodiscard]] compmark::Error no_message_in(const std::string& recipe);
 
-/// Whether a finished model of options.recipe can be marked as options.mark says: what is wrong is said before hours of
-/// work.
+/// Checks that options.mark is possible for a finished model of options.recipe, before hours of work.
 [[nodiscard]] compmark::Result<compmark::Done> can_mark_finished(const TrainOptions& options);
 
 /// Trains options.recipe with a mark, or marks options.model by training on from it. Returns the exit code.
 int train_marked(const TrainOptions& options, compmark::TrainSettings settings, const MarkInput& mark);
 
-/// Marks options.model beside what it is: compmark embed. Without a decoder one is fitted into options.out. Returns the
+/// Post-hoc embedding into options.model: compmark embed. Without a decoder one is fitted into options.out. Returns the
 /// exit code.
 int embed_model(TrainOptions options);
 

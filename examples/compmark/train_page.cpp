@@ -70,7 +70,7 @@ std::optional<HostRun> host_run(const TrainOptions& options) {
 
 bool marks(const RunFindings& f) { return f.mark != nullptr && !f.mark->read_only; }
 
-/// The host's training, where this run began with its model, and what this run did.
+/// The training of the source model, if this run began with one, and this run.
 std::vector<ReportCurve> run_curves(const RunFindings& f, std::optional<HostRun>& host) {
   std::vector<ReportCurve> curves;
   const bool from_model = !f.options.model.empty();
@@ -99,7 +99,7 @@ ReportTable mark_table(const std::string& heading, const WatermarkMetrics& m, co
   return table;
 }
 
-/// What of a file is for what, and of the unmarked one where there is one.
+/// The bytes of a file by purpose, and those of the unmarked file if there is one.
 ReportGrid section_grid(const CodedRun& coded, const std::optional<CodedFile>& unmarked) {
   ReportGrid grid{"Bytes by section", {"section", "model.cmk", "of it"}, {}};
   if (unmarked) grid.columns.emplace_back("unmarked.cmk");

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the page of a run says. Where the run wrote a compressed file, the page is about that: it is what others get.
-// What the model was before the codec stands in a table.
+// The contents of a run's page. If the run wrote a compressed file, the page is about that file, because others get it.
+// A table has the figures of the model before the codec.
 #pragma once
 
 #include <compmark/core/result.hpp>
@@ -25,7 +25,7 @@ class ShownViews {
   explicit ShownViews(const DatasetViews& measured);
   /// Keeps the pictures of the views that are shown, whatever else is measured.
   [[nodiscard]] KeepView keep();
-  /// Adds what the unmarked model shows at the same cameras.
+  /// Adds renders of the unmarked model at the same cameras.
   compmark::Result<compmark::Done> add_unmarked(const std::filesystem::path& twin, compmark::ThreadExecutor& executor);
   std::vector<ReportView> pictures;
 
@@ -34,7 +34,7 @@ class ShownViews {
   std::vector<std::size_t> number_;  ///< of each among those that are measured
 };
 
-/// What was found of a run.
+/// The measurements of a run.
 struct RunFindings {
   const TrainOptions& options;
   const RunData& run;

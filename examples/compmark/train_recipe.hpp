@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A training run of one recipe: the part of train_run.hpp that is compiled for each, about ten seconds of a compiler
-// apiece. Include it where recipes are compiled.
+// each. Include it where recipes are compiled.
 #pragma once
 
 #include <algorithm>
@@ -40,7 +40,7 @@
 
 namespace tool {
 
-using namespace compmark;  // who includes this page does nothing but train
+using namespace compmark;  // files that include this one do nothing but train
 
 /// Shows progress, writes checkpoints, listens to Ctrl-C.
 struct TrainObserver {
@@ -54,7 +54,7 @@ struct TrainObserver {
   double last_psnr = 0;
   std::int64_t patience = 0;       ///< iterations in a row that may render nothing: two rounds of the training views
   std::int64_t empty_renders = 0;  ///< as many were there in a row
-  std::function<Result<Done>(std::size_t anchors, std::size_t grown)> growth;  ///< whether there is memory for more
+  std::function<Result<Done>(std::size_t anchors, std::size_t grown)> growth;  ///< checks that there is memory for more
 
   [[nodiscard]] double seconds() const {
     return seconds_before + std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -87,8 +87,8 @@ struct TrainObserver {
       progress->note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
                      " parameter blocks had a gradient that is not finite and were not updated");
     }
-    // Opacities of zero and less get no gradient, so that what nobody sees stays so: the hours that are left would
-    // train nothing.
+    // Opacities of zero or less get no gradient, so that such a scene can never change: the remaining hours would train
+    // nothing.
     if (report.rendered) empty_renders = report.forward.gaussians == 0 ? empty_renders + 1 : 0;
     if (empty_renders > patience) {
       failure = Error{ErrorKind::invalid,
@@ -147,8 +147,8 @@ Result<LensViews<L>> lens_views(DatasetViews views) {
   return result;
 }
 
-/// The recipe of the finished model that a run may start from (TrainOptions::model): of a mark, and of a codec that is
-/// fitted, the host's.
+/// The recipe of the finished source model of a run (TrainOptions::model), when a mark is hidden in it or a codec is
+/// fitted to it.
 template <class R>
 struct SourceRecipe {
   using Type = R;
@@ -159,12 +159,13 @@ struct SourceRecipe<R> {
   using Type = typename R::Host;
 };
 
-/// The exit code of a run that ended with `code`: a log that is not whole is said, after everything else was written.
+/// The exit code of a run that ended with `code`. An incomplete log is reported last, after everything else was
+/// written.
 inline int with_log(const Progress& progress, int code) {
   return code == success && progress.log_failure() ? fail(*progress.log_failure()) : code;
 }
 
-/// What a run of recipe R has at hand when its iterations begin.
+/// Inputs of a run of recipe R when its iterations begin.
 template <class R>
 struct RunParts {
   const TrainOptions* options;
@@ -176,7 +177,7 @@ struct RunParts {
   ThreadExecutor* executor;
 };
 
-/// Takes up the checkpoint of a run, if it goes on; the seconds that it has taken. Nothing: the run begins.
+/// Loads the checkpoint of a resumed run and returns its seconds so far; nothing if the run begins.
 template <class Loop>
 Result<std::optional<double>> take_up(const TrainOptions& options, const RunData& data, Loop& loop) {
   if (!std::filesystem::exists(data.checkpoint)) return std::optional<double>();
@@ -234,7 +235,7 @@ int run_iterations(Loop& loop, const RunParts<R>& parts, double seconds_before) 
     if constexpr (present<typename R::EntropyModel>) {
       Result<CodecModel> coded = coded_model(model, data.info);
       if (!coded) return coded.error();
-      // The steps that were trained with, and not those that suit the marked symbols a little better.
+      // The steps of the training, not those that would suit the marked symbols a little better.
       if (*parts.host_file) keep_context(**parts.host_file, *coded);
       end.coded = std::move(*coded);
     }
@@ -313,7 +314,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
 
   const MemoryBudget memory = memory_budget(data);
   const RunParts<R> parts{&options, &data, &train, mark, &host_file, memory, &executor};
-  // A finished model that a run starts from, as it goes on with it.
+  // The finished source model, prepared for this run.
   const auto begin_from = [&](auto& loop) -> Result<Done> {
     if (Result<Done> room = check_training_memory<R>(loaded->model.anchor_count(), memory); !room) return room;
     if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is

@@ -208,7 +208,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   const bool has_test = run.test.size() != 0;
   const DatasetViews& measured = has_test ? run.test : run.train;
   ShownViews shown(measured);
-  // Pictures are of what others get: of the compressed file where there is one.
+  // Pictures are renders of the file that others get: the compressed one if there is one.
   const KeepView keep = shown.keep(), pass = [](const SeenView&) {};
   Result<AnyModel> model = load_model(run.model);  // what was written is what is measured
   if (!model) return fail(model.error());
@@ -263,7 +263,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   if (!identity) return fail(identity.error());
   results.identity = std::move(*identity);
   results.effects = run.info.effects;
-  // Of a finished model that is marked no bit is a loss, and nobody named a lambda.
+  // Post-hoc embedding has no rate in its loss, so no lambda is recorded.
   const bool rates = mark == nullptr || mark->read_only || options.model.empty();
   if (coded && rates) results.rate_lambda = settings.rate.lambda;
   if (coded) results.compressed = coded->metrics;
@@ -285,7 +285,7 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   const ReportInput page =
       run_page({options, run, end, results, *evaluation, mark, measured_mark, coded, has_test}, shown.pictures);
   if (Result<Done> written = write_report(options.out / "report.html", page); !written) return fail(written.error());
-  // Last of all: a run that has it is taken as finished by who goes on from it.
+  // Written last: a run with this file counts as finished.
   if (Result<Done> written = write_results(options.out / "results.json", results); !written)
     return fail(written.error());
   std::error_code ignored;

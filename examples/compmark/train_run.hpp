@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One training run of the tool, from options to files: what of it no recipe's type decides, and so is compiled once.
-// The rest is in train_recipe.hpp.
+// One training run of the tool, from options to files: the part that does not depend on the recipe's type and is
+// compiled once. The rest is in train_recipe.hpp.
 #pragma once
 
 #include <compmark/codec/codec_model.hpp>
@@ -45,7 +45,7 @@ struct TrainOptions {
   std::int64_t checkpoint_every = 1000;
   double voxel_size = 0;
   bool voxel_size_given = false;
-  std::string background;                                  ///< as told; empty: black, or what was probed
+  std::string background;                                  ///< from --background; empty: black, or the measured one
   std::optional<std::array<double, 3>> probed_background;  ///< one colour around opaque photographs, in [0, 1]
   std::string lens = "undistort";
   std::string effects = "auto";
@@ -60,24 +60,24 @@ struct TrainOptions {
   std::filesystem::path model;       ///< the finished model that embed marks, or that fit-codec compresses
   std::int64_t mark_iterations = 0;  ///< of a mark that is hidden after the training; 0: what suits the recipe
   std::string codec = "none";        ///< that the model is trained for
-  bool for_fit_codec = false;        ///< without effects that fit-codec does not know
+  bool for_fit_codec = false;        ///< without effects that fit-codec does not support
   double rate_lambda = 0.001;        ///< loss of one bit more a scalar
 };
 
-/// Options of a run that starts from a finished model, whatever it does with it.
+/// Options of a run that starts from a finished model, for any purpose.
 void add_finished_model_options(Options& app, TrainOptions& options);
 
 /// What a run leaves in its folder, whatever it trains, and what of the run of the model that it starts from it looks
 /// at.
 void add_run_files(FileUse& use, const TrainOptions& options, const std::filesystem::path& out);
 
-/// What is said where a run without --resume would write over a checkpoint.
+/// The error of a run without --resume that would overwrite a checkpoint.
 [[nodiscard]] compmark::Error unfinished_run(const std::filesystem::path& checkpoint);
 
-/// What --lens says.
+/// The treatment of the lens that --lens names.
 compmark::LensTreatment lens_treatment(const TrainOptions& options);
 
-/// What a recipe wants of the data.
+/// Parts of the data that a recipe needs.
 struct RunNeeds {
   bool ball = false;   ///< the ball of the cameras, beyond which cells grow
   bool alpha = false;  ///< the images' fourth channel
@@ -89,7 +89,7 @@ struct SourceModel {
   std::size_t train_views = 0;
 };
 
-/// An opened dataset and what a run says of it.
+/// An opened dataset and the run's description of it.
 struct RunData {
   compmark::Dataset dataset;
   compmark::DatasetSettings data_settings;
@@ -110,10 +110,10 @@ compmark::Result<std::unique_ptr<RunData>> open_run(const TrainOptions& options,
 compmark::Result<compmark::Done> check_run(const TrainOptions& options, RunData& run, const SourceModel& source,
                                            const MarkInput* mark);
 
-/// What a training of these views may take, the images being decoded.
+/// The memory that a training of these views may take beside the decoded images.
 compmark::MemoryBudget memory_budget(const RunData& run);
 
-/// What training left.
+/// The result of a training.
 struct RunEnd {
   std::size_t anchors = 0;
   double voxel_size = 0;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the images of views are called: as many files as views, and the same names whichever of them are written.
+// File names for images of views: one for each view, and the same names whichever views are written.
 #pragma once
 
 #include <algorithm>
