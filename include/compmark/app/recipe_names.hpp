@@ -25,10 +25,11 @@ inline std::string without_effects(std::string name, std::initializer_list<std::
   }
   return name;
 }
-/// The recipe that a trained model of another one is read as: masks and the loss on alpha are of training alone, and leave nothing in a
-/// model. Its ModelInfo keeps the name.
+/// The recipe that renders a trained model of another recipe: masks and the loss on alpha belong to the training and
+/// leave nothing in a model. Its ModelInfo keeps the name.
 inline std::string reading_recipe(std::string name) { return without_effects(std::move(name), {"+mask", "+alpha"}); }
-/// The recipe that a finished model of another one is marked as: the exposures of the photographs are in no render, which is where a mark is.
+/// The recipe that marks a finished model of another recipe. It leaves out the exposures of photographs: the mark is in
+/// renders, and renders have no exposure.
 inline std::string marking_recipe(std::string name) { return without_effects(std::move(name), {"+exposure"}); }
 /// Whether a message can be hidden in a finished model of this recipe.
 inline bool is_markable_recipe(std::string_view name) {

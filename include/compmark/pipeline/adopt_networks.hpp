@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is trained on after a model was compressed once (a message in a file, docs/notebook/watermark_experiments.md)
-// shall see what the file will say. Rounded to a file's steps (rate.hpp) it does, if these come out of the file's own
-// networks: those of its context have weights of a few bits, and a step that is a sixteenth of an octave longer makes
-// another symbol of every value near the border of two. Cost: a copy of the networks.
+// Makes a trained model use the networks of its compressed file, to train on after a first compression (a message in a
+// file, docs/notebook/watermark_experiments.md). Training then rounds exactly as the file does (rate.hpp). It needs the
+// file's own networks for that: their weights have few bits, and a step that is a sixteenth of an octave longer changes
+// the symbol of every value near the border of two. Cost: a copy of the networks.
 #pragma once
 
 #include <algorithm>
@@ -44,9 +44,9 @@ template <class T, class Handles>
 
 }  // namespace detail
 
-/// Replaces the networks of a trained model, those that render and those of its context, by what a file of it holds:
-/// `file` is the model of CodecEncoded or CodecDecoded. An Error, and the model as it was or in part replaced, if that
-/// file is of another model.
+/// Replaces the networks of a trained model, those that render and those of its context, by those of its file: `file`
+/// is the model of CodecEncoded or CodecDecoded. If the file belongs to another model this is an Error, and the model
+/// is unchanged or replaced in part.
 template <Recipe R>
   requires present<typename R::EntropyModel>
 [[nodiscard]] Result<Done> adopt_networks(const CodecModel& file, Model<R>& model) {
@@ -88,10 +88,10 @@ template <Recipe R>
   return Done{};
 }
 
-/// Halves the weights of the outputs that choose the steps of a ContextGS file wherever their sums could come to more
-/// than half of what 32 bits hold, so that training has room to move their biases (pipeline/held_steps.hpp). Before
-/// adopt_networks. They lose their last bit, and some anchors' steps are a sixteenth of an octave from the file's; the
-/// means of a level's by less than .02 (held_steps.test).
+/// Halves the weights of the outputs that choose the steps of a ContextGS file, wherever their sums could exceed half
+/// of what 32 bits hold, so that training has room to move their biases (pipeline/held_steps.hpp). Call it before
+/// adopt_networks. The weights lose their last bit: the steps of some anchors differ by a sixteenth of an octave from
+/// the file's, and the mean of a level by less than .02 (held_steps.test).
 inline void leave_room_for_steps(CodecModel& file) {
   if (!file.context_gs) return;
   for (IntegerNetwork& network : file.context_gs->network) {
@@ -109,8 +109,8 @@ inline void leave_room_for_steps(CodecModel& file) {
   }
 }
 
-/// Gives what a trained model is coded from the very context of `file`, whose networks it adopted, but for the biases
-/// of the steps where training has moved them.
+/// Codes a trained model with the very context of `file`, whose networks it adopted, except for the biases of the steps
+/// where training has moved them.
 inline void keep_context(const CodecModel& file, CodecModel& coded) {
   coded.context = file.context;
   coded.context_gs = file.context_gs;
@@ -124,9 +124,9 @@ inline void keep_context(const CodecModel& file, CodecModel& coded) {
       const std::size_t row = coded.context_gs->heads.r_row(group);
       const int exponent = layer.shift[row] + IntegerNetwork::r_bits;
       const float now = trained->network[level].bias2[row];
-      // A float does not hold the last bits of a bias above 2^24: those that did not move stay as they are.
+      // A float does not hold the last bits of a bias above 2^24: biases that did not move keep the file's value.
       if (now == static_cast<float>(std::ldexp(static_cast<double>(layer.bias[row]), -exponent))) continue;
-      // Beyond the room that leave_room_for_steps left steps would be held rather than the file refused.
+      // Beyond the room that leave_room_for_steps made, a step is clipped rather than the file refused.
       layer.bias[row] = 0;
       const std::int64_t weights = IntegerNetwork::most_sum(layer, row, most);
       const double room = weights < 0 ? 0 : static_cast<double>(std::numeric_limits<std::int32_t>::max() - weights);

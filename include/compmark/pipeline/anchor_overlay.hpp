@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What stages change of the anchors before they are decoded (x + tanh x' of a mark, the noise of a quantizer) is
-// written to tables of its own, beside the model's, which stay: an overlay. Rows that nobody lists stay unwritten,
-// attributes that nobody changes are read where they are. On the way back the decoder adds its gradients to tables like
-// these, the stages turn them into gradients of what they read, and what is left is added to the model's. Cost: one
-// copy of a visible anchor's changed attributes, forward and backward; where a stage writes all anchors, of all.
+// An overlay: tables beside the model's own, into which stages write changed attributes of the anchors before they are
+// decoded (x + tanh x' of a mark, the noise of a quantizer). The model's tables stay as they are. Rows that are not
+// listed stay unwritten, and unchanged attributes are read from the model. In the backward pass the decoder adds its
+// gradients to such tables, the stages turn them into gradients of their own inputs, and the rest is added to the
+// model's. Cost: one copy of a visible anchor's changed attributes, forward and backward; where a stage writes all
+// anchors, of all.
 #pragma once
 
 #include <algorithm>
@@ -55,8 +56,7 @@ class AnchorOverlay {
     return overlaid(which) == OverlaidRows::all ? all_rows_.span() : visible;
   }
 
-  /// Says that a stage fills rows of an attribute from what `columns` says of them: the table to fill, shaped like
-  /// that.
+  /// Returns the table for a stage that fills rows of an attribute from those of `columns`; it has the same shape.
   [[nodiscard]] MatrixView<T> write(MarkTarget which, OverlaidRows rows, const AnchorColumns<const T>& columns) {
     overlaid_[index(which)] = rows;
     if (rows == OverlaidRows::all) {
@@ -160,7 +160,7 @@ class AnchorOverlay {
   Buffer<std::uint32_t> all_rows_;
 };
 
-/// In the place of an overlay where no stage changes an anchor.
+/// Replaces the overlay where no stage changes an anchor.
 struct NoOverlay {
   static void begin() {}
 };

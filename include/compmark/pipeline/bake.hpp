@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Explicit Gaussians out of a model, for viewers that know nothing of anchors and networks. Here: exact for one camera.
-// For all cameras at once see sh_fit.hpp. compare_bake says what a bake costs: PSNR of its render against the model's
-// own, view by view.
+// Explicit Gaussians of a model, for viewers without anchors and networks; here exact for one camera. For all cameras
+// at once see sh_fit.hpp. compare_bake measures the loss: PSNR of the baked render against the model's own, view by
+// view.
 #pragma once
 
 #include <algorithm>
@@ -84,7 +84,7 @@ struct BakeReport {
   std::size_t worst_view = 0;  ///< index into the cameras
   double mean_model_to_target = std::numeric_limits<double>::quiet_NaN();
   double mean_bake_to_target = std::numeric_limits<double>::quiet_NaN();
-  /// What a user loses by the bake, dB against photographs.
+  /// The loss by the bake, dB against photographs.
   [[nodiscard]] double loss() const { return mean_model_to_target - mean_bake_to_target; }
 };
 

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A training run on disk, exactly: parameters, Adam's moments and step counts, growth statistics, the iteration, what the message cost near each view where cameras
-// are drawn by that, and the steps that are held where a mark moves them. Random numbers and the order of photographs are functions of (seed, iteration) and need
-// no state. A run resumed from a checkpoint ends in the same bits. The file is a model file with more tensors; its settings are compared before anything is believed.
+// A training run on disk: a model file with moments, step counts, growth statistics, the iteration and, of post-hoc
+// embedding, the message loss near each view and the steps of step-bias calibration. Photographs' order and random
+// numbers follow from (seed, iteration). A resumed run ends in the same bits. Settings are compared first.
 #pragma once
 
 #include <algorithm>
@@ -135,7 +135,7 @@ namespace detail {
                "resume with the options the run was started with, or remove the checkpoint to start over"};
 }
 
-/// That a file is a checkpoint of a run with these settings.
+/// Checks that a file is a checkpoint of a run with these settings.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Done> check_same_settings(const SafetensorsFile& file, const TrainSettings& settings) {
   if (const Result<Done> kind = expect_kind(file, FileKind::checkpoint); !kind) return kind.error();
@@ -168,7 +168,7 @@ template <class Json = nlohmann::json>
   return Done{};
 }
 
-/// That a checkpoint is of a run with this recipe and these views.
+/// Checks that a checkpoint is of a run with this recipe and these views.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<Done> check_same_info(const SafetensorsFile& file, const ModelInfo& before, const ModelInfo& now) {
   if (before.effects != now.effects) {
@@ -203,7 +203,7 @@ template <class Json = nlohmann::json>
   return Done{};
 }
 
-/// How far a run had come.
+/// The finished iterations of a run.
 struct CheckpointProgress {
   std::int64_t iteration = 0;
   double seconds = 0;

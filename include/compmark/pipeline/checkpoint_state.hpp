@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the moments and counts of a run can be: a checkpoint whose checksum somebody repaired, or one of a version that
-// wrote none, is not believed because its shapes are right. Cost: one read of the columns.
+// Checks that the moments and counts of a checkpoint are possible. Right shapes are no proof: a checkpoint may have a
+// repaired checksum, or come from a version that wrote none. Cost: one read of the columns.
 #pragma once
 
 #include <cmath>
@@ -21,8 +21,8 @@ namespace compmark::detail {
                "the file is damaged: resume from a copy of it, or remove it to start over"};
 }
 
-/// That moments and counts are some that a run of so many iterations can have. Sums of the growth statistics may be no
-/// numbers: growing drops such.
+/// Checks that moments and counts are possible in a run of so many iterations. Sums of the growth statistics may be
+/// NaN: growing drops such.
 template <class State>
 [[nodiscard]] Result<Done> check_state(const SafetensorsFile& file, const State& state) {
   const auto all = [](const auto& column, const auto& fits) {

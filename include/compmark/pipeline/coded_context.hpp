@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context of a trained model as a codec compresses it: that of HacModel with the signs of its hash grid, or that of
-// ContextGsModel with the symbols of z and, of the prior, the probabilities that coding wants to know. Cost: a copy of
-// the networks, 31 probabilities a channel of z.
+// The context of a trained model in the form that a codec compresses: that of HacModel with the signs of its hash grid,
+// or that of ContextGsModel with the symbols of z and the probabilities of its prior. Cost: a copy of the networks, 31
+// probabilities a channel of z.
 #pragma once
 
 #include <algorithm>
@@ -64,7 +64,7 @@ template <Recipe R>
   coded.trained = std::move(context);
   return check_statistics(coded.trained->statistics);
 }
-/// That of ContextGsModel, with the symbols of z and, of its prior, what coding wants to know.
+/// The context of ContextGsModel, with the symbols of z and the probabilities of its prior that coding needs.
 template <Recipe R>
   requires requires { R::EntropyModel::Prior::channels; }
 [[nodiscard]] Result<Done> store_context(const Model<R>& model, CodecModel& coded) {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Between a model that renders and what a codec compresses: coded_model() turns a trained Model of a recipe with an
+// Converts between a model that renders and a CodecModel: coded_model() turns a trained Model of a recipe with an
 // entropy model into a CodecModel, model_from() turns a decoded one back. Anchors must lie on the voxel grid, as those
 // of every recipe without a contracted space do. Extents are stored, the table holds their logarithms: both ways go
 // through double, once, so that the same file gives the same bits. A decoded model renders; the context that predicted
@@ -65,7 +65,7 @@ template <Recipe R>
   return voxels;
 }
 
-/// What a codec compresses of a trained model, its context with it. `base_step` is that of the training (RateNumbers).
+/// The CodecModel of a trained model, with its context. `base_step` is that of the training (RateNumbers).
 template <Recipe R>
   requires present<typename R::EntropyModel>
 [[nodiscard]] Result<CodecModel> coded_model(const Model<R>& model, const ModelInfo& info,
@@ -137,7 +137,7 @@ template <Recipe R>
   return std::get<std::string>(found->second);
 }
 
-/// What the file says of where a compressed model comes from.
+/// The provenance of a compressed model, from its file.
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<ModelInfo> model_info(const CodecModel& coded) {
   ModelInfo info;
@@ -179,7 +179,7 @@ template <class Json = nlohmann::json>
   return info;
 }
 
-/// The model that a decoded file renders. Every shape and number is checked before it is believed.
+/// The model of a decoded file. Every shape and number is checked before it is used.
 template <Recipe R>
   requires present<typename R::EntropyModel>
 [[nodiscard]] Result<LoadedModel<R>> model_from(const CodecModel& coded) {

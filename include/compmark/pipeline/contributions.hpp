@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What each Gaussian contributes to a view: w = sum over pixels of alpha * transmittance, in pixels. The image is sum_p
-// w_p(pixel) c_p + background, so w is the gradient of the image's sum by the colour: one forward and one backward pass
-// with an image gradient of one.
+// The contribution of each Gaussian to a view: w = sum over pixels of alpha * transmittance, in pixels. The image is
+// sum_p w_p(pixel) c_p + background, so w is the gradient of the image's sum by the colour: one forward and one
+// backward pass with an image gradient of one.
 #pragma once
 
 #include <algorithm>

@@ -1,23 +1,25 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A message decoder for one scene. The waves of a lattice decoder of colour (mark/lattice_decoder.hpp) say something of
-// every scene by themselves, and that changes from view to view; and a mark can move them at the same time in all views
-// that see a surface, or only in some. Both are known before anything is hidden, from the unmarked host alone, so that
-// the head can read where the scene is silent and a mark is heard. What the host says is told from the view, as far as
-// it can be, and subtracted (quiet_waves.hpp, mark/host_prediction.hpp). With q(v) what is left of the waves' means in
-// view v, and J(v) their gradient to the anchors' features in a metric that counts a feature by how much it shows,
-//   noise      N = covariance of q over drawn views, as they are and after gentle edits,
-//   energy     E = mean over v of J(v) J(v)^T         what a mark that is made for one view would move there,
-//   agreement  A = mean over u != v of J(u) J(v)^T    what a mark that is made for one view moves in another,
+// Fits a message decoder to one scene: a linear head on Fourier features of colour (mark/lattice_decoder.hpp). The
+// features of an unmarked scene interfere with a message, and this cover interference changes with the view. A mark can
+// move some features alike in all views that see a surface, others only in single views. Both are measured on the
+// unmarked model before anything is hidden, and the head reads along directions of little interference that a mark
+// moves well. The interference is predicted from the view as far as possible, and subtracted (quiet_waves.hpp,
+// mark/host_prediction.hpp). With q(v) the rest of the features' means in view v, and J(v) their gradient to the
+// anchors' features, in a metric that counts an anchor's feature by its effect on the image,
+//   noise      N = covariance of q over sampled novel views, clean and after gentle edits,
+//   energy     E = mean over v of J(v) J(v)^T         the effect of a mark that is made for one view, in that view,
+//   agreement  A = mean over u != v of J(u) J(v)^T    the effect of a mark that is made for one view, in another,
 // the bits are read along the directions w of largest w^T A w / w^T (N / n + conflict E / tr E) w, n the variance of
-// the waves themselves: Fisher's discriminant with the signal's covariance A. They are then mixed by a random rotation,
-// so that all bits are as strong, and scaled to deviation 1 on the unmarked host. The message plays no part, so the
-// p-value of a random key stays exact (docs/verification.md); the decoder belongs to the scene and has to be kept, with
-// its hash, like the key. At last what a region of an image says much louder than the loudest of an ordinary view
-// counts less. Measured gain: docs/notebook/watermark_experiments.md. Cost: a render and 1 + edits readings for every
-// statistics view, `waves` ways back for every gradient view, the kernel ridge regression of all readings, and a render
-// and a reading for every view of the limit.
+// the features themselves: Fisher's discriminant with the signal's covariance A. A random rotation then mixes these
+// directions, so that all bits are equally strong, and the logits are scaled to deviation 1 on the unmarked model. The
+// message plays no part, so the p-value of a random key stays exact (docs/verification.md). The decoder belongs to the
+// scene and has to be kept, with its hash, like the key. Last, the limit of a region is measured: a region that is much
+// louder than the loudest of an ordinary view gets a smaller weight. Measured gain:
+// docs/notebook/watermark_experiments.md. Cost: a render and 1 + edits readings for every statistics view, `waves`
+// backward passes for every gradient view, the kernel ridge regression of all readings, and a render and a reading for
+// every view of the limit.
 #pragma once
 
 #include <algorithm>
@@ -53,9 +55,9 @@ struct DecoderFit {
   double noise_ratio = 0;     ///< their w^T N w / w^T A w, as a share of the waves' own; below 1
 };
 
-/// The decoder for `host`, whose gradients are used as workspace. `views` has size() and camera(i), of the cameras it
-/// was trained on. An Error where nothing can be chosen: no view, or no colour between black and white in any; of kind
-/// cancelled where the observer said stop (decoder_fit_settings.hpp).
+/// The decoder for the unmarked model `host`, whose gradients are used as workspace. `views` has size() and camera(i),
+/// of the cameras it was trained on. An Error where nothing can be chosen: no view, or no colour between black and
+/// white in any; of kind cancelled where the observer said stop (decoder_fit_settings.hpp).
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
 [[nodiscard]] Result<DecoderFit<typename R::Scalar>> fit_decoder(Model<R>& host, const Views& views,
                                                                  DecoderFitSettings settings, E& executor,
@@ -79,7 +81,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   shape.features = settings.waves;
   shape.sigma = {settings.blur};
   shape.stride = settings.stride;
-  // A hinge with the profile's margin, 4, lets go at 2.5 deviations of the host.
+  // A hinge with the profile's margin, 4, is satisfied at 2.5 deviations of the unmarked model.
   shape.logit_scale = 1.6;
   LatticeWeights<T> weights =
       random_lattice<T>(shape, std::vector<double>{settings.period}, settings.seed, settings.spread_octaves);
@@ -97,8 +99,7 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
                  "its renders hold no colour between black and white",
                  "a scene that can be seen from the cameras of the dataset"};
   }
-  // Of the directions that are left to choose from: all of them, or the quiet ones, less what the loud ones say of
-  // them.
+  // The directions to choose from: all of them, or the complement of the nuisance subspace less its prediction.
   std::optional<detail::QuietWaves> quiet = detail::quiet_waves(found, settings, executor);
   const std::size_t left = quiet ? quiet->count : 0;
   const double count = static_cast<double>(waves);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The numbers that a message decoder is fitted to a scene by (decoder_fit.hpp), and what a caller may add: an observer,
-// an image codec. The defaults are those of docs/notebook/watermark_experiments.md. Cost: none.
+// Settings of the fit of a message decoder to a scene (decoder_fit.hpp), and the defaults of what a caller may add: an
+// observer, an image codec. The values are those of docs/notebook/watermark_experiments.md. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace compmark {
 
-/// What befalls an image between its render and who reads it, short of an attack.
+/// Edits of a render before it is read, short of an attack.
 [[nodiscard]] inline AugmentationSettings gentle_edits() {
   AugmentationSettings edits;
   edits.weight = {0, 1, 1, 0, 0.5, 1, 1, 2};
@@ -29,43 +29,42 @@ namespace compmark {
 
 struct DecoderFitSettings {
   int bits = 48;
-  int waves = 320;              ///< more than bits: there is nothing to choose from otherwise
+  int waves = 320;              ///< Fourier features; more than bits, or there is nothing to choose
   double period = 0.1;          ///< of the waves, colours in [0, 1]: 26 levels of 255
   double spread_octaves = 1;    ///< either way, of the periods
-  int stride = 1;               ///< of the positions that are read, in pixels: fewer say more of their grid
+  int stride = 1;               ///< of the positions that are read, in pixels
   double blur = 0.5;            ///< of the image before, in pixels
   std::uint64_t seed = 0;       ///< of waves, views and rotation
-  int statistics_views = 2560;  ///< some eight times the waves: fewer say little between them
-  int coordinates =
-      128;           ///< loud directions that the host's voice is predicted from (mark/host_prediction.hpp); 0: none
-  double width = 2;  ///< of the prediction's kernel, in root mean squares of the coordinates
+  int statistics_views = 2560;  ///< about eight for each feature: fewer determine too little
+  int coordinates = 128;        ///< dimension of the nuisance subspace (mark/host_prediction.hpp); 0: no prediction
+  double width = 2;             ///< of the prediction's kernel, in root mean squares of the coordinates
   double prediction_ridge = 0.01;
-  double reach = 2;         ///< of the statistics views past the neighbours of a training view (scene/between.hpp)
+  double reach = 2;         ///< of the statistics views beyond the neighbours of a training view (scene/between.hpp)
   int gradient_views = 12;  ///< at least 2
-  /// Deviation of the light that every statistics view is seen in, as gains and half as much offset of its channels
-  /// (mark/tone.hpp); 0: the host's own, and a decoder that takes 1 % of another, or two levels of green, for a
-  /// message. What .01 costs and brings: docs/notebook/watermark_experiments.md, "Another light".
+  /// Standard deviation of the light of the statistics views, as gains and half as much offset of the channels
+  /// (mark/tone.hpp). 0: only the unmarked model's own light; such a decoder takes a change of 1 %, or two levels of
+  /// green, for a message. The figures of .01: docs/notebook/watermark_experiments.md, "Another light".
   double tone = 0.01;
-  /// Every statistics view is read once as it is, and so often with an edit drawn from `edits`, which has as much
-  /// weight in the noise as `edit_weight` says: what is quiet in clean renders alone is drowned by a JPEG.
+  /// Every statistics view is read once clean and this often with an edit drawn from `edits`, whose readings have the
+  /// weight `edit_weight` in the noise: a direction with little noise in clean renders may have much in a JPEG.
   int edits_per_view = 1;
   double edit_weight = 0.15;
   AugmentationSettings edits = gentle_edits();
-  /// Anchors looked at for the gradients at most; 8 bytes for each of their features and waves.
+  /// Largest number of anchors whose gradients are used; 8 bytes for each of their features and Fourier features.
   std::size_t anchors = 8000;
   double conflict_weight = 0.03;  ///< of the energy beside the noise
   double ridge = 0.003;           ///< share of the mean variance that is added to every variance of the noise
-  /// What a region of an image says more than so many medians, over drawn views of the host, of what the loudest region
-  /// says, counts less (mark/lattice_decoder.hpp); 0: no limit.
+  /// Limit for the logits of one region of an image, in medians over sampled novel views of the unmarked model, of the
+  /// logits of the loudest region. A louder region gets a smaller weight (mark/lattice_decoder.hpp). 0: no limit.
   double region_limit = 1.2;
   int regions = 24;  ///< of an image, about
-  /// Of a region of the smallest view at least, or there are fewer: small ones would hold back a mark that has to be
-  /// loud.
+  /// Least positions of a region in the smallest view, or there are fewer regions: small ones would limit a mark that
+  /// has to be loud.
   int region_positions = 5000;
-  int limit_views = 256;  ///< drawn views of the limit; at most statistics_views
+  int limit_views = 256;  ///< sampled novel views for the limit; at most statistics_views
 };
 
-/// In the place of an image codec, for edits without one: jpeg(image, quality, output) as Augmenter calls it.
+/// Replaces an image codec, for edits without one: jpeg(image, quality, output) as Augmenter calls it.
 struct NoJpeg {
   template <class T>
   void operator()(ImageView<const T> image, int /*quality*/, ImageView<T> output) const {
@@ -73,8 +72,8 @@ struct NoJpeg {
   }
 };
 
-/// Watches nothing. An observer is told of the way: after a part of the work, of `total` parts of about the same cost;
-/// it returns false to stop.
+/// An observer that does nothing. An observer is called after each part of the work, of `total` parts of about the same
+/// cost; it returns false to stop.
 struct NoFitObserver {
   constexpr bool on_progress(std::size_t /*done*/, std::size_t /*total*/) const { return true; }
 };

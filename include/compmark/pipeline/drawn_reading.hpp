@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Readings of a message in sampled views that nobody photographed (scene/between.hpp): a message needs no photograph.
-// `read` adds its gradients to those of the photographed view of an iteration. `read_held` renders the unmarked model
-// there too and holds the marked render to it (PosthocSettings::fidelity). Cost: a render, a reading and the backward
-// pass; held, one render more.
+// Readings of a message in sampled novel views (scene/between.hpp): a message needs no photograph. `read` adds its
+// gradients to those of the photographed view of an iteration. `read_held` also renders the unmarked model there and
+// adds the loss of the difference (PosthocSettings::fidelity). Cost: a render, a reading and the backward pass; for
+// `read_held` one render more.
 #pragma once
 
 #include <algorithm>
@@ -40,12 +40,12 @@ class MessageStage;
 template <class Rate>
 class RateStage;
 
-/// What was read of a message.
+/// The reading of a message.
 struct ReadingReport {
   double message = 0;    ///< mean loss of a bit, cross entropy or hinge
   std::size_t bits = 0;  ///< 0: the message was not read
   std::size_t matches = 0;
-  double departure = 0;  ///< mean square difference from the unmarked render, where that was measured
+  double departure = 0;  ///< distortion: mean square difference from the unmarked render, where it was measured
   double total = 0;      ///< weighted sum
 };
 
@@ -79,9 +79,9 @@ double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> h
 }
 }  // namespace detail
 
-/// The message alone, of a render that there is no photograph of, in place of Pipeline::loss: context.d_image is set
-/// from what was read, by the weight of the forward pass, and with a weight `fidelity` above 0 from the mean square
-/// difference to `host`, the unmarked render of the same view.
+/// The loss of a render without a photograph, in place of Pipeline::loss. context.d_image is set from the message loss,
+/// by the weight of the forward pass. With a weight `fidelity` above 0 the mean square difference to `host`, the
+/// unmarked render of the same view, is added.
 template <Recipe R, Executor E>
 ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageView<const typename R::Scalar> host,
                            typename Pipeline<R>::Context& context, E& executor) {
@@ -107,15 +107,15 @@ class DrawnReading {
   using Scalar = typename R::Scalar;
   using Context = typename Pipeline<R>::Context;
   using Phases = typename Pipeline<R>::Phases;
-  /// Whether a mark of this recipe can be held to the unmarked model's renders.
+  /// Whether post-hoc embedding can compare marked and unmarked renders of this recipe.
   static constexpr bool can_be_held = present<typename R::MessageDecoder> && present<typename R::Embedder>;
 
-  /// Past the neighbours: those who read stand outside of the triangles too, at the rim of a capture most of all
+  /// Beyond the neighbours: readers stand outside of the triangles too, at the rim of a capture most of all
   /// (docs/notebook/watermark_experiments.md).
   static constexpr double reach = 1.7;
 
-  /// The training view that iteration t reads near if no photograph says which: those with room around them more often,
-  /// and by a `share` of the draw those that cost more. `views` are always the same.
+  /// The training view that iteration t reads near if no photograph determines it. Views with much clearance are drawn
+  /// more often; a `share` of the draw goes by the message loss instead. `views` are the same in every call.
   template <class Views>
   [[nodiscard]] std::size_t roomy_view(const Views& views, std::uint64_t seed, std::int64_t t,
                                        const ViewCosts& costs = {}, double share = 0) {
@@ -133,7 +133,7 @@ class DrawnReading {
     return read_at(pipeline, model, camera, view, without_photograph(phases), schedule.between_weight(t), 0, executor);
   }
 
-  /// The same, held to the unmarked model's render of the view by the fidelity of `schedule`.
+  /// The same, with the loss of the difference to the unmarked render by the fidelity of `schedule`.
   template <class Views, Executor E>
   auto read_held(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
                  std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) requires(can_be_held) {
@@ -142,8 +142,8 @@ class DrawnReading {
     Phases unmarked = marked;
     unmarked.template of<EmbedderStage>().embeds = false;
     if constexpr (present<typename R::EntropyModel>) {
-      // The marked render is not held to what rounding did to the unmarked model: steps that take some of it back are
-      // as good as steps that carry the message.
+      // The target is the unmarked model before rounding: a change that takes back some of the rounding error is as
+      // good as one that carries the message.
       if (marked.template of<RateStage>().round) unmarked.template of<RateStage>() = {};
     }
     static_cast<void>(pipeline.forward(model, camera, view, context_, executor, unmarked));
@@ -154,7 +154,7 @@ class DrawnReading {
   }
 
   [[nodiscard]] const ReadingReport& report() const { return report_; }           ///< of the last reading
-  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< what was read
+  [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< the image that was read
   /// The unmarked model's render of the same view, after read_held.
   [[nodiscard]] ImageView<const Scalar> host() const {
     return {host_storage_.data(), 3, context_.image.height, context_.image.width};
@@ -188,11 +188,11 @@ class DrawnReading {
     return report;
   }
 
-  Context context_;  ///< its own, so that the photographed view's stays
+  Context context_;  ///< its own: that of the photographed view is still needed
   ReadingReport report_;
   Buffer<Scalar> host_storage_;
   ViewRoom room_;
-  std::vector<double> factor_;  ///< of the views' room, of the last draw
+  std::vector<double> factor_;  ///< of the views' clearances, of the last draw
   [[no_unique_address]] std::conditional_t<can_be_held, PhotographDistance, detail::Nothing<PhotographDistance>>
       distance_;
 };

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Between a recipe and its Host, the recipe it adds stages to: a finished model of the host is given room for a mark,
-// or for a codec's context, and what was trained there can be taken out again.
+// Converts between a recipe and its Host, the recipe it adds stages to. A finished model of the host gets room for a
+// mark, or for a codec's context; and the host's part of a trained model can be taken out again.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 
 namespace compmark {
 
-/// The host alone, without the stages of R: of a mark that was learned post hoc, the unmarked model.
+/// The host's part, without the stages of R: after post-hoc embedding, the unmarked model.
 template <Recipe R>
 [[nodiscard]] Model<typename R::Host> host_alone(const Model<R>& model) {
   using Scalar = typename R::Scalar;
@@ -34,8 +34,8 @@ template <Recipe R>
   return host;
 }
 
-/// The other way: a finished model of the host with room for the stages of R, to be trained on: a mark that is zero
-/// yet, fresh networks.
+/// The other way: a finished model of the host with blocks for the stages of R, to be trained on: the mark is zero and
+/// the networks are fresh.
 template <Recipe R>
 [[nodiscard]] Model<R> with_room_for_stages(const Model<typename R::Host>& host, std::uint64_t seed) {
   using Scalar = typename R::Scalar;

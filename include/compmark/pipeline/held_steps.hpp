@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The steps of a model whose context reads ancestors (ContextGS), while a message is hidden in their features. The
-// network that chooses an anchor's steps has not seen marked ancestors, and takes what the mark does to them for
-// detail: on the cup its steps shrink by half an octave at level 1 and a quarter at level 0, of which come five of the
-// seven percent that a marked file is larger (docs/notebook/watermark_experiments.md). So the biases of these outputs
-// are moved now and then until the steps of each level are in the mean (of their logarithms) what they are without a
+// Step-bias calibration for a model whose context reads ancestors (ContextGS), while a message is hidden in their
+// features. The network that chooses an anchor's steps was not trained with marked ancestors and takes the mark for
+// detail. On the cup its steps shrink by half an octave at level 1 and a quarter at level 0, which makes five of the
+// seven percent that a marked file is larger (docs/notebook/watermark_experiments.md). The biases of these outputs are
+// therefore moved from time to time, until the mean (of the logarithms) of each level's steps is what it is without a
 // mark. Cost: a pass of the context over all anchors, 3 us an anchor and core, every
 // PosthocSettings::hold_steps_every-th iteration: half a percent of a run at every 50th
 // (pipeline_coded_iteration.bench).
@@ -45,8 +45,8 @@ class HeldSteps {
   /// Means of ln q: of group g at level l the (3 l + g)-th. Empty before the first look. State of a run.
   std::vector<double> wanted;
 
-  /// Moves the biases by what `model`'s steps, as `phases` has them, depart from the wanted ones; the first call looks
-  /// at what they are without a mark instead. `context` is for scratch.
+  /// Moves the biases by the difference between the mean steps of `model`, as `phases` has them, and the wanted ones.
+  /// The first call measures the wanted ones, without a mark, instead. `context` is for scratch.
   template <Recipe R, Executor E>
   void hold(const Pipeline<R>& pipeline, const typename Pipeline<R>::Phases& phases,
             const std::array<double, 3>& base_step, Model<R>& model, typename Pipeline<R>::Context& context,
@@ -63,8 +63,8 @@ class HeldSteps {
       for (std::size_t group = 0; group < groups; ++group) {
         const std::size_t at = groups * level + group;
         if (!(means.slope[at] > 0) || !std::isfinite(means.log_step[at])) continue;
-        // In units that the bias of a file's row holds, unless its shift is beyond four to the left: what is trained is
-        // what is coded.
+        // In units that a bias of the file holds, unless its shift is beyond four to the left: training uses the coded
+        // value.
         const double most = 0.125, move = std::clamp((wanted[at] - means.log_step[at]) / means.slope[at], -most, most);
         bias.data[bias.size() - groups + group] += static_cast<Scalar>(std::nearbyint(move * 0x1p12) * 0x1p-12);
       }

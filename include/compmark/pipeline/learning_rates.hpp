@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How fast each block of a recipe's parameters trains. A stage declares a schedule with each of its blocks; a run's
-// settings replace the schedules of the stages that they have numbers for. A stage with handles of its own keeps what
-// it declared. No name decides anything. Cost: a logarithm and an exponential a block and iteration.
+// Learning rates of the blocks of a recipe's parameters. A stage declares a schedule with each of its blocks; a run's
+// settings replace the schedules of the stages that they have numbers for. Other stages keep their declared schedules.
+// No name decides anything. Cost: a logarithm and an exponential a block and iteration.
 #pragma once
 
 #include <cstdint>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which weights and amplitudes of a watermarked training hold in which iteration (docs/spec/method.md, 5.2, 5.4, 5.7).
-// The windows of MarkNumbers are written for a run of 30,000 iterations and scale with the run, as everywhere. Cost:
-// none.
+// The schedule of a watermarked training: weights and amplitudes of each iteration (docs/spec/method.md, 5.2, 5.4,
+// 5.7). The windows of MarkNumbers are written for a run of 30,000 iterations and scale with the run, as everywhere.
+// Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +25,7 @@ struct MarkWeights {
   double image = 1;  ///< of the losses that every recipe has
 };
 
-/// Which weights and amplitudes hold in which iteration of a run of `total`.
+/// The weights and amplitudes of an iteration of a run of `total`.
 class MarkPhases {
  public:
   MarkPhases() = default;
@@ -52,15 +52,15 @@ class MarkPhases {
     return weights;
   }
 
-  /// Whether the marked renders are held to those of the unmarked model (PosthocEmbedding).
+  /// Whether the difference to the unmarked renders is in the loss (PosthocEmbedding).
   [[nodiscard]] bool held() const { return numbers_.posthoc.fidelity > 0; }
   /// Weight of the mean square difference to the unmarked render, in an iteration that reads.
   [[nodiscard]] double fidelity() const { return numbers_.posthoc.fidelity * static_cast<double>(between_every()); }
-  /// Whether that falls with the distance from the photographs.
+  /// Whether this weight falls with the distance from the photographs.
   [[nodiscard]] bool fidelity_falls() const { return held() && numbers_.posthoc.fidelity_fall > 0; }
-  /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): up to twice as much
-  /// beside it, at a median as much, far away a twentieth. What a mark costs there is to be measured by how wrong the
-  /// host is already, and that grows with the distance.
+  /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): at a median the same
+  /// weight, nearer up to twice as much, far away a twentieth. The cost of a mark is to be compared with the model's
+  /// own error there, which grows with the distance.
   [[nodiscard]] double fidelity(double medians) const {
     if (!fidelity_falls()) return fidelity();
     constexpr double least = 0.05;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is asked of a loop with a watermark: telling it the message, and what the last iteration read and lost. Cost:
-// none.
+// The watermark's interface to a loop: setting the message, and reports of the last iteration's readings and losses.
+// Cost: none.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@
 
 namespace compmark {
 
-/// Of one iteration: what was read of the message and the losses beside it.
+/// The readings of the message in one iteration, and the losses beside them.
 struct MarkReport : ReadingReport {
   double hsv = 0;
   double frequency = 0;
@@ -52,7 +52,7 @@ template <class Context>
   return report;
 }
 
-/// What the watermark cost and what was read in the last iteration of a loop.
+/// Losses and readings of the watermark in the last iteration of a loop.
 template <class Loop>
 [[nodiscard]] MarkReport mark_report(const Loop& loop) {
   if constexpr (requires { loop.reading(); }) {
@@ -61,7 +61,7 @@ template <class Loop>
     return mark_report_of(loop.context());
   }
 }
-/// What a training read in the last sampled view between its photographed ones.
+/// The reading of a training in the last sampled novel view.
 template <class Loop>
 [[nodiscard]] const ReadingReport& between_report(const Loop& trainer) {
   return trainer.template training_state<MessageStage>().report();

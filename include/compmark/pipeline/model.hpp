@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model is what a render needs and nothing of how it was trained: anchors, the decoder's networks, and the few
-// numbers that belong to them. Training state (moments, statistics, schedule) lives in the Trainer and in its
-// checkpoint.
+// A model: everything that a render needs and nothing else. It has the anchors, the decoder's networks, and a few
+// numbers. Training state (moments, statistics, schedule) is in the Trainer and in its checkpoint.
 #pragma once
 
 #include <array>
@@ -52,7 +51,7 @@ struct Model {
   void initialise_stages(std::uint64_t seed) {
     Stages::forward([&]<class S>() { S::initialise(arena, blocks<S>(), seed); });
   }
-  /// What a stage adds to the anchors moves into them, where it can: same renders, nothing left to add.
+  /// Bakes a stage into the anchors, where it can: same renders, nothing left to add.
   void bake_stages() {
     Stages::forward([&]<class S>() { S::bake(arena, anchors, blocks<S>()); });
   }

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a model file says beside the blocks of its model: where it comes from, the views it was trained with, the
-// numbers a render needs (fields in model_file.hpp). No recipe's type is in any of it, so that it is compiled once for
-// all recipes of a program. Every number is checked before it is believed.
+// Information in a model file beside the blocks of its model: where it comes from, the views it was trained with, the
+// numbers a render needs (fields in model_file.hpp). Nothing here depends on a recipe's type, so that a program
+// compiles it once for all recipes. Every number is checked before it is used.
 #pragma once
 
 #include <algorithm>

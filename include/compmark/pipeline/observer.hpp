@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the trainer tells the outside after every iteration. Observers read; they never change the model. The library
+// Observers: the trainer calls one after every iteration. An observer reads and never changes the model. The library
 // itself prints nothing and has no clock: progress bars, logs and Ctrl-C are observers of the program that embeds it.
 #pragma once
 
@@ -35,7 +35,7 @@ concept Observer = requires(O& observer, const TrainerType& trainer, const Itera
   { observer.on_iteration(trainer, report) } -> std::convertible_to<bool>;
 };
 
-/// Watches nothing.
+/// An observer that does nothing.
 struct NoObserver {
   template <class TrainerType>
   constexpr bool on_iteration(const TrainerType& /*trainer*/, const IterationReport& /*report*/) const {

@@ -57,7 +57,7 @@ struct LossReport {
   double alpha = 0;  ///< mean absolute difference of coverage, if the recipe has an AlphaLoss
 };
 
-/// What the hooks of a forward or backward pass work on. M is Model<R>, const in a forward pass.
+/// The arguments of the hooks of a forward or backward pass. M is Model<R>, const in a forward pass.
 template <class M, class Decoder, class Context, class E>
 struct ViewPass {
   M& model;
@@ -86,7 +86,7 @@ class Pipeline {
   using Volume = SpaceVolumeLoss<Scalar, typename R::Space, R::AnchorModel::shape.offsets>;
   static constexpr bool changes_attributes = Stages::changes_attributes;
 
-  /// What one view needs between forward and backward; reused, so that nothing allocates after warm-up.
+  /// The workspace of one view between forward and backward; reused, so that nothing allocates after warm-up.
   struct Context {
     using Stages = RecipeStages<R>;
     Buffer<std::uint32_t> visible;
@@ -158,8 +158,8 @@ class Pipeline {
     return attributes(pass, before_culling(pass));
   }
 
-  /// Loss of context.image against `target` and its gradient in context.d_image (set, not added: the first link of the
-  /// way back). Call after forward.
+  /// Loss of context.image against `target`, and its gradient in context.d_image (set, not added: the backward pass
+  /// starts here). Call after forward.
   template <Executor E>
   LossReport loss(const TargetView<Scalar>& target, const LossWeights& weights, Context& context, E& executor) const {
     set_room(context);
@@ -288,7 +288,7 @@ class Pipeline {
       visible_anchors(columns, scalar_camera, settings, visible, workspace, executor, camera.lens);
     }
   }
-  /// What is behind the scene: what a stage draws there in a training iteration, else the colour of the model.
+  /// The background: what a stage draws there in a training iteration, else the colour of the model.
   [[nodiscard]] static std::array<Scalar, 3> background(const RenderSettings& render,
                                                         [[maybe_unused]] const Phases& phases) {
     std::array<Scalar, 3> color = background(render);

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a host says in the quiet directions of its waves, told from the loud ones. The principal directions in which the
-// waves' means change most with the view tell the view: a mark moves them hardly, against what the view does. Along the
-// others the host's voice is a smooth function of them, found by kernel ridge regression over all readings; what it
-// misses in a reading that was left out is the noise that a message has to be heard through. Cost: 6 n^3 flops a sweep
-// for n waves, and kernel_ridge.hpp's for the readings.
+// Separates the nuisance subspace of the Fourier features from its complement. The features' means change with the
+// view. The principal directions of that change span the nuisance subspace; a mark changes these coordinates little, so
+// they determine the view. The cover interference along the other directions is a smooth function of them, which is
+// fitted by kernel ridge regression over all readings. Its error in a reading that was left out is the noise against
+// which a message is read. Cost: 6 n^3 flops a sweep for n features, and kernel_ridge.hpp's for the readings.
 #pragma once
 
 #include <algorithm>
@@ -26,9 +26,8 @@ namespace compmark {
 
 namespace detail {
 
-/// What is left of the waves when the loud directions are taken to tell the view: `direction` [count, waves],
-/// orthonormal rows, and the covariance `noise` [count, count] of what the prediction from the loud ones misses in a
-/// view that it was not fitted to.
+/// The complement of the nuisance subspace: `direction` [count, waves], orthonormal rows, and `noise` [count, count],
+/// the covariance of the prediction error in views that the prediction was not fitted to.
 struct QuietWaves {
   std::size_t count = 0;
   std::vector<double> direction, noise;
@@ -91,7 +90,8 @@ template <Executor E>
   std::vector<double> covariance = found.noise, variance, direction;
   symmetric_eigen(covariance, waves, variance, direction);
   quiet.direction.assign(direction.begin() + static_cast<std::ptrdiff_t>(loud * waves), direction.end());
-  // Coordinates between those of equal noise and those of equal length: loud ones tell more of the view, but not all.
+  // A compromise between coordinates of equal noise and those of equal length: directions of large change determine the
+  // view better, but not alone.
   double length = 0;
   for (std::size_t d = 0; d < loud; ++d) length += std::sqrt(std::max(variance[d], 1e-12 * variance[0]));
   quiet.coordinate.assign(direction.begin(), direction.begin() + static_cast<std::ptrdiff_t>(loud * waves));

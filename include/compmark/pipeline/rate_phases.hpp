@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the entropy model does in which iteration of a training for compression (docs/spec/compression.md, 1.6):
-// nothing, then the noise of fixed steps, then that of predicted ones with the rate as a loss. The windows of
-// RateNumbers are written for a run of 30,000 iterations and scale with the run, as everywhere. Cost: none.
+// The schedule of the entropy model in a training for compression (docs/spec/compression.md, 1.6): first nothing, then
+// the noise of fixed steps, then that of predicted steps with the rate as a loss. The windows of RateNumbers are
+// written for a run of 30,000 iterations and scale with the run, as everywhere. Cost: none.
 #pragma once
 
 #include <cstdint>
@@ -27,9 +27,9 @@ class RatePhases {
         round_after_(scale_iteration(numbers.round_after, total)),
         grown_(scale_iteration(grow_until, total)) {}
 
-  /// Whether the context is made up in this iteration, from the anchors as they are.
+  /// Whether the context begins in this iteration, from the anchors as they are.
   [[nodiscard]] bool begins(std::int64_t t) const { return t == context_after_ + 1; }
-  /// Whether anchors were born since, so that what was made up from them is looked at again.
+  /// Whether anchors were added since the context began, so that it is renewed.
   [[nodiscard]] bool renews(std::int64_t t) const { return t == grown_ && counts(t - 1); }
   /// Whether the rate counts.
   [[nodiscard]] bool counts(std::int64_t t) const { return t > context_after_; }
@@ -72,8 +72,7 @@ void set_rate_schedules(ParameterArena<Scalar>& arena, const Handles& handles, c
   if constexpr (requires { handles.prior; }) arena.set_schedule(handles.prior, from_context(rate.context));
 }
 
-/// What the entropy model makes up from all anchors, in the iterations in which it does: box and statistics, cells of
-/// levels.
+/// Box and statistics, and cells of levels, which the entropy model computes from all anchors in some iterations.
 template <class Rate, class Model>
 void prepare_context(Model& model, const typename Rate::Handles& blocks, const RatePhases& phases, std::int64_t t) {
   const auto columns = std::as_const(model).columns();

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From the numbers of a run to the policies of its recipe: each is told those of the numbers that its Settings name, as
-// the concepts ask for none of them. The entropy model's is in rate_phases.hpp. Cost: none.
+// Gives the numbers of a run to the policies of its recipe: each gets those that its Settings name, as the concepts ask
+// for none of them. The entropy model's is in rate_phases.hpp. Cost: none.
 #pragma once
 
 #include <cstdint>

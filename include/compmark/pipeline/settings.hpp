@@ -53,18 +53,17 @@ struct MessageSettings {
 
 /// Numbers of PosthocEmbedding beyond those of the message and the residual.
 struct PosthocSettings {
-  /// Above 0: sampled views of a finished model shall carry the message and differ little from its unmarked renders.
-  /// The loss is this, times their mean square difference.
+  /// Above 0: the weight of the mean square difference between marked and unmarked renders in sampled novel views of a
+  /// finished model.
   double fidelity = 0;
   /// Above 0 the fidelity is that of a camera which stands as far from the nearest photograph as the median photograph
   /// does; it falls with this power of the distance beyond, and is up to twice as much nearer by. 0: the same
   /// everywhere.
   double fidelity_fall = 0;
-  /// How much of where a camera is drawn is chosen by what the message cost there lately, 0 (by the room round the
-  /// views alone) to 1.
+  /// The share of the sampled views that is drawn by the message loss near them, 0 (by clearance alone) to 1.
   double draw_by_cost = 0;
-  /// Where the context reads ancestors (ContextGS): every n-th iteration its steps are held at what they are in the
-  /// mean without a mark (pipeline/held_steps.hpp); 0: never. Does not scale.
+  /// Where the context reads ancestors (ContextGS): iterations between step-bias calibrations
+  /// (pipeline/held_steps.hpp); 0: never. Does not scale.
   std::int64_t hold_steps_every = 0;
 
   friend bool operator==(const PosthocSettings&, const PosthocSettings&) = default;
@@ -194,9 +193,9 @@ struct TrainSettings {
   RateNumbers rate;
 };
 
-/// A mark in the loss of the photographs, which trains everything, as published, with what was measured here
-/// (docs/notebook/watermark_experiments.md): from the end of growing on, held by a margin, read between the training
-/// views too.
+/// A mark in the loss of the photographs, which trains everything. It is published, with numbers measured here
+/// (docs/notebook/watermark_experiments.md): it begins when growing ends, has a hinge with a margin, and is also read
+/// in sampled novel views.
 [[nodiscard]] inline MarkNumbers mark_in_the_photographs() {
   MarkNumbers mark;
   mark.message.lambda = 0.002;
@@ -206,8 +205,7 @@ struct TrainSettings {
   mark.residual.learning_rate = 0.002;
   return mark;
 }
-/// A mark that is learned in a finished model and held to its unmarked renders: PosthocEmbedding
-/// (docs/notebook/watermark_experiments.md).
+/// A mark for post-hoc embedding in a finished model (PosthocEmbedding; docs/notebook/watermark_experiments.md).
 [[nodiscard]] inline MarkNumbers posthoc_mark() {
   MarkNumbers mark = mark_in_the_photographs();
   mark.message.lambda = 0.25;

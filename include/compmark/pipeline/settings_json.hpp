@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The settings of a run as JSON: what a checkpoint keeps, so that no run goes on as another one.
+// The settings of a run as JSON, for checkpoints: a run is resumed with the same settings alone.
 #pragma once
 
 #include <nlohmann/json.hpp>

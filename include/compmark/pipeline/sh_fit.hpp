@@ -204,7 +204,7 @@ class SlotAccumulator {
 
 }  // namespace detail
 
-/// Fits explicit Gaussians to what the model shows from `cameras` (the training cameras; at their own size, or smaller
+/// Fits explicit Gaussians to renders of the model from `cameras` (the training cameras; at their own size, or smaller
 /// for speed).
 template <Recipe R, Executor E>
 [[nodiscard]] SplatTable fit_splats(const Model<R>& model, std::span<const Camera<double>> cameras,

@@ -41,8 +41,8 @@ class SpaceVolumeLoss {
   SpaceVolumeLoss() = default;
   explicit SpaceVolumeLoss(const S& space) : space_(space) {}
 
-  /// Remembers the anchors of a forward pass, where the space stretches: their positions, and what statistics() says of
-  /// the decoded ones.
+  /// Keeps the anchors of a forward pass, where the space stretches: their positions, and statistics() of the decoded
+  /// ones.
   template <class Statistics>
   static void look([[maybe_unused]] Context& context, [[maybe_unused]] MatrixView<const T> position,
                    [[maybe_unused]] Statistics&& statistics) {

@@ -21,7 +21,7 @@
 namespace compmark {
 
 namespace detail {
-/// In the place of what a recipe leaves out; a type of its own for each, so that none takes room.
+/// Replaces an absent stage; a type of its own for each, so that none takes room.
 template <class Absentee>
 struct Nothing {};
 }  // namespace detail
@@ -38,7 +38,7 @@ struct Stage {
 
   /// Whether `attributes` or `before_culling` change what the decoder reads of the anchors.
   static constexpr bool changes_attributes = false;
-  /// What of a photograph the stage looks at, beyond its colours over a constant background.
+  /// The parts of a photograph that the stage reads, beyond its colours over a constant background.
   static constexpr bool needs_target_planes = false, needs_alpha = false, needs_pixel_weights = false;
 
   // The model: blocks, their first values, and how fast they train.
@@ -58,7 +58,7 @@ struct Stage {
   static void configure(const Settings& /*settings*/) {}
   template <class Iteration, class Phase>
   static void set_phase(const Iteration& /*iteration*/, Phase& /*phase*/) {}
-  /// The phase of a view of the same iteration that nobody photographed, from that of the photographed one.
+  /// The phase of a sampled novel view of the same iteration, from that of the photographed one.
   template <class Phase>
   static void leave_photograph(Phase& /*phase*/) {}
   template <class Iteration, class Model, class Blocks>
@@ -150,7 +150,7 @@ struct JoinStages<StageList<A...>, StageList<B...>, More...> : JoinStages<StageL
 template <class... Lists>
 using JoinStages = typename detail::JoinStages<Lists...>::type;
 
-// What a stage has in a model, in an iteration, in a context and in a pipeline: the kinds of StageMembers.
+// The kinds of StageMembers: a stage's members in a model, in an iteration, in a context and in a pipeline.
 template <class S>
 using StageHandles = typename S::Handles;
 template <class S>

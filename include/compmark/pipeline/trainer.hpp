@@ -38,8 +38,7 @@
 
 namespace compmark {
 
-/// What a stage may look at, and add to, between the backward pass of a photographed view and the step of the
-/// optimiser.
+/// The arguments of a stage's hook between the backward pass of a photographed view and the step of the optimiser.
 template <class PipelineType, class ModelType, class Views, class E>
 struct TrainingPass {
   const PipelineType& pipeline;
@@ -190,7 +189,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   [[nodiscard]] const State& state() const { return state_; }
   /// Points that initialise() left out because they lie beyond RobustBall::reach(scene extent).
   [[nodiscard]] std::size_t far_points() const { return far_points_; }
-  /// What the last iteration's passes left, of the stages too: context().of<RateStage>().report.
+  /// The workspace of the last iteration, of the stages too: context().of<RateStage>().report.
   [[nodiscard]] const typename Pipeline<R>::Context& context() const { return context_; }
   /// What a stage keeps from one iteration to the next.
   template <template <class...> class S>
@@ -221,8 +220,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   }
   void control_density(std::int64_t, const ViewCamera<R>&, IterationReport&) requires(!present<Growth>) {}
 
-  /// What growing learns from a photographed view: in the window of frequency-aware growing with the error map of this
-  /// iteration's loss.
+  /// Adds the statistics of a photographed view for growing; in the window of frequency-aware growing with the error
+  /// map of this iteration's loss.
   void observe(std::int64_t t, const ViewCamera<R>& camera) {
     const ScreenStatistics<Scalar> screen = pipeline_.rasterizer(state_.model.render).screen(context_.raster);
     const auto decoded = pipeline_.decoder().statistics(context_.decoder);

@@ -1,11 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What every loop over iterations has, the training of a scene (Trainer) and the hiding of a message in a finished
+// The common base of loops over iterations, the training of a scene (Trainer) and the hiding of a message in a finished
 // model (PosthocEmbedding): its numbers, a pipeline whose stages know them, the phases of the iteration, the learning
 // rates, and running to the end. `Self` is the loop; it has a member state() with the finished iterations and the
-// model, and step(views).
-// Cost: none.
+// model, and step(views). Cost: none.
 #pragma once
 
 #include <cstddef>

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a training will take, said before it is taken: a cloud of three million points asks for 11 GB, and a process
-// that is killed for memory says nothing. Counted are the parameters with their gradients, both moments and what a row
-// edit copies into; the Gaussians that one view decodes, with their gradients and the rasterizer's lists; the planes of
-// one image; and the decoded photographs that the caller keeps. Peaks of whole trainings are 0.75 to 1.3 of it
-// (tests/pipeline/training_memory.test.cpp). What growing will add nobody knows: the estimate is of a number of
-// anchors, the first one or a limit, and whoever trains asks again after each growth (check_growth_memory). Nothing
-// here asks the system; who calls says what there is. Cost: none.
+// Estimates the memory of a training before it is taken: a cloud of three million points needs 11 GB, and a process
+// that is killed for memory prints no reason. The sum has the parameters with their gradients, both moments and the
+// copies of a row edit; the Gaussians that one view decodes, with their gradients and the rasterizer's lists; the
+// planes of one image; and the decoded photographs that the caller keeps. Peaks of whole trainings are 0.75 to 1.3 of
+// it (tests/pipeline/training_memory.test.cpp). Growth is unknown: the estimate is for a number of anchors, the first
+// one or a limit, and the trainer asks again after each growth (check_growth_memory). Nothing here asks the system; the
+// caller gives the available memory. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@
 
 namespace compmark {
 
-/// What there is, and what a training is asked beside its anchors.
+/// The available memory, and the sizes of a training beside its anchors.
 struct MemoryBudget {
   double bytes = 0;        ///< that may be taken; 0: no limit
   std::size_t pixels = 0;  ///< of the largest view
@@ -45,7 +45,7 @@ inline constexpr double bytes_per_gaussian = 600, bytes_per_coded_gaussian = 800
 /// Values, gradients, two moments, and half of the two copies that a row edit makes: its room is taken from what
 /// initialising has freed.
 inline constexpr double copies_of_parameters = 5;
-/// Of the cloud and the trees over it, while first anchors are looked for.
+/// Memory of the cloud and the trees over it, while first anchors are looked for.
 inline constexpr double bytes_per_point = 160;
 
 [[nodiscard]] inline std::string gigabytes(double bytes) {

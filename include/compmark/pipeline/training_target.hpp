@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The photograph of one iteration, with the planes that stages look at: coverage, and how much each pixel counts. What
-// no stage looks at has no buffer. Cost: a copy of the photograph.
+// The photograph of one iteration, with the planes that stages read: coverage, and the weight of each pixel. A plane
+// that no stage reads has no buffer. Cost: a copy of the photograph.
 #pragma once
 
 #include <array>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a message costs lately near each training view, and how much oftener than by its room a view is therefore drawn
-// (PosthocSettings::draw_by_cost). Some places of a capture take a mark later than the others; of the cup, drawn as
-// often, a few end with half of the bits where the others have all (docs/notebook/watermark_experiments.md). It is part
-// of the state of a run. Cost: O(views) an iteration.
+// The recent message loss near each training view, from which sampled novel views are drawn
+// (PosthocSettings::draw_by_cost). Some places of a capture take a mark later than others: on the cup, with equal
+// draws, a few views end with half of the bits where the others have all (docs/notebook/watermark_experiments.md). It
+// is part of the state of a run. Cost: O(views) an iteration.
 #pragma once
 
 #include <algorithm>
@@ -22,8 +22,8 @@ class ViewCosts {
 
   static constexpr double unread = -1;
 
-  /// That a reading near `view` of `views` cost so much; of one that is no number nothing is learned, as the optimiser
-  /// learns nothing from it.
+  /// Records the loss `cost` of a reading near `view` of `views`. A NaN is ignored, as the optimiser ignores its
+  /// gradient.
   void add(std::size_t view, std::size_t views, double cost) {
     constexpr double memory = 0.9;
     if (mean.empty()) mean.assign(views, unread);
@@ -32,9 +32,8 @@ class ViewCosts {
     mean[view] = mean[view] < 0 ? cost : memory * mean[view] + (1 - memory) * cost;
   }
 
-  /// How much oftener each view is drawn: `share` of it in proportion to its cost, of the mean where it is not known.
-  /// No view is forgotten: what costs nothing now may cost again. Empty before the first reading. Reuses the memory of
-  /// `factor`.
+  /// Factors of the probabilities of the views: a `share` of each in proportion to its loss, or to the mean where it is
+  /// unknown. No view gets 0: its loss may rise again. Empty before the first reading. Reuses the memory of `factor`.
   void factors(double share, std::vector<double>& factor) const {
     constexpr double least = 0.05;
     double sum = 0, known = 0;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A view that a model knows, and its camera and lens as the rows of numbers that model files and compressed files hold.
-// No number is believed before it is checked.
+// A stored view, and its camera and lens as the rows of numbers that model files and compressed files hold. Every
+// number is checked before it is used.
 #pragma once
 
 #include <algorithm>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// An unmarked host in views drawn between its training views and past them: what its renders say to waves of colour,
-// how its anchors' features would move them, and how loud a part of an image becomes. The readings that
-// wave_statistics.hpp makes statistics of. Cost: a render and a reading for each view that is asked, a way back for
-// each gradient.
+// Measurements of an unmarked model in sampled novel views, between its training views and beyond them: the Fourier
+// features of its renders, their gradients to the anchors' features, and the loudest region of an image.
+// wave_statistics.hpp makes statistics of them. Cost: a render and a reading for each view, a backward pass for each
+// gradient.
 #pragma once
 
 #include <algorithm>
@@ -46,7 +46,7 @@ template <class Views>
   const double positions = pixels / (static_cast<double>(settings.stride) * settings.stride);
   return std::clamp(static_cast<int>(std::min(positions / settings.region_positions, 4096.0)), 1, settings.regions);
 }
-/// Views that say how loud a region may be.
+/// Views from which the limit of a region is measured.
 [[nodiscard]] inline std::size_t limit_views(const DecoderFitSettings& settings) {
   return settings.region_limit > 0 && settings.regions > 1
              ? static_cast<std::size_t>(std::min(settings.limit_views, settings.statistics_views))
@@ -59,7 +59,7 @@ template <class Views>
          limit_views(settings);
 }
 
-/// Renders a host in drawn views and asks how its features move waves of the colour.
+/// Renders an unmarked model in sampled novel views and measures its Fourier features and their gradients.
 template <Recipe R, class Views, Executor E>
 class WaveProbe {
  public:
@@ -101,7 +101,7 @@ class WaveProbe {
     apply_tone<T>(drawn_tone<T>(settings_.tone, random), context_.image, toned);
     seen_ = toned;
   }
-  /// The waves' means in the view, as they are read from its pixels in 8 bits.
+  /// The features' means in the view, read from its pixels in 8 bits.
   [[nodiscard]] const std::vector<T>& means() { return read(seen_); }
   /// The same after an edit, number n of the settings' stream.
   template <class Jpeg>
@@ -114,7 +114,7 @@ class WaveProbe {
   [[nodiscard]] ImageView<const T> image() const { return context_.image; }
   [[nodiscard]] const ViewCamera<R>& camera() const { return camera_; }
   [[nodiscard]] std::size_t parameters() const { return anchors_.size() * columns_; }
-  /// Gradient of wave k to the features of the anchors that are looked at, a row an anchor. Call render() before.
+  /// Gradient of Fourier feature k to the features of the chosen anchors, a row an anchor. Call render() before.
   void wave_gradient(std::size_t k, std::span<T> gradient) {
     LatticeSettings shape = shape_;
     shape.features = shape.bits = 1;
@@ -125,7 +125,7 @@ class WaveProbe {
     wave.head[0] = T(1);
     way_back(LatticeDecoder<T>(shape, std::move(wave)), gradient);
   }
-  /// The same of the waves' sum with random signs: for the metric.
+  /// The same for the sum of the Fourier features with random signs: for the metric.
   void signed_gradient(std::size_t n, std::span<T> gradient) {
     LatticeSettings shape = shape_;
     shape.bits = 1;
@@ -137,7 +137,7 @@ class WaveProbe {
     way_back(LatticeDecoder<T>(shape, std::move(waves)), gradient);
   }
 
-  /// What the loudest region of each view of the limit says to a decoder, in growing order; nothing where the observer
+  /// Norms of the logits of the loudest region in each view of the limit, in growing order; nothing where the observer
   /// said stop.
   template <class O>
   [[nodiscard]] std::optional<std::vector<double>> loudest_regions(LatticeSettings shape,

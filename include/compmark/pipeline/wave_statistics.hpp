@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What an unmarked host says to waves of colour, and what a mark could make it say: the statistics that decoder_fit.hpp
-// chooses by. A wave's mean is read in views drawn between the training views and past them; its gradient goes back
-// through the renderer to the anchors' features (wave_probe.hpp). Cost: a render for every statistics view, `waves`
-// ways back for every gradient view, and their inner products.
+// Statistics of the Fourier features of an unmarked model, and of the change that a mark could make in them:
+// decoder_fit.hpp chooses by these. The mean of a feature is read in sampled novel views, between the training views
+// and beyond them; its gradient goes back through the renderer to the anchors' features (wave_probe.hpp). Cost: a
+// render for every statistics view, `waves` backward passes for every gradient view, and their inner products.
 #pragma once
 
 #include <cmath>

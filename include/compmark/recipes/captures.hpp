@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Recipes for captures that call for more than the plain one: the closed list that scene/probe.hpp's effects are
-// matched against. Each is Scaffold-GS and exactly the effects it names; what they cost and bring is measured in
-// docs/effects.md.
+// Recipes for captures with effects: the closed list that the effects of scene/probe.hpp are matched with. Each is
+// Scaffold-GS and exactly the effects it names; docs/effects.md has their cost and gain.
 #pragma once
 
 #include "compmark/effect/alpha_loss.hpp"

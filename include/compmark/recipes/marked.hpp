@@ -40,8 +40,8 @@ struct MarkedForCompression : Marked<HostRecipe, Decoder> {
 
 }  // namespace recipes
 
-/// The model of the host with the mark baked into its anchors: it renders the same bits as `marked` does outside of
-/// training.
+/// The model of the host recipe with the mark baked into its anchors: it renders the same bits as `marked` does outside
+/// of training.
 template <Recipe R>
 [[nodiscard]] Model<typename R::Host> baked_host(const Model<R>& marked) {
   Model<R> baked = marked;

@@ -20,11 +20,11 @@
 
 namespace compmark {
 
-/// The tile rasterizer that also collects what growing reads.
+/// The tile rasterizer that also collects the statistics for growing.
 template <class T = float, Accuracy raster_accuracy = accuracy::standard>
 using TrainingRasterizer = TileRasterizer<T, raster_accuracy, RasterOutputs{.screen_statistics = true}>;
 
-/// What every recipe inherits: nothing optional is in.
+/// The base of every recipe: it has no optional stage.
 template <class T = float, DecoderShape decoder_shape = DecoderShape{}, Accuracy raster_accuracy = accuracy::standard>
 struct DefaultRecipe {
   using Scalar = T;
