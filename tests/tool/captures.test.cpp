@@ -286,7 +286,7 @@ TEST_CASE("tool/captures: what a reader does not use is an error or a warning th
     refused(transforms_capture(columns.dump()), {"frames[7].transform_matrix", "stored by columns"});
     nlohmann::json same = nlohmann::json::parse(json);
     for (nlohmann::json& frame : same["frames"]) frame["transform_matrix"] = rows;
-    said(transforms_capture(same.dump()), views(10, 2), "all 12 photographs have one and the same pose");
+    said(transforms_capture(same.dump()), views(10, 2), "all 12 photographs have the same pose");
     refused(transforms_capture(json.substr(0, json.size() - 1) + ", \"frames\": []}"), {"frames", "twice"});
   }
   {

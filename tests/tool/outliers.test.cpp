@@ -146,7 +146,7 @@ TEST_CASE("tool/outliers: clouds that say nothing are said, in any format") {
   said(Points(40, {nan, 0, 0}), "there are no usable points to start from");
   Points behind = cube();
   for (auto& p : behind) p[2] += 100;
-  said(behind, "12 of 12 cameras have none of the points before them");
+  said(behind, "12 of 12 cameras see none of the points");
   CHECK(run(capture({{0, 0, 0}, {0.5, 0, 0.5}}), "--iterations 2").outcome.code == 0);
 
   const fs::path root = place();

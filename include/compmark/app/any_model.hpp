@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model of any shipped recipe, from model.safetensors or a .cmk, behind one type: what a viewer holds. Who renders, edits or writes models
-// needs no recipe's type, and compiles them once where compmark::app is linked (compiled.hpp). Not part of compmark.hpp, as it compiles every
-// stage of every recipe: include it by itself.
+// A model of any shipped recipe, from model.safetensors or a .cmk, behind one type, for viewers and editors. A program
+// that renders, edits or writes models needs no recipe's type, and compiles them once where compmark::app is linked
+// (compiled.hpp). It is not part of compmark.hpp, because it compiles every stage of every recipe: include it by
+// itself.
 //   auto model = AnyModel::open("scene.cmk", threads);             // Result<AnyModel>
 //   auto view = model->render(model->info().views[0], threads);    // Result<RenderedView>
-// Who needs the type asks with_model (recipe_model.hpp).
+// with_model (recipe_model.hpp) gives the type to a program that needs it.
 #pragma once
 
 #include <cstddef>
@@ -35,13 +36,14 @@ struct HeldAccess;
 
 class AnyModel {
  public:
-  /// Opens either kind of file; the recipe's name in it chooses the type. Errors are those of ModelSource::open, and a recipe that is none of
-  /// the shipped ones.
+  /// Opens either kind of file; the recipe's name in it chooses the type. Errors are those of ModelSource::open, and a
+  /// recipe that is none of the shipped ones.
   [[nodiscard]] static Result<AnyModel> open(const std::filesystem::path& path, ThreadExecutor& executor);
   [[nodiscard]] static Result<AnyModel> load(const ModelSource& source);
 
-  /// Renders a camera of the model's coordinates through `lens`, that of the photograph; a model that does not project through lenses has no
-  /// use for one. Error: a lens of another family than the model's. Memory: the picture and what its Gaussians take, kept for the next.
+  /// Renders a camera in the model's coordinates through `lens`, that of the photograph; a model that does not project
+  /// through lenses ignores it. Error: a lens of another family than the model's. Memory: the image and its Gaussians,
+  /// kept for the next call.
   [[nodiscard]] Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) {
     return held_->render(camera, lens, executor);
   }
@@ -59,12 +61,12 @@ class AnyModel {
   [[nodiscard]] std::size_t anchor_count() const { return held_->anchor_count(); }
   /// Every number of the model, by blocks; they may be changed.
   [[nodiscard]] ParameterArena<float>& arena() { return held_->arena(); }
-  /// Of the file that it was read from; 0 where there is none any more.
+  /// Bytes of the file that it was read from; 0 if there is none any more.
   [[nodiscard]] std::uint64_t file_bytes() const { return file_bytes_; }
 
   /// As model.safetensors, under a temporary name and renamed.
   [[nodiscard]] Result<Done> write(const std::filesystem::path& path) const { return held_->write(path); }
-  /// What a .cmk holds of it (codec/cmk.hpp writes it). Error: its recipe does not train for compression.
+  /// The contents of its .cmk (codec/cmk.hpp writes it). Error: its recipe does not train for compression.
   [[nodiscard]] Result<CodecModel> coded(const CodedModelSettings& settings = {}) const {
     return held_->coded(settings);
   }

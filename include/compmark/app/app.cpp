@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The target compmark::app: everything of app, compiled once for the shipped recipes (compiled.hpp). A program without CMake compiles this
-// file with its own flags and all of its files with -DCOMPMARK_APP_COMPILED.
+// The target compmark::app: everything of app, compiled once for the shipped recipes (compiled.hpp). A program without
+// CMake compiles this file with its own flags and all of its files with -DCOMPMARK_APP_COMPILED.
 #if !defined(COMPMARK_APP_COMPILED)
 #error "compile app.cpp, and every file that includes headers of app, with -DCOMPMARK_APP_COMPILED"
 #endif

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A model's file, whichever of the two it is: model.safetensors of a run, or a compressed .cmk. Opened first, because the recipe that stands
-// in it chooses the type it is loaded as. Who needs no type opens an AnyModel (any_model.hpp).
+// A model's file of either kind: model.safetensors of a run, or a compressed .cmk. It is opened before its type is
+// known, because the recipe in it chooses the type. A program that needs no type opens an AnyModel (any_model.hpp).
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@
 
 namespace compmark {
 
-/// Whether a file begins as a .cmk does. No error: what cannot be read does not.
+/// Whether a file begins as a .cmk does. Not an error: false for a file that cannot be read.
 [[nodiscard]] bool is_coded_file(const std::filesystem::path& path);
 
 struct ModelSource {
@@ -29,11 +29,11 @@ struct ModelSource {
   std::optional<CodecModel> coded;                   ///< decoded, of a .cmk
   std::shared_ptr<const SafetensorsFile> file = {};  ///< else, as it was read
 
-  /// Reads the file and, of a .cmk, decodes it. Error: what it is instead, where it is no model; what is damaged. Cost: the file's bytes and,
-  /// of a .cmk, its model.
+  /// Reads the file and decodes a .cmk. Error: the kind of a file that is no model, or the damage. Cost: the file's
+  /// bytes and, of a .cmk, its model.
   [[nodiscard]] static Result<ModelSource> open(const std::filesystem::path& path, ThreadExecutor& executor);
 
-  /// R is one of with_reading_recipe (recipe_list.hpp). Error: a shape or a number that is none of this recipe.
+  /// R is one of with_reading_recipe (recipe_list.hpp). Error: a shape or a number that does not fit the recipe.
   template <class R>
   [[nodiscard]] Result<LoadedModel<R>> load() const;
 };

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The recipes that CompMark ships: the one place that maps their names to types. Include it only where the types are needed, since every
-// stage of every recipe is compiled there.
+// The recipes that CompMark ships: the one place that maps their names to types. Include it only where the types are
+// needed, since every stage of every recipe is compiled there.
 #pragma once
 
 #include <string>
@@ -85,7 +85,7 @@ auto with_context_gs_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTa
   if (name == "context_gs+fitted+exposure") return f(RecipeTag<recipes::ContextGsFittedExposure>{});
   return f.unknown(not_coded(name));
 }
-/// For commands that only read models: `f` is compiled for every recipe that renders otherwise than the others.
+/// For commands that only read models: `f` is compiled once for all recipes that render alike.
 template <class F>
 auto with_coded_reading_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTag<recipes::HacScaffold>{})) {
   const std::string plain = reading_recipe(std::string(name));
@@ -115,7 +115,7 @@ auto with_reading_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTag<r
   return f.unknown(unknown_recipe(name));
 }
 
-/// A generic lambda that returns a Result, which is the Error of a name that is in no list.
+/// Calls a generic lambda that returns a Result; a name that is in no list gives an Error.
 template <class F>
 struct OrError : F {
   explicit OrError(F f) : F(f) {}

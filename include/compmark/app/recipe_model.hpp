@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The type inside an AnyModel, for who needs it: with_model hands over the Model<R>, and what is done with it is compiled for every recipe
-// that a model is read as.
+// Access to the type inside an AnyModel: with_model calls a generic lambda with the Model<R>. The lambda is compiled
+// for every recipe that a model is read as.
 #pragma once
 
 #include "compmark/app/any_model.hpp"

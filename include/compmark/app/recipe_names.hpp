@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the names of recipes say: which codec a recipe trains for, and as which recipe a finished model is read or marked. Text alone: the
-// types are in recipe_list.hpp.
+// Information in the names of recipes: the codec that a recipe trains for, and the recipes that read or mark its
+// finished models. Text alone: the types are in recipe_list.hpp.
 #pragma once
 
 #include <initializer_list>

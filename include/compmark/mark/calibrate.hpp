@@ -218,7 +218,7 @@ template <class Json>
   return text + "the decoder: a bit's share of ones is up to " + number(100 * c.largest_bias) +
          " points from 50 %; correlation of bits " + number(c.mean_correlation) + " in the mean, " +
          number(c.largest_correlation) + " at most; about one key, " + std::to_string(c.images) +
-         " images say as much as " + number(c.images_worth) + " independent ones\n";
+         " images are worth as much evidence as " + number(c.images_worth) + " independent ones\n";
 }
 
 }  // namespace compmark

@@ -239,7 +239,7 @@ template <class Value>
 
 }  // namespace detail
 
-/// Reads a checkpoint of a run with the same recipe, settings and views; anything else is refused with the name of what differs.
+/// Reads a checkpoint of a run with the same recipe, settings and views; an Error names the first difference.
 template <class Loop, class Json = nlohmann::json>
 [[nodiscard]] Result<Checkpoint<Loop>> read_checkpoint(const std::filesystem::path& path, const TrainSettings& settings,
                                                        const ModelInfo& info) {

@@ -2,18 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // One explicit Gaussian for every Gaussian slot (anchor, k) of a model, valid from all cameras: colour as spherical
-// harmonics fitted to what the decoder says from many cameras, opacity, scale and rotation averaged. The mean of a slot
+// harmonics fitted to the decoder's colours for many cameras, opacity, scale and rotation averaged. The mean of a slot
 // does not depend on the view, so it is exact.
 //
-// Weights. A Gaussian counts in a view by what it contributes there, w = sum over pixels of (alpha * transmittance):
+// Weights. A Gaussian counts in a view by its contribution there, w = sum over pixels of (alpha * transmittance):
 // occluded views, in which the networks were never trained, do not count. That sum is the gradient of the image's sum
 // by the Gaussian's colour, so one backward pass of the rasterizer with an image gradient of one gives it for all.
-//   colour    min_f  sum_v w_v |1/2 + sum_i f_i Y_i(d_v) - c_v|^2 + ridge W / (4 pi) sum_i (l_i (l_i + 1))^2 |f_i|^2,   W = sum_v w_v
+//   colour    min_f  sum_v w_v |1/2 + sum_i f_i Y_i(d_v) - c_v|^2 + ridge W / (4 pi) sum_i (l_i (l_i + 1))^2 |f_i|^2,
+//             W = sum_v w_v
 //             (the ridge is the squared Laplacian on the sphere: a slot seen from few sides keeps its mean colour and
 //               stays smooth elsewhere)
-//   opacity   sum_v m_v max(o_v, 0) / sum_v m_v,  m_v = w_v / o_v, what the view would show of it at opacity one. A view where the decoder
-//             switches the slot off (o_v <= 0) counts as zero, with the m of its anchor's other slots.
-//   scale     exp of the weighted mean of the logarithm;  rotation: eigenvector of the largest eigenvalue of sum_v w_v q q^T (sign-free).
+//   opacity   sum_v m_v max(o_v, 0) / sum_v m_v,  m_v = w_v / o_v, the contribution to the view at opacity one. A view
+//             where the decoder switches the slot off (o_v <= 0) counts as zero, with the m of its anchor's other slots.
+//   scale     exp of the weighted mean of the logarithm
+//   rotation  eigenvector of the largest eigenvalue of sum_v w_v q q^T (sign-free)
 //
 // Cost: one forward, backward and (anchors / block) decodes a view, and 190 doubles a slot of one block. Memory: 8
 // bytes for each slot and view that contribute, plus block_anchors * K * 1.6 kB.

@@ -5,7 +5,7 @@
 // images are another.
 //
 //   v.size()               number of training views
-//   v.camera(i)            Camera<double>, at the size of the image; LensCamera for a recipe that projects through a lens
+//   v.camera(i)            Camera<double>, at the size of the image; LensCamera for a recipe with a lens
 //   v.load(i, image)       fills image [3, height, width] with colours in [0, 1]; an Error if it cannot
 #pragma once
 

@@ -5,8 +5,8 @@
 // loss. The model that comes out renders by itself; codec/hac_encoder.hpp makes the small file of it.
 //
 //   Hac<Host>                 Host with hash-grid context, adaptive steps and offset masks
-//   HacScaffold, HacAlpha …   the recipes of captures with the anchors that the paper codes: D = 50, K = 10, distance input
-//   HacFitted, HacFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay as they are (with_room_for_stages)
+//   HacScaffold, HacAlpha …   the recipes of captures with the paper's anchors: D = 50, K = 10, distance input
+//   HacFitted, HacFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay (with_room_for_stages)
 #pragma once
 
 #include "compmark/entropy/hac_model.hpp"

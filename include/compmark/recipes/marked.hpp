@@ -5,7 +5,7 @@
 // the host's: the mark is baked into the features, and who reads the file needs no recipe of this page (baked_host).
 //
 //   Marked<Host, Decoder>            f^w = f + tanh f', message read by Decoder, loss of saturated colours
-//   MarkedForCompression<…>          the same with the noise of quantization while training, so that the message survives a codec
+//   MarkedForCompression<…>          the same with the noise of quantization in training, for a codec
 #pragma once
 
 #include "compmark/loss/hsv.hpp"

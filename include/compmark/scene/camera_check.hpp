@@ -40,12 +40,11 @@ inline void say_strange_cameras(Dataset& dataset) {
   const Camera<double>& first = dataset.views[0].camera;
   const auto all = [&](const auto& test) { return std::all_of(dataset.views.begin(), dataset.views.end(), test); };
   if (all([&](const View& view) { return same_pose(view.camera, first); })) {
-    say("all " + std::to_string(n) +
-        " photographs have one and the same pose, so that nothing says how deep anything is");
+    say("all " + std::to_string(n) + " photographs have the same pose, so that depth cannot be estimated");
     return;
   }
   if (all([&](const View& view) { return view.camera.center_world == first.center_world; }))
-    say("all " + std::to_string(n) + " cameras stand in one place, so that nothing says how deep anything is");
+    say("all " + std::to_string(n) + " cameras stand in one place, so that depth cannot be estimated");
   if (dataset.points_are_random || dataset.points.size() == 0) return;
   const std::size_t step = 1 + (dataset.points.size() - 1) / 1000;
   const auto blind =
@@ -57,7 +56,7 @@ inline void say_strange_cameras(Dataset& dataset) {
       }));
   if (2 * blind > n) {
     say(std::to_string(blind) + " of " + std::to_string(n) +
-        " cameras have none of the points before them: their poses may be inverted, or have other axes");
+        " cameras see none of the points: their poses may be inverted, or have other axes");
   }
 }
 

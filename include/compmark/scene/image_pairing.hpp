@@ -79,8 +79,8 @@ inline void pair_the_missing(const std::vector<std::string>& names, const std::v
     if (found.paths[i].empty() && undecided++ == 0) first = i;
   }
   if (undecided > 0) {
-    found.notes.push_back("more than one image could be meant by " + and_others(names[first], undecided) +
-                          ", or the image could be another one's as well, so that none is taken");
+    found.notes.push_back("more than one image fits " + and_others(names[first], undecided) +
+                          ", or the image fits another name as well, so that none is taken");
   }
 }
 

@@ -183,7 +183,7 @@ inline void say_notes(const ReaderNotes& notes, const std::string& source, LensT
   for (const auto& [width, height, to_width, to_height] : notes.assumed) {
     if (++named > 4) break;
     say("w or h is missing, and the images found are smaller copies of " + std::to_string(to_width) + " x " +
-        std::to_string(to_height) + " pixels; by what else the file says, the intrinsics are taken to be for " +
+        std::to_string(to_height) + " pixels; from the rest of the file the intrinsics are taken to be for " +
         std::to_string(width) + " x " + std::to_string(height) + (named == 4 ? left(named, notes.assumed.size()) : ""));
   }
   if (notes.odd > 0) {
