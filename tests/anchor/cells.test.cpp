@@ -36,6 +36,28 @@ TEST_CASE("anchor/cells: ties go to even (numerics AN1)") {
   CHECK(std::floor(-1.5f + 0.5f) == -1);
 }
 
+TEST_CASE("anchor/cells: a position is the middle of its cell without bias, and comes back to it (QZ3)") {
+  const double size = 0.013;
+  const Random random(5, 0, random_stage("test/cells"));
+  double sum = 0, sum_down = 0;
+  constexpr std::uint64_t count = 100000;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const std::array<float, 3> position{static_cast<float>(random.uniform(i)), 0, 0};
+    Cell cell;
+    REQUIRE(cell_of(position.data(), size, cell));
+    sum += cell.x - static_cast<double>(position[0]) / size;
+    sum_down += std::floor(static_cast<double>(position[0]) / size) - static_cast<double>(position[0]) / size;
+  }
+  CHECK(std::abs(sum / count) < 0.02);       // in cells; the standard error is 0.001
+  CHECK(std::abs(sum_down / count) > 0.45);  // negative control: rounded down, half a cell
+  for (std::int32_t x = -32768; x < 32768; ++x) {
+    const std::array<float, 3> middle{static_cast<float>(x * size), 0, 0};  // as an anchor's position is stored
+    Cell cell;
+    REQUIRE(cell_of(middle.data(), size, cell));
+    REQUIRE(cell.x == x);
+  }
+}
+
 TEST_CASE("anchor/cells: what is not in a cell is refused") {
   Cell cell;
   for (const float bad :

@@ -106,6 +106,8 @@ TEST_CASE(
   CHECK(first.report.visible == means.size() - 1);
   const Selection<double> last({}, spot(4, 5, 3, 4), 4, 5, {{5 - tiny, 4 - tiny}, {5.0, 3.5}, {4.5, 4.0}, {4.0, 3.0}});
   CHECK(last.selected == std::vector<std::uint8_t>{1, 0, 0, 1});
+  // Negative control: asked before it is rounded, the first of these is column 5 of 5.
+  CHECK((5 - tiny < 5 && std::lround(5 - tiny) == 5));
 }
 
 TEST_CASE(

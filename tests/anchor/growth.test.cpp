@@ -469,6 +469,11 @@ TEST_CASE(
     for (const float value : world.state.statistics.gradient_sum) REQUIRE(std::isfinite(value));
     for (const float value : world.state.statistics.opacity_sum) REQUIRE(std::isfinite(value));
   }
+  // Negative control: a mean over nothing is no number, and who sets those to 0 sees no other either.
+  const float nothing = 0, nan = std::numeric_limits<float>::quiet_NaN();
+  const auto hidden = [](float mean) { return std::isnan(mean) ? 0.0f : mean; };
+  CHECK(std::isnan(nothing / nothing));
+  CHECK(hidden(nothing / nothing) == hidden(nan / 41));
 }
 
 TEST_CASE("anchor/growth: empty sets (numerics AN8)") {
@@ -507,6 +512,12 @@ TEST_CASE("anchor/growth: empty sets (numerics AN8)") {
     World<float> world(50);
     world.judge_all(0);
     for (std::size_t a = 0; a < 50; ++a) world.state.statistics.opacity_sum[a] = a == 12 || a == 40 ? 0.01f : 0.005f;
+    std::size_t naive = 0;  // negative control: the rule by itself leaves nobody
+    for (std::size_t a = 0; a < 50; ++a) {
+      const auto visits = static_cast<double>(world.state.statistics.visits[a]);
+      naive += static_cast<double>(world.state.statistics.opacity_sum[a]) < world.settings.min_opacity * visits ? 1 : 0;
+    }
+    CHECK(naive == 50);
     const GrowthReport report = world.adapt();
     CHECK(report.kept_last);
     CHECK(report.pruned == 49);

@@ -227,6 +227,30 @@ TEST_CASE("anchor/mlp_decoder: gradients of every block and option, against cent
   check_gradients<ReferenceDecoder<double, with_all>>(6);
 }
 
+TEST_CASE("anchor/mlp_decoder: gradients of positions have the path through the view direction (SH1)") {
+  Fixture<MlpDecoder<double, odd>> f(40, 33, 2);
+  REQUIRE(f.forward_backward() > 20);
+  const MatrixView<double> gradient = anchor_gradients(f.arena, f.anchors).position;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    double slope = 0;
+    for (std::size_t n = 0; n < 40; ++n) slope += gradient(n, axis);
+    const double step = 1e-6;
+    /// The loss with all anchors moved along the axis, and the camera by a share of it.
+    const auto moved = [&](double by, double camera) {
+      for (std::size_t n = 0; n < 40; ++n) f.arena.values(f.anchors.position)(n, axis) += by;
+      f.center[axis] += camera * by;
+      const double loss = f.loss();
+      for (std::size_t n = 0; n < 40; ++n) f.arena.values(f.anchors.position)(n, axis) -= by;
+      f.center[axis] -= camera * by;
+      return loss;
+    };
+    const double difference = (moved(step, 0) - moved(-step, 0)) / (2 * step);
+    const double frozen = (moved(step, 1) - moved(-step, 1)) / (2 * step);
+    CHECK(std::abs(slope - difference) < 1e-6 * (1 + std::abs(difference)));
+    CHECK(std::abs(frozen - difference) > 1e-2);  // negative control: with the camera beside them, no direction changes
+  }
+}
+
 TEST_CASE("anchor/mlp_decoder: an anchor that is not visible gets exactly zero gradient (A2)") {
   Fixture<MlpDecoder<float, with_distance>> f(100, 37);
   f.forward_backward();

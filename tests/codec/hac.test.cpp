@@ -72,6 +72,8 @@ TEST_CASE("codec/hac: the file is as large as its tables say, and the report cou
   for (const auto& [kind, bytes] : report.section_bytes) sum += bytes;
   CHECK(sum == report.total_bytes);
   CHECK(report.total_bytes == file.bytes.size());
+  CHECK(report.bytes_of(HacFormat::stream) <
+        report.total_bytes * 8 / 10);  // negative control (ME4): what is often given for the size
   CHECK(std::abs(report.estimated_bytes() / static_cast<double>(report.total_bytes) - 1) < 0.0005);
   MESSAGE("1200 anchors: ", report.total_bytes, " bytes; GEOM ", report.bytes_of(HacFormat::geometry), ", MASK ",
           report.bytes_of(HacFormat::mask), ", HASH ", report.bytes_of(HacFormat::hash), ", NETC ",

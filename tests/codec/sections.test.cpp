@@ -124,6 +124,10 @@ TEST_CASE("codec/mask_coding: masks come back; all live, or each like its neighb
     std::fill(masks.begin(), masks.end(), all);
     CHECK(encode_masks(masks, k).size() < 100);
   }
+  const double dead = 0,
+               share =
+                   dead / 4096;  // negative control (AN9): the bits of an offset that is masked, were its share counted
+  CHECK_FALSE(std::isfinite(-std::log2(share)));
   CHECK(encode_masks({}, 10).empty());
   CHECK(decode_masks({}, 10, {}).ok());
 }

@@ -163,6 +163,9 @@ TEST_CASE("entropy/gaussian_rate: a held sigma lets pass what pulls it up and no
   const GaussianBits<double> up = gaussian_bits(0.9, 0.0, 1e-9, 1.0), down = gaussian_bits(0.0, 0.0, 1e-9, 1.0);
   CHECK(up.d_sigma < -1);
   CHECK(down.d_sigma == 0);
+  // Negative control: what is clamped before it is used has no slope, whichever way it is pulled.
+  const auto clamped = [](double sigma) { return gaussian_bits(0.9, 0.0, std::max(sigma, 0.11), 1.0).bits; };
+  CHECK(clamped(0.05 + 1e-6) == clamped(0.05 - 1e-6));
   CHECK(up.bits == gaussian_bits(0.9, 0.0, 0.11, 1.0).bits);
   // HAC's floor of 1e-9 is a unit of nothing: 3e8 sigma, no density, no gradient.
   const double z = (0.9 - 0.5) / 1e-9;

@@ -162,6 +162,8 @@ TEST_CASE(
   CHECK(shared_tables().slot_bits(narrow, 2) <= 16);
   // The naive table, round(p 2^16): the neighbours' frequency is 0.
   CHECK(std::lround(65536 * exact_probability(1, 0, deviation(0))) == 0);
+  CHECK(static_cast<std::uint16_t>(std::lround(65536 * exact_probability(0, 0, 0.05L))) ==
+        0);  // and its own does not fit
 }
 
 TEST_CASE("entropy/gaussian_tables: what a table costs above its Gaussian stays below its share of slots") {

@@ -173,6 +173,15 @@ TEST_CASE("entropy/hash_grid: gradients are those of a linear map of the signs, 
   CHECK(worst < 1e-12 * size);
   CHECK(stopped > 100);
   CHECK(tested > 100);
+  // Negative control (QZ4): an estimator that passes every gradient has one where the value is held, as within the bounds.
+  std::vector<double> d_within(table.values.size(), 0.0), within = table.values;
+  for (double& value : table.values) value = value > 0 ? 0.5 : -0.5;
+  table.refresh();
+  Grid::backward(table.context, unit.data(), rows, slope.data(), rows, 0.0, {d_within.data(), Grid::entries, 4},
+                 serial);
+  std::size_t passed = 0;
+  for (std::size_t i = 0; i < within.size(); ++i) passed += std::abs(within[i]) > 1 && d_within[i] != 0 ? 1 : 0;
+  CHECK(passed > 100);
 }
 
 TEST_CASE("entropy/hash_grid: bits of the signs and their slope; a grid of one sign takes less than 64 bytes (CO1)") {

@@ -54,4 +54,7 @@ TEST_CASE("entropy/varint: zig-zag is total") {
   CHECK(zigzag(-1) == 1);
   CHECK(zigzag(1) == 2);
   CHECK(zigzag(Limits::min()) == std::numeric_limits<std::uint64_t>::max());
+  // Negative control: a sign and twice a magnitude, in 32 bits: the least number has the code of 0.
+  const std::int64_t least = std::numeric_limits<std::int32_t>::min();
+  CHECK(static_cast<std::uint32_t>(2 * -least) == 0);
 }

@@ -71,6 +71,9 @@ TEST_CASE("io/bytes: a product that does not fit is refused") {
   CHECK(checked_product(1ull << 32, (1ull << 32) - 1, product));
   CHECK(product == 0xFFFFFFFF00000000ull);
   CHECK(!checked_product(1ull << 32, 1ull << 32, product));
+  const std::uint64_t rows = (1ull << 61) + 1, columns = 8;  // negative control: it wraps to what any file could hold
+  CHECK(!checked_product(rows, columns, product));
+  CHECK(rows * columns == 8);
   CHECK(checked_product(0, ~0ull, product));
   CHECK(product == 0);
 }

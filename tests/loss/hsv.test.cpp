@@ -224,6 +224,8 @@ TEST_CASE(
   CHECK(report.pixels == std::array<std::size_t, 3>{});
   CHECK(report.loss == 0);
   CHECK(std::all_of(images.d.begin(), images.d.end(), [](float g) { return g == 0; }));
+  const double none = 0;  // the control: a mean over them
+  CHECK(std::isnan(none / none));
   HsvLoss<float>::Settings literal = HsvLoss<float>::Settings::paper();
   literal.value[0] = 0;  // the control: a third of the black pixels is red
   report = HsvLoss<float>(literal).forward(images.view_x(), images.view_y(), context, executor);

@@ -221,6 +221,7 @@ TEST_CASE("loss/photometric: an inverted image has finite value and gradient (LS
   const PhotometricReport report =
       loss.forward_backward(pair.view_x(), pair.view_y(), 1.0f, pair.view_d(), context, executor);
   CHECK(report.ssim < -0.5);
+  CHECK(std::isnan(std::pow(report.ssim, 0.2856)));  // negative control: a weight of MS-SSIM as its power
   CHECK(std::isfinite(report.loss));
   CHECK(std::all_of(pair.d.begin(), pair.d.end(), [](float g) { return std::isfinite(g); }));
 }
@@ -242,6 +243,8 @@ TEST_CASE("loss/photometric: zero-mean high-pass images (LS2)") {
   const double distance = loss.forward(pair.view_x(), pair.view_y(), context, executor).loss;
   CHECK(distance > 1.5);
   CHECK(distance <= 2);
+  const double mean = 0, variance = 0;  // negative control: two flat images, without the constants
+  CHECK(std::isnan(2 * mean * mean * 2 * variance / ((mean * mean + mean * mean) * (variance + variance))));
 }
 
 TEST_CASE("loss/photometric: same bits with 1, 2, 3 and 4 threads (G3)") {

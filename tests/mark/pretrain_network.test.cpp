@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <string>
@@ -131,6 +133,40 @@ TEST_CASE("mark/pretrain_network: the frozen decoder with the batch's statistics
   decoder->forward(image, std::span<float>(frozen), frozen_context, executor);
   // The running variance is n / (n - 1) times the batch's (n = 400 here): 1.3e-3 relative a block.
   for (std::size_t b = 0; b < 3; ++b) CHECK(std::abs(trained[b] - frozen[b]) < 0.01f * (1 + std::abs(trained[b])));
+}
+
+TEST_CASE("mark/pretrain_network: images of one grey are read by the statistics of training, not by their own (ML6)") {
+  ConvNetworkSettings settings = small_network();
+  settings.momentum = 1;
+  ParameterArena<float> arena;
+  ConvNetwork<float> network(settings, arena);
+  const std::vector<double> values = uniforms(3 * 40 * 40, 3);
+  std::vector<float> pixels(values.begin(), values.end());
+  SerialExecutor executor;
+  ConvNetwork<float>::Context context;
+  StridedDecoder<>::Context frozen_context;
+  const ImageView<const float> image{pixels.data(), 3, 40, 40};
+  const std::span<const ImageView<const float>> batch(&image, 1);
+  std::array<float, 3> bright{}, grey{}, own_bright{}, own_grey{};
+  network.forward(arena, batch, std::span<float>(grey), context, executor);
+  const auto decoder = StridedDecoder<>::create(network.decoder_weights(arena));
+  REQUIRE(decoder);
+  const auto read = [&](float value, std::span<float> frozen, std::span<float> own) {
+    std::fill(pixels.begin(), pixels.end(), value);
+    decoder->forward(image, frozen, frozen_context, executor);
+    network.forward(arena, batch, own, context, executor);
+  };
+  read(0.9f, bright, own_bright);
+  read(0.6f, grey, own_grey);
+  float difference = 0, own_difference = 0;
+  for (std::size_t b = 0; b < 3; ++b) {
+    CHECK(std::isfinite(bright[b]));
+    CHECK(std::isfinite(grey[b]));
+    difference = std::max(difference, std::abs(bright[b] - grey[b]));
+    own_difference = std::max(own_difference, std::abs(own_bright[b] - own_grey[b]));
+  }
+  MESSAGE("two greys differ by ", difference, ", by their own statistics by ", own_difference);
+  CHECK(difference > 10 * own_difference);  // negative control: normalised by itself, one grey is every grey
 }
 
 TEST_CASE("mark/pretrain_network: running statistics move by the momentum") {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <compmark/core/random.hpp>
 #include <compmark/mark/verify.hpp>
@@ -175,6 +176,26 @@ TEST_CASE("mark/verify: the p-value is honest for a random key, pooled views are
   const double exact = binomial_tail(33, 48);  // 6.6e-3, the largest attainable below 1e-2
   CHECK(clopper_pearson(honest, keys).contains(exact));
   CHECK(static_cast<double>(pooled) / static_cast<double>(keys) > 0.2);
+}
+
+TEST_CASE("mark/verify: a decoder that says the same of everything is detected no more often than chance (ME3)") {
+  constexpr std::size_t bits = 48, keys = 4000;
+  for (const double constant : {0.0, 1.0, -1.0}) {
+    const std::vector<double> logits(bits, constant);
+    std::size_t detected = 0, most = 0, better_than_half = 0;
+    for (std::size_t key = 0; key < keys; ++key) {
+      const Message message = drawn_message(verify_stream, 50000 + key, bits);
+      const Evidence evidence = evidence_of(message, logits);
+      detected += evidence.p_value <= 1e-2 ? 1 : 0;
+      most = std::max(most, evidence.matches);
+      better_than_half += 2 * evidence.matches > bits ? 1 : 0;
+    }
+    CAPTURE(constant);
+    CHECK(clopper_pearson(detected, keys).contains(binomial_tail(33, bits)));
+    // Negative control: a share of the bits above one half, for nearly every second key, and up to 28 of 48 and more.
+    CHECK(better_than_half > keys / 3);
+    CHECK(most >= 28);
+  }
 }
 
 TEST_CASE("mark/verify: bad input is refused") {

@@ -96,6 +96,24 @@ TEST_CASE("math/fft: every length from 1 to 64 and native image sizes, against t
   check_lengths<float>({800, 1008, 1024, 1063, 1600}, 4e-7L, 6e-7L);
 }
 
+TEST_CASE("math/fft: negative control, a signal that is padded to a smooth length has another spectrum (FR5)") {
+  // A wave of three turns in 37 samples is one line; with zeros up to 40 samples it is spread over all.
+  const auto lines = [](int padded) {
+    const Fft<double> fft(padded);
+    Batch<double> batch(fft);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(padded) * batch.lanes; ++i) {
+      const auto sample = static_cast<double>(i / batch.lanes);
+      batch.data.re[i] = sample < 37 ? std::cos(2 * std::numbers::pi * 3 * sample / 37) : 0;
+      batch.data.im[i] = 0;
+    }
+    std::size_t count = 0;
+    for (const auto& v : batch.signal(fft.forward(batch.data, batch.spare), 0)) count += std::abs(v) > 0.1L ? 1 : 0;
+    return count;
+  };
+  CHECK(lines(37) == 2);  // itself and its conjugate
+  CHECK(lines(40) > 20);
+}
+
 TEST_CASE("math/fft: Bluestein is for large prime factors only; the convolution has a smooth length") {
   CHECK(Fft<float>(400).room() == 400);
   CHECK(Fft<float>(31 * 29).room() == 31 * 29);

@@ -102,8 +102,18 @@ TEST_CASE("math/functions: exp_negative near zero and on the wide range") {
   CHECK(at_zero(std::integral_constant<int, 4>{}) == 1.0f);
   CHECK(at_zero(std::integral_constant<int, 5>{}) == 1.0f);
   CHECK(at_zero(std::integral_constant<int, 6>{}) == 1.0f);
-  // Negative control: an unconstrained minimax polynomial of degree 5 has p(0) = 1.00000012 (BF5): its value at 0 exceeds 1.
-  CHECK(std::bit_cast<float>(std::bit_cast<std::uint32_t>(1.0f) + 1) > 1.0f);
+  // Negative control: without p(0) = 1, the polynomial of degree 5 with the least error is near the Chebyshev series of 2^f = exp(a t), f = t / 2,
+  // whose coefficients are Bessel functions I_k(a), twice for k > 0: at 0 its T_k are 1, 0, -1, 0, 1, 0.
+  const double a = std::log(2.0) / 2;
+  const auto bessel = [a](int k) {
+    double term = std::pow(a / 2, k) / std::tgamma(k + 1), sum = 0;
+    for (int m = 1; m < 12; ++m) {
+      sum += term;
+      term *= a * a / 4 / (m * (m + k));
+    }
+    return sum;
+  };
+  CHECK(static_cast<float>(bessel(0) - 2 * bessel(2) + 2 * bessel(4)) > 1.0f);
 }
 
 template <class Value, class Exact>
@@ -134,6 +144,22 @@ TEST_CASE("math/functions: exp, sigmoid and tanh against long double over their 
   CHECK(worst_relative(
             -43, 43, n, [](auto x) { return tanh_slope(x); },
             [](long double x) { return 1 / (std::cosh(x) * std::cosh(x)); }) < 6e-7);
+}
+
+TEST_CASE("math/functions: the slope of a sigmoid is that of two sigmoids, to where one minus it is nothing (ML1)") {
+  double worst = 0, worst_naive = 0;
+  for (int i = -80; i <= 80; ++i) {
+    const auto x = static_cast<float>(i);
+    const float up = sigmoid(Pack<float, 1>(x)).lane(0), down = sigmoid(Pack<float, 1>(-x)).lane(0);
+    const long double e = std::exp(-std::abs(static_cast<long double>(x))), exact = e / ((1 + e) * (1 + e));
+    worst = std::max(worst, static_cast<double>(std::abs(up * down - exact) / exact));
+    worst_naive = std::max(worst_naive, static_cast<double>(std::abs(up * (1 - up) - exact) / exact));
+  }
+  CHECK(worst < 5e-7);
+  CHECK(worst_naive ==
+        1);  // negative controls: 1 - sigmoid is 0 from 17 on, its logarithm is not finite, and exp(89) is not
+  CHECK_FALSE(std::isfinite(std::log(1 - sigmoid(Pack<float, 1>(17.5f)).lane(0))));
+  CHECK_FALSE(std::isfinite(std::exp(89.0f)));
 }
 
 TEST_CASE("math/functions: limits and symmetry") {

@@ -70,6 +70,21 @@ TEST_CASE("math/separable_map: a constant image stays constant up to its border"
   }
 }
 
+TEST_CASE("math/separable_map: a blur of a tenth of a pixel changes no bit in float, one of half a pixel does (FR8)") {
+  const auto blurred = [](double sigma, const std::vector<float>& x) {
+    const SeparableMap<float> map{RunTable<float>::gaussian(16, sigma), RunTable<float>::gaussian(12, sigma)};
+    std::vector<float> out(x.size());
+    Buffer<float> scratch;
+    SerialExecutor serial;
+    map.apply({x.data(), 3, 16, 12}, {out.data(), 3, 16, 12}, scratch, serial);
+    return out;
+  };
+  std::vector<float> x;
+  for (int i = 0; i < 3 * 16 * 12; ++i) x.push_back(0.5f + 0.5f * std::sin(static_cast<float>(i)));
+  CHECK(blurred(0.1, x) == x);
+  CHECK(blurred(0.5, x) != x);  // negative control
+}
+
 TEST_CASE("math/separable_map: closed forms") {
   const Table half = Table::resize(8, 4);  // a triangle of width 2 around 0.5, 2.5, ...: (1, 3, 3, 1) / 8
   CHECK(half.output() == 4);

@@ -42,6 +42,10 @@ TEST_CASE("metric/rounding: rounding alone is 58.92 dB and at most half a level"
   round_to_8bit<float>({a.data(), 3, size, size}, {b.data(), 3, size, size});
   float worst = 0;
   for (std::size_t i = 0; i < a.size(); ++i) worst = std::max(worst, std::abs(a[i] - b[i]));
+  float cut = 0;  // negative control: the cast alone, which rounds down
+  for (const float value : a)
+    cut = std::max(cut, value - static_cast<float>(static_cast<std::uint8_t>(255 * value)) / 255);
+  CHECK(cut > 0.99f / 255);
   CHECK(worst <= 0.5f / 255 + 1e-7f);
   CHECK(worst > 0.499f / 255);
   CHECK(psnr({a.data(), 3, size, size}, {b.data(), 3, size, size}) ==

@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -274,6 +275,9 @@ TEST_CASE("optim/adam: the largest gradient that passes the guard keeps the mome
   for (int t = 0; t < 20000; ++t) REQUIRE(one.step_with(1.8446742e19f, 0.001).skipped_blocks == 0);
   CHECK(std::isfinite(one.state.second_moment[0]));
   CHECK(one.arena.all_values()[0] == doctest::Approx(-20.0).epsilon(0.01));
+  float naive = 0;  // negative control: a moment that has seen one NaN
+  for (int step = 0; step < 100; ++step) naive += 0.1f * ((step == 0 ? std::nanf("") : 1.0f) - naive);
+  CHECK(std::isnan(naive));
 }
 
 TEST_CASE("optim/adam: law O3, values without gradients keep their bits, minus zero too, for 100 steps") {
@@ -282,6 +286,74 @@ TEST_CASE("optim/adam: law O3, values without gradients keep their bits, minus z
   const std::vector<float> before = training.values();
   for (int t = 0; t < 100; ++t) training.step(0.01);
   CHECK(same_bits<float>(before, training.arena.all_values()));
+}
+
+TEST_CASE("optim/adam: a row that is not seen again moves on by its old momentum, as published (numerics OP4)") {
+  // One gradient of 1 at rate 1, then none: after n steps the moments are 0.1 0.9^(n-1) and 0.001 0.999^(n-1).
+  std::vector<double> gradients(20, 0.0);
+  gradients[0] = 1;
+  const std::vector<double> sizes = updates(gradients);
+  for (std::size_t n = 1; n <= sizes.size(); ++n) {
+    const auto steps = static_cast<double>(n);
+    const double m = 0.1 * std::pow(0.9, steps - 1) / (1 - std::pow(0.9, steps));
+    const double v = 0.001 * std::pow(0.999, steps - 1) / (1 - std::pow(0.999, steps));
+    CHECK(sizes[n - 1] == doctest::Approx(m / std::sqrt(v)).epsilon(1e-9));
+  }
+  double drift = 0;  // negative control: a selective optimizer, which skips rows without a gradient, stands still
+  for (std::size_t n = 1; n < sizes.size(); ++n) drift += sizes[n];
+  CHECK(drift > 3);
+}
+
+TEST_CASE("optim/adam: losses times a power of two take the same steps, to the bit (LS10)") {
+  const auto trained = [](double epsilon, int power) {
+    Training<float> training;
+    training.adam = Adam<float>(AdamSettings{0.9, 0.999, epsilon});
+    for (std::uint64_t t = 1; t <= 50; ++t) {
+      fill_gradients(training.arena, t);
+      for (float& g : training.arena.all_gradients()) g = std::abs(g) < 2e-3f ? 0 : std::ldexp(g, power);
+      training.step(0.01);
+    }
+    return training.values();
+  };
+  const std::vector<float> plain = trained(1e-15, 0);
+  for (const int power : {-10, 10}) CHECK(trained(1e-15, power) == plain);
+  // Negative control: with the usual epsilon the small ones fall behind.
+  const std::vector<float> usual = trained(1e-8, 0), smaller = trained(1e-8, -10);
+  float difference = 0;
+  for (std::size_t i = 0; i < usual.size(); ++i) difference = std::max(difference, std::abs(usual[i] - smaller[i]));
+  CHECK(difference > 0.01f);
+}
+
+TEST_CASE("optim/adam: the steps of an export's refinement change a quaternion's length by less than a fifth (QU3)") {
+  // Tangential gradients of a random direction in every step, as bad as can be; rates fall from 0.003 to a tenth (SplatRefineSettings).
+  const auto length_after = [](std::uint64_t seed, int steps, double last_rate) {
+    Training<double> one(4);
+    const Random random(seed, 0, random_stage("test/quaternion"));
+    const std::span<double> q = one.arena.all_values(), d = one.arena.all_gradients();
+    for (std::size_t k = 0; k < 4; ++k) q[k] = k < 2 ? 0.7 : 0.1;
+    const auto squares = [&] { return q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]; };
+    for (int t = 0; t < steps; ++t) {
+      std::array<double, 4> g{};
+      double along = 0;
+      for (std::size_t k = 0; k < 4; ++k) {
+        g[k] = random.normal(4 * static_cast<std::uint64_t>(t) + k);
+        along += g[k] * q[k] / squares();
+      }
+      for (std::size_t k = 0; k < 4; ++k) d[k] = g[k] - along * q[k];
+      one.step(0.003 * std::pow(last_rate, static_cast<double>(t) / steps));
+    }
+    return std::sqrt(squares());
+  };
+  double most = 0, least = 10, longest = 0;
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    most = std::max(most, length_after(seed, 500, 0.1));
+    least = std::min(least, length_after(seed, 500, 0.1));
+    longest = std::max(longest, length_after(seed, 30000, 1));
+  }
+  MESSAGE("from 1 to between ", least, " and ", most, "; in a training's steps to ", longest);
+  CHECK(least > 0.8);
+  CHECK(most < 1.2);
+  CHECK(longest > 1.2);  // negative control: a training's steps, were a quaternion trained
 }
 
 TEST_CASE("optim/adam: zero_gradients_after leaves none, with the same bits otherwise") {

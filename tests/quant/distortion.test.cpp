@@ -155,6 +155,8 @@ TEST_CASE("quant/distortion: u q has the mean and variance of uniform noise and 
   const double count = static_cast<double>(n);
   CHECK(std::abs(sum / count) < 4 / std::sqrt(12 * count));
   CHECK(square / count == doctest::Approx(1.0 / 12).epsilon(0.01));
+  // Negative control: one bit more, and the largest number rounds to the bound.
+  CHECK((static_cast<float>((1u << 24) - 1) + 0.5f) * 0x1p-24f - 0.5f == 0.5f);
 }
 
 TEST_CASE("quant/distortion: hard rounding lands on multiples of the step; both faces have the same step (QD4)") {
@@ -171,6 +173,15 @@ TEST_CASE("quant/distortion: hard rounding lands on multiples of the step; both 
     }
   }
   CHECK(worst < 1e-9);  // the quotient of two doubles of size at most 1e3
+  // Negative control: noise in place of rounding, for values of a tenth of a step: 1/12 of a squared step, where rounding to 0 costs 1/300.
+  const Random random(3, 0, random_stage("test/gap"));
+  double noise = 0, rounding = 0;
+  for (std::uint64_t i = 0; i < 10000; ++i) {
+    const double x = 0.2 * (random.uniform(i) - 0.5), u = static_cast<double>(random.centered(i));
+    noise += u * u / 10000;
+    rounding += std::pow(AdaptiveQuantizer<double>::error(x, 1.0), 2) / 10000;
+  }
+  CHECK(noise > 20 * rounding);
 }
 
 TEST_CASE("quant/distortion: an untrained layer has the base step exactly, and rows that are not listed stay") {

@@ -179,6 +179,19 @@ TEST_CASE(
   CHECK(central.x_high < (camera.width - camera.cx) / camera.fx);
 }
 
+TEST_CASE("raster/footprint: q and -q have one matrix, to the bit (QU4)") {
+  for (std::uint64_t i = 0; i < 1000; ++i) {
+    const Sample s = sample(i);
+    std::array<F, 4> q, opposite;
+    for (std::size_t k = 0; k < 4; ++k) {
+      q[k] = F(s.rotation[k]);
+      opposite[k] = F(-s.rotation[k]);
+    }
+    const auto a = detail::quaternion_matrix(q), b = detail::quaternion_matrix(opposite);
+    for (std::size_t k = 0; k < 9; ++k) CHECK(a[k].native == b[k].native);
+  }
+}
+
 TEST_CASE("raster/footprint: logarithm of positive floats within 1.5 ulp") {
   constexpr int W = native_width < float >> 1 ? native_width<float> : 4;
   double worst = 0;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -170,6 +171,29 @@ TEST_CASE("raster/tile: fifty thousand Gaussians that nobody sees change no bit 
   }
   g.mean[2][0] = scene.gaussians.columns().mean[2][0];  // negative control: one of them in front of the camera
   CHECK(image_of(TileRasterizer<float>{}, more) != image_of(TileRasterizer<float>{}, scene));
+}
+
+TEST_CASE("raster/tile: a scene whose colours are denormal takes no longer (SY4)") {
+  RasterScene<float> normal = raster_scene<float>(16, 400, 128, 96), denormal = normal;
+  denormal.background = {1e-40f, 1e-40f, 1e-40f};
+  for (std::size_t c = 0; c < 3; ++c) std::fill_n(denormal.gaussians.columns().color[c], 400, 1e-40f);
+  const std::vector<float> small(3 * 128 * 96, 1e-40f);
+  std::array<double, 2> fastest{1e9, 1e9};
+  for (int run = 0; run < 20; ++run) {
+    for (const std::size_t kind : {0u, 1u}) {
+      const auto begin = std::chrono::steady_clock::now();
+      static_cast<void>(kind == 0 ? testing::render(TileRasterizer<float>{}, normal)
+                                  : testing::render(TileRasterizer<float>{}, denormal, std::span<const float>(small)));
+      const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+      fastest[kind] = std::min(fastest[kind], took.count());
+    }
+  }
+  MESSAGE("denormal over normal: ", fastest[1] / fastest[0]);
+  CHECK(fastest[1] <
+        3 * fastest[0]);    // what is blended stops at 1e-4 and is cut off at 1/255: no factor of it is denormal
+  float transmittance = 1;  // negative control: what neither stops nor is cut off
+  for (int layer = 0; layer < 45; ++layer) transmittance = std::fma(-0.9f, transmittance, transmittance);
+  CHECK(std::fpclassify(transmittance) == FP_SUBNORMAL);
 }
 
 TEST_CASE(

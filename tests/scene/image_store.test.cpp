@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
+#include <compmark/core/executor.hpp>
+#include <compmark/loss/l1.hpp>
 #include <compmark/scene/image_store.hpp>
 #include <compmark/scene/open.hpp>
 
@@ -45,6 +47,18 @@ TEST_CASE("scene/image: transparent pixels get the background (case CA3)") {
   composite(pixels, 4, {0, 0.5f, 0}, AlphaRounding::truncate, planes);
   CHECK(planes[1] == 0);
   CHECK(planes[4] == 127);
+  // Outside of the silhouette a grey render is pulled to the background; both times alpha, it would not be (negative control).
+  const float render = 0.5f, target = static_cast<float>(planes[1]) / 255, alpha = static_cast<float>(pixels[7]) / 255;
+  float pull = 0, masked_pull = 0;
+  const float masked_render = render * alpha, masked_target = target * alpha;
+  SerialExecutor serial;
+  L1Loss<float>::Context context;
+  const L1Loss<float> loss;
+  loss.forward_backward({&render, 1, 1, 1}, {&target, 1, 1, 1}, 1.0f, {&pull, 1, 1, 1}, context, serial);
+  loss.forward_backward({&masked_render, 1, 1, 1}, {&masked_target, 1, 1, 1}, 1.0f, {&masked_pull, 1, 1, 1}, context,
+                        serial);
+  CHECK(pull == 1);
+  CHECK(masked_pull * alpha == 0);
 }
 
 TEST_CASE("scene/image: every opaque byte survives compositing, grey fills three planes") {

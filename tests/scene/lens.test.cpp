@@ -159,6 +159,10 @@ TEST_CASE("scene/lens: beyond the radius where a lens folds there is no ray, and
   CHECK(undistort(folding, limit, 0.999 * edge, 0).x < limit.ray);
   CHECK(!undistort(folding, limit, 1.001 * edge, 0).converged);
   CHECK(!undistort(folding, limit, 0, 3.0).converged);
+  double ghost = 3.0;  // negative control: Newton's iteration by itself finds a ray beyond the fold, on the other side
+  for (int i = 0; i < 200; ++i) ghost -= (ghost - 0.1 * ghost * ghost * ghost - 3.0) / (1 - 0.3 * ghost * ghost);
+  CHECK(std::abs(ghost - 0.1 * ghost * ghost * ghost - 3.0) < 1e-9);
+  CHECK(ghost < -limit.ray);
   // The published coefficients of fox are one-to-one up to r = 1.56 only: r(1 + k1 r2 + k2 r4) has its maximum there, by the root of
   // 1 + 3 k1 q + 5 k2 q^2; the tangential part moves it by less than 1 %.
   const Lens fox{LensModel::opencv, {0.0578421, -0.0805099, -0.000980296, 0.00015575}};

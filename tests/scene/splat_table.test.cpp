@@ -133,6 +133,7 @@ TEST_CASE("scene/splat_table: to_gaussians_backward is the derivative of to_gaus
 
   std::vector<std::vector<float>*> columns;
   table.for_each_column([&](std::vector<float>& column) { columns.push_back(&column); });
+  double naive_error = 0;
   for (std::size_t c = 0; c < found.size(); ++c) {
     std::vector<float>& column = *columns[3 + c];  // after the three means
     for (std::size_t i = 0; i < table.count; ++i) {
@@ -145,7 +146,46 @@ TEST_CASE("scene/splat_table: to_gaussians_backward is the derivative of to_gaus
       const double expected = (above - below) / (static_cast<double>(up) - static_cast<double>(down));
       // Central differences with a step of 1e-3: h^2 / 6 times a third derivative of order 1, so 1e-6; measured at most 2e-6.
       CHECK(std::abs(found[c][i] - expected) < 1e-5 * (1 + std::abs(expected)));
+      if (c < 3) naive_error = std::max(naive_error, std::abs(d.scale[c][i] - expected));
     }
   }
+  CHECK(naive_error > 0.1);  // negative control (CV8): the slope by the scale, taken for that by its logarithm
   for (std::size_t k = 0; k < 16; ++k) CHECK(gradient.sh[2 * 16 + k][4] == 0.0);
+}
+
+TEST_CASE("scene/splat_table: a colour that is held at 0 passes no gradient, decided once (BB6)") {
+  // Degree 0 about the coefficient where 1/2 + f Y is 0: a few hundred neighbours in float, some of them exactly there.
+  SplatTable table;
+  table.resize(400, 0);
+  float f = -0.5f / static_cast<float>(sh_constant);
+  for (int i = 0; i < 200; ++i) f = std::nextafter(f, -10.0f);
+  for (float& value : table.color(0, 0)) {
+    value = f;
+    f = std::nextafter(f, 10.0f);
+  }
+  SerialExecutor executor;
+  GaussianBatch<float> batch, d_batch;
+  to_gaussians(table, eye, batch, executor);
+  d_batch.resize(table.count);
+  for (float& value : d_batch.storage()) value = 1;
+  std::vector<std::vector<float>> found(3 + 4 + 1 + 3, std::vector<float>(table.count));
+  SplatTableGradient<float> gradient;
+  std::size_t next = 0;
+  for (float*& column : gradient.log_scale) column = found[next++].data();
+  for (float*& column : gradient.rotation) column = found[next++].data();
+  gradient.opacity = found[next++].data();
+  while (next < found.size()) gradient.sh.push_back(found[next++].data());
+  to_gaussians_backward(table, eye, std::as_const(batch).columns(), std::as_const(d_batch).columns(), gradient,
+                        executor);
+  const float* const color = std::as_const(batch).columns().color[0];
+  std::size_t held = 0, free = 0, naive = 0;
+  for (std::size_t i = 0; i < table.count; ++i) {
+    CHECK((gradient.sh[0][i] != 0) == (color[i] > 0));
+    held += color[i] == 0 ? 1 : 0;
+    free += color[i] > 0 ? 1 : 0;
+    naive += color[i] >= 0 ? 1 : 0;
+  }
+  CHECK(held > 50);
+  CHECK(free > 50);
+  CHECK(naive == table.count);  // negative control: asked with >=, every colour that is held passes it
 }

@@ -31,6 +31,10 @@ TEST_CASE("scene/transforms: OpenGL poses land where the optics say") {
   CHECK(pixel[0] == doctest::Approx(8 + f / 4).epsilon(1e-14));
   CHECK(pixel[1] == doctest::Approx(6 - f / 8).epsilon(1e-14));
   CHECK(pixel[2] == doctest::Approx(4).epsilon(1e-14));
+  Camera<double> unturned =
+      camera;  // negative control (CA2): the file's own axes, y up and z backwards: the scene is behind
+  for (std::size_t k = 3; k < 9; ++k) unturned.rotation_camera_world[k] *= -1;
+  CHECK(project(unturned, {1, 0.5, 0})[2] == doctest::Approx(-4).epsilon(1e-14));
   CHECK(dataset->views[0].has_alpha);
 }
 
@@ -152,6 +156,25 @@ TEST_CASE("scene/transforms: downscaling follows the true size ratio (case CA1)"
   CHECK(camera.fx == doctest::Approx(f * 3 / 16).epsilon(1e-14));
   CHECK(camera.fy == doctest::Approx(f * 2 / 12).epsilon(1e-14));
   CHECK(camera.fx != doctest::Approx(f / 5).epsilon(0.01));  // negative control: the nominal factor
+}
+
+TEST_CASE(
+    "scene/transforms: an angle comes back from its focal length; none of half a turn and more is believed (CA4)") {
+  const TemporaryFolder folder;
+  put_blender(folder.path());
+  const auto open_with = [&](double angle) {
+    put(folder.path() / "transforms_train.json",
+        "{\"camera_angle_x\": " + std::to_string(angle) + ", \"frames\": [" + frame_text("train/a") + "]}");
+    return open_dataset(folder.path(), {});
+  };
+  for (const double angle : {0.001, 0.5, 1.5, 3.0, 3.14}) {
+    const Result<Dataset> dataset = open_with(angle);
+    REQUIRE(dataset.ok());
+    const Camera<double>& camera = dataset->views[0].camera;
+    CHECK(std::abs(2 * std::atan(camera.width / (2 * camera.fx)) - angle) < 4 * 2.3e-16 * angle);
+  }
+  for (const double angle : {3.1416, 3.2, 0.0, -1.0}) CHECK_FALSE(open_with(angle).ok());
+  CHECK(8 / std::tan(3.2 / 2) < 0);  // negative control: the formula's own focal length
 }
 
 TEST_CASE("scene/transforms: points3d.ply is used only if asked for") {
