@@ -173,7 +173,7 @@ TEST_CASE("entropy/hash_grid: gradients are those of a linear map of the signs, 
   CHECK(worst < 1e-12 * size);
   CHECK(stopped > 100);
   CHECK(tested > 100);
-  // Negative control (QZ4): an estimator that passes every gradient has one where the value is held, as within the bounds.
+  // Negative control (QZ4): an estimator that passes every gradient has one where the value is held.
   std::vector<double> d_within(table.values.size(), 0.0), within = table.values;
   for (double& value : table.values) value = value > 0 ? 0.5 : -0.5;
   table.refresh();

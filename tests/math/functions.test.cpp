@@ -102,8 +102,8 @@ TEST_CASE("math/functions: exp_negative near zero and on the wide range") {
   CHECK(at_zero(std::integral_constant<int, 4>{}) == 1.0f);
   CHECK(at_zero(std::integral_constant<int, 5>{}) == 1.0f);
   CHECK(at_zero(std::integral_constant<int, 6>{}) == 1.0f);
-  // Negative control: without p(0) = 1, the polynomial of degree 5 with the least error is near the Chebyshev series of 2^f = exp(a t), f = t / 2,
-  // whose coefficients are Bessel functions I_k(a), twice for k > 0: at 0 its T_k are 1, 0, -1, 0, 1, 0.
+  // Negative control: without p(0) = 1, the best polynomial of degree 5 is near the Chebyshev series of 2^f = exp(a t),
+  // f = t / 2, whose coefficients are Bessel functions I_k(a), twice for k > 0: at 0 its T_k are 1, 0, -1, 0, 1, 0.
   const double a = std::log(2.0) / 2;
   const auto bessel = [a](int k) {
     double term = std::pow(a / 2, k) / std::tgamma(k + 1), sum = 0;

@@ -304,7 +304,7 @@ TEST_CASE("optim/adam: a row that is not seen again moves on by its old momentum
   CHECK(drift > 3);
 }
 
-TEST_CASE("optim/adam: losses times a power of two take the same steps, to the bit (LS10)") {
+TEST_CASE("optim/adam: losses times a power of two take the same steps, to rounding (LS10)") {
   const auto trained = [](double epsilon, int power) {
     Training<float> training;
     training.adam = Adam<float>(AdamSettings{0.9, 0.999, epsilon});
@@ -315,17 +315,20 @@ TEST_CASE("optim/adam: losses times a power of two take the same steps, to the b
     }
     return training.values();
   };
+  const auto distance = [](const std::vector<float>& a, const std::vector<float>& b) {
+    float largest = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(a[i] - b[i]));
+    return largest;
+  };
   const std::vector<float> plain = trained(1e-15, 0);
-  for (const int power : {-10, 10}) CHECK(trained(1e-15, power) == plain);
-  // Negative control: with the usual epsilon the small ones fall behind.
-  const std::vector<float> usual = trained(1e-8, 0), smaller = trained(1e-8, -10);
-  float difference = 0;
-  for (std::size_t i = 0; i < usual.size(); ++i) difference = std::max(difference, std::abs(usual[i] - smaller[i]));
-  CHECK(difference > 0.01f);
+  // 50 steps of 0.01, of parameters below 5: a rounding of 2.4e-7 in each would be 1.2e-5.
+  for (const int power : {-10, 10}) CHECK(distance(trained(1e-15, power), plain) < 1e-5f);
+  CHECK(distance(trained(1e-8, -10), plain) > 1e-3f);  // negative control: with the usual epsilon they fall behind
 }
 
-TEST_CASE("optim/adam: the steps of an export's refinement change a quaternion's length by less than a fifth (QU3)") {
-  // Tangential gradients of a random direction in every step, as bad as can be; rates fall from 0.003 to a tenth (SplatRefineSettings).
+TEST_CASE("optim/adam: the steps of an export's refinement change a quaternion's length by less than 2 % (QU3)") {
+  // Tangential gradients of a random direction in every step, as bad as can be; rates fall from 0.003 to a tenth, as
+  // SplatRefineSettings has it.
   const auto length_after = [](std::uint64_t seed, int steps, double last_rate) {
     Training<double> one(4);
     const Random random(seed, 0, random_stage("test/quaternion"));
@@ -351,8 +354,8 @@ TEST_CASE("optim/adam: the steps of an export's refinement change a quaternion's
     longest = std::max(longest, length_after(seed, 30000, 1));
   }
   MESSAGE("from 1 to between ", least, " and ", most, "; in a training's steps to ", longest);
-  CHECK(least > 0.8);
-  CHECK(most < 1.2);
+  CHECK(least > 0.98);
+  CHECK(most < 1.02);
   CHECK(longest > 1.2);  // negative control: a training's steps, were a quaternion trained
 }
 

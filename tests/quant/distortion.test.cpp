@@ -173,7 +173,8 @@ TEST_CASE("quant/distortion: hard rounding lands on multiples of the step; both 
     }
   }
   CHECK(worst < 1e-9);  // the quotient of two doubles of size at most 1e3
-  // Negative control: noise in place of rounding, for values of a tenth of a step: 1/12 of a squared step, where rounding to 0 costs 1/300.
+  // Negative control: noise in place of rounding, for values of a tenth of a step: 1/12 of a squared step, where
+  // rounding to 0 costs 1/300.
   const Random random(3, 0, random_stage("test/gap"));
   double noise = 0, rounding = 0;
   for (std::uint64_t i = 0; i < 10000; ++i) {

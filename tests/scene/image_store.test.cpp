@@ -47,7 +47,7 @@ TEST_CASE("scene/image: transparent pixels get the background (case CA3)") {
   composite(pixels, 4, {0, 0.5f, 0}, AlphaRounding::truncate, planes);
   CHECK(planes[1] == 0);
   CHECK(planes[4] == 127);
-  // Outside of the silhouette a grey render is pulled to the background; both times alpha, it would not be (negative control).
+  // Outside of the silhouette a grey render is pulled to the background; both times alpha, it would not be (control).
   const float render = 0.5f, target = static_cast<float>(planes[1]) / 255, alpha = static_cast<float>(pixels[7]) / 255;
   float pull = 0, masked_pull = 0;
   const float masked_render = render * alpha, masked_target = target * alpha;

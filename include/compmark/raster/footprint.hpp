@@ -37,6 +37,9 @@ inline constexpr double footprint_limit = 1e9;
 inline constexpr double scale_limit = 1e25;
 /// Colours are scrubbed to this magnitude (docs/spec/numerics.md, BF9).
 inline constexpr double color_limit = 100;
+/// Smaller colours are blended as 0: times a weight and a gradient they would be denormal (docs/spec/numerics.md, SY4).
+/// Their own gradient passes.
+inline constexpr double color_floor = 1e-20;
 
 /// ln x for positive normal x: Cephes' split at sqrt(1/2) and degree 8 in float, 1 ulp; std::log for the other scalars.
 template <class T, int W>

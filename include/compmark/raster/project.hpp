@@ -204,9 +204,8 @@ void write_splats(const GaussianColumns<const T>& gaussians, const LensView<T, t
     std::array<P, 3> color;
     for (std::size_t k = 0; k < 3; ++k) {
       const P c = P::load(gaussians.color[k] + i);
-      color[k] = keep(c - c == P(T(0)),
-                      // infinite and NaN become 0, large is clamped (docs/spec/numerics.md, BF9)
-                      min(max(c, -limit), limit));
+      // infinite, NaN and next to nothing become 0, large is clamped (docs/spec/numerics.md, BF9, SY4)
+      color[k] = keep((c - c == P(T(0))) & (abs(c) >= P(static_cast<T>(color_floor))), min(max(c, -limit), limit));
     }
     const P zero(T(0));
     const P pivot = select(s.footprint.pivot_x, P(T(1)), zero);
