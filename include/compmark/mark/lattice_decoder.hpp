@@ -5,18 +5,22 @@
 // With u_i and the gates w_i of lattice_positions.hpp,
 //   p_k = sum_i w_i cos 2 pi (phase_k + frequency_k . u_i) / (sum_i w_i + floor N),
 //   logits = head p + bias  (- host(p)).
-// phases are therefore nearly uniform and interfere little with the message. The averaged responses of convolutions
-// lack that, which is why this decoder reads more at 38 dB, for 0.1 % of their cost (docs/decoder_training.md). With a
-// limit a region R of the image whose logits exceed it counts less: its sums over the features, s_R, and its gates,
-// g_R, are weighted by
+// Each Fourier feature is dither modulation (quantization index modulation; Chen and Wornell, IEEE Trans. Information
+// Theory 47, 2001) of one direction of contrast. A crop, a rotation or a shift leaves the mean over positions in place,
+// and contrast of logarithms does not change with brightness. The period of a feature is short against the contrast of
+// photographs: their own phases are nearly uniform and interfere little with the message. Averaged responses of
+// convolutions lack that, and the lattice decoder reads more at 38 dB, for 0.1 % of their cost
+// (docs/decoder_training.md).
+// With a limit, a region R of the image whose logits exceed it counts less: its sums over the features, s_R, and its
+// gates, g_R, are weighted by
 //   c_R = min(1, limit / |t_R|),   t_R = (head s_R + bias g_R) / (sum_i w_i + floor N),
 //   p = sum_R c_R s_R / (sum_R c_R g_R + floor N),
 // Huber's weight of an M-estimator of the mean (Annals of Mathematical Statistics 35, 1964), one step from all weights
 // 1. A glare in a corner that no fitted view had gives large logits in one place, while the message gives small ones
 // everywhere (docs/notebook/watermark_experiments.md). It is a weighted mean: where the logits of all regions are
-// large, none is held back. The prediction of the unmarked scene is no part of t. Cost: (3 octaves + 22) features
-// operations a position, a position for every stride^2 pixels; the gradient twice that. A limit: regions x bits x
-// features more, an image.
+// large, none loses weight against the others. The prediction of the cover interference is no part of t.
+// Cost: (3 octaves + 22) features operations a position, a position for every stride^2 pixels; the gradient twice that.
+// A limit: regions x bits x features more, an image.
 #pragma once
 
 #include <algorithm>

@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The values u and gates w that the lattice decoder reads at each position, and the gradient through them.
-// sigmas, every stride-th pixel,
+// The values u and gates w that the lattice decoder reads at each position, and the gradient through them. With a_0 ...
+// a_n the image blurred at growing sigmas, every stride-th pixel,
 //   u = (log(a_0 + e) - log(a_1 + e), ..., log(a_(n-1) + e) - log(a_n + e))           contrast: octaves x 3 colours
 //   u = (a_0, ..., a_n)                                                               colour: blurs x 3 colours
 //   w = (1 - exp(-(m / g)^2)) (1 - exp(-((1 - m) / g)^2)),  m the mean colour of a_n  the gate
-// The first blur thins out, the others work on its grid (sigmas add in squares). The gate fades out black and white,
-// where noise is clipped to one side, and a background would speak for most positions. Positions lie region by region
-// (LatticeSettings::regions), a grid of about square parts of the image, each in whole packs; a single region is the
-// image's own order. Cost: 3 (6 sigma_0 + 1) / stride + small, operations a pixel; a logarithm a value.
+// The first blur reduces the resolution, the others work on its grid (sigmas add in squares). The gate fades out black
+// and white: noise is clipped to one side there, and a plain background would dominate the mean. Positions lie region
+// by region (LatticeSettings::regions), a grid of about square parts of the image, each in whole packs; a single region
+// is the image's own order. Cost: 3 (6 sigma_0 + 1) / stride + small, operations a pixel; a logarithm a value.
 #pragma once
 
 #include <algorithm>
