@@ -90,7 +90,7 @@ Result<std::unique_ptr<Reader>> open_reader(const ComparisonInput& input) {
   return reader;
 }
 
-/// This view of a model against the twin's render of it.
+/// This view of a model against the counterpart's render of it.
 Result<AgainstTwin> measure_against(Opened& twin, const SeenView& view, LpipsNets& nets, ThreadExecutor& executor) {
   const Result<RenderedView> plain =
       twin.model->render(twin.views.camera(view.index), twin.views.lens(view.index), executor);
@@ -174,7 +174,7 @@ bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
   return std::filesystem::equivalent(a, b, none);
 }
 
-/// Twins, each file once, and which of them a model has.
+/// Unmarked counterparts, each file once, and which of them a model has.
 struct Twins {
   std::vector<std::unique_ptr<Opened>> opened;
   std::vector<std::size_t> of_model;  ///< empty without twins

@@ -49,7 +49,7 @@ struct AgainstTwin {
 struct ComparedModel {
   std::filesystem::path path;
   std::string name;          ///< of the file, with as many folders as tell it from the others
-  bool is_unmarked = false;  ///< the twin of a model
+  bool is_unmarked = false;  ///< the counterpart of a model
   std::uint64_t bytes = 0;   ///< of the file
   std::string codec;         ///< empty: not compressed
   std::vector<std::pair<std::string, std::uint64_t>> sections;  ///< of a compressed file, largest first
@@ -57,7 +57,7 @@ struct ComparedModel {
   Evaluation evaluation;
   std::optional<compmark::Verification> verification;
   std::optional<std::size_t> twin;        ///< in Comparison::models
-  std::vector<AgainstTwin> against_twin;  ///< of every view; empty without a twin
+  std::vector<AgainstTwin> against_twin;  ///< of every view; empty without a counterpart
   std::vector<ReportView> views;          ///< pictures
 };
 

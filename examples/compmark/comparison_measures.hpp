@@ -17,7 +17,7 @@ struct Measure {
   const char* name;     ///< in JSON and CSV (docs/results.md)
   const char* heading;  ///< of tables
   const char* format;
-  /// Empty where it does not apply: no weights, no twin, no exposure.
+  /// Empty where it does not apply: no weights, no counterpart, no exposure.
   std::optional<double> (*of_view)(const Comparison&, const ComparedModel&, std::size_t view);
 };
 
@@ -38,7 +38,7 @@ inline std::optional<double> lost(const Comparison& comparison, const ComparedMo
 }
 }  // namespace measure_of
 
-/// Against the photograph, against the twin, and how long it took. Means over the views are a model's figures.
+/// Against the photograph, against the counterpart, and milliseconds. A model's figures are means over the views.
 inline constexpr std::array measures = {
     Measure{"psnr", "PSNR, dB", "%.3f", &measure_of::in_view<&ViewResult::psnr>},
     Measure{"ssim", "SSIM", "%.4f", &measure_of::in_view<&ViewResult::ssim>},

@@ -27,7 +27,7 @@ std::string cell(const Measure& measure, std::optional<double> value) {
 }
 std::string title_of(const ComparedModel& model) { return model.name + (model.is_unmarked ? " (unmarked)" : ""); }
 
-/// The columns that say something of these models.
+/// The columns that have a value for these models.
 std::vector<const Measure*> measures_of(const Comparison& comparison) {
   std::vector<const Measure*> found;
   for (const Measure& measure : measures) {

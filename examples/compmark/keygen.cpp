@@ -85,8 +85,8 @@ int run(const KeygenOptions& options) {
                  "would make the same key again",
                  "give the new key a payload of its own with --payload"});
   }
-  // Of two that make one name at once the second would replace the first's: a key that somebody was told of, and nobody
-  // has.
+  // Of two processes that make the same name at once, the second would replace the first's key, which somebody was told
+  // of and nobody has.
   const Result<std::shared_ptr<const void>> alone = hold_file(options.out);
   if (!alone) return fail(alone.error());
   fs::path aside;

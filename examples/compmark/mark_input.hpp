@@ -67,7 +67,7 @@ struct MarkInput {
   compmark::ReportSources sources;
   std::filesystem::path twin;
   std::filesystem::path coded_twin;  ///< of the compressed model; empty: `twin`
-  double twin_unit = 1;              ///< as in the twin's ModelInfo, likewise the origin
+  double twin_unit = 1;              ///< as in the counterpart's ModelInfo, likewise the origin
   std::array<double, 3> twin_origin{0, 0, 0};
   std::filesystem::path key_file;
   std::string decoder_tensors;  ///< tensors_sha256 (mark_record.hpp)
@@ -76,7 +76,7 @@ struct MarkInput {
 };
 /// Whether a decoder was fitted to a scene: its cover interference is low there, and a mark costs less.
 bool fitted_decoder(const std::filesystem::path& path);
-/// The key of --key, whose message is as long as --bits says, if it says anything.
+/// The key of --key; its message must have the length of --bits, if that is given.
 compmark::Result<compmark::OwnerKey> key_of(const MarkOptions& options);
 /// Reads key and decoder, which must agree on the length, and sets the mark's numbers in the settings of the run.
 compmark::Result<MarkInput> load_mark(const MarkOptions& options, compmark::TrainSettings& settings);

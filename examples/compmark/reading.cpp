@@ -42,8 +42,8 @@ void keep_evenly(std::vector<T>& items, std::size_t count) {
 /// Of an image while it is read, at most: its floats, their blurs and what is read at each position.
 constexpr std::uint64_t bytes_a_pixel = 56;
 
-/// An image as floats in [0, 1], and what its file is called by. Of a large one no two forms are held longer than they
-/// must: the file, its pixels, their planes and the floats are 20 bytes a pixel together, and the floats alone are 12.
+/// An image as floats in [0, 1], and the name of its file. A large image is never held in two forms longer than needed:
+/// the file, its pixels, their planes and the floats are 20 bytes a pixel together, and the floats alone are 12.
 struct ReadImage {
   std::vector<float> planes;  ///< [3, height, width]
   int width = 0, height = 0;

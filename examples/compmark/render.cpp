@@ -48,7 +48,7 @@ Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::
   use.read(options.model, "--model", InputKind::model);
   use.read(options.data, "--data", InputKind::dataset);
   for (const std::filesystem::path& file : files) use.write(file, "--out");
-  // Photographs are photographs although this command was not told of them.
+  // Photographs must stay even if this command does not read them.
   std::error_code status;
   std::filesystem::path folder = std::filesystem::absolute(options.out, status);
   for (int up = 0; up < 3 && folder.has_relative_path(); ++up, folder = folder.parent_path()) {

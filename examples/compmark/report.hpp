@@ -92,8 +92,8 @@ struct ReportInput {
 /// Plots of one log, under its heading; empty without lines.
 std::string curves_html(const ReportCurve& curve);
 
-/// The page as text, and written atomically. Cost: PNG compression of three images a view, five with an unmarked twin
-/// (~0.1 s each at 800 x 800).
+/// The page as text, and written atomically. Cost: PNG compression of three images a view, five with an unmarked
+/// counterpart (~0.1 s each at 800 x 800).
 std::string make_report(const ReportInput& input);
 compmark::Result<compmark::Done> write_report(const std::filesystem::path& path, const ReportInput& input);
 

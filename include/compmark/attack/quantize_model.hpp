@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The paper's general quantization (docs/spec/method.md, 6, T8; docs/spec/watermark.md, 4) as an edit of a model: every
-// tensor that a render reads is rounded in place, anchors by one quantizer and networks by another, since anchors share
-// a scale by columns if at all and weights by rows. The paper does not say which tensors; its 26.6 dB falling to 21.7
-// is explained by positions of 8 bits only, so they are rounded unless the settings say no. Masks, and what only a
-// coder reads (hash grid, contexts, hyperpriors, distortion), stay. Cost: a copy of one tensor, three reads of each.
+// The paper's general quantization (docs/spec/method.md, 6, T8; docs/spec/watermark.md, 4) as an edit of a model. It
+// rounds every tensor that a render reads, in place. Anchors and networks have a quantizer each, since anchors share a
+// scale by columns and weights by rows. The paper does not name the tensors. Its fall from 26.6 to 21.7 dB happens only
+// if positions get 8 bits too, so they are rounded by default. Masks, and tensors of a coder alone (hash grid,
+// contexts, hyperpriors, distortion), stay. Cost: a copy of one tensor, three reads of each.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +27,7 @@ struct QuantizeModelSettings {
   bool networks = true;  ///< false: blocks of fixed rows stay as they are
 };
 
-/// What rounding did to one tensor.
+/// The rounding error of one tensor.
 struct QuantizedBlock {
   std::string name;
   std::size_t values = 0;

@@ -110,7 +110,7 @@ struct CodecLimits {
 
 namespace detail {
 
-/// What is said of the numbers that a model and a file both begin with; none if they are in order.
+/// The error in the numbers that a model and a file both begin with; none if they are in order.
 [[nodiscard]] inline Result<Done> check_codec_numbers(const CodecModel& model) {
   const auto fail = [](std::string field, std::string problem) {
     return Error{ErrorKind::invalid, "", std::move(field), std::move(problem), "it cannot be coded"};
@@ -135,7 +135,7 @@ namespace detail {
   return Done{};
 }
 
-/// What is said of a model before it is encoded.
+/// The error in a model before it is encoded.
 [[nodiscard]] inline Result<Done> check_codec_model(const CodecModel& model) {
   const Result<Done> numbers = check_codec_numbers(model);
   if (!numbers) return numbers.error();

@@ -156,7 +156,7 @@ template <class Model>
   return result;
 }
 
-/// The sections of a file on their way. A template, so that who includes this without encoding does not pay for it.
+/// The sections of a file while it is written. A template, so that a program that does not encode does not pay for it.
 template <class Model>
 class FileWriter {
  public:

@@ -59,7 +59,7 @@ template <class File>
 }
 
 /// `path` is for messages. A file whose META is damaged has no information to give and is an error.
-template <class Info = CodecInfo>  // a template, so that who does not call it does not pay for it
+template <class Info = CodecInfo>  // a template: free for programs that do not call it
 [[nodiscard]] Result<Info> inspect_cmk(std::span<const std::byte> bytes, const std::string& path) {
   const Result<Container> file = parse_container(bytes, path);
   if (!file) return file.error();

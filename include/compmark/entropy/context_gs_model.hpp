@@ -1,21 +1,21 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// ContextGsModel, the entropy model of ContextGS while training (Wang et al., NeurIPS 2024; docs/spec/compression.md,
-// 2): no hash grid; what an anchor's attributes are likely to be, and how finely they are quantized, a network says
-// from the anchor that was coded before it in its cell (anchor_levels.hpp) and from a hyperprior z of 12 numbers an
-// anchor, which is coded first, under a factorised prior. Inputs and outputs: context_gs_parameters.hpp. Parents are
-// seen as a decoder sees them: with the noise of their own steps, or rounded. The loss is
+// ContextGsModel, the entropy model of ContextGS in training (Wang et al., NeurIPS 2024; docs/spec/compression.md, 2).
+// It has no hash grid: a network predicts an anchor's attributes and quantizer steps from its parent, the anchor of its
+// cell that was coded before it (anchor_levels.hpp), and from a hyperprior z of 12 numbers an anchor, which is coded
+// first under a factorised prior. Inputs and outputs: context_gs_parameters.hpp. Parents are read as a decoder has
+// them: with the noise of their own steps, or rounded. The loss is
 //   lambda (bits of f, l, o and z) / scalars of f, l, o + 5e-4 mean(sigmoid(mask logits)),
-// estimated on a random 15 % of all anchors, of which dead ones cost nothing, as HacModel has it with `anchor_mask`
-// (published: of the live ones, times their share); z counts for every live anchor. Gradients reach parents through
-// what their children read of them. Noise is a function of (seed, iteration, row, scalar): an anchor has one value in
-// an iteration, whoever looks at it. Dead rows pass unchanged. Rows that are looked at without being listed are read
-// from the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and have their gradients there; where an
-// Embedder marks features, its table holds every row and is read instead (Context::all_features). Everything runs in
-// panels of 64 anchors, level by level, sums in fixed order: same bits at any thread count. Cost an anchor that is
-// looked at: 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k more and 12 scalars of the prior where its
-// rate counts; memory 2.2 KB. Longer than 300 lines: both ways of both kinds of panels share one layout.
+// estimated on a random 15 % of all anchors, of which masked ones cost nothing, as HacModel has it with `anchor_mask`
+// (published: of the unmasked ones, times their share); z counts for every unmasked anchor. Parents get gradients
+// through their children's inputs. Noise is a function of (seed, iteration, row, scalar): an anchor has one value in an
+// iteration for all its readers. Masked rows pass unchanged. Rows that are evaluated without being listed are read from
+// the blocks "anchor.feature", "anchor.scaling" and "anchor.offset" and have their gradients there; where an Embedder
+// marks features, its table holds every row and is read instead (Context::all_features). Everything runs in panels of
+// 64 anchors, level by level, sums in fixed order: same bits at any thread count. Cost of an anchor that is evaluated:
+// 7.1 k multiply-adds forward and 14 k backward, 17.5 k and 35 k more and 12 scalars of the prior where its rate
+// counts; memory 2.2 KB. Longer than 300 lines: both ways of both kinds of panels share one layout.
 #pragma once
 
 #include <algorithm>

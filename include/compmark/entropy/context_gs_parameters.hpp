@@ -1,20 +1,20 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Blocks of ContextGS's entropy model in the arena, their first values, and what is made up from all anchors when its
-// context begins: box and statistics as for HAC (hac_parameters.hpp) and the cells of the levels. Also what a coder
-// needs to know to predict the same:
-//   inputs of level 2    [2 (x - box minimum) / (box maximum - box minimum) - 1, held in [-1, 1] (3); z (12)]
+// Blocks of ContextGS's entropy model in the arena, their first values, and the parts that are computed from all
+// anchors when its context begins: box and statistics as for HAC (hac_parameters.hpp) and the cells of the levels. A
+// coder must use the same inputs to predict the same:
+//   inputs of level 2    [2 (x - box minimum) / (box maximum - box minimum) - 1, clipped to [-1, 1] (3); z (12)]
 //   inputs of 1 and 0    [(v - v of the parent) / edge of the parent's cell (3): coarse for level 1, fine for level 0;
 //                         (f - mean) / deviation of the parent's decoded features (D); (l - mean) / deviation of its
 //                           extents (6); z (12)]
 //   z                    its symbol is the nearest whole number, half to even, coded before all else; 0 for NaN and
 //                        beyond 1e6
-//   decoded              k q of the parent's symbols and steps; extents as they come, 0 too, not held above any least
+//   decoded              k q of the parent's symbols and steps; extents unclipped, so that 0 is possible
 //   outputs              as HAC's: mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o (hac_attributes.hpp)
-// The published inputs are raw world coordinates of the parent, whose scale is the scene's (docs/spec/compression.md,
-// 2.3 and 5.13): where in its parent's cell an anchor lies, they do not say. Newborn rows have z = 0 (published: the
-// largest of the merged parents'); a mask's 0 is logit 1.
+// The published inputs are raw world coordinates of the parent, which depend on the scale of the scene and do not
+// contain the anchor's place in its parent's cell (docs/spec/compression.md, 2.3 and 5.13). Rows of new anchors have z
+// = 0 (published: the largest of the merged parents'); a mask's 0 is logit 1.
 #pragma once
 
 #include <algorithm>

@@ -1,18 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// HacModel, the entropy model of HAC while training (Chen et al., ECCV 2024; docs/spec/compression.md, 1): a binary
-// hash grid says where an anchor is, a network what its attributes are likely to be and how finely they are quantized,
-// q = Q0 (1 + tanh r); the attributes carry the noise of these steps, and the bits they would take are a loss,
+// HacModel, the entropy model of HAC in training (Chen et al., ECCV 2024; docs/spec/compression.md, 1). From an
+// anchor's place in a binary hash grid, a network predicts its attributes and its quantizer steps, q = Q0 (1 + tanh r).
+// The attributes carry the noise of these steps, and their bits are a loss,
 //   lambda (bits / scalar + bits of the grid / (N (D + 6 + 3 K))) + 5e-4 mean(sigmoid(mask logits)),
-// estimated on a random twentieth of all anchors (HAC++; HAC itself: of the visible live ones, times their live share).
+// estimated on a random twentieth of all anchors (HAC++; HAC itself: of the visible unmasked ones, times their share).
 // Before the context begins the noise is that of Q0. Anchors whose rate is not counted in an iteration need only their
-// steps, 3 of 175 outputs. Rows outside the visible list whose rate is counted get it straight into the arena's
-// gradients of the blocks "anchor.feature", "anchor.scaling" and "anchor.offset", found by name when the parameters are
+// steps, 3 of 175 outputs. Rows outside the visible list whose rate is counted have their gradients directly in the
+// arena, in the blocks "anchor.feature", "anchor.scaling" and "anchor.offset", found by name when the parameters are
 // added; without these blocks only listed rows are sampled. Everything runs in fixed panels of 64 anchors: same bits at
 // any thread count. Cost at n visible anchors: n 86 random numbers, n (576 + 9.7 k) multiply-adds forward and, of those
-// that teach (Settings::step_share), twice that backward; memory 1.2 KB a visible anchor. Longer than 300 lines: both
-// ways of both kinds of panels share one layout.
+// with a gradient (Settings::step_share), twice that backward; memory 1.2 KB a visible anchor. Longer than 300 lines:
+// both ways of both kinds of panels share one layout.
 #pragma once
 
 #include <algorithm>

@@ -3,11 +3,11 @@
 //
 // Kernels of the lattice decoder: with u [dimensions, positions] and gates w [positions],
 //   sum_k = sum_i w_i cos(2 pi t_ik),   t_ik = phase_k + sum_j frequency_kj u_ji   (in turns),
-// and the two gradients of it. The waves are computed again in the gradients instead of being kept: features x
+// and the two gradients of it. The gradients compute the Fourier features again instead of keeping them: features x
 // positions numbers would not fit the caches. Positions come in whole packs (padded with gate 0), and sums and input
 // gradients leave out a pack whose gates are all 0, a background. For one colour (three dimensions) these two have
 // loops of their own, whose sums stay in registers. Cost: per feature and open position `dimensions` multiply-adds and
-// ~22 operations for the wave; the gradients twice that.
+// ~22 operations for the cosine; the gradients twice that.
 #pragma once
 
 #include <cmath>

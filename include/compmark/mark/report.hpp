@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From images to a report: what a decoder reads from each, the verdict of verify.hpp, and both as JSON and as words for
-// people who know no statistics. The report has what another needs to check it with the key: logits in full precision,
-// thresholds that were chosen before, hashes of what was read. It holds nothing secret of the key; but the bits that
+// From images to a report: the reading of each image, the verdict of verify.hpp, and both as JSON and as sentences for
+// people who know no statistics. With the key, another person can check the report: it has logits in full precision,
+// thresholds that were chosen before, and hashes of the images. It holds nothing secret of the key; but the bits that
 // were read from a marked model are its message (docs/verification.md). Any JSON class with nlohmann's interface does:
 // report_json<nlohmann::ordered_json>(report). Cost: a forward pass of the decoder an image.
 #pragma once

@@ -30,11 +30,11 @@ namespace compmark {
 struct DecoderFitSettings {
   int bits = 48;
   int waves = 320;              ///< Fourier features; more than bits, or there is nothing to choose
-  double period = 0.1;          ///< of the waves, colours in [0, 1]: 26 levels of 255
+  double period = 0.1;          ///< of the Fourier features, colours in [0, 1]: 26 levels of 255
   double spread_octaves = 1;    ///< either way, of the periods
   int stride = 1;               ///< of the positions that are read, in pixels
   double blur = 0.5;            ///< of the image before, in pixels
-  std::uint64_t seed = 0;       ///< of waves, views and rotation
+  std::uint64_t seed = 0;       ///< of features, views and rotation
   int statistics_views = 2560;  ///< about eight for each feature: fewer determine too little
   int coordinates = 128;        ///< dimension of the nuisance subspace (mark/host_prediction.hpp); 0: no prediction
   double width = 2;             ///< of the prediction's kernel, in root mean squares of the coordinates

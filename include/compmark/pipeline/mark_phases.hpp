@@ -95,7 +95,7 @@ class MarkPhases {
   }
 
  private:
-  /// Where the marked renders are held there is no other reading: without a number it is every iteration.
+  /// Post-hoc embedding has no other reading: without a number it reads in every iteration.
   [[nodiscard]] std::int64_t between_every() const {
     return held() ? std::max<std::int64_t>(1, numbers_.message.between_every) : numbers_.message.between_every;
   }

@@ -57,8 +57,8 @@ template <class Json = nlohmann::json>
   return json;
 }
 
-/// What a model file says beside its blocks and views. No recipe's type is in it, so that what is done with it is
-/// compiled once.
+/// Information of a model file beside its blocks and views. Nothing in it depends on a recipe's type, so that its users
+/// are compiled once.
 struct ModelNumbers {
   DecoderShape shape;
   double voxel_size = 0;

@@ -35,7 +35,7 @@ struct QuietWaves {
   std::vector<double> centre;                         ///< [readings, coordinates]
   std::vector<double> coordinate, coordinate_offset;  ///< [coordinates, waves], [coordinates]
 
-  /// Bit `bit` reads `row` [count] of the quiet directions: the host's part of it.
+  /// Adds the prediction of cover interference for a bit that reads `row` [count] of the directions.
   template <class T>
   void add_prediction(std::size_t bit, std::size_t bits, const std::vector<double>& row,
                       HostPrediction<T>& host) const {

@@ -107,7 +107,8 @@ namespace detail {
 consteval bool holds(bool satisfied) { return satisfied; }
 }  // namespace detail
 
-/// Cross-stage facts, each a sentence. Called by Pipeline, so a wrong recipe is told at the door.
+/// Checks that the stages fit together; each error is a sentence. Called by Pipeline, so that a wrong recipe is refused
+/// first.
 template <Recipe R>
 consteval void check_recipe() {
   static_assert(detail::holds(Rasterizer<typename R::Rasterizer>),

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Recipes with a watermark: any recipe, and the stages that put a message into its anchors. The model that is stored is
-// the host's: the mark is baked into the features, and who reads the file needs no recipe of this page (baked_host).
-//
+// Recipes with a watermark: any host recipe, and the stages that put a message into its anchors. The stored model is
+// one of the host recipe: the mark is baked into the features, and a reader of the file needs no recipe of this header
+// (baked_host).
 //   Marked<Host, Decoder>            f^w = f + tanh f', message read by Decoder, loss of saturated colours
 //   MarkedForCompression<…>          the same with the noise of quantization in training, for a codec
 #pragma once

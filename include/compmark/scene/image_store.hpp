@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The images of a dataset, decoded when first asked for and kept in 8 bits within a memory budget; the least recently
-// used go first. What an image is made of, and in which order, says scene/decode.hpp. What the store delivers always
-// has the size of the view's camera; a file that no longer has the size it had when the dataset was opened is an Error,
-// and so is one that would take more than the budget to decode. Cost of a hit: O(1); of a miss: decoding (~20 ns a
-// pixel) and resizing. The result never depends on the budget or on the order of use.
+// used go first. scene/decode.hpp describes the steps of decoding. A delivered image always has the size of the view's
+// camera. A file whose size has changed since the dataset was opened is an Error, and so is one that would take more
+// than the budget to decode. Cost of a hit: O(1); of a miss: decoding (~20 ns a pixel) and resizing. The result never
+// depends on the budget or on the order of use.
 #pragma once
 
 #include <algorithm>

@@ -121,10 +121,10 @@ template <class Json>
   return (source != nullptr && source->unit == 0) || fields.find("cx") != nullptr || fields.find("cy") != nullptr;
 }
 
-/// How many times larger than the image found, a copy made smaller by `reduction`, the images are whose pixels the
-/// intrinsics count: 1 or `reduction`, whichever everything agrees with that tells of their size. Sizes of copies are
-/// rounded and principal points are not quite central, so the answer is one of the two and not the quotient. Asked only
-/// where w and h are missing.
+/// The factor between the image found, a copy made smaller by `reduction`, and the images whose pixels the intrinsics
+/// count: 1 or `reduction`, whichever agrees with all other information about their size. Sizes of copies are rounded
+/// and principal points are not quite central, so the answer is one of the two and not the quotient. Asked only where w
+/// and h are missing.
 template <class Json>
 [[nodiscard]] Result<int> pixel_reduction(const TransformsFields<Json>& fields, int width, int height, int reduction) {
   const auto number = [&](const char* key) {

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How well a decoder reads what was embedded through it (docs/spec/watermark.md, 1.5): random messages in the pixels of
-// images at fixed PSNR, rounded to 8 bits, distorted, rounded again, read. The mean bit accuracy under each distortion
-// is what the card of a weight file states. Cost: an embedding of `steps` passes an image.
+// Measures the bit accuracy of a decoder on messages embedded through it (docs/spec/watermark.md, 1.5): random messages
+// in the pixels of images at fixed PSNR, rounded to 8 bits, distorted, rounded again, read. The mean bit accuracy under
+// each distortion is in the card of a weight file. Cost: an embedding of `steps` passes an image.
 #pragma once
 
 #include <array>

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The lattice decoder as a trainable network: its weights as blocks of an arena, a batch at a time. The start is not
-// random noise that has to learn what a bit is (that is where training from scratch stalls, docs/spec/watermark.md,
-// 1.6): random lattice directions of a given period and a whitened head read messages already, and training moves them
-// to where distortions hurt least.
+// The lattice decoder as a trainable network: its weights as blocks of an arena, a batch at a time. Training from
+// scratch stalls before the network has learned what a bit is (docs/spec/watermark.md, 1.6). This start avoids it:
+// random lattice directions of a given period and a whitened head read messages already, and training moves them to
+// where distortions hurt least.
 #pragma once
 
 #include <algorithm>
@@ -24,9 +24,9 @@
 
 namespace compmark {
 
-/// Frequencies of length 1 / period in a random direction, uniform phases, no head yet (lattice_head). One period an
-/// octave of contrast, or a blur of colour; with a `spread` above 0 a wave's periods are all longer or shorter by up to
-/// so many octaves.
+/// Frequencies of length 1 / period in a random direction, uniform phases, no head yet (lattice_head). One period for
+/// each octave of contrast, or each blur of colour; a `spread` above 0 scales the periods of a Fourier feature
+/// together, by up to so many octaves.
 template <class T>
 [[nodiscard]] LatticeWeights<T> random_lattice(const LatticeSettings& settings, std::span<const double> period,
                                                std::uint64_t seed, double spread = 0) {

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which photographs a decoder is trained on and which it is measured on, from their names alone: files that differ only
-// in a last _number are pieces of one photograph and stay on one side; the groups whose names hash lowest are kept out.
-// So a card can say what was held out, and a test can find it again. Cost: a sort of the names.
+// Splits photographs into those a decoder is trained on and those it is measured on, from their names alone. Files that
+// differ only in a last _number are pieces of one photograph and stay on one side; the groups whose names hash lowest
+// are held out. A card can therefore name the held-out photographs, and a test can find them again. Cost: a sort of the
+// names.
 #pragma once
 
 #include <algorithm>

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A message in the pixels of one image: the change that Adam makes step by step, kept in [0, 1] and on a ball of given
-// PSNR around the original. Keeping the distortion fixed and asking how well the bits read compares decoders at equal
-// cost; a weighted image loss would trade one for the other. Cost: ~2 ns a value and step.
+// PSNR around the original. A fixed distortion compares the bits of decoders at equal cost; a weighted image loss would
+// trade one for the other. Cost: ~2 ns a value and step.
 #pragma once
 
 #include <algorithm>

@@ -89,8 +89,8 @@ struct PretrainState {
   std::vector<PretrainSlot<T>> slots;
 };
 
-/// What one iteration saw; accuracies are of the slots in their last third of life, under the distortion they were read
-/// through.
+/// The report of one iteration; accuracies are of the slots in their last third of life, under the distortion they were
+/// read through.
 struct PretrainReport {
   double loss = 0;
   double psnr = 0;

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of a MessageDecoder (mark/concept.hpp): reads the message from the render and pulls every bit to its side;
-// in a training reads views between the photographed ones too, where MessageSettings::between_every says so. Cost: the
-// decoder's forward and backward pass, and of a view between a render and its backward pass more.
+// The stage of a MessageDecoder (mark/concept.hpp): reads the message from the render and adds the loss of its bits. In
+// a training it also reads sampled novel views, where MessageSettings::between_every says so. Cost: the decoder's
+// forward and backward pass, and for a sampled view a render and its backward pass more.
 #pragma once
 
 #include <algorithm>
@@ -45,7 +45,7 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   std::vector<std::uint8_t> message;  ///< the bits that a render shall carry, one a byte
   MessageLoss<Scalar> message_loss;
 
-  /// Tells the decoder and what every render shall carry: bit i of `bits` is 0 or 1, one for each bit of the decoder.
+  /// Sets the decoder and the message of every render: bit i of `bits` is 0 or 1, one for each bit of the decoder.
   void set(Decoder reader, std::span<const std::uint8_t> bits, const MarkNumbers& mark) {
     COMPMARK_ASSERT(static_cast<std::size_t>(reader.bits()) == bits.size(), "MessageStage: message length");
     auto& loss = message_loss.settings;

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of an EntropyModel (entropy/concept.hpp): while training for compression, what is decoded carries the noise
-// of the model's own steps, the bits of the anchors are a loss, and Gaussians are masked by the masks of their offsets.
-// Cost: that of the model.
+// The stage of an EntropyModel (entropy/concept.hpp). While training for compression, decoded attributes carry the
+// noise of the model's own steps, the bits of the anchors are a loss, and Gaussians are masked by the masks of their
+// offsets. Cost: that of the model.
 #pragma once
 
 #include <cstddef>
