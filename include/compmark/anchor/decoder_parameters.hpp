@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What of the Gaussian decoder trains: three heads Linear -> ReLU -> Linear (docs/spec/method.md, 1.3), and where the
-// shape says so the feature bank's network and the table of appearance embeddings. Blocks of the arena are named as
-// PyTorch's Sequential names them.
+// Trained parameters of the Gaussian decoder: three heads Linear -> ReLU -> Linear (docs/spec/method.md, 1.3) and, if
+// the shape has them, the feature bank's network and the table of appearance embeddings. Blocks of the arena are named
+// as PyTorch's Sequential names them.
 #pragma once
 
 #include <cmath>

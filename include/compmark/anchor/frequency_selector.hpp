@@ -39,7 +39,7 @@ struct FrequencyBandSettings {
   [[nodiscard]] static constexpr FrequencyBandSettings paper() { return {-0.3, 0.3, PixelMapping::correct}; }
 };
 
-/// What a selection found; a coverage of a half and more says that the band selects flat regions
+/// The result of a selection. A coverage of a half and more means that the band selects flat regions
 /// (docs/spec/numerics.md, AN7).
 struct FrequencySelection {
   double median = 0;

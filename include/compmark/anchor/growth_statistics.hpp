@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What growing and pruning look at, gathered over many views (docs/spec/method.md, 4.1). A slot is anchor * K + offset,
-// as in DecodedStatistics. Adding one view costs about a nanosecond a Gaussian: one view names a slot at most once, so
-// chunks never meet.
+// Statistics for growing and pruning, gathered over many views (docs/spec/method.md, 4.1). A slot is anchor * K +
+// offset, as in DecodedStatistics. Adding one view costs about a nanosecond a Gaussian: one view names a slot at most
+// once, so chunks never meet.
 #pragma once
 
 #include <algorithm>

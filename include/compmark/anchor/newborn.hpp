@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Anchors that are about to be born, before they have rows in the table: a place and a size each, and the
-// component-wise maximum of their parents' features (docs/spec/method.md, 4.4, g). Their position is the centre of a
-// cell, their log scaling the log of its size.
+// New anchors before they have rows in the table: a place and a size each, and the component-wise maximum of their
+// parents' features (docs/spec/method.md, 4.4, g). Their position is the centre of a cell, their log scaling the log of
+// its size.
 #pragma once
 
 #include <algorithm>

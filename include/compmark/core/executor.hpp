@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concept Executor: who runs the loops. Threads come into the library only through it.
+// Concept Executor: runs the loops. Threads come into the library only through it.
 //
 //   expression                       meaning                                                               cost
 //   e.concurrency()                  number of workers; worker ids are 0 … concurrency() - 1               O(1)

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What passes from the Gaussian decoder to the rasterizer, and (same shape) what comes back: 14 columns, one row a
+// The data between the Gaussian decoder and the rasterizer, and (same shape) its gradients: 14 columns, one row a
 // Gaussian.
 #pragma once
 

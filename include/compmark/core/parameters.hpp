@@ -25,7 +25,7 @@ namespace compmark {
 /// Whether a block's rows are anchors (edited by growing and pruning) or fixed (a network's weights).
 enum class RowKind : std::uint8_t { anchor, fixed };
 
-/// What a block is for. Its declaration says so; nothing is decided by its name.
+/// The purpose of a block. It is part of the declaration; nothing is decided by a name.
 enum class BlockRole : std::uint8_t {
   rendering,  ///< numbers that a render reads
   mask,       ///< logits; a render reads their signs alone

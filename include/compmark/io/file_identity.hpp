@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whether two names are one file: by what the file system says where both exist (hard links, symbolic links, mounts,
-// another case), by their folder and name where they don't exist yet. For guards that nothing that is read is written
-// over.
+// Decides whether two names are the same file. If both exist, the file system decides (hard links, symbolic links,
+// mounts, another case); if not, their folder and name do. It guards inputs from being overwritten.
 #pragma once
 
 #include <cctype>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a file is, by its first bytes: so that a file that was given for another is named for what it is, with the
-// command that takes it. Names of files are asked only where formats share their beginning (an .spz is a gzip file) or
-// have none (.splat). Nothing is decoded, so a damaged file is still of its kind. Cost: one read of at most 64 KiB.
+// Recognises the kind of a file by its first bytes, so that an error can name the kind of a wrong file and the command
+// that takes it. The name of a file matters only where formats share their beginning (an .spz is a gzip file) or have
+// none (.splat). Nothing is decoded, so a damaged file still has its kind. Cost: one read of at most 64 KiB.
 #pragma once
 
 #include <algorithm>
@@ -245,7 +245,7 @@ template <class TensorFile>
   return kind == FileKind::safetensors && file.has("lin0.weight") ? FileKind::lpips : kind;
 }
 
-/// That an open tensor file is what its reader expects, or says nothing of itself; else the error names what it is.
+/// Checks that an open tensor file has the kind that its reader expects, or no kind; else the error names its kind.
 template <class TensorFile>
 [[nodiscard]] Result<Done> expect_kind(const TensorFile& file, FileKind expected) {
   const FileKind kind = tensors_kind(file);

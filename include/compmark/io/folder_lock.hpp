@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Two runs into one folder, or one file, exclude each other: whoever writes holds a lock, and who comes second is told.
-// The lock belongs to the process and ends with it, however it ends, so a killed run never stands in the way of the
+// A lock on a folder or a file, so that two runs cannot write into it at once: the first one holds the lock, the second
+// gets an Error. The lock belongs to the process and ends with it, however it ends, so a killed run never blocks the
 // next. It is advisory: it binds programs that ask for it. Where the system has no such locks (not POSIX, some network
-// file systems) everybody gets one, and nothing is excluded.
+// file systems) every program gets one, and nothing is excluded.
 #pragma once
 
 #include <cerrno>

@@ -27,7 +27,7 @@
 
 namespace compmark {
 
-/// What the header of an image file says.
+/// Information in the header of an image file.
 struct ImageInfo {
   int width = 0;        ///< pixels
   int height = 0;       ///< pixels
@@ -105,8 +105,8 @@ inline Error damaged_image(const std::string& name, const std::string& how) {
 }
 
 namespace detail {
-/// That an image may be decoded: its file is long enough for what its header says, the memory suffices, and stb will
-/// not believe what it should not.
+/// Checks that an image may be decoded: its file is long enough for its header, the memory suffices, and it has none of
+/// the errors that stb does not find.
 [[nodiscard]] inline Result<Done> check_image(std::span<const std::byte> bytes, const ImageInfo& info,
                                               const std::string& name, std::uint64_t memory_limit) {
   const auto count = [](int n) { return static_cast<std::uint64_t>(n); };

@@ -54,8 +54,7 @@ namespace detail {
   return pixels * 3 * std::max<std::uint64_t>(channels, 3) + 2 * image;
 }
 
-/// What is wrong with a PNG that stb_image would not say; nullptr if nothing is: stb takes as much memory as a chunk
-/// says that it has.
+/// The error of a PNG that stb_image does not find, or nullptr: stb takes as much memory as a chunk claims to have.
 [[nodiscard]] inline const char* png_damage(std::span<const std::byte> bytes) {
   for (std::size_t at = 8; bytes.size() >= at + 8;) {
     std::uint64_t length = 0;
@@ -92,11 +91,11 @@ namespace detail {
   return {};
 }
 
-/// What a JPEG has said so far, as far as it tells what a scan needs: stb_image decodes with tables that nobody has
-/// written, and to what lay in memory.
+/// The tables of a JPEG so far, as far as a scan needs them: without this check stb_image decodes with missing tables,
+/// from uninitialised memory.
 class JpegTables {
  public:
-  /// Each takes the contents of a segment, from `begin` to `end`; two of them say what is wrong, or nullptr.
+  /// Each takes the contents of a segment, from `begin` to `end`; two of them return the error, or nullptr.
   const char* huffman(std::span<const std::byte> bytes, std::size_t begin, std::size_t end) {
     // stb before its release 2.29 writes past its tables otherwise; behind the file's end it reads zeros.
     for (std::size_t table = begin; table < end;) {
@@ -184,8 +183,8 @@ class JpegTables {
   std::uint64_t restarts_wanted_ = 0;        ///< of the last scan
 };
 
-/// What is wrong with a JPEG (`header_only`: as far as its size is told) that stb_image would not say; nullptr if
-/// nothing is. Segments are walked as stb walks them; what is odd otherwise is left for stb to refuse.
+/// The error of a JPEG (`header_only`: up to its size) that stb_image does not find, or nullptr. Segments are walked as
+/// stb walks them; other errors are left for stb to refuse.
 [[nodiscard]] inline const char* jpeg_damage(std::span<const std::byte> bytes, bool header_only = false) {
   const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(bytes[i]); };
   if (bytes.size() < 2 || at(0) != 0xFF) return nullptr;  // no JPEG; fill bytes may come first

@@ -36,7 +36,7 @@ struct OwnerKey {
   std::string created;       ///< UTC, "2026-01-31T23:59:59Z"
   std::size_t bits = 0;      ///< length of the message
   std::string note{};        ///< for the owner, no part of the commitment
-  std::string payload{};     ///< what the message says, hexadecimal (mark/key.hpp); empty: it says nothing
+  std::string payload{};     ///< payload of the message, hexadecimal (mark/key.hpp); empty: none
   std::size_t corrects = 0;  ///< wrong bits that the code of the payload corrects; 0: no payload
 
   /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; with a payload,

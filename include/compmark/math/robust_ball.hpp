@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How large a set of places is, whatever a few of them say. One wrong match among ten thousand is triangulated
-// anywhere, and a box from minimum to maximum is then that point's: the ball here is about the median along each axis,
-// and its radii are quantiles of the distances from there. Half of the places would have to be wrong to move the
+// A robust size of a set of points. One wrong match among ten thousand is triangulated anywhere and decides a box from
+// minimum to maximum. The ball here is centred on the median along each axis, and its radii are quantiles of the
+// distances from there. Half of the places would have to be wrong to move the
 // centre, a twentieth to move `wide`.
 //
 //   core()       16 wide: what lies beyond does not count for a size (extent of the cameras, box of a codec's context,
 //                first scales)
-//   reach(size)  100 max(wide, size), at most 1,000 max(middle, size): what lies beyond is left out, and said
+//   reach(size)  100 max(wide, size), at most 1,000 max(middle, size): what lies beyond is left out, with a warning
 //
 // `size` is another length that the scene has, of its cameras. Where the factors are from: in the captures at hand the
 // farthest point lies at 0.6 to 10.6 times max(wide, median distance of the cameras), and at 1.3 to 10.7 wide (58.7

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How many bytes fewer one codec takes than another for the same quality, in one number: the Bjontegaard delta
-// (VCEG-M33, 2001). Both curves are read as log(rate) over quality, interpolated by monotone cubics (JCT-VC's practice
-// since HEVC, instead of the one polynomial of 2001, which swings where points bend), and the mean difference over the
-// qualities that both reach is turned back into a ratio. A mean over a narrow overlap says little: it is given beside
-// the number. Cost: none.
+// The Bjontegaard delta (VCEG-M33, 2001): the mean difference in bytes between two codecs at the same quality, as one
+// number. Both curves are read as log(rate) over quality and interpolated by monotone cubics (JCT-VC's practice since
+// HEVC; the one polynomial of 2001 swings where points bend). The mean difference over the qualities that both reach is
+// turned back into a ratio. A mean over a narrow overlap means little: the overlap is given beside the number. Cost:
+// none.
 #pragma once
 
 #include <algorithm>

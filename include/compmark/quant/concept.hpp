@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the quant room, two faces of one step: a Quantizer chooses the step and rounds by it, a DistortionLayer
+// Concepts of quantization, two sides of one step: a Quantizer chooses the step and rounds by it, a DistortionLayer
 // adds the noise that stands in for rounding while training, of the steps of the recipe's Quantizer.
 //
 //   Quantizer                        meaning                                                          cost a value
 //   typename Q::Scalar               number type                                                      -
-//   Q::step(r, q0, least)            the step q for what a network says, r, and the base step q0      a few flops
+//   Q::step(r, q0, least)            the step q for a network's output r and the base step q0         a few flops
 //   Q::step_slope(r, q0, least)      dq/dr; 0 where the step does not depend on r, or is held         a few flops
 //   Q::step_log_slope(r)             d ln q / dr where nothing is held                                a few flops
 //   Q::symbol(x, q), Q::value(x, q)  the integer that is coded, and the value that is decoded         a division

@@ -59,7 +59,7 @@ class UniformQuantizer {
   }
 
   [[nodiscard]] T step() const { return step_; }
-  /// As the Quantizer of a recipe: the base step, whatever a network says.
+  /// As the Quantizer of a recipe: always the base step, for any output of a network.
   [[nodiscard]] static T step(T /*r*/, T q0, T least) { return std::max(q0, least); }
   [[nodiscard]] static T step_slope(T /*r*/, T /*q0*/, T /*least*/) { return T(0); }
   [[nodiscard]] static T step_log_slope(T /*r*/) { return T(0); }

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a splat does to a block of pixels: the one function that says what alpha it has at a pixel, and the one that
-// blends it (docs/spec/numerics.md, BF6: forward and backward call both, so they cannot disagree).
+// A splat on a block of pixels: the one function of its alpha at a pixel, and the one that blends it
+// (docs/spec/numerics.md, BF6: forward and backward call both, so they cannot disagree).
 //
 // A splat is evaluated in whitened coordinates, w = wx dx + wy dy and b = bx dx + by dy, where sigma = w^2 + b^2
 // whatever its pivot axis (docs/spec/numerics.md, CV2; one of bx, by is zero). When the exponential is a polynomial,

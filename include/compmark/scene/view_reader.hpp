@@ -89,9 +89,9 @@ inline void look_at_intrinsics(const View& view, const Camera<double>& c, Reader
   notes.first_odd = text.str();
 }
 
-/// Looks at the header of view.image_path. `camera_width` x `camera_height` is what the intrinsics are for, 0 where
-/// that is not known. Structure from motion reads pixels as they are stored and ignores the orientation; an image is
-/// turned only where the camera says so.
+/// Reads the header of view.image_path. The intrinsics are for images of `camera_width` x `camera_height`, 0 where that
+/// is not known. Structure from motion reads pixels as they are stored and ignores the orientation; an image is turned
+/// only if its camera is for the turned one.
 [[nodiscard]] inline Result<ImageInfo> look_at_image(View& view, int camera_width, int camera_height,
                                                      ReaderNotes& notes) {
   Result<ImageInfo> info = read_image_info(view.image_path);
