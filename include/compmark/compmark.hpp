@@ -141,6 +141,7 @@
 #include "compmark/anchor/growth.hpp"
 #include "compmark/anchor/growth_statistics.hpp"
 #include "compmark/anchor/initialise.hpp"
+#include "compmark/anchor/level_of_detail.hpp"
 #include "compmark/anchor/mlp_decoder.hpp"
 #include "compmark/anchor/mlp_decoder_backward.hpp"
 #include "compmark/anchor/mlp_decoder_forward.hpp"

@@ -43,7 +43,7 @@ struct Model {
     check_recipe<R>();
     train_views = views;
     arena = {};
-    anchors = add_anchor_blocks(arena, rows, R::AnchorModel::shape);
+    anchors = R::AnchorModel::add_parameters(arena, rows);
     decoder = Decoder::add_parameters(arena, views);
     Stages::forward([&]<class S>() { blocks<S>() = S::add_parameters(arena, anchors, views); });
   }

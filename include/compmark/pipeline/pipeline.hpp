@@ -283,9 +283,9 @@ class Pipeline {
                            const Camera<Scalar>& scalar_camera, const VisibilitySettings& settings,
                            Buffer<std::uint32_t>& visible, VisibilityWorkspace& workspace, E& executor) {
     if constexpr (std::is_same_v<RecipeLens<R>, PinholeLens>) {
-      visible_anchors(columns, scalar_camera, settings, visible, workspace, executor);
+      R::AnchorModel::find_visible(columns, scalar_camera, PinholeLens{}, settings, visible, workspace, executor);
     } else {
-      visible_anchors(columns, scalar_camera, settings, visible, workspace, executor, camera.lens);
+      R::AnchorModel::find_visible(columns, scalar_camera, camera.lens, settings, visible, workspace, executor);
     }
   }
   /// The background: what a stage draws there in a training iteration, else the colour of the model.

@@ -113,8 +113,9 @@ template <Recipe R>
 consteval void check_recipe() {
   static_assert(detail::holds(Rasterizer<typename R::Rasterizer>),
                 "Recipe: Rasterizer lacks forward, backward, screen, Settings or Context (see raster/concept.hpp)");
-  static_assert(detail::holds(AnchorModel<typename R::AnchorModel>),
-                "Recipe: AnchorModel lacks Scalar or shape (see anchor/scaffold_anchors.hpp)");
+  static_assert(
+      detail::holds(AnchorModel<typename R::AnchorModel>),
+      "Recipe: AnchorModel lacks Scalar, shape, add_parameters or find_visible (see anchor/scaffold_anchors.hpp)");
   static_assert(!present<typename R::DensityControl> || DensityControl<typename R::DensityControl>,
                 "Recipe: DensityControl lacks prepare, observe or adapt (see anchor/density_control.hpp)");
   static_assert(detail::holds(Space<typename R::Space>),

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "compmark/anchor/growth.hpp"
+#include "compmark/anchor/level_of_detail.hpp"
 #include "compmark/anchor/mlp_decoder.hpp"
 #include "compmark/anchor/scaffold_anchors.hpp"
 #include "compmark/anchor/space.hpp"
@@ -59,6 +60,13 @@ struct Policies : DefaultRecipe<typename Anchors::Scalar, Anchors::shape> {
 };
 
 namespace recipes {
+
+/// A recipe whose renders leave out anchors that are too small to be seen (anchor/level_of_detail.hpp). Its blocks are
+/// those of the recipe, so that a model file of one is read as the other.
+template <class Complete, DetailLimit limit = DetailLimit{}>
+struct WithDetail : Complete {
+  using AnchorModel = LevelOfDetail<typename Complete::AnchorModel, limit>;
+};
 
 /// Scaffold-GS as its authors run it: D = 32, K = 10, no distance input (profile "scaffold").
 struct Scaffold : DefaultRecipe<float> {};
