@@ -54,8 +54,9 @@ struct Road {
     c.image_storage.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     c.image = {c.image_storage.data(), 3, camera.height, camera.width};
     ForwardReport report;
-    visible_anchors(columns, at, VisibilitySettings{model.render.near_plane, model.render.blur_variance}, c.visible,
-                    c.visibility, executor);
+    R::AnchorModel::find_visible(columns, at, PinholeLens{},
+                                 VisibilitySettings{model.render.near_plane, model.render.blur_variance}, c.visible,
+                                 c.visibility, executor);
     report.visible_anchors = c.visible.size();
     report.gaussians = decoder.forward(columns, c.visible.span(), camera.center_world, view, model.arena, model.decoder,
                                        c.gaussians, c.decoder, executor);

@@ -26,6 +26,7 @@
 #include "compmark/anchor/table.hpp"
 #include "compmark/anchor/visibility.hpp"
 #include "compmark/core/buffer.hpp"
+#include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/scene/camera.hpp"
@@ -43,9 +44,10 @@ struct ScaffoldAnchors {
   }
   /// The anchors whose ellipsoid of offsets meets the image; see anchor/visibility.hpp.
   template <class Lens, Executor E>
-  static void find_visible(const AnchorColumns<const T>& columns, const Camera<T>& camera, const Lens& lens,
-                           const VisibilitySettings& settings, Buffer<std::uint32_t>& visible,
-                           VisibilityWorkspace& workspace, E& executor) {
+  static COMPMARK_INLINE void find_visible(const AnchorColumns<const T>& columns, const Camera<T>& camera,
+                                           const Lens& lens, const VisibilitySettings& settings,
+                                           Buffer<std::uint32_t>& visible, VisibilityWorkspace& workspace,
+                                           E& executor) {
     visible_anchors(columns, camera, settings, visible, workspace, executor, lens);
   }
 };

@@ -36,8 +36,8 @@ template <Recipe R, Executor E>
   GaussianBatch<T> gaussians;
   typename R::GaussianDecoder::Context context;
   const typename R::GaussianDecoder decoder{};
-  Pipeline<R>::find_visible(model.columns(), camera, camera.template cast<T>(),
-                            {model.render.near_plane, model.render.blur_variance}, visible, workspace, executor);
+  R::AnchorModel::find_visible(model.columns(), camera.template cast<T>(), Pipeline<R>::lens_of(camera),
+                               {model.render.near_plane, model.render.blur_variance}, visible, workspace, executor);
   decoder.forward(model.columns(), std::as_const(visible).span(), camera.center_world, view, model.arena, model.decoder,
                   gaussians, context, executor);
   return to_splat_table(std::as_const(gaussians).columns());

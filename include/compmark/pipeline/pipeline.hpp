@@ -135,7 +135,8 @@ class Pipeline {
 
     ForwardReport report;
     const VisibilitySettings visibility{model.render.near_plane, model.render.blur_variance};
-    find_visible(columns, camera, scalar_camera, visibility, context.visible, context.visibility, executor);
+    R::AnchorModel::find_visible(columns, scalar_camera, lens_of(camera), visibility, context.visible,
+                                 context.visibility, executor);
     report.visible_anchors = context.visible.size();
     columns = attributes(pass, columns);
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
@@ -277,15 +278,12 @@ class Pipeline {
       return typename R::Rasterizer{settings};
     }
   }
-  /// The anchors that this camera may see.
-  template <Executor E>
-  static void find_visible(const AnchorColumns<const Scalar>& columns, [[maybe_unused]] const ViewCamera<R>& camera,
-                           const Camera<Scalar>& scalar_camera, const VisibilitySettings& settings,
-                           Buffer<std::uint32_t>& visible, VisibilityWorkspace& workspace, E& executor) {
+  /// The lens that a camera of the recipe has.
+  [[nodiscard]] static decltype(auto) lens_of([[maybe_unused]] const ViewCamera<R>& camera) {
     if constexpr (std::is_same_v<RecipeLens<R>, PinholeLens>) {
-      R::AnchorModel::find_visible(columns, scalar_camera, PinholeLens{}, settings, visible, workspace, executor);
+      return PinholeLens{};
     } else {
-      R::AnchorModel::find_visible(columns, scalar_camera, camera.lens, settings, visible, workspace, executor);
+      return (camera.lens);
     }
   }
   /// The background: what a stage draws there in a training iteration, else the colour of the model.
