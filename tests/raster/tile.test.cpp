@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -173,7 +172,7 @@ TEST_CASE("raster/tile: fifty thousand Gaussians that nobody sees change no bit 
   CHECK(image_of(TileRasterizer<float>{}, more) != image_of(TileRasterizer<float>{}, scene));
 }
 
-TEST_CASE("raster/tile: a scene of colours next to nothing is blended as black, in no more time, and they move (SY4)") {
+TEST_CASE("raster/tile: a scene of colours next to nothing is blended as black, and they move (SY4)") {
   const RasterScene<float> normal = raster_scene<float>(16, 400, 128, 96);
   for (const float next_to_nothing : {1e-40f, 1e-36f}) {
     RasterScene<float> dark = normal;
@@ -182,18 +181,7 @@ TEST_CASE("raster/tile: a scene of colours next to nothing is blended as black, 
     for (const float pixel : image_of(TileRasterizer<float>{}, dark)) CHECK(pixel == 0);
     const auto gradient = gradient_of(TileRasterizer<float>{}, dark);
     CHECK(*std::max_element(gradient.columns().color[0], gradient.columns().color[0] + 400) > 1);
-    std::array<double, 2> fastest{1e9, 1e9};
-    for (int run = 0; run < 20; ++run) {
-      for (const std::size_t kind : {0u, 1u}) {
-        const auto begin = std::chrono::steady_clock::now();
-        static_cast<void>(gradient_of(TileRasterizer<float>{}, kind == 0 ? normal : dark));
-        const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-        fastest[kind] = std::min(fastest[kind], took.count());
-      }
-    }
-    MESSAGE("time over that of other colours: ", fastest[1] / fastest[0]);
-    CHECK(fastest[1] < 2 * fastest[0]);
-    // Negative control: it is denormal, or times a small weight it is, which takes 30 times as long.
+    // Negative control: blended, it would be denormal, or times a small weight it would be, and take 30 times as long.
     const float weight = 1e-4f;
     CHECK((std::fpclassify(next_to_nothing) == FP_SUBNORMAL ||
            std::fpclassify(next_to_nothing * weight) == FP_SUBNORMAL));
