@@ -558,7 +558,8 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   }
   CHECK(tool(common + setting().mark() + " --message-power 0.5").code != 0);
   CHECK(tool(common + setting().mark() + " --fidelity 3000 --fidelity-fall 5").code != 0);
-  check_refused(tool(common + setting().mark() + " --fidelity-fall 1"), {"--fidelity-fall", "needs post-hoc embedding"});
+  check_refused(tool(common + setting().mark() + " --fidelity-fall 1"),
+                {"--fidelity-fall", "needs post-hoc embedding"});
   check_refused(tool(common + setting().mark() + " --draw-by-cost 1"), {"--draw-by-cost", "finished model"});
   check_refused(tool(common + setting().mark() + " --fidelity 3000 --for-compression"),
                 {"--fidelity", "leave out --for-compression"});
