@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A policy of one's own: a rasterizer that looks through a tinted glass, around any other rasterizer. It obeys the
-// concept, so it can stand in a recipe, and the shipped laws check it (docs/adding_a_policy.md goes through this file).
+// A rasterizer of your own: it wraps any other rasterizer in tinted glass. It satisfies the concept, so it can stand in
+// a recipe, and the shipped laws check it (docs/adding_a_policy.md explains this file).
 #include <array>
 #include <compmark/compmark.hpp>
 #include <compmark/testing/laws.hpp>

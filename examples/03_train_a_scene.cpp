@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The whole road in one program: write the built-in scene as a dataset, train on it, look at a view that was not
+// A whole training in one program: writes the built-in scene as a dataset, trains on it, renders a view that was not
 // trained on. The program owns the clock, the printing and the stopping; the library does the work.
 #include <compmark/compmark.hpp>
 #include <cstdio>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// CompMark inside another program: images that are in memory, threads of its own, a recipe of five policies of which
-// one, the message decoder, is written here, progress by an observer; then the proof that the message is there, and
-// that another key's is not. No file is read or written.
+// CompMark inside another program. It has images in memory, threads of its own, and a recipe of five policies; one of
+// them, the message decoder, is written here. An observer shows the progress. At the end it proves that the message is
+// there, and that another key's is not. No file is read or written.
 #include <compmark/compmark.hpp>
 
 #include <array>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A viewer's half of the library: opens a compressed scene and shows what is in it. It includes one header of the
-// codec, and with it neither a rasterizer nor anything that trains (tests/consumer/run.sh looks at what the compiler
-// read).
+// The part of the library that a viewer needs: opens a compressed scene and prints its contents. It includes one header
+// of the codec, and with it neither a rasterizer nor anything that trains (tests/consumer/run.sh checks which headers
+// the compiler read).
 //   read_compressed scene.cmk
 #include <compmark/codec/cmk.hpp>
 #include <compmark/core/thread_executor.hpp>

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One cell of the fidelity table, a scene with a codec: its commands, and what their files say. One training makes all
-// four models of it: the unmarked one, its compressed file, the marked one, and its compressed file (or three commands
-// do: fitted.hpp).
+// One cell of the fidelity table, a scene with a codec: its commands, and the figures of their files. One training
+// makes all four models of a cell: the unmarked one, its compressed file, the marked one, and its compressed file (or
+// three commands do: fitted.hpp).
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ struct Scene {
   double downscale = 1;
 };
 
-/// What every cell has in common.
+/// Settings that every cell has in common.
 struct Settings {
   fs::path out, tool = "compmark";
   std::int64_t iterations = 10000;
@@ -56,7 +56,7 @@ struct Figures {
   double psnr = 0, ssim = 0, bytes = 0;
   std::optional<double> lpips;
   std::optional<double> psnr_vs_unmarked,
-      ssim_vs_unmarked;                   ///< of a marked model, against its twin before or after compression
+      ssim_vs_unmarked;                   ///< of a marked model, against its counterpart before or after compression
   double accuracy = 0, worst = 0;         ///< shares of the bits: mean over the views, and of the worst
   double p_value = 1, worst_p_value = 1;  ///< of all views together; of the worst by itself
   std::size_t views = 0;
@@ -87,7 +87,7 @@ struct Cell {
 
 [[nodiscard]] inline std::string number_text(double value) { return nlohmann::json(value).dump(); }
 
-/// What the folder was made with: another is another table.
+/// The settings of the folder: other settings make another table.
 [[nodiscard]] inline nlohmann::ordered_json settings_json(const Cell& cell, const Settings& settings) {
   nlohmann::ordered_json json = {{"schema", "compmark.fidelity-cell.4"},
                                  {"scene", fs::weakly_canonical(cell.scene.folder).string()},
@@ -99,7 +99,7 @@ struct Cell {
                                  {"train", words_that_count(settings.extra)}};
   if (settings.fit_codec > 0) json["fit_codec"] = settings.fit_codec;
   if (!settings.key_id.empty()) json["key"] = settings.key_id;
-  // Defaults that were others before: cells of these are no rows of one table with them.
+  // Defaults that have changed: cells of earlier ones do not belong into one table with new ones.
   if (cell.codec == "context_gs") json["steps"] = "held";
   json["regions"] = "limited";
   return json;
@@ -112,7 +112,7 @@ struct Cell {
   }
   return false;
 }
-/// Whether what a cell.json says is what is wanted. Cells of before the key's id stood in it are of any key.
+/// Whether a cell.json has the wanted settings. Cells from before it had the key's id may be of any key.
 [[nodiscard]] inline bool same_settings(const nlohmann::ordered_json& found, nlohmann::ordered_json wanted) {
   if (wanted.contains("key") && found.is_object() && !found.contains("key")) wanted.erase("key");
   return found == wanted;
@@ -132,8 +132,8 @@ struct Cell {
                "is " + key->dump() + ", and owner.key beside the cells is \"" + key_id + "\"",
                "put that key back as owner.key, or choose another --out"};
 }
-/// A cell's folder, made or found again with the same settings. One in which nothing was trained, as after words that
-/// `compmark train` refused, is anybody's.
+/// A cell's folder, made or found again with the same settings. A folder in which nothing was trained, as after options
+/// that `compmark train` refused, may be used again.
 [[nodiscard]] inline Result<Done> open_folder(const fs::path& folder, const nlohmann::ordered_json& wanted) {
   const fs::path file = folder / "cell.json";
   if (fs::exists(file) && is_begun(folder)) {
@@ -197,8 +197,8 @@ struct Cell {
   const fs::path folder = cell.folder(settings);
   std::vector<std::string> words = {settings.tool.string(), "evaluate", "--model"};
   for (const char* file : model_files) words.push_back((folder / file).string());
-  // Each against the unmarked one on its side of the codec; the unmarked ones are their own twins, as every model is
-  // given one.
+  // Each is compared with the unmarked one on its side of the codec; the unmarked ones are their own counterparts,
+  // because every model needs one.
   words.emplace_back("--unmarked");
   for (const Model twin : {unmarked, unmarked_coded, unmarked, unmarked_coded})
     words.push_back((folder / model_files[twin]).string());

@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the programs that run cells are told alike: the options of every cell, and the words that go on to compmark
-// train.
+// Options that all programs for cells share, and the options that they pass on to compmark train.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -25,8 +24,8 @@ inline int fail(const char* program, const Error& error) {
   return 2;
 }
 
-/// --out, --threads, --compmark: the tool that was built beside this program, or the installed one. What the program
-/// does not know is for `compmark train`.
+/// --out, --threads, --compmark: the tool that was built beside this program, or the installed one. Unknown options are
+/// for `compmark train`.
 inline void add_settings(CLI::App& app, Settings& settings, const fs::path& program) {
   if (const fs::path beside = program.parent_path() / "compmark"; fs::exists(beside)) settings.tool = beside;
   app.add_option("--out", settings.out, "folder of the run")->required();
@@ -67,8 +66,8 @@ inline void add_bits(CLI::App& app, Settings& settings) {
   return std::nullopt;
 }
 
-/// A word that `compmark train` cannot be given by hand, since every cell has its own, or all have one; `more` beside
-/// those of any cell.
+/// An option that `compmark train` must not get from the user, because every cell has its own, or all have the same;
+/// `more` beside those of any cell.
 [[nodiscard]] inline std::optional<std::string> word_of_the_cells(const std::vector<std::string>& words,
                                                                   const std::vector<std::string>& more = {}) {
   for (const std::string& word : words) {
@@ -81,7 +80,7 @@ inline void add_bits(CLI::App& app, Settings& settings) {
   }
   return std::nullopt;
 }
-/// The others, but for those that are always there: what was begun is gone on with.
+/// The other options, except those that are always given: an unfinished run is continued.
 [[nodiscard]] inline std::vector<std::string> train_words(std::vector<std::string> words) {
   std::erase_if(words, [](const std::string& word) { return word == "--" || word == "--resume"; });
   return words;

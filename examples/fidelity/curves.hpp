@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rate-distortion curves of codecs over lambda: a point is a training and its compressed file, measured from the file;
-// codecs are compared by the Bjontegaard delta (compmark/metric/bd_rate.hpp) of their points that no other of the same
-// codec beats: where more bytes buy no quality, which photographs of changing brightness come to soon, who takes the
-// codec takes the smaller file.
+// Rate-distortion curves of codecs over lambda. A point is a training and its compressed file, measured from the file.
+// Codecs are compared by the Bjontegaard delta (compmark/metric/bd_rate.hpp) of their best points: a point is left out
+// if another of the same codec has no more bytes and no less quality. That happens soon with photographs of changing
+// brightness.
 #pragma once
 
 #include <algorithm>

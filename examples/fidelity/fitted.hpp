@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The other road to a cell: a host that is trained without a codec, one a scene; the codec is fitted to it afterwards,
-// and the mark hidden in what the codec's file says. The host stays the model that its owner has, and both codecs are
-// of the same one. Its folder, SCENE_host, is that of no cell: two commands into one --out at a time would both train
+// The other way to make a cell: an unmarked model is trained without a codec, one for each scene; then the codec is
+// fitted to it, and the mark is hidden in the model of the codec's file. The unmarked model stays the owner's, and both
+// codecs share it. Its folder, SCENE_host, belongs to no cell: two commands with one --out at a time would both train
 // it.
 #pragma once
 
@@ -20,7 +20,7 @@
 
 namespace fidelity {
 
-/// Words for `compmark train` by who takes them on this road: some both do.
+/// Options for `compmark train`, by the command that takes them here; some belong to two.
 struct DividedWords {
   std::vector<std::string> host;   ///< for compmark train
   std::vector<std::string> codec;  ///< for compmark fit-codec
@@ -54,7 +54,7 @@ inline constexpr std::array<std::string_view, 12> mark_option_names = {
 [[nodiscard]] inline fs::path host_folder(const Cell& cell, const Settings& settings) {
   return settings.out / (cell.scene.name + "_host");
 }
-/// What the host was made with.
+/// The settings of the unmarked model.
 [[nodiscard]] inline nlohmann::ordered_json host_json(const Cell& cell, const Settings& settings) {
   return {{"schema", "compmark.fidelity-host.1"},
           {"scene", fs::weakly_canonical(cell.scene.folder).string()},
@@ -64,7 +64,7 @@ inline constexpr std::array<std::string_view, 12> mark_option_names = {
 }
 
 namespace detail {
-/// What all three commands are told alike.
+/// Options that all three commands get.
 [[nodiscard]] inline std::vector<std::string> common_words(const char* command, const Cell& cell,
                                                            const Settings& settings, const fs::path& out) {
   return {settings.tool.string(),

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The runs of the page "accuracy against time, whole": every preset of the tool with both codecs, and one change at a
-// time from the standard one. What each costs (seconds, bytes) and gives (decibels, bits), and which of them no other
-// is better than.
+// time from the standard one. For each it has the cost (seconds, bytes) and the gain (decibels, bits), and whether no
+// other run is better in all four.
 #pragma once
 
 #include <algorithm>
@@ -78,7 +78,7 @@ struct PricedPoint {
 
   [[nodiscard]] double seconds() const { return row.train_seconds + row.fit_seconds + row.mark_seconds; }
   [[nodiscard]] const Figures& file() const { return row.models[marked_coded]; }
-  /// What is paid, and what is got with its sign turned: less is better in all four.
+  /// The cost, and the gain with its sign turned: less is better in all four.
   [[nodiscard]] std::array<double, 4> price() const {
     return {seconds(), file().bytes, -file().psnr, -file().accuracy};
   }

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs another program to its end, without a shell in between: no name of a folder is read as a command. Who is told to
-// stop tells it, and waits for what it still has to write.
+// Runs another program to its end, without a shell, so that no name of a folder is read as a command. If this program
+// is told to stop, it tells the other one and waits until it has written its files.
 #pragma once
 
 #include <fcntl.h>

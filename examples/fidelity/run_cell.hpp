@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The folder of a run of cells, with the owner's key of all of them, and what of a cell is still to be run.
+// The folder of a run of cells, with the owner's key of all of them, and the unfinished part of a cell.
 #pragma once
 
 #include <cstdio>
@@ -24,7 +24,7 @@ namespace fidelity {
 
 inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
 
-/// One command of a cell: says on stderr what it is, and keeps what it prints in the folder. False: it was stopped.
+/// Runs one command of a cell: prints it on stderr, and keeps its output in the folder. False: it was stopped.
 [[nodiscard]] inline Result<bool> run_step(const char* program, const std::string& cell, const char* what,
                                            const std::vector<std::string>& command, const fs::path& folder) {
   std::fprintf(stderr, "%s: %s: %s\n", program, cell.c_str(), what);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The fidelity table of finished cells as Markdown, JSON and a page: what the paper's Table 1 shows, beside its rows,
-// and what the mark and the compression cost of it.
+// The fidelity table of finished cells as Markdown, JSON and a page: the figures of the paper's Table 1 beside its
+// rows, and the cost of the mark and of the compression.
 #pragma once
 
 #include <algorithm>
@@ -105,7 +105,7 @@ inline void add_rows(Grid& grid, const Row& row) {
   return grid;
 }
 
-/// What the mark costs, and what proves it.
+/// The cost of the mark, and the evidence for it.
 [[nodiscard]] inline Grid cost_grid(const std::vector<Row>& rows) {
   Grid grid;
   grid.title = "What the mark costs, and what it proves";

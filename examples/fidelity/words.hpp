@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Words for the tool that a program hands on: which of them make other results, and which a codec knows.
+// Options that a program passes on to the tool: which of them change the results, and which a codec knows.
 #pragma once
 
 #include <cstddef>
