@@ -46,7 +46,7 @@ ReportGrid comparison_grid(const Comparison& comparison) {
   const std::vector<const Measure*> shown = measures_of(comparison);
   grid.columns = {"model", "codec", "bytes", "anchors"};
   for (const Measure* measure : shown) grid.columns.emplace_back(measure->heading);
-  if (twins) grid.columns.emplace_back("unmarked twin");
+  if (twins) grid.columns.emplace_back("unmarked counterpart");
   if (reads) grid.columns.insert(grid.columns.end(), {"bits a view", "worst view", "its p", "all views", "p"});
   for (const ComparedModel& model : comparison.models) {
     std::vector<std::string> row{title_of(model), model.codec.empty() ? "none" : model.codec,

@@ -57,8 +57,8 @@ void add_mark_options(Options& app, MarkOptions& options, bool required) {
              "exponent by which --fidelity falls with the distance of a view from the nearest "
              "photograph, where the scene has larger errors of its own; 0: no fall (default: 2)");
   app.number("--draw-by-cost", options.by_cost, share_range,
-             "share of the sampled novel views that are drawn by how high the message loss was "
-             "there lately, so that hard views are seen more often; 0: none (default: 0)");
+             "share of the sampled novel views that go where the message loss was high lately, so "
+             "that hard views are seen more often; 0: none (default: 0)");
   app.number("--hold-steps", options.hold_steps, any_count,
              "iterations between step-bias calibrations of a context_gs model, without which a "
              "mark makes the file grow; 0: none (default: 50)");

@@ -57,7 +57,7 @@ std::string curves_html(const ReportCurve& curve) {
   Plot psnr{.title = "PSNR", .x_label = "iteration", .y_label = "dB", .series = {}};
   if (curve.beside_host) {  // no photograph is looked at
     psnr.title = "PSNR of marked against unmarked renders";
-    psnr.series.push_back(thinned(lines, 300, "drawn views", 0, [](const ProgressLine& l) { return l.psnr; }));
+    psnr.series.push_back(thinned(lines, 300, "sampled novel views", 0, [](const ProgressLine& l) { return l.psnr; }));
   } else {
     loss.series.push_back(thinned(lines, 300, "L1", 1, [](const ProgressLine& l) { return l.l1; }));
     psnr.series.push_back(thinned(lines, 300, "training views", 0, [](const ProgressLine& l) { return l.psnr; }));

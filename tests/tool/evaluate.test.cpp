@@ -261,7 +261,7 @@ TEST_CASE("evaluate: marked models of both codecs against their own twins, the s
     CHECK(whole.at("view").empty());
     CHECK(whole.at("unmarked") == (m < 4 ? twins[m] : ""));
     CHECK(table[m].at("model") == shown);
-    CHECK(table[m].at("unmarked twin") == (m < 4 ? twins[m] : ""));
+    CHECK(table[m].at("unmarked counterpart") == (m < 4 ? twins[m] : ""));
     if (m < 3) CHECK(page.find("./test/r_000, " + name) != std::string::npos);  // under its picture
     check_same(model, whole, table[m], m < 4);
     const double accuracy = model["bit_accuracy"]["mean"].get<double>(),
