@@ -326,7 +326,7 @@ TEST_CASE("tool: the decoder of a key's mark is on record, and another one is no
   fs::remove(at("marked/mark.json"));
   const Outcome damaged = read("verify", setting().other);
   CHECK(damaged.code != 2);
-  CHECK(damaged.text.find("recorded.key.record: line 1 is no record") != std::string::npos);
+  CHECK(damaged.text.find("recorded.key.record: line 1 is not a valid record") != std::string::npos);
 }
 
 }  // namespace outputs_test
