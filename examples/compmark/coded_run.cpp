@@ -2,17 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coded_run.hpp"
 
-#include <algorithm>
 #include <chrono>
-#include <compmark/codec/container.hpp>
-#include <compmark/codec/context_gs_format.hpp>
-#include <compmark/codec/hac_format.hpp>
-#include <compmark/io/atomic_file.hpp>
+#include <compmark/codec/cmk.hpp>
 #include <cstdio>
-#include <map>
-#include <memory>
 
-#include "codec_file.hpp"
+#include "evaluation.hpp"
+#include "mark_plot.hpp"
+#include "model_files.hpp"
 
 namespace tool {
 namespace {
@@ -29,54 +25,7 @@ std::string formatted(const char* format, Values... values) {
   return text;
 }
 
-const char* purpose(std::uint32_t section) {
-  using F = ContextGsFormat;
-  if (section == F::meta) return "settings and cameras";
-  if (section == F::geometry) return "positions";
-  if (section == F::mask) return "offset masks";
-  if (section == HacFormat::hash) return "hash grid";
-  if (section == F::levels) return "levels";
-  if (section == F::prior) return "prior of the hyperprior";
-  if (section == F::hyperprior) return "hyperprior";
-  if (section == F::context) return "context network";
-  if (section == F::networks) return "rendering networks";
-  if (section == F::stream) return "features, extents, offsets";
-  if (section == F::digests) return "digests";
-  return section == F::tables ? "digest of the tables" : "sections of others";
-}
-
 }  // namespace
-
-std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const CodecReport& report) {
-  std::vector<std::pair<std::string, std::uint64_t>> sections;
-  for (const auto& [kind, bytes] : report.section_bytes) {
-    if (bytes != 0) sections.emplace_back(purpose(kind), bytes);
-  }
-  sections.emplace_back("header and table of contents", report.container_bytes);
-  if (report.extra_bytes != 0) sections.emplace_back("sections of others", report.extra_bytes);
-  std::stable_sort(sections.begin(), sections.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
-  return sections;
-}
-
-Result<CodedFile> coded_file(const std::filesystem::path& path) {
-  const Result<std::vector<std::byte>> bytes = read_file(path);
-  if (!bytes) return bytes.error();
-  const Result<Container> container = parse_container(*bytes, path.string());
-  if (!container) return container.error();
-  CodedFile file;
-  file.codec = codec_file_name(container->header.profile);
-  std::map<std::string, std::uint64_t> sizes;
-  std::uint64_t left = bytes->size();
-  for (const SectionEntry& entry : container->sections) {
-    sizes[purpose(entry.kind)] += entry.size;
-    left -= std::min(left, entry.size);
-  }
-  sizes["header and table of contents"] = left;
-  file.sections.assign(sizes.begin(), sizes.end());
-  std::stable_sort(file.sections.begin(), file.sections.end(),
-                   [](const auto& a, const auto& b) { return a.second > b.second; });
-  return file;
-}
 
 std::string coded_text(const CodecReport& report) {
   std::string text = formatted("%llu bytes, %llu anchors with %llu unmasked offsets", report.total_bytes + 0ull,
@@ -119,7 +68,7 @@ nlohmann::ordered_json coded_json(const CodecReport& report) {
   }
   if (report.hyperprior_symbols != 0)
     bits["hyperprior"] = report.hyperprior_bits / static_cast<double>(report.hyperprior_symbols);
-  return {{"codec", codec_file_name(report.profile)},
+  return {{"codec", codec_name(report.profile)},
           {"bytes", report.total_bytes},
           {"estimated_bytes", report.estimated_bytes()},
           {"anchors", report.anchors},
@@ -132,20 +81,20 @@ nlohmann::ordered_json coded_json(const CodecReport& report) {
 
 Result<CodedRun> write_and_measure(const CodecModel& model, const std::filesystem::path& file,
                                    const DatasetViews& measured, const LpipsFiles& lpips, const MarkInput* mark,
-                                   const KeepView& keep, ThreadExecutor& executor) {
+                                   const SeenViewObserver& keep, ThreadExecutor& executor) {
   CodedRun run;
   const auto encoding = Clock::now();
-  const Result<CodecEncoded> encoded = write_codec_file(file, model, executor);
+  const Result<CodecEncoded> encoded = write_coded(file, model, executor);
   if (!encoded) return encoded.error();
   run.metrics.encode_seconds = since(encoding);
   const auto decoding = Clock::now();
   Result<AnyModel> decoded = load_model(file, executor.concurrency());  // what was written is what is measured
   if (!decoded) return decoded.error();
   run.metrics.decode_seconds = since(decoding);
-  Result<Evaluation> evaluation = evaluate_views(*decoded, measured, lpips, executor, keep);
+  Result<Evaluation> evaluation = evaluate_views(*decoded, measured, evaluation_settings(lpips), executor, keep);
   if (!evaluation) return evaluation.error();
   const CodecReport& report = encoded->report;
-  run.metrics.codec = codec_file_name(report.profile);
+  run.metrics.codec = codec_name(report.profile);
   run.metrics.bytes = report.total_bytes;
   run.metrics.anchors = report.anchors;
   run.metrics.sections = coded_sections(report);

@@ -4,6 +4,8 @@
 // Compresses a trained model: writes the file, reads it back as any other program would, renders and measures it.
 #pragma once
 
+#include <compmark/app/compress.hpp>
+#include <compmark/app/evaluate.hpp>
 #include <compmark/codec/codec_model.hpp>
 #include <compmark/codec/encoding.hpp>
 #include <compmark/core/result.hpp>
@@ -16,7 +18,6 @@
 #include <utility>
 #include <vector>
 
-#include "evaluation.hpp"
 #include "mark_input.hpp"
 #include "report.hpp"
 #include "results.hpp"
@@ -25,7 +26,7 @@ namespace tool {
 
 struct CodedRun {
   CompressedMetrics metrics;
-  Evaluation evaluation;                ///< of the views, of the decoded model
+  compmark::Evaluation evaluation;      ///< of the views, of the decoded model
   std::optional<MarkMeasurement> mark;  ///< what was read of a message, likewise
   ReportTable table;                    ///< for the page
   std::optional<Plot> bits;             ///< for the page, of a marked model
@@ -34,18 +35,10 @@ struct CodedRun {
 /// Writes `file`, loads it and measures it over `measured`; `mark` may be null, `keep` is called for every view of the
 /// decoded model.
 compmark::Result<CodedRun> write_and_measure(const compmark::CodecModel& model, const std::filesystem::path& file,
-                                             const DatasetViews& measured, const LpipsFiles& lpips,
-                                             const MarkInput* mark, const KeepView& keep,
+                                             const compmark::DatasetViews& measured, const compmark::LpipsFiles& lpips,
+                                             const MarkInput* mark, const compmark::SeenViewObserver& keep,
                                              compmark::ThreadExecutor& executor);
 
-/// Bytes by what they are for, largest first; they add up to the file.
-std::vector<std::pair<std::string, std::uint64_t>> coded_sections(const compmark::CodecReport& report);
-/// The same for an existing file. Nothing is decoded; its checksums are checked.
-struct CodedFile {
-  std::string codec;
-  std::vector<std::pair<std::string, std::uint64_t>> sections;
-};
-compmark::Result<CodedFile> coded_file(const std::filesystem::path& path);
 /// The encoder's report, for people and for programs.
 std::string coded_text(const compmark::CodecReport& report);
 nlohmann::ordered_json coded_json(const compmark::CodecReport& report);

@@ -3,7 +3,6 @@
 #include "common.hpp"
 
 #include <compmark/io/atomic_file.hpp>
-#include <compmark/io/sha256.hpp>
 #include <cstdio>
 #include <system_error>
 
@@ -28,33 +27,6 @@ std::string default_recipe(std::string_view profile) {
   if (profile == "official") return "compmark-host";
   if (profile == "paper") return "compmark-paper-host";
   return "scaffold";
-}
-
-compmark::Result<compmark::Done> DatasetViews::load(std::size_t i, compmark::ImageView<float> image) {
-  return store->load(dataset->views[index[i]], image);
-}
-
-compmark::Result<compmark::Done> DatasetViews::load_planes(std::size_t i, std::array<float, 3> background,
-                                                           compmark::TargetPlanes<float> planes) {
-  return store->load_planes(index[i], background, planes.image, planes.alpha, planes.weight);
-}
-
-compmark::Result<std::string> file_sha256(const std::filesystem::path& path) {
-  const compmark::Result<std::vector<std::byte>> bytes = compmark::read_file(path);
-  if (!bytes) return bytes.error();
-  return compmark::Sha256{}.update(*bytes).hex();
-}
-
-compmark::Result<compmark::Done> check_image_memory(const compmark::ImageInfo& info, const std::filesystem::path& path,
-                                                    std::uint64_t bytes_a_pixel, std::size_t budget_mb) {
-  const std::uint64_t pixels = static_cast<std::uint64_t>(info.width) * static_cast<std::uint64_t>(info.height);
-  const std::uint64_t wanted = (pixels * bytes_a_pixel >> 20) + 1;
-  if (wanted <= budget_mb) return compmark::Done{};
-  return compmark::Error{compmark::ErrorKind::exhausted, path.string(), "--memory-budget",
-                         "the image has " + std::to_string(info.width) + " x " + std::to_string(info.height) +
-                             " pixels and takes about " + std::to_string(wanted) + " MiB to read, more than " +
-                             std::to_string(budget_mb),
-                         "scale it down, or give --memory-budget " + std::to_string(wanted)};
 }
 
 std::string base_name(const std::filesystem::path& path) {

@@ -42,7 +42,7 @@ nlohmann::ordered_json figures(const Comparison& comparison, const ComparedModel
     json["p_value"] = model.verification->evidence.p_value;
     json["largest_view_p_value"] = accuracy.largest_p;
   }
-  if (model.twin) json["twin"] = *model.twin;
+  if (model.unmarked) json["twin"] = *model.unmarked;
   return json;
 }
 
@@ -104,7 +104,7 @@ Cells cells_of(const Comparison& comparison, const ComparedModel& model) {
               {"codec", model.codec},
               {"bytes", std::to_string(model.bytes)},
               {"anchors", std::to_string(model.anchors)}};
-  if (model.twin) cells["unmarked"] = csv_text(comparison.models[*model.twin].name);
+  if (model.unmarked) cells["unmarked"] = csv_text(comparison.models[*model.unmarked].name);
   if (model.verification) cells["bits"] = std::to_string(model.verification->bits);
   return cells;
 }
@@ -144,7 +144,7 @@ Cells model_cells(const Comparison& comparison, const ComparedModel& model) {
 }  // namespace
 
 nlohmann::ordered_json comparison_json(const Comparison& comparison) {
-  nlohmann::ordered_json json{{"schema", "compmark.evaluation.1"}, {"split", comparison.split}};
+  nlohmann::ordered_json json{{"schema", "compmark.evaluation.1"}, {"split", split_name(comparison.split)}};
   json.update(figures(comparison, comparison.models.front()));
   for (const ComparedModel& model : comparison.models) {
     nlohmann::ordered_json entry{

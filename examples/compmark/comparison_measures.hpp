@@ -27,33 +27,35 @@ std::optional<double> in_view(const Comparison&, const ComparedModel& model, std
   return model.evaluation.views[view].*Member;
 }
 template <auto Member>
-std::optional<double> against_twin(const Comparison&, const ComparedModel& model, std::size_t view) {
-  if (model.against_twin.empty()) return std::nullopt;
-  return model.against_twin[view].*Member;
+std::optional<double> against_unmarked(const Comparison&, const ComparedModel& model, std::size_t view) {
+  if (model.against_unmarked.empty()) return std::nullopt;
+  return model.against_unmarked[view].*Member;
 }
 /// The counterpart's PSNR minus this model's.
 inline std::optional<double> lost(const Comparison& comparison, const ComparedModel& model, std::size_t view) {
-  if (!model.twin) return std::nullopt;
-  return comparison.models[*model.twin].evaluation.views[view].psnr - model.evaluation.views[view].psnr;
+  if (!model.unmarked) return std::nullopt;
+  return comparison.models[*model.unmarked].evaluation.views[view].psnr - model.evaluation.views[view].psnr;
 }
 }  // namespace measure_of
 
 /// Against the photograph, against the counterpart, and milliseconds. A model's figures are means over the views.
 inline constexpr std::array measures = {
-    Measure{"psnr", "PSNR, dB", "%.3f", &measure_of::in_view<&ViewResult::psnr>},
-    Measure{"ssim", "SSIM", "%.4f", &measure_of::in_view<&ViewResult::ssim>},
-    Measure{"lpips_alex", "LPIPS-alex", "%.4f", &measure_of::in_view<&ViewResult::lpips_alex>},
-    Measure{"lpips_squeeze", "LPIPS-squeeze", "%.4f", &measure_of::in_view<&ViewResult::lpips_squeeze>},
+    Measure{"psnr", "PSNR, dB", "%.3f", &measure_of::in_view<&compmark::ViewResult::psnr>},
+    Measure{"ssim", "SSIM", "%.4f", &measure_of::in_view<&compmark::ViewResult::ssim>},
+    Measure{"lpips_alex", "LPIPS-alex", "%.4f", &measure_of::in_view<&compmark::ViewResult::lpips_alex>},
+    Measure{"lpips_squeeze", "LPIPS-squeeze", "%.4f", &measure_of::in_view<&compmark::ViewResult::lpips_squeeze>},
     Measure{"psnr_colour_fitted", "PSNR, exposure fitted", "%.3f",
-            &measure_of::in_view<&ViewResult::psnr_colour_fitted>},
+            &measure_of::in_view<&compmark::ViewResult::psnr_colour_fitted>},
     Measure{"psnr_cost_vs_unmarked", "dB lost", "%.3f", &measure_of::lost},
-    Measure{"psnr_vs_unmarked", "against unmarked, dB", "%.2f", &measure_of::against_twin<&AgainstTwin::psnr>},
-    Measure{"ssim_vs_unmarked", "SSIM against it", "%.4f", &measure_of::against_twin<&AgainstTwin::ssim>},
+    Measure{"psnr_vs_unmarked", "against unmarked, dB", "%.2f",
+            &measure_of::against_unmarked<&compmark::AgainstUnmarked::psnr>},
+    Measure{"ssim_vs_unmarked", "SSIM against it", "%.4f",
+            &measure_of::against_unmarked<&compmark::AgainstUnmarked::ssim>},
     Measure{"lpips_alex_vs_unmarked", "LPIPS-alex against it", "%.4f",
-            &measure_of::against_twin<&AgainstTwin::lpips_alex>},
+            &measure_of::against_unmarked<&compmark::AgainstUnmarked::lpips_alex>},
     Measure{"lpips_squeeze_vs_unmarked", "LPIPS-squeeze against it", "%.4f",
-            &measure_of::against_twin<&AgainstTwin::lpips_squeeze>},
-    Measure{"milliseconds", "ms a view", "%.1f", &measure_of::in_view<&ViewResult::milliseconds>},
+            &measure_of::against_unmarked<&compmark::AgainstUnmarked::lpips_squeeze>},
+    Measure{"milliseconds", "ms a view", "%.1f", &measure_of::in_view<&compmark::ViewResult::milliseconds>},
 };
 
 /// Mean over the views; empty where one of them has no such figure.

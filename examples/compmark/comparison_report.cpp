@@ -3,6 +3,7 @@
 //
 // What is shown of a comparison: the tables and the page.
 #include <algorithm>
+#include <compmark/io/atomic_file.hpp>
 #include <compmark/mark/report.hpp>
 #include <compmark/mark/verify.hpp>
 #include <cstddef>
@@ -12,9 +13,10 @@
 #include <utility>
 #include <vector>
 
+#include "common.hpp"
 #include "comparison.hpp"
 #include "comparison_measures.hpp"
-#include "mark_input.hpp"
+#include "mark_plot.hpp"
 #include "svg_plot.hpp"
 
 namespace tool {
@@ -42,7 +44,7 @@ ReportGrid comparison_grid(const Comparison& comparison) {
   ReportGrid grid;
   grid.heading = "Models";
   const bool reads = comparison.models.front().verification.has_value(),
-             twins = comparison.models.front().twin.has_value();
+             twins = comparison.models.front().unmarked.has_value();
   const std::vector<const Measure*> shown = measures_of(comparison);
   grid.columns = {"model", "codec", "bytes", "anchors"};
   for (const Measure* measure : shown) grid.columns.emplace_back(measure->heading);
@@ -52,7 +54,7 @@ ReportGrid comparison_grid(const Comparison& comparison) {
     std::vector<std::string> row{title_of(model), model.codec.empty() ? "none" : model.codec,
                                  std::to_string(model.bytes), std::to_string(model.anchors)};
     for (const Measure* measure : shown) row.push_back(cell(*measure, mean_of(*measure, comparison, model)));
-    if (twins) row.push_back(model.twin ? comparison.models[*model.twin].name : std::string());
+    if (twins) row.push_back(model.unmarked ? comparison.models[*model.unmarked].name : std::string());
     if (reads) {
       const Verification& verification = *model.verification;
       const BitAccuracy accuracy = bit_accuracy(verification);
@@ -149,11 +151,12 @@ std::string grid_text(const ReportGrid& grid) {
   return text;
 }
 
-ReportInput comparison_report(const Comparison& comparison, const std::string& title) {
+ReportInput comparison_report(const Comparison& comparison, const std::vector<std::vector<ReportView>>& pictures,
+                              const std::string& title) {
   ReportInput report;
   const ComparedModel& first = comparison.models.front();
   report.title = title;
-  report.subtitle = std::to_string(first.evaluation.views.size()) + " " + comparison.split + " views of " +
+  report.subtitle = std::to_string(first.evaluation.views.size()) + " " + split_name(comparison.split) + " views of " +
                     std::to_string(comparison.models.size()) + (comparison.models.size() == 1 ? " model" : " models");
   for (const ComparedModel& model : comparison.models) {
     if (model.is_unmarked) continue;
@@ -171,10 +174,10 @@ ReportInput comparison_report(const Comparison& comparison, const std::string& t
   if (ReportGrid sections = section_grid(comparison); !sections.rows.empty())
     report.grids.push_back(std::move(sections));
   for (const ComparedModel& model : comparison.models) report.grids.push_back(view_grid(comparison, model));
-  for (std::size_t v = 0; v < first.views.size(); ++v) {
-    for (const ComparedModel& model : comparison.models) {
-      report.views.push_back(model.views[v]);
-      report.views.back().name += ", " + title_of(model);
+  for (std::size_t v = 0; v < pictures.front().size(); ++v) {
+    for (std::size_t m = 0; m < comparison.models.size(); ++m) {
+      report.views.push_back(pictures[m][v]);
+      report.views.back().name += ", " + title_of(comparison.models[m]);
     }
   }
   for (const ComparedModel& model : comparison.models) {
@@ -182,6 +185,49 @@ ReportInput comparison_report(const Comparison& comparison, const std::string& t
     report.plots.push_back(logit_plot(comparison.message, *model.verification, "Bits, " + title_of(model)));
   }
   return report;
+}
+
+std::string evaluation_text(const Comparison& comparison) {
+  std::string text;
+  const std::vector<ViewResult>& views = comparison.models[0].evaluation.views;
+  if (comparison.models.size() == 1) {
+    for (const ViewResult& view : views) {
+      text += format_text("%-24s PSNR %6.2f dB  SSIM %.4f", view.name.c_str(), view.psnr, view.ssim);
+      if (view.lpips_alex) text += format_text("  LPIPS-alex %.4f", *view.lpips_alex);
+      if (view.lpips_squeeze) text += format_text("  LPIPS-squeeze %.4f", *view.lpips_squeeze);
+      text += format_text("  %.1f ms\n", view.milliseconds);
+    }
+  }
+  text += format_text("mean over %zu views\n", views.size()) + grid_text(comparison_grid(comparison));
+  for (const ComparedModel& model : comparison.models) {
+    if (model.sections.empty()) continue;
+    text += model.name + "\n";
+    for (const auto& [name, bytes] : model.sections) {
+      text += format_text("  %-30s %10llu  %5.1f %%\n", name.c_str(), static_cast<unsigned long long>(bytes),
+                          100 * static_cast<double>(bytes) / static_cast<double>(model.bytes));
+    }
+  }
+  return text;
+}
+
+Result<Done> write_evaluation(const Comparison& comparison, const std::vector<std::vector<ReportView>>& pictures,
+                              const std::filesystem::path& data, std::size_t threads, const EvaluationFiles& files) {
+  if (!files.json.empty()) {
+    if (Result<Done> written = write_file(files.json, comparison_json(comparison).dump(2) + "\n"); !written)
+      return written;
+  }
+  if (!files.csv.empty()) {
+    if (Result<Done> written = write_file(files.csv, comparison_csv(comparison)); !written) return written;
+  }
+  if (files.html.empty()) return Done{};
+  ReportInput report = comparison_report(comparison, pictures, base_name(data));
+  for (const ComparedModel& compared : comparison.models) {
+    if (compared.verification)
+      report.words.push_back({"Read from the renders of " + compared.name + (compared.is_unmarked ? " (unmarked)" : ""),
+                              report_text(*compared.verification)});
+  }
+  report.tables.push_back(machine_table(static_cast<int>(threads)));
+  return write_report(files.html, report);
 }
 
 }  // namespace tool

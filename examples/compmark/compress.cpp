@@ -3,20 +3,16 @@
 //
 // compmark compress: writes the compressed file of a model that was trained for it. compmark decompress: makes a model
 // from a compressed file again, even from a damaged one.
+#include <compmark/app/compress.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
-#include <compmark/pipeline/coded_model.hpp>
 #include <cstdio>
 #include <memory>
 #include <string>
-#include <utility>
 
-#include "codec_file.hpp"
 #include "coded_run.hpp"
 #include "commands.hpp"
 #include "common.hpp"
-#include "model_files.hpp"
-#include "reading.hpp"
 
 namespace tool {
 namespace {
@@ -30,26 +26,18 @@ struct CompressOptions {
 };
 
 int compress(const CompressOptions& options) {
-  const Result<AnyModel> loaded = load_model(options.model, options.threads);
-  if (!loaded) return fail(loaded.error());
   CodedModelSettings settings;
   settings.networks = options.networks == "single" ? TensorStorage::single : TensorStorage::half;
   settings.cameras = options.cameras == "none"  ? StoredCameras::none
                      : options.cameras == "all" ? StoredCameras::all
                                                 : StoredCameras::test;
-  Result<CodecModel> model = loaded->coded(settings);
-  if (!model) {
-    Error error = model.error();
-    error.file = options.model.string();
-    return fail(error);
-  }
   ThreadExecutor executor(options.threads);
   tell_threads(executor, options.threads);
-  const Result<CodecEncoded> encoded = write_codec_file(options.out, *model, executor);
-  if (!encoded) return fail(encoded.error());
-  std::printf("%s: %s", options.out.string().c_str(), coded_text(encoded->report).c_str());
+  const Result<CodecReport> report = compress_file(options.model, options.out, settings, executor);
+  if (!report) return fail(report.error());
+  std::printf("%s: %s", options.out.string().c_str(), coded_text(*report).c_str());
   if (options.json.empty()) return success;
-  const Result<Done> written = write_json(options.json, coded_json(encoded->report));
+  const Result<Done> written = write_json(options.json, coded_json(*report));
   return written ? success : fail(written.error());
 }
 
@@ -59,21 +47,22 @@ struct DecompressOptions {
   std::size_t threads = 0;
 };
 
-int decompress(const DecompressOptions& options, CodecDecoded decoded) {
-  const Result<std::string> recipe = model_recipe(decoded.model);
-  if (!recipe) return fail(recipe.error());
-  const Result<AnyModel> loaded = AnyModel::load(ModelSource{options.model, *recipe, std::move(decoded.model)});
-  if (!loaded) return fail(loaded.error());
-  if (Result<Done> written = loaded->write(options.out); !written) return fail(written.error());
-  std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), loaded->anchor_count(),
-              decoded.verified ? ", verified" : "");
+int decompress(const DecompressOptions& options) {
+  ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
+  CodecDecodeSettings settings;
+  settings.salvage = options.salvage;
+  settings.partial = options.partial;
+  const Result<Decompressed> made = decompress_file(options.model, options.out, settings, executor);
+  if (!made) return fail(made.error());
+  const CodecDecoded& decoded = made->decoded;
+  std::printf("%s: %zu anchors%s\n", options.out.string().c_str(), made->anchors, decoded.verified ? ", verified" : "");
   if (decoded.absent_bytes > 0) {
-    std::fprintf(stderr,
-                 "compmark: note: %u of %u levels are complete in this file; %llu bytes and %llu "
-                 "anchors are still missing\n",
-                 static_cast<unsigned>(decoded.levels), static_cast<unsigned>(decoded.file_levels),
-                 static_cast<unsigned long long>(decoded.absent_bytes),
-                 static_cast<unsigned long long>(decoded.absent_anchors));
+    std::fprintf(
+        stderr,
+        "compmark: note: %u of %u levels are complete in this file; %llu bytes and %llu anchors are still missing\n",
+        static_cast<unsigned>(decoded.levels), static_cast<unsigned>(decoded.file_levels),
+        static_cast<unsigned long long>(decoded.absent_bytes), static_cast<unsigned long long>(decoded.absent_anchors));
   }
   for (const std::string& section : decoded.lost_sections)
     std::fprintf(stderr, "compmark: warning: section %s is lost\n", section.c_str());
@@ -104,12 +93,7 @@ Command add_compress(Options& app) {
   app.number("--threads", options->threads, thread_range, "0: all; the file is the same for any number")
       ->capture_default_str();
   app.writes("--json", options->json, OutputKind::words, "write the sizes to this file");
-  return [options]() -> int {
-    if (is_coded_file(options->model)) {
-      return fail({ErrorKind::invalid, options->model.string(), {}, "is compressed already", "copy the file"});
-    }
-    return compress(*options);
-  };
+  return [options]() -> int { return compress(*options); };
 }
 
 Command add_decompress(Options& app) {
@@ -122,16 +106,7 @@ Command add_decompress(Options& app) {
            "decode a file that ends too early: the complete levels of a ContextGS file are a "
            "preview of it (compmark info of the whole file lists the bytes each level needs)");
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
-  return [options]() -> int {
-    ThreadExecutor executor(options->threads);
-    tell_threads(executor, options->threads);
-    CodecDecodeSettings settings;
-    settings.salvage = options->salvage;
-    settings.partial = options->partial;
-    Result<CodecDecoded> decoded = read_codec_file(options->model, settings, executor);
-    if (!decoded) return fail(decoded.error());
-    return decompress(*options, std::move(*decoded));
-  };
+  return [options]() -> int { return decompress(*options); };
 }
 
 }  // namespace tool

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <compmark/scene/open.hpp>
 #include <string_view>
 
 namespace tool {
@@ -75,38 +74,6 @@ EffectChoice choose_recipe(const Names& effects, LensTreatment lens) {
     (has(best->effects, effect) ? choice.simulated : choice.left_out).push_back(effect);
   }
   return choice;
-}
-
-bool projects_lens(std::string_view recipe) {
-  return recipe.find("+lens") != std::string_view::npos || recipe.find("+fisheye") != std::string_view::npos;
-}
-
-DatasetSettings settings_of(const ModelInfo& info) {
-  DatasetSettings settings;
-  if (projects_lens(info.recipe)) settings.lens = LensTreatment::keep;
-  if (has(info.effects, lens_ignored)) settings.lens = LensTreatment::ignore;
-  return settings;
-}
-
-StoredView stored_view(const View& view) {
-  StoredView stored{view.name, view.split == Split::test, view.camera, {}};
-  if (view.lens_treatment == LensTreatment::keep) stored.lens = view.lens;
-  return stored;
-}
-
-Result<Dataset> open_for(const ModelInfo& info, const std::filesystem::path& data, const DatasetSettings& settings) {
-  Result<Dataset> dataset = open_dataset(data, settings);
-  if (!dataset) return dataset.error();
-  if (dataset->unit != info.unit) change_unit(*dataset, info.unit);
-  if (dataset->origin == info.origin) return dataset;
-  // Models from before the origin was stored: their cameras are where this reader moves them.
-  for (const StoredView& stored : info.views) {
-    for (const View& view : dataset->views) {
-      if (view.name == stored.name && view.camera.center_world == stored.camera.center_world) return dataset;
-    }
-  }
-  move_origin(*dataset, info.origin);
-  return dataset;
 }
 
 Result<Names> wanted_effects(const std::string& option, const std::vector<ProbedEffect>& probed) {

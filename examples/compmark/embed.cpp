@@ -4,6 +4,8 @@
 // compmark embed: hides a message in a finished model. It trains a residual of the features alone; the source model is
 // not changed. Without --decoder one is fitted to the scene first. With --fidelity 0 the whole model trains on instead,
 // with the photographs it was trained on: nothing grows, and the learning rates are small.
+#include <compmark/app/compress.hpp>
+#include <compmark/app/files.hpp>
 #include <compmark/pipeline/model_file.hpp>
 #include <cstdint>
 #include <cstdio>
@@ -16,7 +18,6 @@
 #include <utility>
 
 #include <compmark/app/recipe_list.hpp>
-#include "codec_file.hpp"
 #include "commands.hpp"
 #include "finished_run.hpp"
 #include "fit_run.hpp"
@@ -240,7 +241,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
     tell_threads(executor, options.threads);
     // The check of a finished run below comes before anything of it is replaced.
     if (!options.resume || options.force || !holds_finished_run(options.out)) {
-      const Result<CodecEncoded> written = write_codec_file(mark->coded_twin, *unmarked, executor);
+      const Result<CodecEncoded> written = write_coded(mark->coded_twin, *unmarked, executor);
       if (!written) return fail(written.error());
     }
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <compmark/app/files.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/pipeline/checkpoint.hpp>

@@ -4,12 +4,12 @@
 // Decoders for models that were trained for compression. They are fitted to the model as its file holds it: rounding
 // alone moves the readings of a decoder for the unrounded model by more than a mark may
 // (docs/notebook/watermark_experiments.md).
+#include <compmark/app/compress.hpp>
 #include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/hac.hpp>
 #include <utility>
 #include <vector>
 
-#include "codec_file.hpp"
 #include "fit_model.hpp"
 
 namespace tool {
@@ -28,7 +28,7 @@ Result<DecoderFit<float>> fit(ModelSource source, FitOptions& options, ThreadExe
     settings.cameras = StoredCameras::all;
     const Result<CodecModel> coded = coded_model(loaded->model, loaded->info, settings);
     if (!coded) return in_file(coded.error(), source.path);
-    Result<CodecEncoded> file = encode_codec(*coded, executor);
+    Result<CodecEncoded> file = encode_model(*coded, executor);
     if (!file) return in_file(file.error(), source.path);
     source.coded = std::move(file->model);
   }

@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <compmark/app/capture.hpp>
+#include <compmark/app/dataset_views.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/pipeline/decoder_fit.hpp>
@@ -19,7 +21,6 @@
 #include <vector>
 
 #include "common.hpp"
-#include "effects.hpp"
 #include "fit_run.hpp"
 #include "jpeg_codec.hpp"
 #include "model_files.hpp"

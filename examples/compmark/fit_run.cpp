@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <compmark/app/files.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/lattice_file.hpp>

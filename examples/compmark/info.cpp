@@ -3,6 +3,9 @@
 //
 // compmark info: prints the contents of a model file, and its digest.
 #include <bit>
+#include <compmark/app/compress.hpp>
+#include <compmark/app/files.hpp>
+#include <compmark/codec/cmk.hpp>
 #include <compmark/codec/container.hpp>
 #include <compmark/codec/inspect.hpp>
 #include <compmark/core/thread_executor.hpp>
@@ -15,7 +18,6 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "codec_file.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 #include "model_files.hpp"
@@ -39,7 +41,7 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
   const Result<Container> container = parse_container(*bytes, path.string());
   if (!container) return fail(container.error());
   ThreadExecutor executor(0);
-  const Result<CodecDecoded> decoded = decode_codec_file(*bytes, path.string(), executor);
+  const Result<CodecDecoded> decoded = decode_model(*bytes, path.string(), CodecDecodeSettings{}, executor);
   if (!decoded) return fail(decoded.error());
   const Result<std::string> digest = file_sha256(path);
   if (!digest) return fail(digest.error());
@@ -57,7 +59,7 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
       "model verified\n  recipe      %s (profile %s, %lld iterations, seed %llu)\n  anchors"
       "     %zu with %zu unmasked offsets\n  cell size   %g\n  views       %zu stored\n  "
       "sections\n",
-      path.string().c_str(), digest->c_str(), codec_file_name(model.profile()), bytes->size(), info->recipe.c_str(),
+      path.string().c_str(), digest->c_str(), codec_name(model.profile()), bytes->size(), info->recipe.c_str(),
       info->profile.c_str(), static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed),
       model.anchors(), live, model.voxel_size, info->views.size());
   std::map<std::string, std::pair<std::size_t, std::uint64_t>> sections;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mark_input.hpp"
 
+#include <compmark/app/files.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/mark/key.hpp>
 #include <compmark/metric/psnr.hpp>
@@ -122,7 +123,7 @@ Result<MarkInput> load_mark(const MarkOptions& options, TrainSettings& settings)
                    "and --for-compression, can fit one");
   const Result<OwnerKey> key = key_of(options);
   if (!key) return key.error();
-  Result<Decoder> decoder = load_decoder(options.decoder, &*key);
+  Result<Decoder> decoder = open_decoder(options.decoder, &*key);
   if (!decoder) return decoder.error();
   MarkInput input;
   if (!options.twin.empty()) {  // better now than after the training
@@ -213,27 +214,11 @@ Result<MarkMeasurement> measure_mark(AnyModel& model, const MarkInput& mark, Dat
   found.report.sources = mark.sources;
   if (twin) {
     found.psnr_marked_vs_unmarked = between / static_cast<double>(views.size());
-    const Result<Evaluation> evaluation = evaluate_views(*twin, views, {}, executor, [](const SeenView&) {});
+    const Result<Evaluation> evaluation = evaluate_views(*twin, views, evaluation_settings(), executor);
     if (!evaluation) return evaluation.error();
     found.unmarked_psnr = evaluation->mean([](const ViewResult& view) { return view.psnr; });
   }
   return found;
-}
-
-Plot logit_plot(const Message& message, const Verification& verification, const std::string& title) {
-  Plot plot{.title = title, .x_label = "bit", .y_label = "logit towards the key's bit", .series = {}};
-  PlotSeries right{.label = "right", .points = {}, .names = {}, .color = 0, .line = false, .dots = true};
-  PlotSeries wrong{.label = "wrong", .points = {}, .names = {}, .color = 1, .line = false, .dots = true};
-  for (std::size_t b = 0; b < verification.fused.size(); ++b) {
-    const double towards = message[b] ? verification.fused[b] : -verification.fused[b];
-    (verification.read[b] == message[b] ? right : wrong).points.push_back({static_cast<double>(b), towards});
-  }
-  PlotSeries zero{.label = "", .points = {}, .names = {}, .color = 5};
-  zero.points = {{0, 0}, {static_cast<double>(verification.fused.size()) - 1, 0}};
-  for (PlotSeries* series : {&zero, &right, &wrong}) {
-    if (!series->points.empty()) plot.series.push_back(std::move(*series));
-  }
-  return plot;
 }
 
 WatermarkMetrics watermark_metrics(const Verification& verification) {

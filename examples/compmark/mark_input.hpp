@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <compmark/app/dataset_views.hpp>
 #include <compmark/mark/message.hpp>
 #include <compmark/mark/report.hpp>
 #include <compmark/pipeline/settings.hpp>
@@ -88,11 +89,9 @@ struct MarkMeasurement {
   std::optional<double> psnr_marked_vs_unmarked;  ///< of the two renders, mean over the views, dB
 };
 /// Reads the message from every view of a marked model, as a verifier does: from renders rounded to 8 bits.
-compmark::Result<MarkMeasurement> measure_mark(compmark::AnyModel& model, const MarkInput& mark, DatasetViews views,
-                                               compmark::ThreadExecutor& executor);
+compmark::Result<MarkMeasurement> measure_mark(compmark::AnyModel& model, const MarkInput& mark,
+                                               compmark::DatasetViews views, compmark::ThreadExecutor& executor);
 
-/// The fused logits, a dot a bit: above 0 those that are right.
-Plot logit_plot(const compmark::Message& message, const compmark::Verification& verification, const std::string& title);
 /// The part of it that results.json holds.
 WatermarkMetrics watermark_metrics(const compmark::Verification& verification);
 

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <compmark/app/files.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>

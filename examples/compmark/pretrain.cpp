@@ -8,6 +8,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <compmark/app/files.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>

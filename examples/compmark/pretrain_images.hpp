@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <compmark/app/files.hpp>
 #include <compmark/core/random.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/views.hpp>
@@ -102,7 +103,8 @@ class PretrainImages {
       const compmark::Result<compmark::ImageInfo> info = compmark::read_image_info(path / name);
       if (!info) return info.error();
       constexpr std::uint64_t bytes_a_pixel = 20;  // its pixels, and their floats while it is reduced
-      if (auto fits = check_image_memory(*info, path / name, bytes_a_pixel, budget_mb); !fits) return fits.error();
+      if (auto fits = compmark::check_image_memory(*info, path / name, bytes_a_pixel, budget_mb); !fits)
+        return fits.error();
       compmark::Result<compmark::ImageBytes> image = compmark::read_image(path / name);
       if (!image) return image.error();
       if (std::min(image->width, image->height) < least) {

@@ -5,6 +5,7 @@
 // dataset.
 #include <algorithm>
 #include <chrono>
+#include <compmark/app/capture.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/file_identity.hpp>
 #include <compmark/io/image_file.hpp>
@@ -21,7 +22,6 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "effects.hpp"
 #include "model_files.hpp"
 #include "run_folder.hpp"
 #include "view_files.hpp"

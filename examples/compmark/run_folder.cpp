@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "run_folder.hpp"
 
+#include <compmark/app/files.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/folder_lock.hpp>
 #include <cstdio>

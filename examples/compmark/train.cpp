@@ -5,6 +5,8 @@
 // message too. Ctrl-C writes a checkpoint; --resume continues from it to the same bits as an uninterrupted run.
 #include <algorithm>
 #include <array>
+#include <compmark/app/capture.hpp>
+#include <compmark/app/recipe_names.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/pipeline/model_info.hpp>

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <compmark/app/files.hpp>
 #include <compmark/mark/report.hpp>
 #include <cstdint>
 #include <filesystem>
@@ -14,6 +15,7 @@
 #include <utility>
 
 #include "common.hpp"
+#include "mark_plot.hpp"
 #include "model_files.hpp"
 #include "progress.hpp"
 
@@ -132,21 +134,24 @@ ShownViews::ShownViews(const DatasetViews& measured) : views_(measured) {
   }
 }
 
-KeepView ShownViews::keep() {
-  return [this](const SeenView& view) {
-    if (std::find(number_.begin(), number_.end(), view.index) == number_.end()) return;
+SeenViewObserver ShownViews::keep() {
+  return [this](const SeenView& view) -> Result<Done> {
+    if (std::find(number_.begin(), number_.end(), view.index) == number_.end()) return Done{};
     pictures.push_back({view.result.name, make_report_image(view.truth), make_report_image(view.measured),
                         view.result.psnr, view.result.ssim, view.result.lpips_alex});
+    return Done{};
   };
 }
 
 Result<Done> ShownViews::add_unmarked(const std::filesystem::path& twin, ThreadExecutor& executor) {
   Result<AnyModel> model = load_model(twin, executor.concurrency());
   if (!model) return model.error();
-  const Result<Evaluation> seen = evaluate_views(*model, views_, {}, executor, [&](const SeenView& view) {
-    pictures[view.index].unmarked = {twin.filename().string(), make_report_image(view.measured), view.result.psnr,
-                                     view.result.ssim};
-  });
+  const Result<Evaluation> seen =
+      evaluate_views(*model, views_, evaluation_settings(), executor, [&](const SeenView& view) -> Result<Done> {
+        pictures[view.index].unmarked = {twin.filename().string(), make_report_image(view.measured), view.result.psnr,
+                                         view.result.ssim};
+        return Done{};
+      });
   if (!seen) return seen.error();
   return Done{};
 }

@@ -22,15 +22,15 @@ namespace tool {
 /// A few views of those that are measured, evenly spaced, whose pictures the page has.
 class ShownViews {
  public:
-  explicit ShownViews(const DatasetViews& measured);
+  explicit ShownViews(const compmark::DatasetViews& measured);
   /// Keeps the pictures of the views that are shown, whatever else is measured.
-  [[nodiscard]] KeepView keep();
+  [[nodiscard]] compmark::SeenViewObserver keep();
   /// Adds renders of the unmarked model at the same cameras.
   compmark::Result<compmark::Done> add_unmarked(const std::filesystem::path& twin, compmark::ThreadExecutor& executor);
   std::vector<ReportView> pictures;
 
  private:
-  DatasetViews views_;               ///< those that are shown
+  compmark::DatasetViews views_;     ///< those that are shown
   std::vector<std::size_t> number_;  ///< of each among those that are measured
 };
 
@@ -40,7 +40,7 @@ struct RunFindings {
   const RunData& run;
   const RunEnd& end;
   const Results& results;
-  const Evaluation& evaluation;  ///< of model.safetensors
+  const compmark::Evaluation& evaluation;  ///< of model.safetensors
   const MarkInput* mark = nullptr;
   const std::optional<MarkMeasurement>& found;  ///< the message in model.safetensors
   const std::optional<CodedRun>& coded;

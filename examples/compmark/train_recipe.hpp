@@ -9,6 +9,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <compmark/app/compress.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/pipeline/adopt_networks.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
@@ -28,7 +29,6 @@
 #include <utility>
 #include <vector>
 
-#include "codec_file.hpp"
 #include "common.hpp"
 #include "evaluation.hpp"
 #include "finished_run.hpp"
@@ -298,7 +298,7 @@ int run(const TrainOptions& options, const TrainSettings& settings, const MarkIn
     if (loaded) {
       const Result<CodecModel> coded = coded_model(loaded->model, loaded->info);
       if (!coded) return fail(in_file(coded.error(), options.model));
-      Result<CodecEncoded> file = encode_codec(*coded, executor);
+      Result<CodecEncoded> file = encode_model(*coded, executor);
       if (!file) return fail(in_file(file.error(), options.model));
       host_file = std::move(file->model);
       if (data.settings.mark.posthoc.hold_steps_every > 0) leave_room_for_steps(*host_file);

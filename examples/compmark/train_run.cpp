@@ -3,6 +3,8 @@
 #include "train_run.hpp"
 
 #include <algorithm>
+#include <compmark/app/capture.hpp>
+#include <compmark/app/files.hpp>
 #include <compmark/core/buffer.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/pipeline/checkpoint.hpp>
@@ -209,10 +211,11 @@ int finish_run(const TrainOptions& options, RunData& run, const RunEnd& end, con
   const DatasetViews& measured = has_test ? run.test : run.train;
   ShownViews shown(measured);
   // Pictures are renders of the file that others get: the compressed one if there is one.
-  const KeepView keep = shown.keep(), pass = [](const SeenView&) {};
+  const SeenViewObserver keep = shown.keep();
   Result<AnyModel> model = load_model(run.model);  // what was written is what is measured
   if (!model) return fail(model.error());
-  Result<Evaluation> evaluation = evaluate_views(*model, measured, options.lpips, executor, end.coded ? pass : keep);
+  Result<Evaluation> evaluation = evaluate_views(*model, measured, evaluation_settings(options.lpips), executor,
+                                                 end.coded ? SeenViewObserver() : keep);
   if (!evaluation) return fail(evaluation.error());
   const double mean_psnr = evaluation->mean([](const ViewResult& v) { return v.psnr; });
   const double mean_ssim = evaluation->mean([](const ViewResult& v) { return v.ssim; });

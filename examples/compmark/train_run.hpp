@@ -5,6 +5,8 @@
 // compiled once. The rest is in train_recipe.hpp.
 #pragma once
 
+#include <compmark/app/dataset_views.hpp>
+#include <compmark/app/lpips_nets.hpp>
 #include <compmark/codec/codec_model.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
@@ -55,7 +57,7 @@ struct TrainOptions {
   bool force = false;                  ///< over a finished run
   std::shared_ptr<const void> folder;  ///< holds `out` against other runs (run_folder.hpp)
   std::filesystem::path json_log;
-  LpipsFiles lpips;
+  compmark::LpipsFiles lpips;
   MarkOptions mark;
   std::filesystem::path model;       ///< the finished model that embed marks, or that fit-codec compresses
   std::int64_t mark_iterations = 0;  ///< of a mark that is hidden after the training; 0: what suits the recipe
@@ -94,7 +96,7 @@ struct RunData {
   compmark::Dataset dataset;
   compmark::DatasetSettings data_settings;
   std::unique_ptr<compmark::ImageStore> store;  ///< of `dataset`
-  DatasetViews train, test;
+  compmark::DatasetViews train, test;
   compmark::ModelInfo info;
   compmark::SceneExtent extent;
   compmark::TrainSettings settings;

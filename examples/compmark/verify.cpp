@@ -2,14 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark verify: is the message of this key in a model or in images, and how likely would that be by chance.
+#include <compmark/app/verify.hpp>
+#include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
-#include <compmark/mark/key.hpp>
-#include <compmark/mark/verify.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <utility>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -41,11 +40,11 @@ int run(const VerifyOptions& options) {
     const Result<Done> recorded = check_recorded(options.key, *key, options.reading.decoder, options.reading.model);
     if (!recorded) return fail(recorded.error());
   }
-  Result<Reading> reading = read_all(options.reading, *key);
-  if (!reading) return fail(reading.error());
-  Result<Verification> verification = verify_message(message_of(*key), reading->views, settings);
-  if (!verification) return fail(verification.error());
-  const VerificationReport report{std::move(reading->sources), std::move(reading->views), std::move(*verification)};
+  ThreadExecutor executor(options.reading.threads);
+  tell_threads(executor, options.reading.threads);
+  const Result<VerificationReport> verified = verify_files(*key, reading_settings(options.reading), settings, executor);
+  if (!verified) return fail(verified.error());
+  const VerificationReport& report = *verified;
   const std::optional<PayloadText> payload =
       key->corrects == 0 ? std::nullopt : std::optional(payload_text(*key, report.verification.read));
   if (!options.json.empty()) {

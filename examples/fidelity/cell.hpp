@@ -35,6 +35,7 @@ struct Scene {
 /// Settings that every cell has in common.
 struct Settings {
   fs::path out, tool = "compmark";
+  bool own_tool = true;  ///< `tool` is of this build: it was not named with --compmark
   std::int64_t iterations = 10000;
   double rate_lambda = 0.004;
   std::int64_t fit_codec = 0;  ///< above 0: the codec is fitted to a finished host, in so many iterations (fitted.hpp)
@@ -193,15 +194,20 @@ struct Cell {
                       {"--bits", std::to_string(settings.bits), "--key", settings.key().string()});
 }
 
+/// The unmarked counterpart of each model on its side of the codec; an unmarked model is its own, as every model is
+/// given one.
+[[nodiscard]] inline std::vector<fs::path> counterparts(const fs::path& folder) {
+  std::vector<fs::path> paths;
+  for (const Model model : {unmarked, unmarked_coded, unmarked, unmarked_coded})
+    paths.push_back(folder / model_files[model]);
+  return paths;
+}
 [[nodiscard]] inline std::vector<std::string> evaluate_command(const Cell& cell, const Settings& settings) {
   const fs::path folder = cell.folder(settings);
   std::vector<std::string> words = {settings.tool.string(), "evaluate", "--model"};
   for (const char* file : model_files) words.push_back((folder / file).string());
-  // Each is compared with the unmarked one on its side of the codec; the unmarked ones are their own counterparts,
-  // because every model needs one.
   words.emplace_back("--unmarked");
-  for (const Model twin : {unmarked, unmarked_coded, unmarked, unmarked_coded})
-    words.push_back((folder / model_files[twin]).string());
+  for (const fs::path& path : counterparts(folder)) words.push_back(path.string());
   for (const std::string& word :
        {std::string("--data"), cell.scene.folder.string(), std::string("--downscale"),
         number_text(cell.scene.downscale), std::string("--threads"), std::to_string(settings.threads),

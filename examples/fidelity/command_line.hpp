@@ -32,7 +32,8 @@ inline void add_settings(CLI::App& app, Settings& settings, const fs::path& prog
   app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")
       ->capture_default_str()
       ->check(tool::in_range(tool::thread_range));
-  app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)");
+  app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)")
+      ->each([&settings](const std::string&) { settings.own_tool = false; });
   app.allow_extras();
 }
 

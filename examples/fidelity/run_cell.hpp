@@ -18,6 +18,7 @@
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/owner_key.hpp"
 #include "fitted.hpp"
+#include "measure.hpp"
 #include "process.hpp"
 
 namespace fidelity {
@@ -34,6 +35,12 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
   if (stopped() || *code == stopped_exit) return false;
   return Error{ErrorKind::invalid, folder.string(), what, "ended with exit code " + std::to_string(*code),
                "see what it printed; the same command goes on from there"};
+}
+
+/// The figures of a cell by this program itself.
+[[nodiscard]] inline Result<bool> measured_here(const char* program, const Cell& cell, const Settings& settings) {
+  std::fprintf(stderr, "%s: %s, %s: evaluate\n", program, cell.scene.name.c_str(), cell.codec.c_str());
+  return measure_cell(cell, settings);
 }
 
 /// Runs what of a cell is missing. Empty: the run was stopped.
@@ -65,7 +72,8 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
   if (!marked) return marked.error();
   if (!*marked) return std::optional<Row>();
   if (!is_measured(folder, settings)) {
-    const Result<bool> measured = step("evaluate", evaluate_command(cell, settings));
+    const Result<bool> measured =
+        settings.own_tool ? measured_here(program, cell, settings) : step("evaluate", evaluate_command(cell, settings));
     if (!measured) return measured.error();
     if (!*measured) return std::optional<Row>();
   }

@@ -54,20 +54,54 @@ std::size_t drawn(const std::vector<float>& image) {
   return count;
 }
 
+/// The .cmk of a model renders as the decoded model of its type does.
+void check_compressed(const std::string& name, const AnyModel& trained, const fs::path& file,
+                      ThreadExecutor& executor) {
+  CodedModelSettings settings;
+  settings.cameras = StoredCameras::all;
+  const Result<CodecModel> coded = trained.coded(settings);
+  if (!coded) FAIL(coded.error().line());
+  REQUIRE(write_cmk(file, *coded, CodecEncodeSettings{}, executor).ok());
+  Result<AnyModel> model = AnyModel::open(file, executor);
+  if (!model) FAIL(model.error().line());
+  CHECK(model->info().recipe == name);
+  CHECK(model->file_bytes() == fs::file_size(file));
+  REQUIRE(model->info().views.size() == testing::small_views);
+  const Camera<double> camera = model->info().views[1].camera;
+  const Result<RenderedView> render = model->render(camera, executor);
+  REQUIRE(render.ok());
+  const std::vector<float> seen = pixels(render->image);
+  CHECK(drawn(seen) > seen.size() / 30);
+  const Result<CodecDecoded> decoded = read_cmk(file, CodecDecodeSettings{}, executor);
+  REQUIRE(decoded.ok());
+  const Result<Done> compared =
+      with_coded_reading_recipe(name, OrError([&](auto tag) -> Result<Done> {
+                                  using R = typename decltype(tag)::Recipe;
+                                  const Result<LoadedModel<R>> loaded = model_from<R>(decoded->model);
+                                  REQUIRE(loaded.ok());
+                                  CHECK(seen == typed_render(loaded->model, camera, executor));
+                                  return Done{};
+                                }));
+  CHECK(compared.ok());
+}
+
 }  // namespace
 
-TEST_CASE("app/any_model: a model file of every recipe renders as the pipeline of its type does, to the bit") {
+TEST_CASE(
+    "app/any_model: a model file of every recipe renders as the pipeline of its type does, to the bit, and so does its "
+    ".cmk") {
   const testing::ScratchFolder folder("compmark-app-any");
   ThreadExecutor executor(2);
+  std::size_t compressed = 0;
   for (const std::string name : testing::read_recipes) {
     CAPTURE(name);
     const fs::path path = folder.path / "model.safetensors";
     for_recipe(name, [&](const auto& made) {
-      const ModelInfo info = testing::small_info(name);
-      REQUIRE(write_model(path, made, info).ok());
+      REQUIRE(write_model(path, made, testing::small_info(name)).ok());
       Result<AnyModel> model = AnyModel::open(path, executor);
       REQUIRE(model.ok());
       CHECK(model->info().recipe == name);
+      CHECK(model->file() == path);
       CHECK(model->anchor_count() == testing::small_anchors);
       CHECK(model->file_bytes() == fs::file_size(path));
       CHECK(model->render_settings().background == made.render.background);
@@ -79,49 +113,13 @@ TEST_CASE("app/any_model: a model file of every recipe renders as the pipeline o
         CHECK(drawn(seen) > seen.size() / 30);  // not the background alone
         CHECK(render->gaussians > 0);
       }
+      if (is_coded_recipe(name)) {
+        check_compressed(name, *model, folder.path / "model.cmk", executor);
+        ++compressed;
+      }
     });
   }
-}
-
-TEST_CASE("app/any_model: a .cmk of every recipe of both codecs renders as the decoded model of its type does") {
-  const testing::ScratchFolder folder("compmark-app-cmk");
-  ThreadExecutor executor(2);
-  for (const std::string name : testing::read_recipes) {
-    if (!is_coded_recipe(name)) continue;
-    CAPTURE(name);
-    const fs::path path = folder.path / "model.safetensors", file = folder.path / "model.cmk";
-    for_recipe(name, [&](const auto& made) {
-      REQUIRE(write_model(path, made, testing::small_info(name)).ok());
-      const Result<AnyModel> trained = AnyModel::open(path, executor);
-      REQUIRE(trained.ok());
-      CodedModelSettings settings;
-      settings.cameras = StoredCameras::all;
-      const Result<CodecModel> coded = trained->coded(settings);
-      if (!coded) FAIL(coded.error().line());
-      REQUIRE(write_cmk(file, *coded, CodecEncodeSettings{}, executor).ok());
-    });
-    Result<AnyModel> model = AnyModel::open(file, executor);
-    if (!model) FAIL(model.error().line());
-    CHECK(model->info().recipe == name);
-    CHECK(model->file_bytes() == fs::file_size(file));
-    REQUIRE(model->info().views.size() == testing::small_views);
-    const Camera<double> camera = model->info().views[1].camera;
-    const Result<RenderedView> render = model->render(camera, executor);
-    REQUIRE(render.ok());
-    const std::vector<float> seen = pixels(render->image);
-    const Result<CodecDecoded> decoded = read_cmk(file, CodecDecodeSettings{}, executor);
-    REQUIRE(decoded.ok());
-    const Result<Done> compared =
-        with_coded_reading_recipe(name, OrError([&](auto tag) -> Result<Done> {
-                                    using R = typename decltype(tag)::Recipe;
-                                    const Result<LoadedModel<R>> loaded = model_from<R>(decoded->model);
-                                    REQUIRE(loaded.ok());
-                                    CHECK(seen == typed_render(loaded->model, camera, executor));
-                                    return Done{};
-                                  }));
-    CHECK(compared.ok());
-    CHECK(drawn(seen) > seen.size() / 30);
-  }
+  CHECK(compressed == 8);  // of both codecs
 }
 
 TEST_CASE("app/any_model: what training alone needs changes nothing of how a model is read") {

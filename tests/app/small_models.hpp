@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Models of any shipped recipe that nobody trained: anchors on a grid, random numbers of a trained model's size, three cameras. Each shows
-// something from each of them.
+// Models of any shipped recipe that nobody trained: anchors on a grid, random numbers of a trained model's size, three
+// cameras. Each shows something from each of them.
 #pragma once
 
 #include <doctest/doctest.h>

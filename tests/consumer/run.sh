@@ -27,6 +27,13 @@ for kind in find_package add_subdirectory; do
     { cat "$scratch/log"; exit 1; }
   cmake --build "$scratch/$kind" >"$scratch/log" 2>&1 || { cat "$scratch/log"; exit 1; }
   "$scratch/$kind/consumer"
+  [ "$kind" = find_package ] || continue
+  # What is linked with compmark::app decodes a file, and says of a codec's test file without a recipe what it lacks.
+  if "$scratch/$kind/viewer" "$here/../golden/codec/hac_small.cmk" "$scratch/view.png" 2>"$scratch/words"; then
+    echo "viewer rendered a file that has no recipe"
+    exit 1
+  fi
+  grep -q 'META.recipe: is missing' "$scratch/words" || { cat "$scratch/words"; exit 1; }
 done
 if [ "$way" = pkg_config ] || [ "$way" = all ]; then
   PKG_CONFIG_PATH="$scratch/moved/share/pkgconfig${PKG_CONFIG_PATH:+:$PKG_CONFIG_PATH}"

@@ -61,7 +61,9 @@ class AnyModel {
   [[nodiscard]] std::size_t anchor_count() const { return held_->anchor_count(); }
   /// Every number of the model, by blocks; they may be changed.
   [[nodiscard]] ParameterArena<float>& arena() { return held_->arena(); }
-  /// Bytes of the file that it was read from; 0 if there is none any more.
+  /// The file that it was read from.
+  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  /// Bytes of that file; 0 if there is none any more.
   [[nodiscard]] std::uint64_t file_bytes() const { return file_bytes_; }
 
   /// As model.safetensors, under a temporary name and renamed.
@@ -76,14 +78,17 @@ class AnyModel {
   explicit AnyModel(std::unique_ptr<detail::HeldModel> held) : held_(std::move(held)) {}
 
   std::unique_ptr<detail::HeldModel> held_;
+  std::filesystem::path file_;
   std::uint64_t file_bytes_ = 0;
 };
 
 namespace detail {
 
 struct HeldAccess {
-  [[nodiscard]] static AnyModel made(std::unique_ptr<HeldModel> held, std::uint64_t file_bytes) {
+  [[nodiscard]] static AnyModel made(std::unique_ptr<HeldModel> held, const std::filesystem::path& file,
+                                     std::uint64_t file_bytes) {
     AnyModel model(std::move(held));
+    model.file_ = file;
     model.file_bytes_ = file_bytes;
     return model;
   }

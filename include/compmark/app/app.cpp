@@ -7,7 +7,16 @@
 #error "compile app.cpp, and every file that includes headers of app, with -DCOMPMARK_APP_COMPILED"
 #endif
 #include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/detail/capture.hpp"
+#include "compmark/app/detail/compare.hpp"
+#include "compmark/app/detail/compress.hpp"
+#include "compmark/app/detail/evaluate.hpp"
+#include "compmark/app/detail/export.hpp"
+#include "compmark/app/detail/files.hpp"
+#include "compmark/app/detail/lpips_nets.hpp"
 #include "compmark/app/detail/model_source.hpp"
+#include "compmark/app/detail/reading.hpp"
+#include "compmark/app/detail/verify.hpp"
 
 namespace compmark {
 

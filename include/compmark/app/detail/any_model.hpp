@@ -19,14 +19,14 @@ namespace compmark {
 COMPMARK_APP_INLINE Result<AnyModel> AnyModel::load(const ModelSource& source) {
   std::error_code status;
   const std::uintmax_t bytes = std::filesystem::file_size(source.path, status);
-  Result<AnyModel> model =
-      with_reading_recipe(source.recipe, OrError([&](auto tag) -> Result<AnyModel> {
-                            using R = typename decltype(tag)::Recipe;
-                            Result<LoadedModel<R>> loaded = source.load<R>();
-                            if (!loaded) return loaded.error();
-                            return detail::HeldAccess::made(
-                                std::make_unique<detail::RecipeModel<R>>(std::move(*loaded)), status ? 0 : bytes);
-                          }));
+  Result<AnyModel> model = with_reading_recipe(source.recipe, OrError([&](auto tag) -> Result<AnyModel> {
+                                                 using R = typename decltype(tag)::Recipe;
+                                                 Result<LoadedModel<R>> loaded = source.load<R>();
+                                                 if (!loaded) return loaded.error();
+                                                 return detail::HeldAccess::made(
+                                                     std::make_unique<detail::RecipeModel<R>>(std::move(*loaded)),
+                                                     source.path, status ? 0 : bytes);
+                                               }));
   if (model || !model.error().file.empty()) return model;
   Error error = model.error();
   error.file = source.path.string();

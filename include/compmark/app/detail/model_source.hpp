@@ -47,7 +47,7 @@ COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem:
     source.coded = std::move(decoded->model);
     return source;
   }
-  Result<SafetensorsFile> file = read_safetensors(path);
+  Result<SafetensorsFile> file = read_safetensors(path, FileKind::model);
   if (!file) return file.error();
   Result<std::string> recipe = model_recipe(*file);
   if (!recipe) return recipe.error();

@@ -1,25 +1,31 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation.hpp"
+//
+// The functions of app/evaluate.hpp.
+#pragma once
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
-#include <compmark/metric/colour_fit.hpp>
-#include <compmark/metric/psnr.hpp>
-#include <compmark/metric/rounding.hpp>
-#include <compmark/metric/ssim.hpp>
+#include <cstddef>
+#include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
-#include "lpips_nets.hpp"
+#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/detail/lpips_nets.hpp"
+#include "compmark/app/evaluate.hpp"
+#include "compmark/metric/colour_fit.hpp"
+#include "compmark/metric/psnr.hpp"
+#include "compmark/metric/rounding.hpp"
+#include "compmark/metric/ssim.hpp"
 
-namespace tool {
-namespace {
+namespace compmark {
+namespace detail {
 
 /// Copies the truth over the render where a pixel counts less than wholly; returns the share of pixels that count.
-double hide_uncounted(std::span<const float> weight, compmark::ImageView<const float> truth,
-                      compmark::ImageView<float> render) {
+inline double hide_uncounted(std::span<const float> weight, ImageView<const float> truth, ImageView<float> render) {
   std::size_t counted = 0;
   for (std::size_t i = 0; i < weight.size(); ++i) {
     if (weight[i] >= 0.5f) {  // a pixel counts or it does not; JPEG masks are never quite white
@@ -31,11 +37,11 @@ double hide_uncounted(std::span<const float> weight, compmark::ImageView<const f
   return static_cast<double>(counted) / static_cast<double>(weight.size());
 }
 
-}  // namespace
+}  // namespace detail
 
-double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<const float> target,
-                    std::span<const float> weight) {
-  if (weight.empty()) return compmark::psnr(image, target);
+COMPMARK_APP_INLINE double counted_psnr(ImageView<const float> image, ImageView<const float> target,
+                                        std::span<const float> weight) {
+  if (weight.empty()) return psnr(image, target);
   double squares = 0, light = 0, share = 0;  // of the pixels that count; of the others, by their weights
   std::size_t counted = 0;
   for (std::size_t i = 0; i < weight.size(); ++i) {
@@ -52,10 +58,10 @@ double counted_psnr(compmark::ImageView<const float> image, compmark::ImageView<
   return -10 * std::log10(squares / (3 * static_cast<double>(counted)));
 }
 
-compmark::Result<Evaluation> evaluate_views(compmark::AnyModel& model, DatasetViews views, const LpipsFiles& lpips,
-                                            compmark::ThreadExecutor& executor, const KeepView& keep) {
-  using namespace compmark;
-  Result<LpipsNets> nets = LpipsNets::open(lpips);
+COMPMARK_APP_INLINE Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,
+                                                      const EvaluateSettings& settings, ThreadExecutor& executor,
+                                                      const SeenViewObserver& observer) {
+  Result<LpipsNets> nets = LpipsNets::open(settings.lpips);
   if (!nets) return nets.error();
 
   // The gauge of an exposure is free: what the photograph's own exposure costs is told apart.
@@ -68,9 +74,9 @@ compmark::Result<Evaluation> evaluate_views(compmark::AnyModel& model, DatasetVi
                                         static_cast<float>(behind[2])};
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Camera<double> camera = views.camera(i);
-    const auto begin = std::chrono::steady_clock::now();
+    const double begin = settings.clock ? settings.clock() : 0;
     const Result<RenderedView> render = model.render(camera, views.lens(i), executor);
-    const auto end = std::chrono::steady_clock::now();
+    const double end = settings.clock ? settings.clock() : 0;
     if (!render) return render.error();
     const RenderedView& rendered = *render;
     round_to_8bit<float>(rendered.image, rendered.image);
@@ -83,7 +89,7 @@ compmark::Result<Evaluation> evaluate_views(compmark::AnyModel& model, DatasetVi
     if (Result<Done> loaded = views.load_planes(i, background, {truth, nullptr, weight_storage.data()}); !loaded)
       return loaded.error();
     // Pixels that do not count are made right in a copy of the render, and the error is that of the others.
-    const double counted = hide_uncounted(weight_storage.span(), truth, measured);
+    const double counted = detail::hide_uncounted(weight_storage.span(), truth, measured);
     if (counted == 0) {
       return Error{ErrorKind::invalid, views.dataset->views[views.index[i]].mask_path.string(), "mask",
                    "leaves no pixel of the view \"" + views.dataset->views[views.index[i]].name + "\" to measure",
@@ -99,13 +105,16 @@ compmark::Result<Evaluation> evaluate_views(compmark::AnyModel& model, DatasetVi
     if (!distances) return distances.error();
     result.lpips_alex = distances->alex;
     result.lpips_squeeze = distances->squeeze;
-    result.milliseconds = std::chrono::duration<double, std::milli>(end - begin).count();
+    result.milliseconds = end - begin;
     result.gaussians = rendered.gaussians;
-    keep({i, result, ImageView<const float>(rendered.image), ImageView<const float>(measured),
-          ImageView<const float>(truth)});
+    if (observer) {
+      const Result<Done> seen = observer({i, result, ImageView<const float>(rendered.image),
+                                          ImageView<const float>(measured), ImageView<const float>(truth)});
+      if (!seen) return seen.error();
+    }
     evaluation.views.push_back(std::move(result));
   }
   return evaluation;
 }
 
-}  // namespace tool
+}  // namespace compmark

@@ -1,16 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "lpips_nets.hpp"
+//
+// The functions of app/lpips_nets.hpp.
+#pragma once
 
-#include <compmark/io/safetensors.hpp>
 #include <tuple>
 #include <utility>
 
-namespace tool {
+#include "compmark/app/lpips_nets.hpp"
+#include "compmark/io/safetensors.hpp"
 
-using namespace compmark;
+namespace compmark {
 
-Result<LpipsNets> LpipsNets::open(const LpipsFiles& files) {
+COMPMARK_APP_INLINE Result<LpipsNets> LpipsNets::open(const LpipsFiles& files) {
   LpipsNets nets;
   for (const auto& [path, network, target] : {std::tuple(&files.alex, LpipsNetwork::alex, &nets.alex_),
                                               std::tuple(&files.squeeze, LpipsNetwork::squeeze, &nets.squeeze_)}) {
@@ -29,8 +31,9 @@ Result<LpipsNets> LpipsNets::open(const LpipsFiles& files) {
   return nets;
 }
 
-Result<LpipsNets::Distances> LpipsNets::between(ImageView<const float> image, ImageView<const float> reference,
-                                                ThreadExecutor& executor) {
+COMPMARK_APP_INLINE Result<LpipsNets::Distances> LpipsNets::between(ImageView<const float> image,
+                                                                    ImageView<const float> reference,
+                                                                    ThreadExecutor& executor) {
   Distances found;
   for (const auto& [net, value] : {std::pair(&alex_, &found.alex), std::pair(&squeeze_, &found.squeeze)}) {
     if (!*net) continue;
@@ -41,4 +44,4 @@ Result<LpipsNets::Distances> LpipsNets::between(ImageView<const float> image, Im
   return found;
 }
 
-}  // namespace tool
+}  // namespace compmark

@@ -1,0 +1,48 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "measure.hpp"
+
+#include <compmark/app/compare.hpp>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/io/atomic_file.hpp>
+
+#include "../compmark/comparison.hpp"
+#include "../compmark/evaluation.hpp"
+#include "process.hpp"
+
+namespace fidelity {
+namespace {
+
+/// Pictures for the page, until the program is told to stop.
+struct Watched final : tool::ShownModels {
+  using ShownModels::ShownModels;
+  bool on_view(const compmark::SeenView& view) override { return ShownModels::on_view(view) && !stopped(); }
+};
+
+}  // namespace
+
+Result<bool> measure_cell(const Cell& cell, const Settings& settings) {
+  const fs::path folder = cell.folder(settings);
+  compmark::CompareSettings compared;
+  for (const char* file : model_files) compared.models.push_back(folder / file);
+  compared.unmarked = counterparts(folder);
+  compared.key = settings.key();
+  compared.decoder = folder / "decoder.safetensors";
+  compared.data = cell.scene.folder;
+  compared.downscale = cell.scene.downscale;
+  compared.evaluate = tool::evaluation_settings({settings.lpips, {}, false});
+  compmark::ThreadExecutor executor(settings.threads);
+  Watched shown(3);
+  const Result<tool::Comparison> comparison = compmark::compare_models(compared, executor, shown);
+  if (!comparison && comparison.error().kind == ErrorKind::cancelled) return false;
+  if (!comparison) return comparison.error();
+  if (Result<Done> told = compmark::write_file(folder / "evaluate.txt", tool::evaluation_text(*comparison)); !told)
+    return told.error();
+  const tool::EvaluationFiles files{folder / "evaluate.json", folder / "evaluate.csv", folder / "evaluate.html"};
+  const Result<Done> written =
+      tool::write_evaluation(*comparison, shown.pictures, compared.data, executor.concurrency(), files);
+  if (!written) return written.error();
+  return true;
+}
+
+}  // namespace fidelity

@@ -1,0 +1,238 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The functions of app/export.hpp.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/detail/capture.hpp"
+#include "compmark/app/export.hpp"
+#include "compmark/app/recipe_model.hpp"
+#include "compmark/io/anchor_ply.hpp"
+#include "compmark/io/splat_ply.hpp"
+#include "compmark/scene/image_store.hpp"
+#include "compmark/scene/open.hpp"
+
+namespace compmark {
+namespace detail {
+
+/// Properties of the model that the file cannot hold, one sentence each: viewers will show something else.
+template <class R>
+std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo& info) {
+  std::vector<std::string> warnings;
+  const auto number = [](double x) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%g", x);
+    return std::string(text);
+  };
+  bool filtered = false;
+  if constexpr (requires { typename R::Rasterizer::EffectPolicy::Filter; })
+    filtered = R::Rasterizer::EffectPolicy::Filter::active;
+  if (filtered) {
+    warnings.push_back("the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
+                       " pixels^2 that keeps the energy of a splat), but a PLY file cannot say so. Viewers "
+                       "that blur every splat by 0.3 pixels^2 without keeping its energy draw small and "
+                       "distant splats too large and too bright: SIBR and antimatter15/splat always do, "
+                       "gsplat, SuperSplat and Brush do unless their antialiased or mip mode is on");
+  } else if (model.render.blur_variance != 0.3) {
+    warnings.push_back("the model was trained with a blur of " + number(model.render.blur_variance) +
+                       " pixels^2, but viewers use 0.3");
+  }
+  if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
+    warnings.push_back(
+        "the model was trained through a lens, but viewers have none: the export is fitted "
+        "and measured without distortion");
+  }
+  if (info.origin != std::array<double, 3>{0, 0, 0}) {
+    warnings.push_back("positions are relative to (" + number(info.origin[0]) + ", " + number(info.origin[1]) + ", " +
+                       number(info.origin[2]) + ") of the dataset's coordinates, which single precision cannot hold");
+  }
+  if (!info.views.empty() && std::all_of(info.views.begin(), info.views.end(), [](const auto& v) { return v.test; }))
+    warnings.push_back("the file stores no training camera: colours are fitted over its test views");
+  return warnings;
+}
+
+/// A table with its lengths in the dataset's unit (ModelInfo::unit), as a file holds them.
+inline SplatTable in_unit(SplatTable table, double unit) {
+  const float stretch = static_cast<float>(std::log(unit));
+  for (std::vector<float>& column : table.mean) {
+    for (float& x : column) x = static_cast<float>(static_cast<double>(x) * unit);
+  }
+  for (std::vector<float>& column : table.log_scale) {
+    for (float& x : column) x += stretch;
+  }
+  return table;
+}
+
+/// Anchors with their lengths in the dataset's unit.
+inline Result<Done> write_anchors(const std::filesystem::path& out, AnchorColumns<const float> columns, double unit,
+                                  std::span<const std::string> comments) {
+  std::vector<float> position(columns.position.data, columns.position.data + columns.position.size());
+  std::vector<float> scaling(columns.scaling.data, columns.scaling.data + columns.scaling.size());
+  if (unit != 1) {
+    for (float& x : position) x = static_cast<float>(static_cast<double>(x) * unit);
+    for (float& x : scaling) x += static_cast<float>(std::log(unit));
+    columns.position.data = position.data();
+    columns.scaling.data = scaling.data();
+  }
+  return write_anchor_ply(out, columns, comments);
+}
+
+/// The file that the model was read from, for errors.
+struct Exported {
+  const std::filesystem::path& file;
+  const std::filesystem::path& out;
+  const ExportSettings& settings;
+  ExportObserver& observer;
+};
+
+/// The stored views that are fitted over and those that are measured.
+struct ExportViews {
+  std::vector<Camera<double>> train, measured;
+  std::vector<std::string> names;      ///< of the measured ones
+  const StoredView* chosen = nullptr;  ///< ExportSettings::view
+};
+[[nodiscard]] inline ExportViews export_views(const ModelInfo& info, const std::string& wanted) {
+  ExportViews views;
+  const bool has_test = std::any_of(info.views.begin(), info.views.end(), [](const StoredView& v) { return v.test; });
+  for (const StoredView& view : info.views) {
+    if (view.name == wanted) views.chosen = &view;
+    if (!view.test) views.train.push_back(view.camera);
+    if (view.test == has_test) {
+      views.measured.push_back(view.camera);
+      views.names.push_back(view.name);
+    }
+  }
+  // A compressed file keeps the test views alone unless it was told otherwise.
+  if (views.train.empty()) views.train = views.measured;
+  return views;
+}
+
+/// The table against the model's own renders and, with data, the photographs.
+template <class R>
+[[nodiscard]] Result<BakeReport> compare_export(const Exported& of, const Model<R>& model, const ModelInfo& info,
+                                                const SplatTable& table, std::span<const Camera<double>> cameras,
+                                                const std::vector<std::string>& names, ThreadExecutor& executor) {
+  const std::filesystem::path& data = of.settings.data;
+  if (data.empty()) return compare_bake(model, table, cameras, NoTargets{}, unseen_view, executor);
+  DatasetSettings settings = settings_of(info);
+  for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
+  if (settings.lens == LensTreatment::keep) settings.lens = LensTreatment::undistort;  // the export has none
+  Result<Dataset> dataset = open_for(info, data, settings);
+  if (!dataset) return dataset.error();
+  ImageStore store(*dataset, settings, {});
+  const auto target = [&](std::size_t i, ImageView<float> image) -> Result<Done> {
+    for (const View& view : dataset->views) {
+      if (view.name == names[i] && view.camera.width == image.width && view.camera.height == image.height)
+        return store.load(view, image);
+    }
+    return Error{ErrorKind::not_found, data.string(), "view", "no view \"" + names[i] + "\" of the model's size",
+                 "give the dataset the model was trained on"};
+  };
+  return compare_bake(model, table, cameras, target, unseen_view, executor);
+}
+
+/// Bakes or fits; the report and the observer are told of a fit.
+template <class R>
+[[nodiscard]] SplatTable exported_table(const Exported& of, const Model<R>& model, const ExportViews& views,
+                                        ExportReport& report, ThreadExecutor& executor) {
+  const ExportSettings& settings = of.settings;
+  if (!settings.view.empty()) return bake_at_camera(model, views.chosen->camera, unseen_view, executor);
+  const std::span<const Camera<double>> train(views.train);
+  ShFitSettings fit;
+  fit.degree = settings.degree;
+  report.cameras = train.size();
+  SplatTable table = fit_splats(model, train, fit, report.fit.emplace(), executor);
+  of.observer.on_fitted(report);
+  if (settings.refine > 0) {
+    SplatRefineSettings refine;
+    refine.iterations = settings.refine;
+    report.refined = refine_splats(model, table, train, refine, executor);
+    of.observer.on_refined(report);
+  }
+  return table;
+}
+
+template <class R>
+[[nodiscard]] Result<ExportReport> export_typed(const Exported& of, const Model<R>& model, const ModelInfo& info,
+                                                ThreadExecutor& executor) {
+  const ExportSettings& settings = of.settings;
+  const std::filesystem::path folder = of.out.has_parent_path() ? of.out.parent_path() : ".";
+  if (!std::filesystem::is_directory(folder)) {  // said now, not after minutes of fitting
+    return Error{ErrorKind::unwritable, of.out.string(), "--out", "its folder does not exist", "create it first"};
+  }
+  if (std::is_same_v<RecipeLens<R>, FisheyeLens<float>> && !settings.data.empty()) {
+    return Error{ErrorKind::unsupported, of.file.string(), "--data",
+                 "is through a fisheye lens, which an export does not have, so that the two cannot be compared",
+                 "leave out --data"};
+  }
+  ExportReport report;
+  report.warnings = export_warnings(model, info);
+  report.anchors = model.anchor_count();
+  of.observer.on_begin(report);
+  if (settings.kind == ExportKind::anchors) {
+    const std::vector<std::string> comments{"compmark anchors export"};
+    if (Result<Done> written = write_anchors(of.out, model.columns(), info.unit, comments); !written)
+      return written.error();
+    of.observer.on_written(report);
+    return report;
+  }
+  ExportViews views = export_views(info, settings.view);
+  if (views.train.empty()) {
+    return Error{ErrorKind::invalid, of.file.string(), "views", "the model stores no camera",
+                 "train the model again with this version"};
+  }
+  if (!settings.view.empty()) {
+    if (views.chosen == nullptr) {
+      return Error{ErrorKind::invalid, of.file.string(), "--view", "the model has no view \"" + settings.view + "\"",
+                   "see the names with compmark info --views"};
+    }
+    views.measured.assign(1, views.chosen->camera);
+    views.names.assign(1, views.chosen->name);
+  }
+  const SplatTable table = exported_table(of, model, views, report, executor);
+  const Result<Done> written =
+      info.unit == 1 ? write_splat_ply(of.out, table) : write_splat_ply(of.out, in_unit(table, info.unit));
+  if (!written) return written.error();
+  report.gaussians = static_cast<std::size_t>(table.count);
+  of.observer.on_written(report);
+  if (settings.compare == 0) return report;
+  const std::size_t stride = std::max<std::size_t>(1, views.measured.size() / settings.compare);
+  std::vector<Camera<double>> cameras;
+  for (std::size_t i = 0; i < views.measured.size(); i += stride) {
+    cameras.push_back(views.measured[i]);
+    report.compared_views.push_back(views.names[i]);
+  }
+  Result<BakeReport> compared =
+      compare_export(of, model, info, table, std::span<const Camera<double>>(cameras), report.compared_views, executor);
+  if (!compared) return compared.error();
+  report.compared = std::move(*compared);
+  return report;
+}
+
+}  // namespace detail
+
+COMPMARK_APP_INLINE Result<ExportReport> export_model(AnyModel& model, const std::filesystem::path& out,
+                                                      const ExportSettings& settings, ThreadExecutor& executor,
+                                                      ExportObserver& observer) {
+  const detail::Exported of{model.file(), out, settings, observer};
+  return with_model(model, [&](const auto& typed) { return detail::export_typed(of, typed, model.info(), executor); });
+}
+COMPMARK_APP_INLINE Result<ExportReport> export_model(AnyModel& model, const std::filesystem::path& out,
+                                                      const ExportSettings& settings, ThreadExecutor& executor) {
+  ExportObserver silent;
+  return export_model(model, out, settings, executor, silent);
+}
+
+}  // namespace compmark

@@ -1,0 +1,242 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The functions of app/reading.hpp.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/detail/files.hpp"
+#include "compmark/app/reading.hpp"
+#include "compmark/io/image_file.hpp"
+#include "compmark/io/safetensors.hpp"
+#include "compmark/io/sha256.hpp"
+#include "compmark/mark/carrier_stream.hpp"
+#include "compmark/mark/key.hpp"
+#include "compmark/metric/rounding.hpp"
+#include "compmark/scene/image.hpp"
+#include "compmark/scene/turn.hpp"
+#include "compmark/version.hpp"
+
+namespace compmark {
+namespace detail {
+
+/// The views a user asked for, evenly spaced: the same ones for everybody.
+template <class T>
+void keep_evenly(std::vector<T>& items, std::size_t count) {
+  if (count == 0 || count >= items.size()) return;
+  std::vector<T> kept;
+  for (std::size_t i = 0; i < count; ++i) kept.push_back(std::move(items[i * items.size() / count]));
+  items = std::move(kept);
+}
+
+/// Of an image while it is read, at most: its floats, their blurs and what is read at each position.
+inline constexpr std::uint64_t read_bytes_a_pixel = 56;
+
+/// An image as floats in [0, 1], and the name of its file. A large image is never held in two forms longer than needed:
+/// the file, its pixels, their planes and the floats are 20 bytes a pixel together, and the floats alone are 12.
+struct ReadImage {
+  std::vector<float> planes;  ///< [3, height, width]
+  int width = 0, height = 0;
+  std::string sha256;  ///< of the file
+};
+inline Result<Done> read_planes(const std::filesystem::path& path, const ReadingSettings& settings, ReadImage& read) {
+  read.planes = {};  // of the image before
+  std::vector<std::uint8_t> planes;
+  {
+    Result<std::vector<std::byte>> bytes = read_image_bytes(path);
+    if (!bytes) return bytes.error();
+    const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
+    if (!info) return info.error();
+    if (Result<Done> fits = check_image_memory(*info, path, read_bytes_a_pixel, settings.memory_budget_mb); !fits)
+      return fits;
+    read.sha256 = Sha256{}.update(*bytes).hex();
+    Result<ImageBytes> image = decode_image(*bytes, path.string());
+    if (!image) return image.error();
+    *bytes = {};
+    *image = turned(std::move(*image), info->orientation);
+    const std::size_t channels = static_cast<std::size_t>(image->channels);
+    if (!settings.background && (channels == 2 || channels == 4)) {
+      for (std::size_t i = channels - 1; i < image->pixels.size(); i += channels) {
+        if (image->pixels[i] == 255) continue;
+        return Error{ErrorKind::invalid, path.string(), "alpha", "has transparent pixels",
+                     "choose the colour behind them with --background white or black"};
+      }
+    }
+    read.width = image->width;
+    read.height = image->height;
+    planes.resize(3 * static_cast<std::size_t>(read.width) * static_cast<std::size_t>(read.height));
+    composite(image->pixels, image->channels, settings.background.value_or(std::array<float, 3>{}),
+              AlphaRounding::nearest, planes);
+  }
+  read.planes.resize(planes.size());
+  for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
+  return Done{};
+}
+
+inline Result<Done> read_images(const ReadingSettings& settings, const FileDecoder& decoder, ThreadExecutor& executor,
+                                const WorkObserver& observer, Reading& reading) {
+  Result<std::vector<std::filesystem::path>> files = image_files(settings.images);
+  if (!files) return files.error();
+  keep_evenly(*files, settings.views);
+  FileDecoder::Context context;
+  ReadImage image;
+  for (const std::filesystem::path& path : *files) {
+    if (Result<Done> done = read_planes(path, settings, image); !done) return done;
+    Result<ViewLogits> view =
+        read_logits(decoder, ImageView<const float>{image.planes.data(), 3, image.height, image.width}, path.string(),
+                    context, executor);
+    if (!view) return view.error();
+    view->name = path.filename().string();
+    view->sha256 = image.sha256;
+    reading.views.push_back(std::move(*view));
+    if (Result<Done> on = tell(observer, reading.views.size(), files->size()); !on) return on;
+  }
+  return Done{};
+}
+
+/// The unmarked model of the scene of `marked`. Both must have the same unit and origin, or a camera of one sees
+/// nothing of the other.
+inline Result<AnyModel> load_unmarked(const std::filesystem::path& path, const ModelInfo& marked, Reading& reading,
+                                      ThreadExecutor& executor) {
+  Result<AnyModel> model = AnyModel::open(path, executor);
+  if (!model) return model;
+  if (model->info().unit != marked.unit || model->info().origin != marked.origin) {
+    return Error{ErrorKind::invalid, path.string(), "--unmarked",
+                 "has another unit of length or another origin than the model",
+                 "give the unmarked model that this one was made from"};
+  }
+  const Result<std::string> digest = file_sha256(path);
+  if (!digest) return digest.error();
+  reading.sources.unmarked = path.filename().string();
+  reading.sources.unmarked_sha256 = *digest;
+  return model;
+}
+
+inline Result<Done> read_renders(const ReadingSettings& settings, const FileDecoder& decoder, ThreadExecutor& executor,
+                                 const WorkObserver& observer, Reading& reading) {
+  Result<AnyModel> model = AnyModel::open(settings.model, executor);
+  if (!model) return model.error();
+  const Result<std::string> digest = file_sha256(settings.model);
+  if (!digest) return digest.error();
+  reading.sources.model = settings.model.filename().string();
+  reading.sources.model_sha256 = *digest;
+  std::vector<StoredView> views = model->info().views;
+  const bool any_test = std::any_of(views.begin(), views.end(), [](const StoredView& view) { return view.test; });
+  if (settings.split != ViewChoice::all) {
+    const bool test = settings.split == ViewChoice::test && any_test;
+    std::erase_if(views, [&](const StoredView& view) { return view.test != test; });
+  }
+  if (views.empty()) {
+    return Error{ErrorKind::invalid, settings.model.string(), "--split", "the model stores no such camera",
+                 "render images of it and give them with --images"};
+  }
+  keep_evenly(views, settings.views);
+  std::optional<AnyModel> unmarked;
+  if (!settings.unmarked.empty()) {
+    Result<AnyModel> loaded = load_unmarked(settings.unmarked, model->info(), reading, executor);
+    if (!loaded) return loaded.error();
+    unmarked = std::move(*loaded);
+  }
+  FileDecoder::Context context;
+  for (const StoredView& view : views) {
+    Result<ViewLogits> read = read_render(*model, view, decoder, context, executor);
+    if (!read) return read.error();
+    if (unmarked) {
+      const Result<ViewLogits> said = read_render(*unmarked, view, decoder, context, executor);
+      if (!said) return said.error();
+      for (std::size_t bit = 0; bit < read->logits.size(); ++bit) read->logits[bit] -= said->logits[bit];
+    }
+    reading.views.push_back(std::move(*read));
+    if (Result<Done> on = tell(observer, reading.views.size(), views.size()); !on) return on;
+  }
+  return Done{};
+}
+
+}  // namespace detail
+
+COMPMARK_APP_INLINE Result<ViewLogits> read_render(AnyModel& model, const StoredView& view, const FileDecoder& decoder,
+                                                   FileDecoder::Context& context, ThreadExecutor& executor) {
+  const Result<RenderedView> render = model.render(view, executor);
+  if (!render) return render.error();
+  round_to_8bit<float>(render->image, render->image);
+  Result<ViewLogits> logits = read_logits(decoder, ImageView<const float>(render->image), view.name, context, executor);
+  if (logits) logits->sha256 = pixels_sha256(render->image);
+  return logits;
+}
+
+COMPMARK_APP_INLINE Result<OwnerKey> open_key(const std::filesystem::path& path) {
+  Result<OwnerKey> key = read_key(path);
+  if (!key) return key;
+  if (Result<Done> fits = check_payload(*key); !fits) {
+    Error error = fits.error();
+    error.file = path.string();
+    return error;
+  }
+  return key;
+}
+
+COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key) {
+  const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
+  if (!file) return file.error();
+  std::vector<double> carriers;
+  const auto kind = file->metadata.find("kind");
+  if (key != nullptr && kind != file->metadata.end() && kind->second == "carrier") {
+    const Result<DecoderWeights> weights = read_decoder(*file);
+    if (!weights) return weights.error();
+    if (Result<Done> fits = require_bits(*weights, static_cast<int>(key->bits), path.string()); !fits)
+      return fits.error();
+    carriers = make_carriers(carrier_seed(*key), static_cast<int>(key->bits), weights->dimension());
+  }
+  Result<FileDecoder> decoder = FileDecoder::read(*file, carriers);
+  if (!decoder) return decoder.error();
+  const int bits = decoder->bits();
+  if (key != nullptr && bits != static_cast<int>(key->bits)) {
+    return Error{
+        ErrorKind::invalid, path.string(), "bits",
+        "the decoder reads " + std::to_string(bits) + " bits, the key is for messages of " + std::to_string(key->bits),
+        "use a key and a decoder of the same message length"};
+  }
+  if (bits > static_cast<int>(message_bits_limit)) {
+    return Error{ErrorKind::unsupported, path.string(), "bits", "the decoder reads " + std::to_string(bits) + " bits",
+                 "messages have at most " + std::to_string(message_bits_limit)};
+  }
+  return decoder;
+}
+
+COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& settings, const std::optional<OwnerKey>& key,
+                                                  ThreadExecutor& executor, const WorkObserver& observer) {
+  if (settings.model.empty() && settings.images.empty()) {
+    return Error{ErrorKind::invalid, {}, "--model, --images", "are both missing", "give a model or images"};
+  }
+  Result<FileDecoder> decoder = open_decoder(settings.decoder, key ? &*key : nullptr);
+  if (!decoder) return decoder.error();
+  const Result<std::string> digest = file_sha256(settings.decoder);
+  if (!digest) return digest.error();
+  Reading reading;
+  reading.bits = static_cast<std::size_t>(decoder->bits());
+  reading.sources.program = std::string("compmark ") + version;
+  reading.sources.decoder = settings.decoder.filename().string();
+  reading.sources.decoder_sha256 = *digest;
+  if (key) {
+    reading.sources.key_id = key->id();
+    reading.sources.key_commitment = key->commitment();
+    reading.sources.key_created = key->created;
+  }
+  const Result<Done> read = settings.model.empty()
+                                ? detail::read_images(settings, *decoder, executor, observer, reading)
+                                : detail::read_renders(settings, *decoder, executor, observer, reading);
+  if (!read) return read.error();
+  return reading;
+}
+
+}  // namespace compmark

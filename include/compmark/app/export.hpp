@@ -1,0 +1,75 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Export of a model of any recipe to PLY: the anchors as the Scaffold family has them, or explicit Gaussians as every
+// viewer opens them - baked for one camera (exact from there) or fitted with spherical harmonics over the training
+// cameras - with what the bake loses, in dB.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compmark/app/any_model.hpp"
+#include "compmark/app/compiled.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/pipeline/bake.hpp"
+#include "compmark/pipeline/sh_fit.hpp"
+#include "compmark/pipeline/splat_refine.hpp"
+
+namespace compmark {
+
+enum class ExportKind {
+  splats,   ///< the standard PLY of Gaussians
+  anchors,  ///< the Scaffold family's; the networks stay in the model
+};
+
+/// Errors name these fields as the tool's options do ("--view").
+struct ExportSettings {
+  ExportKind kind = ExportKind::splats;
+  std::string view;            ///< bake for this stored view; empty: fit over all cameras of the training
+  int degree = 3;              ///< of the fitted colour, 0 to 3
+  std::int64_t refine = 500;   ///< iterations that move the fitted splats towards the model's own renders
+  std::filesystem::path data;  ///< dataset, to measure against photographs too; may be empty
+  std::size_t compare = 10;    ///< views to measure on, about; 0: none
+};
+
+struct ExportReport {
+  std::vector<std::string>
+      warnings;  ///< what the file cannot say, a sentence each: viewers show something else than the model
+  std::size_t anchors = 0;
+  std::size_t gaussians = 0;  ///< of the file; 0 for anchors
+  std::size_t cameras = 0;    ///< that were fitted over
+  std::optional<ShFitReport> fit;
+  std::optional<SplatRefineReport> refined;
+  std::optional<BakeReport> compared;       ///< against the model's own renders and, with data, the photographs
+  std::vector<std::string> compared_views;  ///< names of compared->views
+};
+
+/// Told what is done as soon as it is: fits take minutes. What is not overridden is not told.
+struct ExportObserver {
+  virtual ~ExportObserver() = default;
+  virtual void on_begin(const ExportReport& /*report*/) {}    ///< warnings and anchors are known
+  virtual void on_fitted(const ExportReport& /*report*/) {}   ///< fit and cameras
+  virtual void on_refined(const ExportReport& /*report*/) {}  ///< refined
+  virtual void on_written(const ExportReport& /*report*/) {}  ///< the file is there
+};
+
+/// Writes `out`. Nothing is written where an Error is found: no camera or not this view, an output that cannot be, a
+/// fisheye with data. Lengths are in the dataset's unit (ModelInfo::unit). Cost: of a fit, a render and its backward
+/// pass a camera and iteration.
+[[nodiscard]] Result<ExportReport> export_model(AnyModel& model, const std::filesystem::path& out,
+                                                const ExportSettings& settings, ThreadExecutor& executor,
+                                                ExportObserver& observer);
+[[nodiscard]] Result<ExportReport> export_model(AnyModel& model, const std::filesystem::path& out,
+                                                const ExportSettings& settings, ThreadExecutor& executor);
+
+}  // namespace compmark
+
+#if !defined(COMPMARK_APP_COMPILED)
+#include "compmark/app/detail/export.hpp"
+#endif

@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Reading messages: a decoder file with what the key adds to it, and the logits of images or of a model's renders. What
+// they prove is another question (verify.hpp).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compmark/app/any_model.hpp"
+#include "compmark/app/compiled.hpp"
+#include "compmark/app/observer.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/io/owner_key.hpp"
+#include "compmark/mark/decoder_winograd.hpp"
+#include "compmark/mark/report.hpp"
+#include "compmark/mark/stored_decoder.hpp"
+
+namespace compmark {
+
+/// Any decoder file, with the fast convolution.
+using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
+
+/// Reads a key file and checks its payload.
+[[nodiscard]] Result<OwnerKey> open_key(const std::filesystem::path& path);
+/// Reads a decoder file. With a key: the decoder of the key's message length, or an error; a carrier file needs the
+/// key.
+[[nodiscard]] Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key);
+
+/// What a decoder reads from a render of `view`, rounded to 8 bits as others have it; with the SHA-256 of those pixels.
+[[nodiscard]] Result<ViewLogits> read_render(AnyModel& model, const StoredView& view, const FileDecoder& decoder,
+                                             FileDecoder::Context& context, ThreadExecutor& executor);
+
+/// Which of the cameras that a model stores.
+enum class ViewChoice { test, train, all };
+
+/// What is to be read: a model's renders, or images. Errors name these fields as the tool's options do ("--unmarked").
+struct ReadingSettings {
+  std::filesystem::path decoder;
+  std::filesystem::path model;                ///< or images
+  std::filesystem::path unmarked;             ///< of the model: what it says by itself is subtracted; may be empty
+  std::vector<std::filesystem::path> images;  ///< files and folders
+  ViewChoice split = ViewChoice::test;        ///< a model without test views gives those of its training
+  std::size_t views = 0;                      ///< at most so many, evenly spaced; 0: all
+  std::optional<std::array<float, 3>>
+      background;                       ///< behind transparent pixels of images; without one they are an error
+  std::size_t memory_budget_mb = 1400;  ///< of one image
+};
+
+struct Reading {
+  std::vector<ViewLogits> views;  ///< with SHA-256 of the file, or of the 8-bit pixels of a render
+  ReportSources sources;
+  std::size_t bits = 0;
+};
+
+/// Everything that the settings name, read by their decoder. `key`, if any, is of the decoder's message length. The
+/// observer counts views. Cost: a render, if of a model, and a forward pass of the decoder a view; memory of one image.
+[[nodiscard]] Result<Reading> read_messages(const ReadingSettings& settings, const std::optional<OwnerKey>& key,
+                                            ThreadExecutor& executor, const WorkObserver& observer = {});
+
+}  // namespace compmark
+
+#if !defined(COMPMARK_APP_COMPILED)
+#include "compmark/app/detail/reading.hpp"
+#endif

@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Ownership of files: is the message of this key in a model, or in images, and how likely would that be by chance.
+#pragma once
+
+#include <optional>
+
+#include "compmark/app/compiled.hpp"
+#include "compmark/app/observer.hpp"
+#include "compmark/app/reading.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/io/owner_key.hpp"
+#include "compmark/mark/report.hpp"
+#include "compmark/mark/verify.hpp"
+
+namespace compmark {
+
+/// Reads what the settings name and tests it for the message of the key. The report is for mark/report.hpp:
+/// report_json, report_text. Errors are those of check_settings and of read_messages. Cost: that of reading.
+[[nodiscard]] Result<VerificationReport> verify_files(const OwnerKey& key, const ReadingSettings& reading,
+                                                      const VerifySettings& settings, ThreadExecutor& executor,
+                                                      const WorkObserver& observer = {});
+
+}  // namespace compmark
+
+#if !defined(COMPMARK_APP_COMPILED)
+#include "compmark/app/detail/verify.hpp"
+#endif

@@ -1,0 +1,152 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <compmark/app/export.hpp>
+#include <compmark/io/anchor_ply.hpp>
+#include <compmark/io/atomic_file.hpp>
+#include <compmark/io/splat_ply.hpp>
+#include <compmark/pipeline/bake.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "small_models.hpp"
+#include "support/tool.hpp"
+
+namespace {
+
+using namespace compmark;
+namespace fs = std::filesystem;
+
+struct ExportFiles {
+  testing::ScratchFolder folder{"compmark-app-export"};
+  fs::path file = folder.path / "model.safetensors", out = folder.path / "out.ply", typed = folder.path / "typed.ply";
+  ThreadExecutor executor{2};
+
+  template <class R = recipes::Scaffold>
+  AnyModel open(const ModelInfo& info = testing::small_info("scaffold")) {
+    REQUIRE(write_model(file, testing::small_model<R>(), info).ok());
+    Result<AnyModel> model = AnyModel::open(file, executor);
+    REQUIRE(model.ok());
+    return std::move(*model);
+  }
+};
+
+/// In which order it was told of what.
+struct Told final : ExportObserver {
+  std::vector<std::string> events;
+  fs::path out;
+  void on_begin(const ExportReport& report) override {
+    CHECK(report.anchors == testing::small_anchors);
+    events.push_back("begin");
+  }
+  void on_fitted(const ExportReport& report) override {
+    CHECK(report.fit.has_value());
+    events.push_back("fitted");
+  }
+  void on_refined(const ExportReport& report) override {
+    CHECK(report.refined.has_value());
+    events.push_back("refined");
+  }
+  void on_written(const ExportReport& /*report*/) override {
+    CHECK(fs::exists(out));
+    events.push_back("written");
+  }
+};
+
+}  // namespace
+
+TEST_CASE("app/export: the splats of one view are those of the pipeline's bake, and are measured against its render") {
+  ExportFiles files;
+  AnyModel model = files.open();
+  ExportSettings settings;
+  settings.view = "view 1";
+  const Result<ExportReport> report = export_model(model, files.out, settings, files.executor);
+  if (!report) FAIL(report.error().line());
+  const SplatTable table = bake_at_camera(testing::small_model<recipes::Scaffold>(), testing::ring_camera(1, 3, 40, 32),
+                                          unseen_view, files.executor);
+  REQUIRE(write_splat_ply(files.typed, table).ok());
+  CHECK(*read_file(files.out) == *read_file(files.typed));
+  CHECK(report->gaussians == static_cast<std::size_t>(table.count));
+  REQUIRE(report->compared.has_value());
+  CHECK(report->compared_views == std::vector<std::string>{"view 1"});
+  CHECK(report->compared->mean_bake_to_model > 40);  // exact from there, but for rounding
+  CHECK_FALSE(report->fit.has_value());
+}
+
+TEST_CASE("app/export: a fit is told of as it goes, and refining brings it nearer to the model") {
+  ExportFiles files;
+  AnyModel model = files.open();
+  ExportSettings settings;
+  settings.refine = 0;
+  const Result<ExportReport> fitted = export_model(model, files.out, settings, files.executor);
+  REQUIRE(fitted.ok());
+  CHECK(fitted->cameras == 2);  // of the training
+  CHECK(fitted->compared_views == std::vector<std::string>{"view 2"});
+  settings.refine = 40;
+  Told told;
+  told.out = files.out;
+  const Result<ExportReport> refined = export_model(model, files.out, settings, files.executor, told);
+  REQUIRE(refined.ok());
+  CHECK(told.events == std::vector<std::string>{"begin", "fitted", "refined", "written"});
+  CHECK(refined->refined->last_mse < refined->refined->first_mse);
+  CHECK(refined->warnings.empty());
+}
+
+TEST_CASE("app/export: lengths are those of the dataset, and what viewers cannot show is said") {
+  ExportFiles files;
+  ModelInfo info = testing::small_info("scaffold");
+  info.unit = 2;
+  info.origin = {100, 0, 0};
+  AnyModel model = files.open(info);
+  ExportSettings settings;
+  settings.kind = ExportKind::anchors;
+  const Result<ExportReport> report = export_model(model, files.out, settings, files.executor);
+  REQUIRE(report.ok());
+  REQUIRE(report->warnings.size() == 1);
+  CHECK(report->warnings[0].find("(100, 0, 0)") != std::string::npos);
+  CHECK(report->gaussians == 0);
+  const auto made = testing::small_model<recipes::Scaffold>();
+  std::vector<float> position(made.columns().position.data,
+                              made.columns().position.data + made.columns().position.size()),
+      scaling(made.columns().scaling.data, made.columns().scaling.data + made.columns().scaling.size());
+  for (float& x : position) x *= 2;
+  for (float& x : scaling) x += static_cast<float>(std::log(2.0));
+  AnchorColumns<const float> columns = made.columns();
+  columns.position.data = position.data();
+  columns.scaling.data = scaling.data();
+  const std::vector<std::string> comments{"compmark anchors export"};
+  REQUIRE(write_anchor_ply(files.typed, columns, comments).ok());
+  CHECK(*read_file(files.out) == *read_file(files.typed));
+
+  AnyModel lens = files.open<recipes::ScaffoldLens>(testing::small_info("scaffold+lens"));
+  CHECK(export_model(lens, files.out, settings, files.executor)->warnings.size() == 1);
+  AnyModel filtered = files.open<recipes::ScaffoldAntiAliased>(testing::small_info("scaffold+antialiasing"));
+  CHECK(export_model(filtered, files.out, settings, files.executor)->warnings[0].find("mip filter") !=
+        std::string::npos);
+}
+
+TEST_CASE("app/export: nothing is written where the model has no such view, or the output no folder") {
+  ExportFiles files;
+  AnyModel model = files.open();
+  ExportSettings settings;
+  settings.view = "view 9";
+  const Result<ExportReport> nowhere = export_model(model, files.out, settings, files.executor);
+  REQUIRE_FALSE(nowhere.ok());
+  CHECK(nowhere.error().file == files.file.string());
+  CHECK(nowhere.error().problem.find("\"view 9\"") != std::string::npos);
+  settings.view.clear();
+  CHECK(export_model(model, files.folder.path / "none" / "a.ply", settings, files.executor).error().field == "--out");
+  ModelInfo blind = testing::small_info("scaffold");
+  blind.views.clear();
+  AnyModel without = files.open(blind);
+  CHECK(export_model(without, files.out, settings, files.executor).error().field == "views");
+  AnyModel fisheye = files.open<recipes::ScaffoldFisheye>(testing::small_info("scaffold+fisheye"));
+  settings.data = files.folder.path;
+  CHECK(export_model(fisheye, files.out, settings, files.executor).error().field == "--data");
+  CHECK_FALSE(fs::exists(files.out));
+}

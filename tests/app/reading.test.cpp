@@ -1,0 +1,177 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <compmark/app/reading.hpp>
+#include <compmark/io/image_file.hpp>
+#include <compmark/metric/rounding.hpp>
+#include <compmark/pipeline/model_file.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "small_decoder.hpp"
+#include "small_models.hpp"
+#include "support/tool.hpp"
+
+namespace {
+
+using namespace compmark;
+namespace fs = std::filesystem;
+
+constexpr int bits = 8;
+
+/// A model, a model of the same scene with other features, and a decoder, on disk.
+struct ReadingFiles {
+  testing::ScratchFolder folder{"compmark-app-reading"};
+  fs::path model = folder.path / "model.safetensors", other = folder.path / "other.safetensors",
+           decoder = folder.path / "decoder.safetensors";
+  ThreadExecutor executor{2};
+  ReadingFiles() {
+    const ModelInfo info = testing::small_info("scaffold");
+    REQUIRE(write_model(model, testing::small_model<recipes::Scaffold>(5), info).ok());
+    REQUIRE(write_model(other, testing::small_model<recipes::Scaffold>(6), info).ok());
+    testing::write_decoder(decoder, bits);
+  }
+  [[nodiscard]] ReadingSettings settings() const {
+    ReadingSettings settings;
+    settings.decoder = decoder;
+    settings.model = model;
+    return settings;
+  }
+  Result<Reading> read(const ReadingSettings& settings, const WorkObserver& observer = {}) {
+    return read_messages(settings, std::nullopt, executor, observer);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("app/reading: renders are read as the decoder reads their 8-bit pixels, and as the files of them are read") {
+  ReadingFiles files;
+  ReadingSettings settings = files.settings();
+  settings.split = ViewChoice::all;
+  const Result<Reading> renders = files.read(settings);
+  if (!renders) FAIL(renders.error().line());
+  REQUIRE(renders->views.size() == testing::small_views);
+  CHECK(renders->bits == bits);
+  CHECK(renders->sources.model == "model.safetensors");
+  CHECK(renders->sources.model_sha256.size() == 64);
+
+  Result<AnyModel> model = AnyModel::open(files.model, files.executor);
+  REQUIRE(model.ok());
+  const fs::path pictures = files.folder.path / "pictures";
+  fs::create_directory(pictures);
+  const LatticeDecoder<float> decoder = testing::small_decoder(bits);
+  for (std::size_t i = 0; i < testing::small_views; ++i) {
+    const Result<RenderedView> render = model->render(model->info().views[i], files.executor);
+    REQUIRE(render.ok());
+    round_to_8bit<float>(render->image, render->image);
+    LatticeDecoder<float>::Context context;
+    const Result<ViewLogits> typed =
+        read_logits(decoder, ImageView<const float>(render->image), "", context, files.executor);
+    REQUIRE(typed.ok());
+    CHECK(typed->logits == renders->views[i].logits);
+    REQUIRE(write_png(pictures / (std::to_string(i) + ".png"), render->image).ok());
+  }
+  settings.model.clear();
+  settings.images = {pictures};
+  const Result<Reading> images = files.read(settings);
+  REQUIRE(images.ok());
+  REQUIRE(images->views.size() == testing::small_views);
+  CHECK(images->sources.model.empty());
+  for (std::size_t i = 0; i < testing::small_views; ++i) CHECK(images->views[i].logits == renders->views[i].logits);
+}
+
+TEST_CASE("app/reading: the cameras of a split are read, evenly spaced where fewer are asked for") {
+  ReadingFiles files;
+  ReadingSettings settings = files.settings();
+  REQUIRE(files.read(settings).ok());
+  CHECK(files.read(settings)->views[0].name == "view 2");  // the test's
+  settings.split = ViewChoice::train;
+  CHECK(files.read(settings)->views.size() == 2);
+  settings.views = 1;
+  const Result<Reading> one = files.read(settings);
+  REQUIRE(one->views.size() == 1);
+  CHECK(one->views[0].name == "view 0");
+}
+
+TEST_CASE("app/reading: what the unmarked model says by itself is subtracted") {
+  ReadingFiles files;
+  ReadingSettings settings = files.settings();
+  const Result<Reading> alone = files.read(settings);
+  settings.unmarked = files.other;
+  const Result<Reading> less = files.read(settings);
+  settings.unmarked.clear();
+  settings.model = files.other;
+  const Result<Reading> other = files.read(settings);
+  REQUIRE((alone.ok() && less.ok() && other.ok()));
+  bool differs = false;
+  for (std::size_t b = 0; b < bits; ++b) {
+    CHECK(less->views[0].logits[b] == alone->views[0].logits[b] - other->views[0].logits[b]);
+    differs = differs || other->views[0].logits[b] != 0;
+  }
+  CHECK(differs);
+  CHECK(less->sources.unmarked == "other.safetensors");
+
+  // One whose lengths are counted otherwise shows something else from these cameras.
+  ModelInfo scaled = testing::small_info("scaffold");
+  scaled.unit = 2;
+  REQUIRE(write_model(files.other, testing::small_model<recipes::Scaffold>(6), scaled).ok());
+  settings = files.settings();
+  settings.unmarked = files.other;
+  const Result<Reading> refused = files.read(settings);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().field == "--unmarked");
+}
+
+TEST_CASE("app/reading: the observer counts views, and one that says stop ends the reading") {
+  ReadingFiles files;
+  ReadingSettings settings = files.settings();
+  settings.split = ViewChoice::all;
+  std::vector<std::size_t> counted;
+  REQUIRE(files
+              .read(settings,
+                    [&](std::size_t done, std::size_t total) {
+                      CHECK(total == testing::small_views);
+                      counted.push_back(done);
+                      return true;
+                    })
+              .ok());
+  CHECK(counted == std::vector<std::size_t>{1, 2, 3});
+  const Result<Reading> stopped = files.read(settings, [](std::size_t, std::size_t) { return false; });
+  REQUIRE_FALSE(stopped.ok());
+  CHECK(stopped.error().kind == ErrorKind::cancelled);
+}
+
+TEST_CASE("app/reading: a decoder is of the key's length, and every wrong file is named for what it is") {
+  ReadingFiles files;
+  const OwnerKey wide = testing::small_key(1, 16), right = testing::small_key(1, bits);
+  CHECK(open_decoder(files.decoder, &right).ok());
+  CHECK(open_decoder(files.decoder, nullptr).ok());
+  CHECK(open_decoder(files.decoder, &wide).error().problem.find("reads 8 bits, the key is for messages of 16") !=
+        std::string::npos);
+  CHECK(open_decoder(files.model, nullptr).error().line().find("model") != std::string::npos);
+  CHECK_FALSE(open_key(files.decoder).ok());
+  ReadingSettings settings = files.settings();
+  settings.model = files.decoder;
+  const Result<Reading> decoder = files.read(settings);
+  REQUIRE_FALSE(decoder.ok());
+  CHECK(decoder.error().line().find("decoder") != std::string::npos);
+  settings.model.clear();
+  CHECK(files.read(settings).error().problem == "are both missing");
+
+  // Transparent pixels are what is behind them, and nobody said what that is.
+  const fs::path clear = files.folder.path / "clear.png";
+  ImageBytes image{40, 40, 4, std::vector<std::uint8_t>(4 * 40 * 40, 100)};
+  REQUIRE(write_png(clear, image).ok());
+  settings.images = {clear};
+  CHECK(files.read(settings).error().field == "alpha");
+  settings.background = {1, 1, 1};
+  const Result<Reading> white = files.read(settings);
+  REQUIRE(white.ok());
+  settings.background = {0, 0, 0};
+  CHECK(files.read(settings)->views[0].logits != white->views[0].logits);
+}
