@@ -30,7 +30,7 @@ budget() {
   shift 2
   base=999999
   least=999999
-  for _ in 1 2 3 4; do
+  for _ in 1 2 3 4 5 6; do
     spent=$(cost Eigen/Dense "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")
     [ "$spent" -ge "$base" ] || base=$spent
     spent=$(cost "$header" "$compiler" -std=c++20 -fsyntax-only "$@" "$folder/header.cpp")

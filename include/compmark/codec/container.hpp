@@ -16,7 +16,6 @@
 #include <set>
 #include <span>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -247,7 +246,7 @@ class Container {
     return fail(ErrorKind::malformed, "table of contents", "its checksum is wrong");
   }
   std::uint64_t reached = ContainerFormat::header_size + table_size + 4;
-  std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> names;
+  std::set<std::array<std::uint32_t, 3>> names;
   for (std::uint32_t i = 0; i < count; ++i) {
     SectionEntry e;
     e.kind = rows.get<std::uint32_t>();
@@ -269,7 +268,7 @@ class Container {
       return container.error(ErrorKind::malformed, e.name(), "its " + number(e.size) + " bytes end behind the file",
                              copy_again);
     }
-    if (!names.emplace(e.kind, e.part, e.chunk).second) {
+    if (!names.insert({e.kind, e.part, e.chunk}).second) {
       return container.error(ErrorKind::malformed, e.name(), "appears twice in the table of contents", copy_again);
     }
     reached += e.size;

@@ -139,13 +139,17 @@ namespace detail {
 
 /// Null if the table does not have it.
 [[nodiscard]] inline const TransformsField* transforms_field(std::string_view name) {
-  static const std::map<std::string_view, const TransformsField*> table = [] {
-    std::map<std::string_view, const TransformsField*> result;
-    for (const TransformsField& field : transforms_fields) result[field.name] = &field;
-    return result;
+  static const auto by_name = [] {
+    std::array<const TransformsField*, transforms_fields.size()> fields{};
+    for (std::size_t i = 0; i < fields.size(); ++i) fields[i] = &transforms_fields[i];
+    std::sort(fields.begin(), fields.end(),
+              [](const TransformsField* a, const TransformsField* b) { return a->name < b->name; });
+    return fields;
   }();
-  const auto found = table.find(name);
-  return found == table.end() ? nullptr : found->second;
+  const auto found =
+      std::lower_bound(by_name.begin(), by_name.end(), name,
+                       [](const TransformsField* field, std::string_view wanted) { return field->name < wanted; });
+  return found == by_name.end() || (*found)->name != name ? nullptr : *found;
 }
 
 /// False, 0, null, "", an empty list, or a list of such.

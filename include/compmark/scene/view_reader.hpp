@@ -16,7 +16,6 @@
 #include <sstream>
 #include <string>
 #include <system_error>
-#include <tuple>
 #include <utility>
 
 #include "compmark/core/result.hpp"
@@ -60,8 +59,8 @@ struct ReaderNotes {
   std::string first_odd;    ///< what they are
   double displacement = 0;  ///< largest of all lenses, delivered pixels
   std::size_t fisheyes = 0;
-  std::set<std::tuple<int, int, int, int>> scaled;   ///< camera size, image size
-  std::set<std::tuple<int, int, int, int>> assumed;  ///< the same where the file does not give the camera's size
+  std::set<std::array<int, 4>> scaled;   ///< camera size, image size
+  std::set<std::array<int, 4>> assumed;  ///< the same where the file does not give the camera's size
 
   // The last lens measured: views that share a camera come one after the other as a rule.
   Lens last_lens;
