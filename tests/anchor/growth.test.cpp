@@ -471,9 +471,9 @@ TEST_CASE(
   }
   // Negative control: a mean over nothing is no number, and who sets those to 0 sees no other either.
   const float nothing = 0, nan = std::numeric_limits<float>::quiet_NaN();
-  const auto hidden = [](float mean) { return std::isnan(mean) ? 0.0f : mean; };
+  const auto passed_over = [](float mean) { return std::isnan(mean) ? 0.0f : mean; };
   CHECK(std::isnan(nothing / nothing));
-  CHECK(hidden(nothing / nothing) == hidden(nan / 41));
+  CHECK(passed_over(nothing / nothing) == passed_over(nan / 41));
 }
 
 TEST_CASE("anchor/growth: empty sets (numerics AN8)") {
