@@ -26,7 +26,7 @@ TEST_CASE("app/verify: the report is the verification of what is read, for the k
   testing::write_decoder(reading.decoder, message_bits);
   const Result<Reading> read = read_messages(reading, std::nullopt, executor);
   REQUIRE(read.ok());
-  // Nobody marked this model: that message_bits of many keys are not in it is the control of the verdict.
+  // Nobody marked this model: that bits of many keys are not in it is the control of the verdict.
   int detected = 0;
   for (int number = 1; number <= 5; ++number) {
     const OwnerKey key = testing::small_key(number, message_bits);
