@@ -237,7 +237,6 @@
 #include "compmark/optim/schedule.hpp"
 
 #include "compmark/metric/bd_rate.hpp"
-#include "compmark/metric/colour_fit.hpp"
 #include "compmark/metric/lpips.hpp"
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/rounding.hpp"
