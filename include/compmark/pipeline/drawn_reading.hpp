@@ -53,9 +53,9 @@ namespace detail {
 /// fidelity * mean (image - host)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of 0.
 template <class Scalar, Executor E>
 double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> host, Scalar fidelity,
-                        ImageView<Scalar> d_image, E& executor) {
+                        ImageView<Scalar> d_image, Buffer<double>& sums, E& executor) {
   constexpr std::size_t grain = 1 << 14;
-  std::vector<double> sums(chunk_count(image.size(), grain), 0.0);
+  sums.resize(chunk_count(image.size(), grain));
   if (!(fidelity > Scalar(0))) {
     executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
       std::fill(d_image.data + begin, d_image.data + end, Scalar(0));
@@ -89,7 +89,8 @@ ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageVi
   pipeline.begin_loss(context);
   ReadingReport report;
   report.departure =
-      detail::square_departure<Scalar>(context.image, host, static_cast<Scalar>(fidelity), context.d_image, executor);
+      detail::square_departure<Scalar>(context.image, host, static_cast<Scalar>(fidelity), context.d_image,
+                                       context.template of<MessageStage>().departure, executor);
   const double weight = context.phases.template of<MessageStage>().weight;
   const MessageReport read = pipeline.template stage<MessageStage>().pull(
       context.image, context.d_image, weight, context.template of<MessageStage>(), executor);

@@ -35,6 +35,7 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   struct Context {
     MessageReport report;  ///< of the last loss; no bits: it was not read
     Buffer<Scalar> logits, d_logits;
+    Buffer<double> departure;  ///< scratch of message_loss (drawn_reading.hpp), a sum for every chunk
     typename Decoder::Context decoder;
   };
   /// Of views between the photographed ones.
