@@ -30,12 +30,12 @@
 #include <vector>
 
 #include "../examples/compmark/plain_page.hpp"
-#include "compmark/anchor/visibility.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/json_file.hpp"
-#include "compmark/pipeline/model_file.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/anchor/visibility.hpp"
+#include "compmark/splat/training/model_file.hpp"
 #include "support/accuracy_cases.hpp"
 #include "support/accuracy_rows.hpp"
 #include "support/live_bytes.hpp"

@@ -31,11 +31,11 @@
 #include <vector>
 
 #include "../examples/compmark/plain_page.hpp"
-#include "compmark/codec/hac_decoder.hpp"
-#include "compmark/codec/hac_encoder.hpp"
+#include "compmark/codec/hac/hac_decoder.hpp"
+#include "compmark/codec/hac/hac_encoder.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/json_file.hpp"
-#include "compmark/pipeline/coded_model.hpp"
 #include "compmark/recipes/hac.hpp"
 #include "support/codec_cases.hpp"
 #include "support/codec_model.hpp"

@@ -25,11 +25,11 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/anchor/mlp_decoder.hpp"
-#include "compmark/anchor/reference_decoder.hpp"
-#include "compmark/anchor/table.hpp"
-#include "compmark/anchor/visibility.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/splat/anchor/mlp_decoder.hpp"
+#include "compmark/splat/anchor/reference_decoder.hpp"
+#include "compmark/splat/anchor/table.hpp"
+#include "compmark/splat/anchor/visibility.hpp"
 #include "support/ceiling.hpp"
 
 namespace {

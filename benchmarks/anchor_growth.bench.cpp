@@ -12,9 +12,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "compmark/anchor/growth.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/splat/anchor/growth.hpp"
 
 namespace {
 

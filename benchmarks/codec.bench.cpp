@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/codec/cmk.hpp"
+#include "compmark/codec/container/cmk.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "support/codec_model.hpp"
 #include "support/context_gs_model.hpp"

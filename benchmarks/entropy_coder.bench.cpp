@@ -18,9 +18,9 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/codec/coder/adaptive_binary.hpp"
+#include "compmark/codec/coder/symbol_coder.hpp"
 #include "compmark/core/random.hpp"
-#include "compmark/entropy/adaptive_binary.hpp"
-#include "compmark/entropy/symbol_coder.hpp"
 
 namespace {
 

@@ -17,9 +17,9 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/codec/context_gs/context_gs_model.hpp"
+#include "compmark/codec/hac/hac_model.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/entropy/context_gs_model.hpp"
-#include "compmark/entropy/hac_model.hpp"
 #include "support/ceiling.hpp"
 
 namespace {

@@ -17,8 +17,8 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/codec/hac/hac_model.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/entropy/hac_model.hpp"
 #include "support/ceiling.hpp"
 
 namespace {

@@ -17,10 +17,10 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/loss/photometric.hpp"
-#include "compmark/loss/reference_ssim.hpp"
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/ssim.hpp"
+#include "compmark/splat/loss/photometric.hpp"
+#include "compmark/splat/loss/reference_ssim.hpp"
 #include "support/ceiling.hpp"
 
 namespace {

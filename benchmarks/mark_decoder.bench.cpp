@@ -16,10 +16,10 @@
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/mark/decoder_winograd.hpp"
-#include "compmark/mark/hidden_decoder.hpp"
-#include "compmark/mark/lattice_decoder.hpp"
-#include "compmark/mark/reference_decoder.hpp"
+#include "compmark/watermark/decoder/decoder_winograd.hpp"
+#include "compmark/watermark/decoder/hidden_decoder.hpp"
+#include "compmark/watermark/decoder/lattice_decoder.hpp"
+#include "compmark/watermark/decoder/reference_decoder.hpp"
 #include "support/ceiling.hpp"
 #include "support/decoder.hpp"
 #include "support/lattices.hpp"

@@ -16,8 +16,8 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/math/pack.hpp"
-#include "compmark/optim/adam.hpp"
-#include "compmark/optim/reference_adam.hpp"
+#include "compmark/splat/optim/adam.hpp"
+#include "compmark/splat/optim/reference_adam.hpp"
 
 namespace {
 

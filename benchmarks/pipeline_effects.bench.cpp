@@ -14,12 +14,12 @@
 
 #include <algorithm>
 #include <array>
-#include <compmark/anchor/initialise.hpp>
 #include <compmark/core/random.hpp>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/pipeline/model_file.hpp>
 #include <compmark/recipes/captures.hpp>
 #include <compmark/recipes/far_field.hpp>
+#include <compmark/splat/anchor/initialise.hpp>
+#include <compmark/splat/training/model_file.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>

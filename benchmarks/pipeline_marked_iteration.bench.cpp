@@ -10,10 +10,10 @@
 
 #include <chrono>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/loss/frequency.hpp>
-#include <compmark/mark/decoder_winograd.hpp>
-#include <compmark/mark/hidden_decoder.hpp>
 #include <compmark/recipes/marked.hpp>
+#include <compmark/watermark/decoder/decoder_winograd.hpp>
+#include <compmark/watermark/decoder/hidden_decoder.hpp>
+#include <compmark/watermark/loss/frequency.hpp>
 #include <utility>
 #include <vector>
 

@@ -16,8 +16,8 @@
 #include <cstdlib>
 
 #include "compmark/core/random.hpp"
-#include "compmark/quant/int8_quantizer.hpp"
-#include "compmark/quant/uniform_quantizer.hpp"
+#include "compmark/splat/quantizer/int8_quantizer.hpp"
+#include "compmark/splat/quantizer/uniform_quantizer.hpp"
 #include "support/ceiling.hpp"
 
 namespace {

@@ -18,12 +18,12 @@
 
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/math/pack.hpp"
-#include "compmark/raster/bin.hpp"
-#include "compmark/raster/effects.hpp"
-#include "compmark/raster/lens_view.hpp"
-#include "compmark/raster/project.hpp"
-#include "compmark/raster/project_backward.hpp"
-#include "compmark/raster/reference.hpp"
+#include "compmark/splat/raster/bin.hpp"
+#include "compmark/splat/raster/effects.hpp"
+#include "compmark/splat/raster/lens_view.hpp"
+#include "compmark/splat/raster/project.hpp"
+#include "compmark/splat/raster/project_backward.hpp"
+#include "compmark/splat/raster/reference.hpp"
 #include "support/ceiling.hpp"
 #include "support/splat_scene.hpp"
 

@@ -25,8 +25,8 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/raster/reference.hpp"
-#include "compmark/raster/tile.hpp"
+#include "compmark/splat/raster/reference.hpp"
+#include "compmark/splat/raster/tile.hpp"
 #include "support/ceiling.hpp"
 #include "support/splat_scene.hpp"
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The training loop of the ablations. It is Trainer's (pipeline/trainer.hpp), made of the same parts in the same order, with two switches at run time
+// The training loop of the ablations. It is Trainer's (splat/training/trainer.hpp), made of the same parts in the same order, with two switches at run time
 // that a Trainer, whose recipe decides them, has no door for: frequency-aware growing, and an entropy model without its noise. No checkpoints, no
 // views between photographs.
 #pragma once
@@ -14,17 +14,17 @@
 #include <vector>
 
 #include "ablations/training.hpp"
-#include "compmark/anchor/initialise.hpp"
-#include "compmark/optim/phases.hpp"
-#include "compmark/pipeline/learning_rates.hpp"
-#include "compmark/pipeline/mark_phases.hpp"
-#include "compmark/pipeline/pipeline.hpp"
-#include "compmark/pipeline/rate_phases.hpp"
-#include "compmark/pipeline/run_policies.hpp"
-#include "compmark/pipeline/training_target.hpp"
-#include "compmark/pipeline/training_views.hpp"
+#include "compmark/codec/rate/rate_phases.hpp"
 #include "compmark/recipes/marked.hpp"
 #include "compmark/scene/image_point.hpp"
+#include "compmark/splat/anchor/initialise.hpp"
+#include "compmark/splat/optim/phases.hpp"
+#include "compmark/splat/training/learning_rates.hpp"
+#include "compmark/splat/training/pipeline.hpp"
+#include "compmark/splat/training/run_policies.hpp"
+#include "compmark/splat/training/training_target.hpp"
+#include "compmark/splat/training/training_views.hpp"
+#include "compmark/watermark/embed/mark_phases.hpp"
 
 namespace ablation {
 

@@ -7,13 +7,13 @@
 #pragma once
 
 #include "ablations/switched_noise.hpp"
-#include "compmark/anchor/frequency_growth.hpp"
-#include "compmark/entropy/hash_grid_layout.hpp"
-#include "compmark/loss/frequency.hpp"
-#include "compmark/loss/hsv.hpp"
-#include "compmark/mark/lattice_decoder.hpp"
-#include "compmark/mark/residual.hpp"
+#include "compmark/codec/hac/hash_grid_layout.hpp"
 #include "compmark/recipes/hac.hpp"
+#include "compmark/splat/anchor/frequency_growth.hpp"
+#include "compmark/watermark/decoder/lattice_decoder.hpp"
+#include "compmark/watermark/embed/residual.hpp"
+#include "compmark/watermark/loss/frequency.hpp"
+#include "compmark/watermark/loss/hsv.hpp"
 
 namespace ablation {
 
@@ -28,7 +28,7 @@ using Plain = compmark::recipes::WithShape<compmark::recipes::Scaffold, compmark
 struct Host : compmark::recipes::Hac<Plain, grid> {};
 using Decoder = compmark::LatticeDecoder<float>;
 
-template <compmark::MarkTarget target>
+template <compmark::AnchorAttribute target>
 struct Ablated : Host {
   using Host = ablation::Host;
   using EntropyModel = SwitchedNoise<ablation::Host::EntropyModel>;

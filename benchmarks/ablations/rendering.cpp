@@ -17,7 +17,7 @@ using namespace compmark;
 
 namespace {
 
-template <MarkTarget target>
+template <AnchorAttribute target>
 Result<Model<Host>> train_target(const Row& row, Scene& scene, const TrainSettings& settings, const Decoder& decoder,
                                  const std::vector<std::uint8_t>& bits, ThreadExecutor& executor) {
   auto trained = Loop<Ablated<target>>(row, scene, settings, decoder, bits, executor).run();
@@ -30,16 +30,16 @@ Result<Model<Host>> train_target(const Row& row, Scene& scene, const TrainSettin
 Result<Model<Host>> train_host(const Row& row, Scene& scene, const TrainSettings& settings, const Decoder& decoder,
                                const std::vector<std::uint8_t>& bits, ThreadExecutor& executor) {
   switch (row.target) {
-    case MarkTarget::position:
-      return train_target<MarkTarget::position>(row, scene, settings, decoder, bits, executor);
-    case MarkTarget::scaling:
-      return train_target<MarkTarget::scaling>(row, scene, settings, decoder, bits, executor);
-    case MarkTarget::offset:
-      return train_target<MarkTarget::offset>(row, scene, settings, decoder, bits, executor);
-    case MarkTarget::feature:
+    case AnchorAttribute::position:
+      return train_target<AnchorAttribute::position>(row, scene, settings, decoder, bits, executor);
+    case AnchorAttribute::scaling:
+      return train_target<AnchorAttribute::scaling>(row, scene, settings, decoder, bits, executor);
+    case AnchorAttribute::offset:
+      return train_target<AnchorAttribute::offset>(row, scene, settings, decoder, bits, executor);
+    case AnchorAttribute::feature:
       break;
   }
-  return train_target<MarkTarget::feature>(row, scene, settings, decoder, bits, executor);
+  return train_target<AnchorAttribute::feature>(row, scene, settings, decoder, bits, executor);
 }
 
 Result<Measured> measure(const Model<Host>& model, const Scene& scene, const Decoder* decoder,

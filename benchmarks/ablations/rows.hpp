@@ -12,14 +12,14 @@
 #include <string_view>
 #include <vector>
 
-#include "compmark/mark/residual.hpp"
+#include "compmark/watermark/embed/residual.hpp"
 
 namespace ablation {
 
 /// One training. Everything is in by default, as the method has it.
 struct Row {
   std::string name;
-  compmark::MarkTarget target = compmark::MarkTarget::feature;
+  compmark::AnchorAttribute target = compmark::AnchorAttribute::feature;
   int bits = 48;
   bool residual = true;  ///< f' trains; else the attribute alone carries the message
   bool growing = true;   ///< FAG: frequency loss, and growing where it says so
@@ -53,7 +53,7 @@ inline constexpr std::string_view full_name = "full";
 
 /// Every configuration once, the twin first: what the others lose is told against it.
 [[nodiscard]] inline std::vector<Row> all_rows() {
-  using compmark::MarkTarget;
+  using compmark::AnchorAttribute;
   Row twin{.name = std::string(twin_name)}, full{.name = std::string(full_name)};
   twin.message = false;
   std::vector<Row> rows{twin, full};
@@ -63,9 +63,9 @@ inline constexpr std::string_view full_name = "full";
     change(row);
     rows.push_back(row);
   };
-  changed("position", [](Row& r) { r.target = MarkTarget::position; });
-  changed("scaling", [](Row& r) { r.target = MarkTarget::scaling; });
-  changed("offset", [](Row& r) { r.target = MarkTarget::offset; });
+  changed("position", [](Row& r) { r.target = AnchorAttribute::position; });
+  changed("scaling", [](Row& r) { r.target = AnchorAttribute::scaling; });
+  changed("offset", [](Row& r) { r.target = AnchorAttribute::offset; });
   changed("no_residual", [](Row& r) { r.residual = false; });
   changed("no_qdl", [](Row& r) { r.noise = false; });
   changed("no_fag", [](Row& r) { r.growing = false; });

@@ -7,7 +7,7 @@
 
 #include "ablations/training.hpp"
 #include "compmark/core/random.hpp"
-#include "compmark/mark/pretrain/lattice_network.hpp"
+#include "compmark/watermark/pretrain/lattice_network.hpp"
 
 namespace ablation {
 

@@ -8,10 +8,10 @@
 #include <string>
 #include <utility>
 
-#include "compmark/codec/hac_decoder.hpp"
-#include "compmark/codec/hac_encoder.hpp"
+#include "compmark/codec/hac/hac_decoder.hpp"
+#include "compmark/codec/hac/hac_encoder.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/io/atomic_file.hpp"
-#include "compmark/pipeline/coded_model.hpp"
 #include "compmark/scene/extent.hpp"
 #include "compmark/scene/open.hpp"
 #include "compmark/scene/procedural_write.hpp"
@@ -108,7 +108,7 @@ Result<Record> train_row(const Row& row, Scene& scene, std::int64_t iterations, 
   if (!before) return before.error();
   record.before = *before;
 
-  if (row.target == MarkTarget::position) round_positions(*host);
+  if (row.target == AnchorAttribute::position) round_positions(*host);
   ModelInfo info;
   info.recipe = "hac";
   info.profile = settings.profile;

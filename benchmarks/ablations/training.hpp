@@ -19,11 +19,11 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/pipeline/model.hpp"
-#include "compmark/pipeline/settings.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/image_store.hpp"
+#include "compmark/splat/training/model.hpp"
+#include "compmark/splat/training/settings.hpp"
 
 namespace ablation {
 

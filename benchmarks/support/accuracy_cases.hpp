@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/raster/reference.hpp"
-#include "compmark/raster/tile.hpp"
 #include "compmark/scene/camera.hpp"
+#include "compmark/splat/raster/reference.hpp"
+#include "compmark/splat/raster/tile.hpp"
 
 namespace accuracy_bench {
 

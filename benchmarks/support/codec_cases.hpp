@@ -3,7 +3,7 @@
 //
 // What accuracy_vs_time_codec compares: symbols with the exact Gaussian of each, and coders of them that differ from
 // the shipped one in one knob. All are four interleaved rANS states over one sequence of words, as in
-// entropy/symbol_coder.hpp; the shipped one is measured by itself.
+// codec/coder/symbol_coder.hpp; the shipped one is measured by itself.
 #pragma once
 
 #include <algorithm>
@@ -16,9 +16,9 @@
 #include <span>
 #include <vector>
 
-#include "compmark/codec/chunk_coding.hpp"
+#include "compmark/codec/coder/symbol_coder.hpp"
+#include "compmark/codec/container/chunk_coding.hpp"
 #include "compmark/core/random.hpp"
-#include "compmark/entropy/symbol_coder.hpp"
 
 namespace codec_bench {
 

@@ -6,8 +6,8 @@
 #pragma once
 
 #include <cmath>
-#include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/training/trainer.hpp>
 #include <cstddef>
 #include <vector>
 

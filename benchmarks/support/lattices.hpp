@@ -6,7 +6,7 @@
 #pragma once
 
 #include <algorithm>
-#include <compmark/mark/lattice_decoder.hpp>
+#include <compmark/watermark/decoder/lattice_decoder.hpp>
 
 namespace compmark::benchmarks {
 

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark attack: applies an attack to a model and writes the result, for evaluate, extract and verify to read.
-#include <compmark/attack/quantize_model.hpp>
 #include <compmark/io/json_file.hpp>
-#include <compmark/quant/int8_quantizer.hpp>
+#include <compmark/splat/quantizer/int8_quantizer.hpp>
+#include <compmark/watermark/attack/quantize_model.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>

@@ -5,8 +5,8 @@
 // p-values of compmark verify are right for a decoder, and the bias and correlation of its bits. Keys are derived as
 // those of keygen are, from secrets that follow from --seed.
 #include <compmark/io/json_file.hpp>
-#include <compmark/mark/calibrate.hpp>
-#include <compmark/mark/key.hpp>
+#include <compmark/watermark/proof/calibrate.hpp>
+#include <compmark/watermark/proof/key.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>

@@ -3,7 +3,7 @@
 #include "coded_run.hpp"
 
 #include <chrono>
-#include <compmark/codec/cmk.hpp>
+#include <compmark/codec/container/cmk.hpp>
 #include <cstdio>
 
 #include "evaluation.hpp"

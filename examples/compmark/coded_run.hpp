@@ -6,8 +6,8 @@
 
 #include <compmark/app/compress.hpp>
 #include <compmark/app/evaluate.hpp>
-#include <compmark/codec/codec_model.hpp>
-#include <compmark/codec/encoding.hpp>
+#include <compmark/codec/container/codec_model.hpp>
+#include <compmark/codec/container/encoding.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <cstdint>

@@ -4,8 +4,8 @@
 // What is written of a comparison for programs: JSON and CSV (docs/results.md).
 #include <algorithm>
 #include <array>
-#include <compmark/mark/report.hpp>
-#include <compmark/mark/verify.hpp>
+#include <compmark/watermark/proof/report.hpp>
+#include <compmark/watermark/proof/verify.hpp>
 #include <cstddef>
 #include <map>
 #include <optional>

@@ -4,8 +4,8 @@
 // What is shown of a comparison: the tables and the page.
 #include <algorithm>
 #include <compmark/io/atomic_file.hpp>
-#include <compmark/mark/report.hpp>
-#include <compmark/mark/verify.hpp>
+#include <compmark/watermark/proof/report.hpp>
+#include <compmark/watermark/proof/verify.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <optional>

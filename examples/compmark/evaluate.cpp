@@ -4,7 +4,7 @@
 // compmark evaluate: measures one or several models against a dataset: PSNR, SSIM and, given weights, LPIPS; the cost
 // of a mark and the bits of a message; bytes by section and milliseconds.
 #include <compmark/io/json_file.hpp>
-#include <compmark/mark/report.hpp>
+#include <compmark/watermark/proof/report.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>

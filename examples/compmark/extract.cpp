@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <compmark/io/json_file.hpp>
-#include <compmark/mark/verify.hpp>
+#include <compmark/watermark/proof/verify.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>

@@ -7,9 +7,9 @@
 #include <compmark/app/files.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/pipeline/checkpoint.hpp>
-#include <compmark/pipeline/model_info.hpp>
-#include <compmark/pipeline/settings_json.hpp>
+#include <compmark/splat/training/checkpoint.hpp>
+#include <compmark/splat/training/model_info.hpp>
+#include <compmark/splat/training/settings_json.hpp>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <system_error>

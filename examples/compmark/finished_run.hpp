@@ -6,7 +6,7 @@
 #pragma once
 
 #include <compmark/core/result.hpp>
-#include <compmark/pipeline/settings.hpp>
+#include <compmark/splat/training/settings.hpp>
 #include <filesystem>
 #include <string>
 

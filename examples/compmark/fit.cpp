@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark fit: makes a message decoder for one scene (pipeline/decoder_fit.hpp) from its unmarked model and its
+// compmark fit: makes a message decoder for one scene (watermark/fit/decoder_fit.hpp) from its unmarked model and its
 // cameras, and a JSON of the fit. No message is hidden yet: embed does that.
 #include "fit_run.hpp"
 

@@ -7,7 +7,7 @@
 // train on. A mark of the model is rounded too, and --key and --decoder measure what is left of it; a mark that is
 // hidden in the fitted model instead (compmark embed) is trained under the rounding of its file.
 #include <compmark/app/files.hpp>
-#include <compmark/pipeline/model_file.hpp>
+#include <compmark/splat/training/model_file.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>

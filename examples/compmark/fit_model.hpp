@@ -12,9 +12,9 @@
 #include <compmark/app/capture.hpp>
 #include <compmark/app/dataset_views.hpp>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/pipeline/checkpoint.hpp>
-#include <compmark/pipeline/decoder_fit.hpp>
 #include <compmark/scene/open.hpp>
+#include <compmark/splat/training/checkpoint.hpp>
+#include <compmark/watermark/fit/decoder_fit.hpp>
 #include <cstdio>
 #include <optional>
 #include <string>

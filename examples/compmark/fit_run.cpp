@@ -8,8 +8,8 @@
 #include <compmark/app/files.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/lattice_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
 #include <nlohmann/json.hpp>
 #include <utility>
 

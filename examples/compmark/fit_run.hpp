@@ -5,7 +5,7 @@
 #pragma once
 
 #include <compmark/core/result.hpp>
-#include <compmark/pipeline/decoder_fit_settings.hpp>
+#include <compmark/watermark/fit/decoder_fit_settings.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <string>

@@ -11,7 +11,7 @@
 
 namespace tool {
 
-/// A round trip through the codec that the library writes images with, as mark/pretrain/augmentation.hpp calls it.
+/// A round trip through the codec that the library writes images with, as watermark/pretrain/augmentation.hpp calls it.
 struct JpegCodec {
   void operator()(compmark::ImageView<const float> image, int quality, compmark::ImageView<float> output) const {
     const compmark::Result<compmark::ImageBytes> read =

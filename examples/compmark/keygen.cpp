@@ -5,8 +5,8 @@
 // moves it aside.
 #include <compmark/io/os_random.hpp>
 #include <compmark/io/owner_key.hpp>
-#include <compmark/mark/key.hpp>
-#include <compmark/mark/verify.hpp>
+#include <compmark/watermark/proof/key.hpp>
+#include <compmark/watermark/proof/verify.hpp>
 #include <cstdio>
 #include <ctime>
 #include <memory>

@@ -4,10 +4,10 @@
 
 #include <compmark/app/files.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/key.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
 #include <compmark/version.hpp>
+#include <compmark/watermark/proof/key.hpp>
 #include <string>
 #include <utility>
 

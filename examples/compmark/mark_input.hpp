@@ -7,9 +7,9 @@
 
 #include <array>
 #include <compmark/app/dataset_views.hpp>
-#include <compmark/mark/message.hpp>
-#include <compmark/mark/report.hpp>
-#include <compmark/pipeline/settings.hpp>
+#include <compmark/splat/training/settings.hpp>
+#include <compmark/watermark/proof/message.hpp>
+#include <compmark/watermark/proof/report.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

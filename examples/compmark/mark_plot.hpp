@@ -4,8 +4,8 @@
 // What was read of a message, as a picture for the pages.
 #pragma once
 
-#include <compmark/mark/message.hpp>
-#include <compmark/mark/verify.hpp>
+#include <compmark/watermark/proof/message.hpp>
+#include <compmark/watermark/proof/verify.hpp>
 #include <string>
 
 #include "report.hpp"

@@ -14,10 +14,10 @@
 #include <compmark/core/views.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/sha256.hpp>
-#include <compmark/mark/pretrain/dead_leaves.hpp>
-#include <compmark/mark/pretrain/photograph_split.hpp>
 #include <compmark/math/separable_map.hpp>
 #include <compmark/scene/image_folder.hpp>
+#include <compmark/watermark/pretrain/dead_leaves.hpp>
+#include <compmark/watermark/pretrain/photograph_split.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -77,7 +77,7 @@ class PretrainImages {
     return hash.hex();
   }
 
-  /// Takes a share of the photographs out (mark/pretrain/photograph_split.hpp). Empty if that leaves nothing here.
+  /// Takes a share of the photographs out (watermark/pretrain/photograph_split.hpp). Empty if that leaves nothing here.
   [[nodiscard]] PretrainImages take_share(double share) {
     std::vector<std::string> names;
     for (const Photograph& p : photographs_) names.push_back(p.name);

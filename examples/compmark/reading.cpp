@@ -4,7 +4,7 @@
 
 #include <array>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/mark/key.hpp>
+#include <compmark/watermark/proof/key.hpp>
 #include <cstdio>
 #include <string_view>
 

@@ -9,8 +9,8 @@
 #include <compmark/app/recipe_names.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/pipeline/model_info.hpp>
 #include <compmark/scene/open.hpp>
+#include <compmark/splat/training/model_info.hpp>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>

@@ -5,7 +5,7 @@
 // of its own.
 #pragma once
 
-#include <compmark/pipeline/settings.hpp>
+#include <compmark/splat/training/settings.hpp>
 
 #include "mark_input.hpp"
 

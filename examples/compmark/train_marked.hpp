@@ -5,7 +5,7 @@
 #pragma once
 
 #include <compmark/core/result.hpp>
-#include <compmark/pipeline/settings.hpp>
+#include <compmark/splat/training/settings.hpp>
 #include <string>
 
 #include "mark_input.hpp"

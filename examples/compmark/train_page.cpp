@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <compmark/app/files.hpp>
-#include <compmark/mark/report.hpp>
+#include <compmark/watermark/proof/report.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <memory>

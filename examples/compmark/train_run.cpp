@@ -7,10 +7,10 @@
 #include <compmark/app/files.hpp>
 #include <compmark/core/buffer.hpp>
 #include <compmark/io/json_file.hpp>
-#include <compmark/pipeline/checkpoint.hpp>
 #include <compmark/scene/check_weights.hpp>
 #include <compmark/scene/far_field.hpp>
 #include <compmark/scene/open.hpp>
+#include <compmark/splat/training/checkpoint.hpp>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <system_error>

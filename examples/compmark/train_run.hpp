@@ -7,15 +7,15 @@
 
 #include <compmark/app/dataset_views.hpp>
 #include <compmark/app/lpips_nets.hpp>
-#include <compmark/codec/codec_model.hpp>
+#include <compmark/codec/container/codec_model.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/pipeline/model_info.hpp>
-#include <compmark/pipeline/settings.hpp>
-#include <compmark/pipeline/training_memory.hpp>
 #include <compmark/scene/dataset.hpp>
 #include <compmark/scene/extent.hpp>
 #include <compmark/scene/image_store.hpp>
+#include <compmark/splat/training/model_info.hpp>
+#include <compmark/splat/training/settings.hpp>
+#include <compmark/splat/training/training_memory.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

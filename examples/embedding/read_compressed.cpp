@@ -5,7 +5,7 @@
 // of the codec, and with it neither a rasterizer nor anything that trains (tests/consumer/run.sh checks which headers
 // the compiler read).
 //   read_compressed scene.cmk
-#include <compmark/codec/cmk.hpp>
+#include <compmark/codec/container/cmk.hpp>
 #include <compmark/core/thread_executor.hpp>
 
 #include <algorithm>

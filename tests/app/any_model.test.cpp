@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <compmark/app/any_model.hpp>
 #include <compmark/app/recipe_model.hpp>
-#include <compmark/codec/cmk.hpp>
+#include <compmark/codec/container/cmk.hpp>
+#include <compmark/codec/model/coded_model.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/image_file.hpp>
-#include <compmark/pipeline/coded_model.hpp>
-#include <compmark/pipeline/pipeline.hpp>
+#include <compmark/splat/training/pipeline.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <string>

@@ -4,10 +4,10 @@
 
 #include <compmark/app/compare.hpp>
 #include <compmark/app/reading.hpp>
-#include <compmark/mark/key.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/watermark/proof/key.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <string>

@@ -3,7 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <compmark/app/dataset_views.hpp>
-#include <compmark/pipeline/training_views.hpp>
+#include <compmark/splat/training/training_views.hpp>
 #include <cstddef>
 #include <vector>
 

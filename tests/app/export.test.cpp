@@ -6,9 +6,9 @@
 #include <compmark/io/anchor_ply.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/splat_ply.hpp>
-#include <compmark/pipeline/bake.hpp>
-#include <compmark/pipeline/model_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/export/bake.hpp>
+#include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <string>

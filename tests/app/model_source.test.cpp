@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <compmark/app/model_source.hpp>
-#include <compmark/codec/cmk.hpp>
+#include <compmark/codec/container/cmk.hpp>
+#include <compmark/codec/model/coded_model.hpp>
 #include <compmark/io/atomic_file.hpp>
-#include <compmark/pipeline/coded_model.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <string>

@@ -5,8 +5,8 @@
 #include <compmark/app/reading.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/metric/rounding.hpp>
-#include <compmark/pipeline/model_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <optional>

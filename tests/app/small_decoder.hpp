@@ -9,8 +9,8 @@
 #include <compmark/core/random.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/lattice_decoder.hpp>
-#include <compmark/mark/lattice_file.hpp>
+#include <compmark/watermark/decoder/lattice_decoder.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

@@ -12,12 +12,12 @@
 #include <compmark/app/recipe_list.hpp>
 #include <compmark/core/absent.hpp>
 #include <compmark/core/random.hpp>
-#include <compmark/pipeline/model_file.hpp>
+#include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <string>
 
-#include "pipeline/small_scene.hpp"
+#include "splat/training/small_scene.hpp"
 
 namespace compmark::testing {
 

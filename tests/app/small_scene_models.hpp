@@ -7,9 +7,9 @@
 #include <doctest/doctest.h>
 
 #include <compmark/app/capture.hpp>
-#include <compmark/pipeline/model_file.hpp>
 #include <compmark/scene/open.hpp>
 #include <compmark/scene/procedural_write.hpp>
+#include <compmark/splat/training/model_file.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <string>

@@ -3,9 +3,9 @@
 #include <doctest/doctest.h>
 
 #include <compmark/app/verify.hpp>
-#include <compmark/mark/key.hpp>
-#include <compmark/pipeline/model_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/training/model_file.hpp>
+#include <compmark/watermark/proof/key.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <optional>

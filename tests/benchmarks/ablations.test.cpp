@@ -19,9 +19,9 @@
 #include "ablations/rows.hpp"
 #include "ablations/switched_noise.hpp"
 #include "ablations/tables.hpp"
+#include "compmark/codec/hac/hac_model.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
-#include "compmark/entropy/hac_model.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "support/tool.hpp"
 

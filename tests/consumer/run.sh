@@ -53,7 +53,7 @@ if [ "$way" = embedding ] || [ "$way" = all ]; then
   allowed="$allowed|hash_grid_layout|integer_[a-z_]+|normal_integral|rans|slot_tables|symbol_coder|varint))\.hpp\$"
   headers_of() { ninja -C "$scratch/embedding" -t deps "CMakeFiles/$1.dir/$1.cpp.o" | sed -n 's|.*/include/\(compmark/.*\)|\1|p' | sort -u; }
   headers_of read_compressed >"$scratch/headers"
-  grep -q 'compmark/codec/cmk.hpp' "$scratch/headers" || { echo "the list of headers is empty"; exit 1; }
+  grep -q 'compmark/codec/container/cmk.hpp' "$scratch/headers" || { echo "the list of headers is empty"; exit 1; }
   if grep -vE "$allowed" "$scratch/headers"; then
     echo "read_compressed reads more than the codec"
     exit 1

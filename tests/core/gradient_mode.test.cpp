@@ -12,11 +12,11 @@
 #include <cmath>
 #include <compmark/core/executor.hpp>
 #include <compmark/core/random.hpp>
-#include <compmark/raster/concept.hpp>
-#include <compmark/raster/effects.hpp>
-#include <compmark/raster/reference.hpp>
-#include <compmark/raster/tile.hpp>
 #include <compmark/scene/lens_camera.hpp>
+#include <compmark/splat/raster/concept.hpp>
+#include <compmark/splat/raster/effects.hpp>
+#include <compmark/splat/raster/reference.hpp>
+#include <compmark/splat/raster/tile.hpp>
 #include <compmark/testing/raster_scene.hpp>
 #include <limits>
 #include <type_traits>

@@ -3,7 +3,7 @@
 //
 // A Rasterizer that forgot backward is told so, by the concept.
 // message: backward
-#include "compmark/raster/concept.hpp"
+#include "compmark/splat/raster/concept.hpp"
 #include "compmark/testing/archetypes.hpp"
 
 using namespace compmark;

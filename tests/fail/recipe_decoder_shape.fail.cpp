@@ -3,8 +3,8 @@
 //
 // The decoder reads the table that the anchor model stores.
 // message: Recipe: GaussianDecoder reads another shape than AnchorModel stores
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 #include "compmark/testing/archetypes.hpp"
 
 using namespace compmark;

@@ -3,8 +3,8 @@
 //
 // A distortion layer simulates a quantizer: without one it has no amplitude.
 // message: Recipe: a DistortionLayer needs a Quantizer
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 #include "compmark/testing/archetypes.hpp"
 
 using namespace compmark;

@@ -3,10 +3,10 @@
 //
 // The distortion layer's network reads whole features: with another width than the anchors' it would read beyond them.
 // message: Recipe: DistortionLayer distorts another number of feature channels
-#include "compmark/pipeline/pipeline.hpp"
-#include "compmark/quant/adaptive_quantizer.hpp"
-#include "compmark/quant/distortion.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/quantizer/adaptive_quantizer.hpp"
+#include "compmark/splat/training/pipeline.hpp"
+#include "compmark/watermark/embed/distortion.hpp"
 
 using namespace compmark;
 

@@ -3,8 +3,8 @@
 //
 // A distortion layer of nothing but names would distort nothing.
 // message: Recipe: DistortionLayer lacks add_parameters
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

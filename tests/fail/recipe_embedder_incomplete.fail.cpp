@@ -3,8 +3,8 @@
 //
 // An embedder of nothing but names would hide nothing.
 // message: Recipe: Embedder lacks target, add_parameters
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

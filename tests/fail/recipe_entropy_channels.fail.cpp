@@ -3,9 +3,9 @@
 //
 // An entropy model is made for the anchors of its recipe: it reads as many feature channels as they have.
 // message: Recipe: EntropyModel codes another number of feature channels
-#include "compmark/entropy/hac_model.hpp"
-#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/codec/hac/hac_model.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

@@ -3,8 +3,8 @@
 //
 // An entropy model of nothing but names would count nothing.
 // message: Recipe: EntropyModel lacks Phase
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

@@ -3,10 +3,10 @@
 //
 // Growing that looks at the frequency loss' error map needs the loss.
 // message: Recipe: this DensityControl looks at the error map of a FrequencyLoss
-#include "compmark/anchor/frequency_growth.hpp"
-#include "compmark/loss/frequency.hpp"
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/anchor/frequency_growth.hpp"
+#include "compmark/splat/training/pipeline.hpp"
+#include "compmark/watermark/loss/frequency.hpp"
 
 using namespace compmark;
 

@@ -3,8 +3,8 @@
 //
 // A loss of nothing but names would be 0.
 // message: Recipe: FrequencyLoss lacks forward
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

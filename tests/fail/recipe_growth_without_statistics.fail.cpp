@@ -4,8 +4,8 @@
 // Growing reads screen statistics; a rasterizer that was not asked for them would leave the anchors as they are,
 // silently.
 // message: Recipe: DensityControl reads screen statistics, which this Rasterizer does not collect
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

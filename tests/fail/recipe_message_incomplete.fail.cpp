@@ -3,9 +3,9 @@
 //
 // A message decoder of nothing but names would read nothing.
 // message: Recipe: MessageDecoder lacks bits
-#include "compmark/mark/lattice_decoder.hpp"
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/training/pipeline.hpp"
+#include "compmark/watermark/decoder/lattice_decoder.hpp"
 
 using namespace compmark;
 

@@ -3,8 +3,8 @@
 //
 // A quantizer without steps would never be called.
 // message: Recipe: Quantizer lacks step
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

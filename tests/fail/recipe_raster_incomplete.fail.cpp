@@ -3,8 +3,8 @@
 //
 // A recipe is checked at the door, in a sentence.
 // message: Recipe: Rasterizer lacks forward, backward, screen, Settings or Context
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 #include "compmark/testing/archetypes.hpp"
 
 using namespace compmark;

@@ -3,8 +3,8 @@
 //
 // One scalar everywhere.
 // message: Recipe: Rasterizer has another Scalar than the recipe
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 #include "compmark/testing/archetypes.hpp"
 
 using namespace compmark;

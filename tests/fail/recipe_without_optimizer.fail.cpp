@@ -3,8 +3,8 @@
 //
 // The concept names the alias that is missing.
 // message: (R::Optimizer|no type named 'Optimizer')
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 #include "compmark/testing/archetypes.hpp"
 
 using namespace compmark;

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What recipe_*.fail.cpp include, for CMakeLists.txt beside it to precompile.
-#include "compmark/anchor/frequency_growth.hpp"
-#include "compmark/loss/frequency.hpp"
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/anchor/frequency_growth.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 #include "compmark/testing/archetypes.hpp"
+#include "compmark/watermark/loss/frequency.hpp"

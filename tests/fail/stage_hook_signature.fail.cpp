@@ -3,8 +3,8 @@
 //
 // A hook of the wrong signature would never be called, in silence: it hides the empty one of its name instead, and does not compile.
 // message: no matching (member )?function for call to .*image
-#include "compmark/pipeline/pipeline.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 using namespace compmark;
 

@@ -5,7 +5,7 @@
 // holds them together give an answer, never a crash, and never a model that says it is verified.
 #pragma once
 
-#include <compmark/codec/cmk.hpp>
+#include <compmark/codec/container/cmk.hpp>
 
 #include <cstddef>
 #include <cstdint>

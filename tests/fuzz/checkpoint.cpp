@@ -3,11 +3,11 @@
 //
 // Any change of a checkpoint, its checksum made right: refused, or a state from which a run takes one more step.
 #include <compmark/core/executor.hpp>
-#include <compmark/pipeline/checkpoint.hpp>
-#include <compmark/pipeline/trainer.hpp>
+#include <compmark/splat/training/checkpoint.hpp>
+#include <compmark/splat/training/trainer.hpp>
 
 #include "any_tensors.hpp"
-#include "pipeline/small_scene.hpp"
+#include "splat/training/small_scene.hpp"
 
 namespace {
 

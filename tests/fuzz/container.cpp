@@ -3,7 +3,7 @@
 //
 // Any bytes as a .cmk file: an answer, never a crash; and as the header and table of contents of one whose checksums
 // are right, because a fuzzer does not guess checksums. What is accepted lies inside the file and tiles it.
-#include <compmark/codec/inspect.hpp>
+#include <compmark/codec/container/inspect.hpp>
 
 #include <algorithm>
 #include <cstdint>

@@ -4,9 +4,9 @@
 // Any change of a decoder file of each kind, its checksum made right: an answer, never a crash; an accepted one reads a
 // small image.
 #include <compmark/core/executor.hpp>
-#include <compmark/mark/decoder_file.hpp>
-#include <compmark/mark/lattice_file.hpp>
-#include <compmark/mark/stored_decoder.hpp>
+#include <compmark/watermark/decoder/decoder_file.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
+#include <compmark/watermark/decoder/stored_decoder.hpp>
 
 #include "any_tensors.hpp"
 #include "support/decoder.hpp"

@@ -3,7 +3,7 @@
 //
 // Any bytes as an octree of any number of anchors up to 65,535: an answer, never a crash, and never another number of
 // anchors. What is accepted is in order and encodes again.
-#include <compmark/codec/geometry.hpp>
+#include <compmark/codec/container/geometry.hpp>
 
 #include <cstdint>
 #include <cstdlib>

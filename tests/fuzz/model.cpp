@@ -3,13 +3,13 @@
 //
 // Any change of a model file, its checksum made right: an answer, never a crash. What is accepted is finite, and is
 // written and read again the same.
-#include <compmark/pipeline/model_file.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/training/model_file.hpp>
 
 #include <cmath>
 
 #include "any_tensors.hpp"
-#include "pipeline/small_scene.hpp"
+#include "splat/training/small_scene.hpp"
 
 namespace {
 

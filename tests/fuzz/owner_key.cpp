@@ -5,8 +5,8 @@
 // key: an answer, never a crash. A key that is accepted is written and read again the same; and one byte changed in
 // what was written never gives another key.
 #include <compmark/io/owner_key.hpp>
-#include <compmark/mark/key.hpp>
-#include <compmark/mark/message.hpp>
+#include <compmark/watermark/proof/key.hpp>
+#include <compmark/watermark/proof/message.hpp>
 
 #include "../../examples/compmark/mark_record.hpp"
 #include "any_tensors.hpp"

@@ -4,8 +4,8 @@
 // The entropy coders, by the first byte: any bytes as a chunk of symbols, which if accepted is what its symbols encode
 // to; any bytes as models and symbols, which come back, and not from a chunk with one byte changed; any bytes as bits
 // of an adaptive stream.
-#include <compmark/entropy/adaptive_binary.hpp>
-#include <compmark/entropy/symbol_coder.hpp>
+#include <compmark/codec/coder/adaptive_binary.hpp>
+#include <compmark/codec/coder/symbol_coder.hpp>
 
 #include <algorithm>
 #include <cstdint>

@@ -20,7 +20,7 @@ for compiler in g++ clang++ clang++-14; do
   "$compiler" -std=c++20 -O0 "$@" -c tests/main.cpp -o "$work/main.o"
   for flags in "-O0" "-O3" "-O3 -march=native -ffp-contract=off" "-O3 -march=native -ffp-contract=fast"; do
     # shellcheck disable=SC2086 # the flags are words
-    $cached "$compiler" -std=c++20 $flags "$@" -Itests -c tests/codec/golden.test.cpp -o "$work/golden.o"
+    $cached "$compiler" -std=c++20 $flags "$@" -Itests -c tests/codec/container/golden.test.cpp -o "$work/golden.o"
     "$compiler" "$work/golden.o" "$work/main.o" -o "$work/golden" -pthread
     "$work/golden" >"$work/log" 2>&1 || { echo "$compiler $flags:"; cat "$work/log"; exit 1; }
     echo "$compiler $flags: the same bits"

@@ -42,9 +42,9 @@ budget() {
   echo "$header: $((ratio / 100)).$(printf %02d $((ratio % 100))) of Eigen/Dense, budget $((limit / 100)).$(printf %02d $((limit % 100))): $verdict"
 }
 budget compmark/core/executor.hpp 60 "$@"
-budget compmark/raster/concept.hpp 60 "$@"
-budget compmark/anchor/concept.hpp 60 "$@"
-budget compmark/raster/tile.hpp 150 "$@"
-budget compmark/pipeline/trainer.hpp 250 "$@"
+budget compmark/splat/raster/concept.hpp 60 "$@"
+budget compmark/splat/anchor/concept.hpp 60 "$@"
+budget compmark/splat/raster/tile.hpp 150 "$@"
+budget compmark/splat/training/trainer.hpp 250 "$@"
 budget compmark/compmark.hpp 1000 "$@" # for examples: JSON, stb and every room at once; 7.6 to 8.5 measured
 exit $bad

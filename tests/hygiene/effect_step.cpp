@@ -7,14 +7,14 @@
 #include <array>
 #include <bit>
 #include <compmark/core/executor.hpp>
-#include <compmark/mark/lattice_decoder.hpp>
-#include <compmark/pipeline/trainer.hpp>
 #include <compmark/recipes/captures.hpp>
 #include <compmark/recipes/context_gs.hpp>
 #include <compmark/recipes/far_field.hpp>
 #include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/marked_codecs.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/training/trainer.hpp>
+#include <compmark/watermark/decoder/lattice_decoder.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>

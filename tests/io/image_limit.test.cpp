@@ -16,7 +16,7 @@
 
 #include "compmark/io/image_file.hpp"
 #include "compmark/scene/mask_file.hpp"
-#include "pipeline/short_training.hpp"
+#include "splat/training/short_training.hpp"
 #include "support/scene_files.hpp"
 
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "compmark/core/random.hpp"
-#include "compmark/loss/reference_ssim.hpp"
+#include "compmark/splat/loss/reference_ssim.hpp"
 
 namespace {
 

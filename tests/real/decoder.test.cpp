@@ -14,9 +14,9 @@
 
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/safetensors.hpp"
-#include "compmark/mark/decoder_file.hpp"
-#include "compmark/mark/decoder_winograd.hpp"
-#include "compmark/mark/hidden_decoder.hpp"
+#include "compmark/watermark/decoder/decoder_file.hpp"
+#include "compmark/watermark/decoder/decoder_winograd.hpp"
+#include "compmark/watermark/decoder/hidden_decoder.hpp"
 #include "support/data.hpp"
 
 namespace {

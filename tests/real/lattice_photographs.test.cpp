@@ -13,10 +13,10 @@
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/safetensors.hpp"
-#include "compmark/mark/pretrain/decoder_measure.hpp"
-#include "compmark/mark/pretrain/photograph_split.hpp"
-#include "compmark/mark/stored_decoder.hpp"
 #include "compmark/scene/image_folder.hpp"
+#include "compmark/watermark/decoder/stored_decoder.hpp"
+#include "compmark/watermark/pretrain/decoder_measure.hpp"
+#include "compmark/watermark/pretrain/photograph_split.hpp"
 #include "support/data.hpp"
 
 using namespace compmark;

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 #include <compmark/core/executor.hpp>
-#include <compmark/loss/l1.hpp>
 #include <compmark/scene/image_store.hpp>
 #include <compmark/scene/open.hpp>
+#include <compmark/splat/loss/l1.hpp>
 
 #include <cmath>
 

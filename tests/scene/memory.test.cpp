@@ -9,7 +9,7 @@
 #include <fstream>
 #include <string>
 
-#include "pipeline/short_training.hpp"
+#include "splat/training/short_training.hpp"
 #include "support/scene_files.hpp"
 
 using namespace compmark;

@@ -6,23 +6,23 @@
 
 #include <type_traits>
 
-#include "compmark/anchor/density_control.hpp"
-#include "compmark/anchor/growth.hpp"
-#include "compmark/anchor/no_growth.hpp"
 #include "compmark/core/absent.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/loss/concept.hpp"
-#include "compmark/loss/photometric.hpp"
-#include "compmark/mark/concept.hpp"
-#include "compmark/optim/adam.hpp"
-#include "compmark/quant/concept.hpp"
-#include "compmark/raster/reference.hpp"
-#include "compmark/raster/splat.hpp"
-#include "compmark/raster/tile.hpp"
+#include "compmark/splat/anchor/density_control.hpp"
+#include "compmark/splat/anchor/growth.hpp"
+#include "compmark/splat/anchor/no_growth.hpp"
+#include "compmark/splat/loss/concept.hpp"
+#include "compmark/splat/loss/photometric.hpp"
+#include "compmark/splat/optim/adam.hpp"
+#include "compmark/splat/quantizer/concept.hpp"
+#include "compmark/splat/raster/reference.hpp"
+#include "compmark/splat/raster/splat.hpp"
+#include "compmark/splat/raster/tile.hpp"
+#include "compmark/watermark/decoder/concept.hpp"
 
 using namespace compmark;
 

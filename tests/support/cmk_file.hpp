@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/codec/cmk.hpp"
+#include "compmark/codec/container/cmk.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
 

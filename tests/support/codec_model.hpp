@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "compmark/codec/codec_model.hpp"
-#include "compmark/codec/hac_encoder.hpp"
+#include "compmark/codec/container/codec_model.hpp"
+#include "compmark/codec/hac/hac_encoder.hpp"
 #include "compmark/core/random.hpp"
 #include "support/context.hpp"
 

@@ -14,9 +14,9 @@
 #include <span>
 #include <vector>
 
+#include "compmark/codec/hac/hash_grid_layout.hpp"
+#include "compmark/codec/integer/integer_quantize.hpp"
 #include "compmark/core/random.hpp"
-#include "compmark/entropy/hash_grid_layout.hpp"
-#include "compmark/entropy/integer_quantize.hpp"
 
 namespace compmark::testing {
 

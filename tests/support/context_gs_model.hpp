@@ -14,9 +14,9 @@
 #include <span>
 #include <vector>
 
-#include "compmark/codec/context_gs_encoder.hpp"
+#include "compmark/codec/context_gs/anchor_cells.hpp"
+#include "compmark/codec/context_gs/context_gs_encoder.hpp"
 #include "compmark/core/random.hpp"
-#include "compmark/entropy/anchor_cells.hpp"
 #include "support/codec_model.hpp"
 #include "support/context.hpp"
 

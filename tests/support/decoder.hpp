@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "compmark/core/random.hpp"
-#include "compmark/mark/decoder_weights.hpp"
+#include "compmark/watermark/decoder/decoder_weights.hpp"
 
 namespace compmark::testing {
 

@@ -20,9 +20,9 @@
 
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
-#include "compmark/raster/accuracy.hpp"
-#include "compmark/raster/outputs.hpp"
-#include "compmark/raster/reference.hpp"
+#include "compmark/splat/raster/accuracy.hpp"
+#include "compmark/splat/raster/outputs.hpp"
+#include "compmark/splat/raster/reference.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "compmark/testing/raster_scene.hpp"
 

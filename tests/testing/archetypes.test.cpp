@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "compmark/pipeline/trainer.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/training/trainer.hpp"
 #include "compmark/testing/executor_laws.hpp"
 
 using namespace compmark;

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <string>
 
-#include "compmark/quant/adaptive_quantizer.hpp"
-#include "compmark/quant/uniform_quantizer.hpp"
+#include "compmark/splat/quantizer/adaptive_quantizer.hpp"
+#include "compmark/splat/quantizer/uniform_quantizer.hpp"
 
 namespace {
 

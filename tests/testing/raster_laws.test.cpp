@@ -10,8 +10,8 @@
 #include <cstddef>
 #include <string>
 
-#include "compmark/raster/reference.hpp"
-#include "compmark/raster/tile.hpp"
+#include "compmark/splat/raster/reference.hpp"
+#include "compmark/splat/raster/tile.hpp"
 #include "compmark/testing/archetypes.hpp"
 
 using namespace compmark;

@@ -8,7 +8,7 @@
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/lattice_file.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

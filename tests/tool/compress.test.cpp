@@ -5,8 +5,8 @@
 // reading the .cmk; damage is refused in a sentence, or salvaged when asked.
 #include <doctest/doctest.h>
 
-#include <compmark/codec/container.hpp>
-#include <compmark/codec/inspect.hpp>
+#include <compmark/codec/container/container.hpp>
+#include <compmark/codec/container/inspect.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>

@@ -12,10 +12,10 @@
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/lattice_file.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/ssim.hpp>
 #include <compmark/scene/image.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>

@@ -13,7 +13,7 @@
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/lattice_file.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>

@@ -10,9 +10,9 @@
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/lattice_file.hpp>
-#include <compmark/mark/pretrain/dead_leaves.hpp>
-#include <compmark/mark/stored_decoder.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
+#include <compmark/watermark/decoder/stored_decoder.hpp>
+#include <compmark/watermark/pretrain/dead_leaves.hpp>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>

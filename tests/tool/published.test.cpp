@@ -8,7 +8,7 @@
 #include <cmath>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
-#include <compmark/mark/lattice_file.hpp>
+#include <compmark/watermark/decoder/lattice_file.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <limits>

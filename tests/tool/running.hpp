@@ -10,7 +10,7 @@
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>
-#include <compmark/mark/lattice_decoder.hpp>
+#include <compmark/watermark/decoder/lattice_decoder.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

@@ -19,14 +19,14 @@
 #include "compmark/app/compiled.hpp"
 #include "compmark/app/detail/held_model.hpp"
 #include "compmark/app/model_source.hpp"
-#include "compmark/codec/codec_model.hpp"
+#include "compmark/codec/container/codec_model.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/pipeline/coded_model.hpp"
-#include "compmark/pipeline/model_info.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens_model.hpp"
+#include "compmark/splat/training/model_info.hpp"
 
 namespace compmark {
 
@@ -68,7 +68,7 @@ class AnyModel {
 
   /// As model.safetensors, under a temporary name and renamed.
   [[nodiscard]] Result<Done> write(const std::filesystem::path& path) const { return held_->write(path); }
-  /// The contents of its .cmk (codec/cmk.hpp writes it). Error: its recipe does not train for compression.
+  /// The contents of its .cmk (codec/container/cmk.hpp writes it). Error: its recipe does not train for compression.
   [[nodiscard]] Result<CodecModel> coded(const CodedModelSettings& settings = {}) const {
     return held_->coded(settings);
   }

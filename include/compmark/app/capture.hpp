@@ -9,9 +9,9 @@
 
 #include "compmark/app/compiled.hpp"
 #include "compmark/core/result.hpp"
-#include "compmark/pipeline/model_info.hpp"
-#include "compmark/pipeline/view_row.hpp"
 #include "compmark/scene/dataset.hpp"
+#include "compmark/splat/training/model_info.hpp"
+#include "compmark/splat/training/view_row.hpp"
 
 namespace compmark {
 

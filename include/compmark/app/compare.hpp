@@ -17,9 +17,9 @@
 #include "compmark/app/evaluate.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/mark/message.hpp"
-#include "compmark/mark/verify.hpp"
 #include "compmark/scene/dataset.hpp"
+#include "compmark/watermark/proof/message.hpp"
+#include "compmark/watermark/proof/verify.hpp"
 
 namespace compmark {
 

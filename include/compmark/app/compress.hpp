@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A trained model as one small file, and the way back, damaged files included. The codec is the one that the model was
-// trained for, or that the file names. What codec/cmk.hpp does on any executor is here compiled once, on threads.
+// trained for, or that the file names. What codec/container/cmk.hpp does on any executor is here compiled once, on threads.
 #pragma once
 
 #include <cstddef>
@@ -15,11 +15,11 @@
 
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/compiled.hpp"
-#include "compmark/codec/decoding.hpp"
-#include "compmark/codec/encoding.hpp"
+#include "compmark/codec/container/decoding.hpp"
+#include "compmark/codec/container/encoding.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/pipeline/coded_model.hpp"
 
 namespace compmark {
 

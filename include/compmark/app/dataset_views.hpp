@@ -10,9 +10,9 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/pipeline/training_views.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/image_store.hpp"
+#include "compmark/splat/training/training_views.hpp"
 
 namespace compmark {
 

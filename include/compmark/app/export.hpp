@@ -17,9 +17,9 @@
 #include "compmark/app/compiled.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/pipeline/bake.hpp"
-#include "compmark/pipeline/sh_fit.hpp"
-#include "compmark/pipeline/splat_refine.hpp"
+#include "compmark/splat/export/bake.hpp"
+#include "compmark/splat/export/sh_fit.hpp"
+#include "compmark/splat/export/splat_refine.hpp"
 
 namespace compmark {
 

@@ -12,11 +12,11 @@
 #include <string>
 
 #include "compmark/app/compiled.hpp"
-#include "compmark/codec/codec_model.hpp"
+#include "compmark/codec/container/codec_model.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/safetensors_reader.hpp"
-#include "compmark/pipeline/model_file.hpp"
+#include "compmark/splat/training/model_file.hpp"
 
 namespace compmark {
 

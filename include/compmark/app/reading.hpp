@@ -18,9 +18,9 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/owner_key.hpp"
-#include "compmark/mark/decoder_winograd.hpp"
-#include "compmark/mark/report.hpp"
-#include "compmark/mark/stored_decoder.hpp"
+#include "compmark/watermark/decoder/decoder_winograd.hpp"
+#include "compmark/watermark/decoder/stored_decoder.hpp"
+#include "compmark/watermark/proof/report.hpp"
 
 namespace compmark {
 

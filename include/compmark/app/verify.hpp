@@ -12,12 +12,12 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/owner_key.hpp"
-#include "compmark/mark/report.hpp"
-#include "compmark/mark/verify.hpp"
+#include "compmark/watermark/proof/report.hpp"
+#include "compmark/watermark/proof/verify.hpp"
 
 namespace compmark {
 
-/// Reads what the settings name and tests it for the message of the key. The report is for mark/report.hpp:
+/// Reads what the settings name and tests it for the message of the key. The report is for watermark/proof/report.hpp:
 /// report_json, report_text. Errors are those of check_settings and of read_messages. Cost: that of reading.
 [[nodiscard]] Result<VerificationReport> verify_files(const OwnerKey& key, const ReadingSettings& reading,
                                                       const VerifySettings& settings, ThreadExecutor& executor,

@@ -37,8 +37,8 @@ enum class BlockRole : std::uint8_t {
 enum class RateUnit : std::uint8_t { one, scene_extent };
 
 /// How fast a block trains: log-linear from `initial` to `final` over the run; equal ends are a constant rate. Both are
-/// positive, or both zero. Iterations are those of a run of 30,000 and scale with the run (optim/phases.hpp).
-/// optim/schedule.hpp gives the rate of an iteration.
+/// positive, or both zero. Iterations are those of a run of 30,000 and scale with the run (splat/optim/phases.hpp).
+/// splat/optim/schedule.hpp gives the rate of an iteration.
 struct LearningSchedule {
   double initial = 0;
   double final = 0;

@@ -17,10 +17,10 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/anchor/concept.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/io/ply.hpp"
+#include "compmark/splat/anchor/concept.hpp"
 
 namespace compmark {
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // An owner's key and its file. One secret of 256 bits gives everything by HKDF under a label of its purpose
-// (mark/key.hpp), so that a message that becomes known says nothing about the carriers. The commitment binds secret,
+// (watermark/proof/key.hpp), so that a message that becomes known says nothing about the carriers. The commitment binds secret,
 // creation time and message length and reveals none: published before a model is, it shows later that the key is not
 // one made to fit (docs/spec/watermark.md, 5). The file is JSON, readable by its owner only, never overwritten: a lost
 // key cannot be made again. The library has no clock: the caller gives the time.
@@ -36,7 +36,7 @@ struct OwnerKey {
   std::string created;       ///< UTC, "2026-01-31T23:59:59Z"
   std::size_t bits = 0;      ///< length of the message
   std::string note{};        ///< for the owner, no part of the commitment
-  std::string payload{};     ///< payload of the message, hexadecimal (mark/key.hpp); empty: none
+  std::string payload{};     ///< payload of the message, hexadecimal (watermark/proof/key.hpp); empty: none
   std::size_t corrects = 0;  ///< wrong bits that the code of the payload corrects; 0: no payload
 
   /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; with a payload,

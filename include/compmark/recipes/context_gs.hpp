@@ -10,7 +10,7 @@
 //   ContextGsFitted, ContextGsFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay as they are
 #pragma once
 
-#include "compmark/entropy/context_gs_model.hpp"
+#include "compmark/codec/context_gs/context_gs_model.hpp"
 #include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/scaffold.hpp"

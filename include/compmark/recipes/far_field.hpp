@@ -6,9 +6,9 @@
 // costs is measured in docs/effects.md.
 #pragma once
 
-#include "compmark/anchor/contracted_space.hpp"
 #include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/anchor/contracted_space.hpp"
 
 namespace compmark {
 

@@ -2,14 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Recipes that train for compression with HAC (Chen et al., ECCV 2024): any host, and the entropy model whose rate is a
-// loss. The model that comes out renders by itself; codec/hac_encoder.hpp makes the small file of it.
+// loss. The model that comes out renders by itself; codec/hac/hac_encoder.hpp makes the small file of it.
 //
 //   Hac<Host>                 Host with hash-grid context, adaptive steps and offset masks
 //   HacScaffold, HacAlpha …   the recipes of captures with the paper's anchors: D = 50, K = 10, distance input
 //   HacFitted, HacFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay (with_room_for_stages)
 #pragma once
 
-#include "compmark/entropy/hac_model.hpp"
+#include "compmark/codec/hac/hac_model.hpp"
 #include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/scaffold.hpp"
 

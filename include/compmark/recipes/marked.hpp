@@ -8,14 +8,14 @@
 //   MarkedForCompression<…>          the same with the noise of quantization in training, for a codec
 #pragma once
 
-#include "compmark/loss/hsv.hpp"
-#include "compmark/mark/residual.hpp"
-#include "compmark/pipeline/finished_host.hpp"
-#include "compmark/pipeline/mark_report.hpp"
-#include "compmark/pipeline/model.hpp"
-#include "compmark/quant/adaptive_quantizer.hpp"
-#include "compmark/quant/distortion.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/splat/quantizer/adaptive_quantizer.hpp"
+#include "compmark/splat/training/model.hpp"
+#include "compmark/watermark/embed/distortion.hpp"
+#include "compmark/watermark/embed/finished_host.hpp"
+#include "compmark/watermark/embed/mark_report.hpp"
+#include "compmark/watermark/embed/residual.hpp"
+#include "compmark/watermark/loss/hsv.hpp"
 
 namespace compmark {
 

@@ -14,11 +14,11 @@
 // rate too; no second one is drawn.
 #pragma once
 
-#include "compmark/anchor/frequency_growth.hpp"
-#include "compmark/loss/frequency.hpp"
 #include "compmark/recipes/context_gs.hpp"
 #include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/marked.hpp"
+#include "compmark/splat/anchor/frequency_growth.hpp"
+#include "compmark/watermark/loss/frequency.hpp"
 
 namespace compmark::recipes {
 

@@ -5,19 +5,19 @@
 // renames.
 #pragma once
 
-#include "compmark/anchor/growth.hpp"
-#include "compmark/anchor/level_of_detail.hpp"
-#include "compmark/anchor/mlp_decoder.hpp"
-#include "compmark/anchor/scaffold_anchors.hpp"
-#include "compmark/anchor/space.hpp"
-#include "compmark/effect/concept.hpp"
-#include "compmark/entropy/concept.hpp"
-#include "compmark/loss/concept.hpp"
-#include "compmark/mark/concept.hpp"
-#include "compmark/optim/adam.hpp"
-#include "compmark/pipeline/recipe.hpp"
-#include "compmark/quant/concept.hpp"
-#include "compmark/raster/tile.hpp"
+#include "compmark/codec/rate/concept.hpp"
+#include "compmark/splat/anchor/growth.hpp"
+#include "compmark/splat/anchor/level_of_detail.hpp"
+#include "compmark/splat/anchor/mlp_decoder.hpp"
+#include "compmark/splat/anchor/scaffold_anchors.hpp"
+#include "compmark/splat/anchor/space.hpp"
+#include "compmark/splat/effect/concept.hpp"
+#include "compmark/splat/loss/concept.hpp"
+#include "compmark/splat/optim/adam.hpp"
+#include "compmark/splat/quantizer/concept.hpp"
+#include "compmark/splat/raster/tile.hpp"
+#include "compmark/splat/training/recipe.hpp"
+#include "compmark/watermark/decoder/concept.hpp"
 
 namespace compmark {
 
@@ -61,7 +61,7 @@ struct Policies : DefaultRecipe<typename Anchors::Scalar, Anchors::shape> {
 
 namespace recipes {
 
-/// A recipe whose renders leave out anchors that are too small to be seen (anchor/level_of_detail.hpp). Its blocks are
+/// A recipe whose renders leave out anchors that are too small to be seen (splat/anchor/level_of_detail.hpp). Its blocks are
 /// those of the recipe, so that a model file of one is read as the other.
 template <class Complete, DetailLimit limit = DetailLimit{}>
 struct WithDetail : Complete {

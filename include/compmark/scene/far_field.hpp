@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The ball of the training cameras of an unbounded scene. Inside it cells of anchors are cubes of the world, outside
-// cubes of contracted space (anchor/contracted_space.hpp). Cost: O(cameras).
+// cubes of contracted space (splat/anchor/contracted_space.hpp). Cost: O(cameras).
 #pragma once
 
 #include <array>

@@ -11,15 +11,15 @@
 #include <cstdint>
 #include <span>
 
-#include "compmark/anchor/density_control.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/loss/concept.hpp"
-#include "compmark/optim/concept.hpp"
-#include "compmark/raster/concept.hpp"
 #include "compmark/scene/camera.hpp"
+#include "compmark/splat/anchor/density_control.hpp"
+#include "compmark/splat/loss/concept.hpp"
+#include "compmark/splat/optim/concept.hpp"
+#include "compmark/splat/raster/concept.hpp"
 
 namespace compmark {
 namespace testing {

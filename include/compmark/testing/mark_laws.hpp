@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The laws of a MessageDecoder (mark/concept.hpp) as functions a plug-in's own tests can call. Empty text means that
+// The laws of a MessageDecoder (watermark/decoder/concept.hpp) as functions a plug-in's own tests can call. Empty text means that
 // they hold.
 #pragma once
 
@@ -17,9 +17,9 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/mark/concept.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "compmark/testing/violations.hpp"
+#include "compmark/watermark/decoder/concept.hpp"
 
 namespace compmark {
 namespace testing {

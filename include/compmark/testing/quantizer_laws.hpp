@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The laws of a Quantizer (quant/concept.hpp) as a function a plug-in's own tests can call. Empty text means that they
+// The laws of a Quantizer (splat/quantizer/concept.hpp) as a function a plug-in's own tests can call. Empty text means that they
 // hold.
 #pragma once
 
@@ -12,7 +12,7 @@
 #include <type_traits>
 
 #include "compmark/core/random.hpp"
-#include "compmark/quant/concept.hpp"
+#include "compmark/splat/quantizer/concept.hpp"
 #include "compmark/testing/violations.hpp"
 
 namespace compmark {

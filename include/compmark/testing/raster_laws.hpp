@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Laws R1 and R3-R6 of raster/concept.hpp, for any rasterizer:
+// Laws R1 and R3-R6 of splat/raster/concept.hpp, for any rasterizer:
 //   const std::string broken = compmark::testing::raster_laws(MyRasterizer{});
 //   const std::string apart = compmark::testing::raster_agrees(MyRasterizer{}, ReferenceRasterizer<double>{}, {.image =
 //     2e-5});
@@ -20,7 +20,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/raster/concept.hpp"
+#include "compmark/splat/raster/concept.hpp"
 #include "compmark/testing/raster_scene.hpp"
 #include "compmark/testing/violations.hpp"
 

@@ -22,10 +22,10 @@
 #include "compmark/app/detail/evaluate.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/io/file_identity.hpp"
-#include "compmark/mark/key.hpp"
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/metric/ssim.hpp"
+#include "compmark/watermark/proof/key.hpp"
 
 namespace compmark {
 namespace detail {

@@ -14,12 +14,12 @@
 
 #include "compmark/app/compress.hpp"
 #include "compmark/app/detail/any_model.hpp"
-#include "compmark/codec/cmk.hpp"
-#include "compmark/codec/container.hpp"
-#include "compmark/codec/context_gs_format.hpp"
-#include "compmark/codec/hac_format.hpp"
+#include "compmark/codec/container/cmk.hpp"
+#include "compmark/codec/container/container.hpp"
+#include "compmark/codec/context_gs/context_gs_format.hpp"
+#include "compmark/codec/hac/hac_format.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/io/read_file.hpp"
-#include "compmark/pipeline/coded_model.hpp"
 
 namespace compmark {
 namespace detail {

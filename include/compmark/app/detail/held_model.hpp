@@ -7,15 +7,15 @@
 #include <cstddef>
 #include <filesystem>
 
-#include "compmark/codec/codec_model.hpp"
+#include "compmark/codec/container/codec_model.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/pipeline/coded_model.hpp"
-#include "compmark/pipeline/model_info.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/lens_model.hpp"
+#include "compmark/splat/training/model_info.hpp"
 
 namespace compmark {
 

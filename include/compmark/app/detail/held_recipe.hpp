@@ -13,10 +13,10 @@
 
 #include "compmark/app/detail/held_model.hpp"
 #include "compmark/app/recipe_names.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/absent.hpp"
-#include "compmark/pipeline/coded_model.hpp"
-#include "compmark/pipeline/model_file.hpp"
-#include "compmark/pipeline/pipeline.hpp"
+#include "compmark/splat/training/model_file.hpp"
+#include "compmark/splat/training/pipeline.hpp"
 
 namespace compmark::detail {
 

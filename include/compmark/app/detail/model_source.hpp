@@ -12,9 +12,9 @@
 #include <utility>
 
 #include "compmark/app/model_source.hpp"
-#include "compmark/codec/cmk.hpp"
+#include "compmark/codec/container/cmk.hpp"
+#include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/absent.hpp"
-#include "compmark/pipeline/coded_model.hpp"
 
 namespace compmark {
 

@@ -20,12 +20,12 @@
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/io/sha256.hpp"
-#include "compmark/mark/carrier_stream.hpp"
-#include "compmark/mark/key.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/scene/image.hpp"
 #include "compmark/scene/turn.hpp"
 #include "compmark/version.hpp"
+#include "compmark/watermark/proof/carrier_stream.hpp"
+#include "compmark/watermark/proof/key.hpp"
 
 namespace compmark {
 namespace detail {

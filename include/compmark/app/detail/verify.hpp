@@ -8,7 +8,7 @@
 
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/verify.hpp"
-#include "compmark/mark/key.hpp"
+#include "compmark/watermark/proof/key.hpp"
 
 namespace compmark {
 

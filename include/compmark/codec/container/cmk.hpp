@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Any `.cmk` file, as bytes or on disk, replaced whole or not at all. When writing, the codec is the one that the model
+// was trained for; when reading, the one that the file's header names. A program that knows its codec includes only
+// that codec's encoder or decoder.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/codec/context_gs/context_gs_decoder.hpp"
+#include "compmark/codec/context_gs/context_gs_encoder.hpp"
+#include "compmark/codec/hac/hac_decoder.hpp"
+#include "compmark/codec/hac/hac_encoder.hpp"
+#include "compmark/io/atomic_file.hpp"
+#include "compmark/io/file_kind.hpp"
+
+namespace compmark {
+
+/// The name of a codec, as recipes begin with it.
+[[nodiscard]] inline const char* codec_name(ContainerProfile profile) {
+  return profile == ContainerProfile::context_gs ? "context_gs" : "hac";
+}
+
+template <Executor E>
+[[nodiscard]] Result<CodecEncoded> encode_cmk(const CodecModel& model, const CodecEncodeSettings& settings,
+                                              E& executor) {
+  return model.profile() == ContainerProfile::context_gs ? encode_context_gs(model, settings, executor)
+                                                         : encode_hac(model, settings, executor);
+}
+/// `path` is for messages.
+template <Executor E>
+[[nodiscard]] Result<CodecDecoded> decode_cmk(std::span<const std::byte> bytes, const std::string& path,
+                                              const CodecDecodeSettings& settings, E& executor) {
+  const Result<Container> parsed = parse_container(bytes, path, settings.partial);
+  if (!parsed) return parsed.error();
+  return parsed->header.profile == ContainerProfile::context_gs ? decode_context_gs(bytes, path, settings, executor)
+                                                                : decode_hac(bytes, path, settings, executor);
+}
+template <Executor E>
+[[nodiscard]] Result<CodecEncoded> write_cmk(const std::filesystem::path& path, const CodecModel& model,
+                                             const CodecEncodeSettings& settings, E& executor) {
+  Result<CodecEncoded> encoded = encode_cmk(model, settings, executor);
+  if (!encoded) return encoded.error();
+  const Result<Done> written = write_file(path, encoded->bytes);
+  if (!written) return written.error();
+  return encoded;
+}
+template <Executor E>
+[[nodiscard]] Result<CodecDecoded> read_cmk(const std::filesystem::path& path, const CodecDecodeSettings& settings,
+                                            E& executor) {
+  // A nearly right magic may come from a copy in text mode: the parser reports that.
+  const auto fits = [](FileKind kind, std::span<const std::byte> head) {
+    return kind == FileKind::cmk || (head.size() > 4 && head[1] == std::byte{'C'} && head[2] == std::byte{'M'});
+  };
+  const Result<std::vector<std::byte>> bytes =
+      read_file_of(path, settings.memory_limit, "a compressed model (.cmk)", fits);
+  if (!bytes) return bytes.error();
+  return decode_cmk(*bytes, path.string(), settings, executor);
+}
+
+}  // namespace compmark

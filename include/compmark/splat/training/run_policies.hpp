@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Gives the numbers of a run to the policies of its recipe: each gets those that its Settings name, as the concepts ask
+// for none of them. The entropy model's is in rate_phases.hpp. Cost: none.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "compmark/core/absent.hpp"
+#include "compmark/splat/optim/phases.hpp"
+#include "compmark/splat/training/recipe.hpp"
+#include "compmark/splat/training/settings.hpp"
+
+namespace compmark {
+
+[[nodiscard]] inline DensityPhases density_phases(const TrainSettings& run) {
+  return {open_window(run.statistics_after, run.grow_until, run.iterations),
+          open_window(run.grow_after, run.grow_until, run.iterations),
+          closed_window(run.pause_from, run.pause_until, run.iterations), run.grow_interval};
+}
+
+[[nodiscard]] inline Window frequency_window(const TrainSettings& run) {
+  return closed_window(run.mark.frequency.grow_from, run.mark.frequency.grow_until, run.iterations);
+}
+
+/// `in_window`: of frequency-aware growing, where the recipe has it.
+template <Recipe R>
+[[nodiscard]] typename R::DensityControl density_control(const TrainSettings& run, bool in_window = false) {
+  typename R::DensityControl::Settings settings;
+  if constexpr (grows_by_frequency<typename R::DensityControl>) {
+    settings.in_window = in_window;
+    settings.band.lowest = run.mark.frequency.band_lowest;
+    settings.band.highest = run.mark.frequency.band_highest;
+  } else {
+    static_cast<void>(in_window);
+  }
+  if constexpr (requires { settings.gradient_threshold; }) settings.gradient_threshold = run.gradient_threshold;
+  if constexpr (requires { settings.success_threshold; }) settings.success_threshold = run.success_threshold;
+  if constexpr (requires { settings.min_opacity; }) settings.min_opacity = run.min_opacity;
+  if constexpr (requires { settings.init_factor; }) settings.init_factor = run.init_factor;
+  if constexpr (requires { settings.interval; }) settings.interval = run.grow_interval;
+  if constexpr (requires { settings.max_anchors; }) settings.max_anchors = run.max_anchors;
+  if constexpr (requires { settings.offsets; }) settings.offsets = R::AnchorModel::shape.offsets;
+  return typename R::DensityControl{settings};
+}
+
+/// The space of a run: that of the world has no numbers.
+template <Recipe R>
+[[nodiscard]] typename R::Space space_of_run([[maybe_unused]] const TrainSettings& run) {
+  if constexpr (present<typename R::Space>) {
+    return {run.effects.space_origin, run.effects.space_radius};
+  } else {
+    return {};
+  }
+}
+
+/// Of a recipe with an HsvLoss.
+template <Recipe R>
+[[nodiscard]] typename R::HsvLoss hsv_loss(const MarkNumbers& mark) {
+  if constexpr (requires { R::HsvLoss::Settings::paper(); }) {
+    if (mark.hsv.as_written) return typename R::HsvLoss(R::HsvLoss::Settings::paper());
+  } else {
+    static_cast<void>(mark);
+  }
+  return typename R::HsvLoss();
+}
+
+/// Of a recipe with a DistortionLayer.
+template <Recipe R>
+[[nodiscard]] RecipeDistortion<R> distortion_layer(const MarkNumbers& mark) {
+  typename RecipeDistortion<R>::Settings settings;
+  if constexpr (requires { settings.base_step; }) settings.base_step = mark.distortion.feature_noise;
+  if constexpr (requires { settings.least_step; }) settings.least_step = mark.distortion.least_step;
+  if constexpr (requires { settings.rate_weight; }) settings.rate_weight = mark.distortion.rate_weight;
+  return RecipeDistortion<R>(settings);
+}
+
+}  // namespace compmark

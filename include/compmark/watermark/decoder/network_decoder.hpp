@@ -1,0 +1,300 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The network of the convolutional message decoders: input convention, stem, blocks of convolution and activation,
+// means over positions, one linear map (docs/spec/watermark.md, 1.1). Normalisation is folded into the convolutions,
+// linear and whitening into one matrix, in double. forward() keeps the slope of every activation, so that backward() is
+// one convolution a layer. Cost: 2 multiply-adds a weight and position forward, the same backward.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/math/gelu.hpp"
+#include "compmark/watermark/decoder/decoder_convolution.hpp"
+#include "compmark/watermark/decoder/decoder_pool.hpp"
+#include "compmark/watermark/decoder/decoder_stem.hpp"
+#include "compmark/watermark/decoder/decoder_weights.hpp"
+#include "compmark/watermark/decoder/input_convention.hpp"
+
+namespace compmark {
+
+namespace detail {
+struct GeluActivation {
+  template <class P>
+  COMPMARK_INLINE Activated<P> operator()(P x) const {
+    return gelu_with_slope(x);
+  }
+};
+struct ReluActivation {
+  template <class P>
+  COMPMARK_INLINE Activated<P> operator()(P x) const {
+    using T = typename P::Scalar;
+    return {max(P(T(0)), x), keep(x > P(T(0)), P(T(1)))};  // a NaN is the second operand, which max returns
+  }
+};
+}  // namespace detail
+
+/// T is float in production, double in tests. `Kernel` is the convolution policy (decoder_convolution.hpp).
+template <class T, template <class> class Kernel = DirectConvolution>
+class NetworkDecoder {
+ public:
+  static constexpr bool is_absent = false;
+  using Scalar = T;
+
+  /// What a forward pass leaves for the backward pass, and scratch; grow-only.
+  struct Context {
+    typename DecoderInput<T>::Context input;
+    Buffer<T> converted;                 ///< [3, h, w] the image as the network sees it, then its gradient
+    std::array<FeatureMaps<T>, 2> maps;  ///< values, then gradients: of this layer and the next
+    std::vector<FeatureMaps<T>> slopes;  ///< of each layer's activation, in the layout of its output
+    std::vector<Buffer<std::uint8_t>> choices;
+    typename Kernel<T>::Scratch convolution;
+    Buffer<double> features;
+    Buffer<double> d_features;
+    int height = 0;  ///< of the network's input, before the stem
+    int width = 0;
+  };
+
+  NetworkDecoder() = default;
+  /// `head` maps the features to logits.
+  NetworkDecoder(const DecoderWeights& weights, DecoderHead head)
+      : input_(weights.input),
+        stem_(weights.stem),
+        activation_(weights.activation),
+        logit_scale_(weights.logit_scale),
+        head_(std::move(head)) {
+    std::vector<T> weight, bias;
+    for (const DecoderLayer& layer : weights.layers) {
+      fold_normalisation(layer, weights.norm_epsilon, weight, bias);
+      layers_.push_back({Kernel<T>(layer.shape, weight, bias), layer.pool, layer.tap});
+    }
+    COMPMARK_ASSERT(!layers_.empty() && layers_.back().tap && head_.columns == weights.features(),
+                    "NetworkDecoder: weights");
+    smallest_ = smallest_input(weights.layers);
+    COMPMARK_ASSERT(smallest_ != 0, "NetworkDecoder: layers that no image fits");
+  }
+
+  [[nodiscard]] int bits() const { return head_.rows; }
+  [[nodiscard]] int features() const { return head_.columns; }
+  /// The factor of logits in a message loss, from the file.
+  [[nodiscard]] double logit_scale() const { return logit_scale_; }
+  [[nodiscard]] const InputConvention& input() const { return input_.convention(); }
+  /// Smaller images would leave a kernel that sees more border than image, or a layer without a position.
+  [[nodiscard]] int minimum_size() const { return std::max(3, smallest_) * stem_ << input().haar_levels; }
+
+  /// Fills features() means over positions, before the head: what whitening statistics are made of.
+  template <Executor E>
+  void forward_features(ImageView<const T> image, std::span<double> features, Context& context, E& executor) const {
+    run(image, features, context, executor, false);
+  }
+
+  /// ADDS the means of the last layer before its activation, and those of its squares, for batch normalisation.
+  template <Executor E>
+  void add_moments(ImageView<const T> image, std::span<double> mean, std::span<double> square, Context& context,
+                   E& executor) const {
+    context.features.resize(mean.size());
+    const FeatureView<T> maps = run(image, context.features.span(), context, executor, true);
+    for (std::size_t c = 0; c < mean.size(); ++c) mean[c] += context.features[c];
+    for (int c = 0; c < maps.channels; ++c) {
+      for (int y = 0; y < maps.height; ++y) {
+        for (int x = 0; x < maps.width; ++x) maps.row(c, y)[x] *= maps.row(c, y)[x];
+      }
+    }
+    mean_over_positions(FeatureView<const T>(maps), context.features.span(), executor);
+    for (std::size_t c = 0; c < square.size(); ++c) square[c] += context.features[c];
+  }
+
+  template <Executor E>
+  void forward(ImageView<const T> image, std::span<T> logits, Context& context, E& executor) const {
+    COMPMARK_ASSERT(logits.size() == static_cast<std::size_t>(bits()), "NetworkDecoder: logits");
+    context.features.resize(static_cast<std::size_t>(features()));
+    forward_features(image, context.features.span(), context, executor);
+    for (std::size_t r = 0; r < logits.size(); ++r) {
+      double sum = head_.offset[r];
+      const double* const row = head_.matrix.data() + r * context.features.size();
+      for (std::size_t f = 0; f < context.features.size(); ++f) sum += row[f] * context.features[f];
+      logits[r] = static_cast<T>(sum);
+    }
+  }
+
+  template <Executor E>
+  void backward(std::span<const T> d_logits, ImageView<T> d_image, Context& context, E& executor) const {
+    COMPMARK_ASSERT(d_logits.size() == static_cast<std::size_t>(bits()), "NetworkDecoder: d_logits");
+    COMPMARK_ASSERT(context.slopes.size() == layers_.size(), "NetworkDecoder: backward after forward");
+    context.d_features.resize(static_cast<std::size_t>(features()));
+    std::fill(context.d_features.begin(), context.d_features.end(), 0.0);
+    for (std::size_t r = 0; r < d_logits.size(); ++r) {
+      const double* const row = head_.matrix.data() + r * context.d_features.size();
+      for (std::size_t f = 0; f < context.d_features.size(); ++f)
+        context.d_features[f] += static_cast<double>(d_logits[r]) * row[f];
+    }
+    FeatureMaps<T>* now = &context.maps[0];
+    FeatureMaps<T>* next = &context.maps[1];
+    std::size_t first = context.d_features.size();  // of the layer's features
+    start(first, context, executor);
+    for (std::size_t l = layers_.size(); l-- > 1;) {
+      const Layer& layer = layers_[l];
+      const FeatureView<const T> slope = std::as_const(context.slopes[l - 1]).view();
+      const T share = tap_share(slope);
+      if (layers_[l - 1].tap) first -= static_cast<std::size_t>(slope.channels);
+      const double* const d_tap = context.d_features.data() + first;
+      const bool tap = layers_[l - 1].tap;
+      const auto finish = [&](auto value, const ConvPlace<T>& place) {
+        using P = decltype(value);
+        if (tap) value += P(static_cast<T>(d_tap[place.channel]) * share);
+        return value * place.load(slope.data);
+      };
+      if (!layer.pool) {
+        next->resize(slope.channels, slope.height, slope.width, slope.row_stride, slope.plane_stride);
+        layer.convolution.backward(std::as_const(*now).view(), next->view(), context.convolution, executor, finish);
+      } else {
+        next->resize(slope.channels, max_pool_size(slope.height), max_pool_size(slope.width));
+        layer.convolution.backward(std::as_const(*now).view(), next->view(), context.convolution, executor,
+                                   IdentityFinish{});
+        now->resize(slope.channels, slope.height, slope.width, slope.row_stride, slope.plane_stride);
+        max_pool_adjoint(std::as_const(*next).view(), context.choices[l], now->view(), executor);
+        apply_finish(now->view(), finish, executor);
+        continue;
+      }
+      std::swap(now, next);
+    }
+    const Layer& layer = layers_.front();
+    next->resize(layer.convolution.shape().in, stem_size(context.height, stem_), stem_size(context.width, stem_));
+    layer.convolution.backward(std::as_const(*now).view(), next->view(), context.convolution, executor,
+                               IdentityFinish{});
+    const ImageView<T> d_converted{context.converted.data(), 3, context.height, context.width};
+    depth_to_space(std::as_const(*next).view(), stem_, d_converted, executor);
+    input_.backward(d_converted, d_image, context.input, executor);
+  }
+
+ private:
+  struct Layer {
+    Kernel<T> convolution;
+    bool pool = false;
+    bool tap = false;
+  };
+
+  /// Whether a network input of n positions a side leaves every layer one.
+  [[nodiscard]] bool fits(int n) const {
+    for (const Layer& layer : layers_) {
+      if (layer.pool) n = n < 3 ? 0 : max_pool_size(n);
+      const ConvShape& s = layer.convolution.shape();
+      if (n < 1 || n + 2 * s.padding < s.kernel) return false;
+      n = s.output_size(n);
+    }
+    return true;
+  }
+  [[nodiscard]] T tap_share(FeatureView<const T> maps) const {
+    return static_cast<T>(1 / (static_cast<double>(maps.height) * static_cast<double>(maps.width)));
+  }
+
+  template <class E>
+  FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor,
+                     bool raw) const {
+    return activation_ == DecoderActivation::gelu
+               ? run(image, features, context, executor, raw, detail::GeluActivation{})
+               : run(image, features, context, executor, raw, detail::ReluActivation{});
+  }
+  /// Fills the features and returns the last maps; `raw`: without the last activation.
+  template <class E, class Activation>
+  FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor, bool raw,
+                     const Activation& activation) const {
+    COMPMARK_ASSERT(image.channels == 3, "NetworkDecoder: an RGB image");
+    const auto size = input().output_size(image.height, image.width);
+    context.height = size[0];
+    context.width = size[1];
+    COMPMARK_ASSERT(fits(stem_size(std::min(size[0], size[1]), stem_)),
+                    "NetworkDecoder: the image is below minimum_size()");
+    context.converted.resize(3 * static_cast<std::size_t>(size[0]) * static_cast<std::size_t>(size[1]));
+    const ImageView<T> converted{context.converted.data(), 3, size[0], size[1]};
+    input_.forward(image, converted, context.input, executor);
+    if (context.slopes.size() != layers_.size()) {
+      context.slopes.resize(layers_.size());
+      context.choices.resize(layers_.size());
+    }
+    FeatureMaps<T>* now = &context.maps[0];  // roles, not contents, are swapped: each buffer is as large in every call
+    FeatureMaps<T>* next = &context.maps[1];
+    space_to_depth(ImageView<const T>(converted), stem_, *now, executor);
+    std::size_t first = 0;
+    for (std::size_t l = 0; l < layers_.size(); ++l) {
+      const Layer& layer = layers_[l];
+      if (layer.pool) {
+        max_pool(std::as_const(*now).view(), *next, context.choices[l], executor);
+        std::swap(now, next);
+      }
+      layer.convolution.prepare(std::as_const(*now).view(), *next, context.convolution, executor);
+      const FeatureView<T> output = next->view();
+      context.slopes[l].resize(output.channels, output.height, output.width, output.row_stride, output.plane_stride);
+      T* const slopes = context.slopes[l].view().data;
+      const bool linear = raw && l + 1 == layers_.size();
+      layer.convolution.forward(output, context.convolution, executor, [&](auto value, const ConvPlace<T>& place) {
+        if (linear) return value;
+        const auto activated = activation(value);
+        place.store(activated.slope, slopes);
+        return activated.value;
+      });
+      if (layer.tap) {
+        mean_over_positions(FeatureView<const T>(output),
+                            features.subspan(first, static_cast<std::size_t>(output.channels)), executor);
+        first += static_cast<std::size_t>(output.channels);
+      }
+      std::swap(now, next);
+    }
+    return now->view();
+  }
+
+  /// The gradient before the last activation: d mean, the same at all positions, times the slope.
+  template <class E>
+  void start(std::size_t& first, Context& context, E& executor) const {
+    const FeatureView<const T> slope = std::as_const(context.slopes.back()).view();
+    first -= static_cast<std::size_t>(slope.channels);
+    const double* const d_tap = context.d_features.data() + first;
+    const T share = tap_share(slope);
+    context.maps[0].resize(slope.channels, slope.height, slope.width, slope.row_stride, slope.plane_stride);
+    const FeatureView<T> target = context.maps[0].view();
+    executor.for_chunks(static_cast<std::size_t>(slope.channels), 1, [&](std::size_t c, std::size_t, std::size_t) {
+      const T factor = static_cast<T>(d_tap[c]) * share;
+      for (int y = 0; y < slope.height; ++y) {
+        const T* const source = slope.row(static_cast<int>(c), y);
+        T* const row = target.row(static_cast<int>(c), y);
+        for (int x = 0; x < slope.width; ++x) row[x] = factor * source[x];
+      }
+    });
+  }
+
+  /// The finish of a backward convolution over maps that a pooling filled.
+  template <class E, class Finish>
+  static void apply_finish(FeatureView<T> maps, const Finish& finish, E& executor) {
+    using P = Pack<T, native_width<T>>;
+    executor.for_chunks(static_cast<std::size_t>(maps.channels), 1, [&](std::size_t channel, std::size_t, std::size_t) {
+      const int c = static_cast<int>(channel);
+      for (int y = 0; y < maps.height; ++y) {
+        for (int x = 0; x < maps.width; x += P::width) {
+          const ConvPlace<T> at{c, static_cast<std::size_t>(maps.row(c, y) + x - maps.data),
+                                Mask<T, P::width>::first(maps.width - x)};
+          at.store(finish(at.load(maps.data), at), maps.data);
+        }
+      }
+    });
+  }
+
+  DecoderInput<T> input_;
+  int stem_ = 1;
+  int smallest_ = 1;
+  DecoderActivation activation_ = DecoderActivation::gelu;
+  double logit_scale_ = 10;
+  DecoderHead head_;
+  std::vector<Layer> layers_;
+};
+
+}  // namespace compmark

@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The stage of a MessageDecoder (watermark/decoder/concept.hpp): reads the message from the render and adds the loss of its bits. In
+// a training it also reads sampled novel views, where MessageSettings::between_every says so. Cost: the decoder's
+// forward and backward pass, and for a sampled view a render and its backward pass more.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/config.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/splat/training/settings.hpp"
+#include "compmark/splat/training/stage.hpp"
+#include "compmark/watermark/embed/drawn_reading.hpp"
+#include "compmark/watermark/embed/mark_phases.hpp"
+#include "compmark/watermark/loss/message.hpp"
+
+namespace compmark {
+
+template <class Decoder>
+class MessageStage : public Stage<MessageStage<Decoder>> {
+ public:
+  using Scalar = typename Decoder::Scalar;
+  using Own = StageOfLoss<MessageStage>;
+  struct Phase {
+    double weight = 0;  ///< of the mean loss of a bit; 0: the message is not read
+  };
+  struct Context {
+    MessageReport report;  ///< of the last loss; no bits: it was not read
+    Buffer<Scalar> logits, d_logits;
+    Buffer<double> departure;  ///< scratch of message_loss (drawn_reading.hpp), a sum for every chunk
+    typename Decoder::Context decoder;
+  };
+  /// Of views between the photographed ones.
+  template <class R>
+  using TrainingState = DrawnReading<R>;
+
+  [[no_unique_address]] Decoder decoder;
+  std::vector<std::uint8_t> message;  ///< the bits that a render shall carry, one a byte
+  MessageLoss<Scalar> message_loss;
+
+  /// Sets the decoder and the message of every render: bit i of `bits` is 0 or 1, one for each bit of the decoder.
+  void set(Decoder reader, std::span<const std::uint8_t> bits, const MarkNumbers& mark) {
+    COMPMARK_ASSERT(static_cast<std::size_t>(reader.bits()) == bits.size(), "MessageStage: message length");
+    auto& loss = message_loss.settings;
+    loss.logit_scale = static_cast<Scalar>(mark.message.logit_scale);
+    if (mark.message.hinge_margin > 0) {
+      loss.rule = MessageRule::hinge;
+      loss.margin = static_cast<Scalar>(mark.message.hinge_margin);
+      loss.power = static_cast<Scalar>(mark.message.hinge_power);
+    }
+    decoder = std::move(reader);
+    message.assign(bits.begin(), bits.end());
+  }
+
+  template <class R>
+  void configure(const TrainSettings& settings) {
+    phases_ = MarkPhases(settings.mark, settings.iterations);
+  }
+  void set_phase(const StageIteration& iteration, Phase& phase) const {
+    phase.weight = phases_.weights(iteration.t).message;
+  }
+  void weigh_losses(const StageIteration& iteration, double& image_weight) const {
+    COMPMARK_ASSERT(!phases_.held(),
+                    "Trainer: a mark that is held to a finished model's renders is learned by PosthocEmbedding");
+    image_weight = phases_.weights(iteration.t).image;
+  }
+  template <class Training, class State>
+  void after_backward(const Training& training, State& state) const {
+    if (training.adjusted || !phases_.reads_between(training.t)) return;
+    static_cast<void>(state.read(training.pipeline, training.model, training.views, training.view, training.seed,
+                                 training.t, phases_, training.phases, training.executor));
+  }
+
+  template <class Pass, class Report>
+  void loss(const Pass& pass, const Own& own, Report& report) const {
+    own.context.report = pull(pass.context.image, pass.context.d_image, own.phase.weight, own.context, pass.executor);
+    report.total += own.phase.weight * own.context.report.loss;
+  }
+  /// Reads the message and ADDS weight times the gradient of its loss into d_image. A weight of 0 reads nothing.
+  template <class E>
+  MessageReport pull(ImageView<const Scalar> image, ImageView<Scalar> d_image, double weight, Context& context,
+                     E& executor) const {
+    if (weight == 0 || message.empty()) return {};
+    const std::span<const Scalar> logits = read(image, context, executor);
+    COMPMARK_ASSERT(logits.size() == message.size(), "MessageStage: the message has not the decoder's length");
+    context.d_logits.resize(logits.size());
+    std::fill(context.d_logits.begin(), context.d_logits.end(), Scalar(0));
+    const MessageReport report =
+        message_loss.forward_backward(logits, message, static_cast<Scalar>(weight), context.d_logits.span());
+    decoder.backward(std::span<const Scalar>(context.d_logits.data(), logits.size()), d_image, context.decoder,
+                     executor);
+    return report;
+  }
+  /// Logits of an image, valid until the next call in this context.
+  template <class E>
+  [[nodiscard]] std::span<const Scalar> read(ImageView<const Scalar> image, Context& context, E& executor) const {
+    const auto bits = static_cast<std::size_t>(decoder.bits());
+    context.logits.resize(bits);
+    decoder.forward(image, context.logits.span(), context.decoder, executor);
+    return {context.logits.data(), bits};
+  }
+
+ private:
+  MarkPhases phases_;
+};
+
+}  // namespace compmark

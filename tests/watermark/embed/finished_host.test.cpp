@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <compmark/watermark/embed/finished_host.hpp>
+#include <cstddef>
+#include <vector>
+
+#include "coded_training.hpp"
+
+namespace finished_host_test {
+namespace {
+
+using namespace compmark;
+using testing::SmallContextGs;
+using testing::SmallHac;
+using testing::SmallRecipe;
+
+Model<SmallRecipe> host() {
+  Model<SmallRecipe> model;
+  model.create(9, 3);
+  model.voxel_size = 0.25;
+  model.render.near_plane = 0.5;
+  double value = 0;
+  for (const ArenaLayout::Block& block : model.arena.layout().blocks()) {  // and not what lies between them
+    for (float& v : model.arena.values(model.arena.layout().find(block.name)).flat())
+      v = static_cast<float>(value += 0.01);
+  }
+  return model;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("embed/finished_host: a host comes out of the room for a codec as it went in", R, SmallHac,
+                   SmallContextGs) {
+  const Model<SmallRecipe> before = host();
+  const Model<R> roomy = with_room_for_stages<R>(before, 7);
+  CHECK(roomy.anchor_count() == 9);
+  CHECK(roomy.train_views == 3);
+  CHECK(roomy.voxel_size == 0.25);
+  CHECK(roomy.render.near_plane == 0.5);
+  CHECK(roomy.arena.all_values().size() > before.arena.all_values().size());
+  // The context is fresh, and another one with another seed.
+  const auto values = [](const Model<R>& model) {
+    const auto all = model.arena.all_values();
+    return std::vector<float>(all.begin(), all.end());
+  };
+  CHECK(values(roomy) == values(with_room_for_stages<R>(before, 7)));
+  CHECK(values(roomy) != values(with_room_for_stages<R>(before, 8)));
+
+  const Model<SmallRecipe> after = host_alone(roomy);
+  CHECK(after.anchor_count() == 9);
+  CHECK(after.voxel_size == 0.25);
+  CHECK(after.render.near_plane == 0.5);
+  CHECK(testing::same_bits(after, before));
+}
+
+TEST_CASE("embed/finished_host: a codec is fitted to anchors that do not move") {
+  // As compmark fit-codec does: no rate but the context's, from the first iteration on.
+  const Model<SmallRecipe> before = [] {
+    testing::BlobViews views;
+    ThreadExecutor executor(2);
+    TrainSettings settings = testing::short_settings(60);
+    Trainer<SmallRecipe, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    REQUIRE(trainer.initialise(testing::cloud(300, 7)));
+    while (!trainer.finished()) REQUIRE(trainer.step(views));
+    return trainer.model();
+  }();
+  const auto bits_of = [&](double lambda) {
+    TrainSettings settings = testing::short_settings(80);
+    settings.grow_until = 0;
+    settings.rate.lambda = lambda;
+    settings.rate.noise_after = settings.rate.context_after = 0;
+    for (LearningRate* rate : {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity,
+                               &settings.mlp_covariance, &settings.mlp_color})
+      *rate = {};
+    testing::BlobViews views;
+    ThreadExecutor executor(2);
+    Trainer<SmallHac, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    trainer.start_from(with_room_for_stages<SmallHac>(before, 1));
+    double bits = 0;
+    while (!trainer.finished()) {
+      REQUIRE(trainer.step(views));
+      REQUIRE(trainer.context().template of<RateStage>().report.sampled > 0);
+      if (trainer.state().iteration > 70)
+        bits += trainer.context().template of<RateStage>().report.bits_per_scalar / 10;
+    }
+    CHECK(testing::same_bits(host_alone(trainer.model()), before));
+    return bits;
+  };
+  const double fine = bits_of(1e-4), coarse = bits_of(1e-1);
+  MESSAGE("bits a scalar: ", fine, ", where they cost more ", coarse);
+  CHECK(coarse < fine);
+}
+
+}  // namespace finished_host_test

@@ -1,0 +1,234 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "compmark/watermark/fit/wave_probe.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "wave_bench.hpp"
+
+namespace {
+
+using namespace compmark;
+using compmark::testing::small_statistics;
+using compmark::testing::WaveBench;
+using Probe = compmark::testing::WaveBenchProbe;
+
+/// Means of the waves in the probe's view, of the render itself and not of its 8 bits: what the gradients are of.
+std::vector<double> smooth_means(WaveBench& bench, const Probe& probe) {
+  const LatticeDecoder<double> decoder(bench.lattice, bench.waves);
+  LatticeDecoder<double>::Context context;
+  decoder.pool(probe.image(), context, bench.executor);
+  return {context.pooled.begin(), context.pooled.end()};
+}
+double dot(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("fit/wave_probe: a wave's gradient is that of its mean") {
+  WaveBench bench;
+  Probe probe = bench.probe();
+  probe.render("test", 1);
+  const MatrixView<double> feature = bench.host.arena.values(bench.host.anchors.feature);
+  REQUIRE(probe.parameters() == feature.size());
+  const Random random(5, 0, random_stage("test direction"));
+  std::vector<double> direction(feature.size()), start(feature.data, feature.data + feature.size());
+  for (std::size_t i = 0; i < direction.size(); ++i) direction[i] = random.normal(i);
+  std::vector<double> analytic;
+  for (std::size_t k = 0; k < 6; ++k) {
+    std::vector<double> gradient(probe.parameters());
+    probe.wave_gradient(k, gradient);
+    analytic.push_back(dot(gradient, direction));
+  }
+  // The best of a sweep: truncation against rounding.
+  std::vector<double> best(6, 1.0);
+  for (const double h : {1e-4, 3e-5, 1e-5, 3e-6}) {
+    std::vector<double> ahead, behind;
+    for (const double sign : {1.0, -1.0}) {
+      for (std::size_t i = 0; i < start.size(); ++i) feature.data[i] = start[i] + sign * h * direction[i];
+      probe.render("test", 1);
+      (sign > 0 ? ahead : behind) = smooth_means(bench, probe);
+    }
+    for (std::size_t k = 0; k < 6; ++k) {
+      const double numeric = (ahead[k] - behind[k]) / (2 * h);
+      best[k] = std::min(best[k], std::abs(numeric - analytic[k]) / std::abs(numeric));
+    }
+  }
+  for (std::size_t k = 0; k < 6; ++k) {
+    CAPTURE(k);
+    CAPTURE(analytic[k]);
+    CHECK(best[k] < 1e-6);
+    // The control: the gradient of another wave is not this one's.
+    CHECK(std::abs(analytic[(k + 1) % 6] - analytic[k]) > 1e-3 * std::abs(analytic[k]));
+  }
+}
+
+TEST_CASE("fit/wave_probe: the gradient with random signs is the sum of the waves' own") {
+  WaveBench bench;
+  Probe probe = bench.probe();
+  probe.render("test", 2);
+  for (const std::size_t n : {0u, 1u}) {
+    std::vector<double> sum(probe.parameters(), 0.0), one(probe.parameters()), together(probe.parameters());
+    const Random random(bench.settings.seed, n, random_stage("decoder fit signs"));
+    for (std::size_t k = 0; k < 6; ++k) {
+      probe.wave_gradient(k, one);
+      for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += random.uniform(k) < 0.5 ? -one[i] : one[i];
+    }
+    probe.signed_gradient(n, together);
+    double worst = 0, largest = 0;
+    for (std::size_t i = 0; i < sum.size(); ++i) {
+      worst = std::max(worst, std::abs(sum[i] - together[i]));
+      largest = std::max(largest, std::abs(sum[i]));
+    }
+    CHECK(largest > 0);
+    CHECK(worst < 1e-12 * largest);
+  }
+}
+
+TEST_CASE("fit/wave_probe: the gradients of some anchors are rows of those of all") {
+  WaveBench all, few([] {
+    DecoderFitSettings settings = small_statistics();
+    settings.anchors = 3;
+    return settings;
+  }());
+  Probe of_all = all.probe(), of_few = few.probe();
+  of_all.render("test", 0);
+  of_few.render("test", 0);
+  std::vector<double> whole(of_all.parameters()), part(of_few.parameters());
+  of_all.wave_gradient(2, whole);
+  of_few.wave_gradient(2, part);
+  const std::size_t columns = whole.size() / 7;
+  REQUIRE(part.size() == 3 * columns);
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t c = 0; c < columns; ++c) CHECK(part[i * columns + c] == whole[i * 7 / 3 * columns + c]);
+  }
+}
+
+TEST_CASE("fit/wave_probe: reading a view leaves its render, and its gradients, as they are") {
+  WaveBench bench;
+  Probe probe = bench.probe();
+  probe.render("test", 3);
+  const std::vector<double> image(probe.image().data, probe.image().data + probe.image().size());
+  std::vector<double> before(probe.parameters()), after(probe.parameters());
+  probe.wave_gradient(0, before);
+  static_cast<void>(probe.means());
+  probe.wave_gradient(0, after);
+  CHECK(before == after);
+  CHECK(std::equal(image.begin(), image.end(), probe.image().data));
+  // What is read are 8 bits: near the render's own means, and not they.
+  const std::vector<double> exact = smooth_means(bench, probe), &read = probe.means();
+  for (std::size_t k = 0; k < 6; ++k) {
+    CHECK(read[k] == doctest::Approx(exact[k]).epsilon(0.2));
+    CHECK(read[k] != exact[k]);
+  }
+}
+
+TEST_CASE("fit/wave_probe: a view of the statistics is read in a light of its own, and its gradients in the host's") {
+  WaveBench plain, lit([] {
+    DecoderFitSettings settings = small_statistics();
+    settings.tone = 0.05;
+    return settings;
+  }());
+  Probe of_plain = plain.probe(), of_lit = lit.probe();
+  of_plain.render("decoder fit", 4, plain.settings.reach);
+  const std::vector<double> own = of_plain.means();
+  of_plain.render_statistics_view(4);
+  CHECK(of_plain.means() == own);  // no tone: the host's light
+  of_lit.render_statistics_view(4);
+  const std::vector<double> means = of_lit.means();
+  CHECK(means != own);
+  // By hand: the render in the tone of that number, in 8 bits.
+  const ImageView<const double> render = of_lit.image();
+  CHECK(std::equal(render.data, render.data + render.size(), of_plain.image().data));
+  std::vector<double> toned(render.size());
+  const Random random(lit.settings.seed, 4, random_stage("decoder fit tone"));
+  const ImageView<double> image{toned.data(), 3, render.height, render.width};
+  apply_tone<double>(drawn_tone<double>(0.05, random), render, image);
+  for (double& value : toned) value = std::round(value * 255) / 255;
+  LatticeDecoder<double>::Context reading;
+  LatticeDecoder<double>(lit.lattice, lit.waves).pool(image, reading, lit.executor);
+  for (std::size_t k = 0; k < 6; ++k) CHECK(means[k] == doctest::Approx(reading.pooled[k]).epsilon(1e-12));
+  // The gradients are of the render, which is what a mark is hidden in.
+  std::vector<double> there(of_lit.parameters()), here(of_plain.parameters());
+  of_lit.wave_gradient(1, there);
+  of_plain.wave_gradient(1, here);
+  CHECK(there == here);
+  // Another number has another light; a view that is no statistics view has the host's again.
+  of_lit.render("decoder fit", 4, lit.settings.reach);
+  CHECK(of_lit.means() == own);
+}
+
+TEST_CASE("fit/wave_probe: there are as many regions as the smallest view has room for") {
+  struct TwoSizes {
+    [[nodiscard]] std::size_t size() const { return 2; }
+    [[nodiscard]] Camera<double> camera(std::size_t i) const {
+      return {.width = i == 0 ? 400 : 200, .height = i == 0 ? 300 : 150};
+    }
+  };
+  DecoderFitSettings settings;
+  CHECK(detail::region_count(TwoSizes{}, settings) == 6);  // 200 x 150 of 5,000
+  settings.stride = 2;
+  CHECK(detail::region_count(TwoSizes{}, settings) == 1);
+  settings.stride = 1;
+  settings.region_positions = 1000;
+  CHECK(detail::region_count(TwoSizes{}, settings) == settings.regions);
+  // One region is no limit, and asks for no views.
+  settings.regions = 1;
+  CHECK(detail::limit_views(settings) == 0);
+  settings.regions = 24;
+  CHECK(detail::limit_views(settings) == 256);
+  settings.statistics_views = 100;
+  CHECK(detail::limit_views(settings) == 100);
+  settings.region_limit = 0;
+  CHECK(detail::limit_views(settings) == 0);
+}
+
+TEST_CASE("fit/wave_probe: the loudest region of a view is what a decoder says of it there") {
+  WaveBench bench;
+  bench.settings.regions = 6;
+  bench.settings.limit_views = 9;
+  const Random random(3, 0, random_stage("test head"));
+  bench.waves.head.resize(24);
+  bench.waves.bias.resize(4);
+  for (std::size_t i = 0; i < 24; ++i) bench.waves.head[i] = random.normal(i);
+  for (std::size_t b = 0; b < 4; ++b) bench.waves.bias[b] = random.normal(24 + b);
+  Probe probe = bench.probe();
+  LatticeSettings shape = bench.lattice;
+  shape.regions = 6;
+  const std::vector<double> found = *probe.loudest_regions(shape, bench.waves, NoFitObserver{});
+  REQUIRE(found.size() == 9);
+  CHECK(std::is_sorted(found.begin(), found.end()));
+  // By hand: a region's waves through the head, of the render's 8 bits, over all gates.
+  shape.region_limit = 1e9;
+  const LatticeDecoder<double> decoder(shape, bench.waves);
+  std::vector<double> expected;
+  for (std::size_t n = 0; n < 9; ++n) {
+    probe.render("decoder fit", n, bench.settings.reach);
+    std::vector<double> rounded(probe.image().data, probe.image().data + probe.image().size());
+    for (double& value : rounded) value = std::round(std::clamp(value, 0.0, 1.0) * 255) / 255;
+    LatticeDecoder<double>::Context reading;
+    decoder.pool({rounded.data(), 3, probe.image().height, probe.image().width}, reading, bench.executor);
+    double loudest = 0;
+    for (std::size_t r = 0; r < reading.positions.regions; ++r) {
+      double square = 0;
+      for (std::size_t b = 0; b < bench.waves.bias.size(); ++b) {
+        double says = bench.waves.bias[b] * reading.region_gate[r];
+        for (std::size_t k = 0; k < 6; ++k) says += bench.waves.head[b * 6 + k] * reading.region_sum[r * 6 + k];
+        square += says * says;
+      }
+      loudest = std::max(loudest, std::sqrt(square) / reading.all_gates);
+    }
+    expected.push_back(loudest);
+  }
+  CHECK(expected.front() != expected.back());
+  std::sort(expected.begin(), expected.end());
+  for (std::size_t n = 0; n < 9; ++n) CHECK(found[n] == doctest::Approx(expected[n]).epsilon(1e-12));
+}
