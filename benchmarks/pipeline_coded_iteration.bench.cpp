@@ -5,11 +5,11 @@
 // pipeline_iteration, and what HAC and ContextGS do in each part of a training: the noise of fixed steps, the rate (a twentieth of all anchors
 // counted), and rounding. Plain and coded iterations take turns, so that a machine that slows down slows both; `times_plain` is the ratio of their
 // medians. The goals are 1.5 for HAC and 2 for ContextGS. `held`: what holding the steps of ContextGS costs, once in the iterations between two holds of
-// a mark (codec/context_gs/held_steps.hpp), beside a rounded iteration of the same model.
+// a mark (codec/model/held_steps.hpp), beside a rounded iteration of the same model.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
-#include <compmark/codec/context_gs/held_steps.hpp>
+#include <compmark/codec/model/held_steps.hpp>
 #include <compmark/codec/rate/rate_phases.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/recipes/context_gs.hpp>

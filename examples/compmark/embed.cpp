@@ -225,7 +225,7 @@ int embed_under(TrainOptions options, const std::string& distortion) {
   // Rounding changes the file far more than a mark does, and a mark that moves values by whole steps is noise in other
   // views (docs/notebook/watermark_experiments.md).
   if (coded && !options.mark.fidelity) settings.mark.posthoc.fidelity = fitted ? 2000 : 600;
-  // A mark in ancestors must not make the quantizer steps of their descendants finer (codec/context_gs/held_steps.hpp).
+  // A mark in ancestors must not make the quantizer steps of their descendants finer (codec/model/held_steps.hpp).
   if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != "none" && !options.mark.hold_steps)
     settings.mark.posthoc.hold_steps_every = 50;
   const Result<std::string> digest = file_sha256(options.model);

@@ -276,11 +276,11 @@
 #include "compmark/codec/rate/factorised_prior.hpp"
 #include "compmark/codec/rate/mask_penalty.hpp"
 
-#include "compmark/codec/context_gs/held_steps.hpp"
 #include "compmark/codec/model/adopt_networks.hpp"
 #include "compmark/codec/model/coded_context.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/codec/model/coded_views.hpp"
+#include "compmark/codec/model/held_steps.hpp"
 #include "compmark/codec/rate/rate_phases.hpp"
 #include "compmark/codec/rate/stages/rate.hpp"
 #include "compmark/recipes/recipe_stages.hpp"

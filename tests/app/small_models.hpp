@@ -17,7 +17,7 @@
 #include <cstdint>
 #include <string>
 
-#include "splat/training/small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace compmark::testing {
 

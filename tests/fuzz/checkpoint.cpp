@@ -7,7 +7,7 @@
 #include <compmark/splat/training/trainer.hpp>
 
 #include "any_tensors.hpp"
-#include "splat/training/small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

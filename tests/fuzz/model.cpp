@@ -9,7 +9,7 @@
 #include <cmath>
 
 #include "any_tensors.hpp"
-#include "splat/training/small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -16,8 +16,8 @@
 
 #include "compmark/io/image_file.hpp"
 #include "compmark/scene/mask_file.hpp"
-#include "splat/training/short_training.hpp"
 #include "support/scene_files.hpp"
+#include "support/short_training.hpp"
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include <fstream>
 #include <string>
 
-#include "splat/training/short_training.hpp"
 #include "support/scene_files.hpp"
+#include "support/short_training.hpp"
 
 using namespace compmark;
 using namespace compmark::testing;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "compmark/codec/rate/concept.hpp"
+#include "compmark/recipes/recipe_stages.hpp"
 #include "compmark/splat/anchor/growth.hpp"
 #include "compmark/splat/anchor/level_of_detail.hpp"
 #include "compmark/splat/anchor/mlp_decoder.hpp"

@@ -13,7 +13,7 @@
 #include "codec/rate/anchor_scene.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/testing/gradient.hpp"
-#include "splat/training/short_training.hpp"
+#include "support/short_training.hpp"
 
 namespace {
 

@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "coded_training.hpp"
+#include "support/coded_training.hpp"
 
 namespace {
 

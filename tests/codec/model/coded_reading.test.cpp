@@ -13,8 +13,8 @@
 #include <compmark/watermark/pretrain/lattice_network.hpp>
 #include <vector>
 
-#include "coded_training.hpp"
-#include "small_scene.hpp"
+#include "support/coded_training.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

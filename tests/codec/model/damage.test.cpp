@@ -9,8 +9,8 @@
 #include <compmark/splat/training/trainer.hpp>
 #include <filesystem>
 
-#include "small_scene.hpp"
 #include "support/damage.hpp"
+#include "support/small_scene.hpp"
 #include "support/tool.hpp"
 
 using namespace compmark;

@@ -18,9 +18,9 @@
 #include <string>
 #include <vector>
 
-#include "coded_training.hpp"
-#include "directional.hpp"
-#include "small_scene.hpp"
+#include "support/coded_training.hpp"
+#include "support/directional.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -17,8 +17,8 @@
 #include "compmark/recipes/recipe_stages.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "compmark/watermark/embed/residual.hpp"
-#include "small_scene.hpp"
-#include "stage_scene.hpp"
+#include "support/small_scene.hpp"
+#include "support/stage_scene.hpp"
 
 namespace {
 

@@ -11,8 +11,8 @@
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/recipes/recipe_stages.hpp"
 #include "compmark/testing/gradient.hpp"
-#include "small_scene.hpp"
-#include "stage_scene.hpp"
+#include "support/small_scene.hpp"
+#include "support/stage_scene.hpp"
 
 namespace {
 

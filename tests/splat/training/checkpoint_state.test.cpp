@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 #include "support/tool.hpp"
 
 using namespace compmark;

@@ -24,7 +24,7 @@
 #include <vector>
 
 #include "scene/cube_dialects.hpp"
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -20,9 +20,9 @@
 #include <utility>
 #include <vector>
 
-#include "directional.hpp"
-#include "short_training.hpp"
-#include "small_scene.hpp"
+#include "support/directional.hpp"
+#include "support/short_training.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -19,8 +19,8 @@
 #include <string>
 #include <vector>
 
-#include "small_scene.hpp"
 #include "support/scene_files.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

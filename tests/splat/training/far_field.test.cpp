@@ -18,8 +18,8 @@
 #include <compmark/splat/training/trainer.hpp>
 #include <vector>
 
-#include "short_training.hpp"
-#include "small_scene.hpp"
+#include "support/short_training.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -13,11 +13,11 @@
 #include <initializer_list>
 #include <vector>
 
-#include "coded_training.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
 #include "compmark/watermark/decoder/lattice_decoder.hpp"
 #include "compmark/watermark/pretrain/lattice_network.hpp"
-#include "small_scene.hpp"
+#include "support/coded_training.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -15,9 +15,9 @@
 #include <limits>
 #include <vector>
 
-#include "coded_training.hpp"
-#include "short_training.hpp"
-#include "small_scene.hpp"
+#include "support/coded_training.hpp"
+#include "support/short_training.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

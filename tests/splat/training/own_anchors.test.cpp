@@ -12,8 +12,8 @@
 #include "compmark/recipes/scaffold.hpp"
 #include "compmark/splat/anchor/level_of_detail.hpp"
 #include "compmark/splat/training/pipeline.hpp"
-#include "directional.hpp"
-#include "small_scene.hpp"
+#include "support/directional.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -16,7 +16,7 @@
 #include "compmark/splat/quantizer/uniform_quantizer.hpp"
 #include "compmark/splat/training/trainer.hpp"
 #include "compmark/watermark/decoder/lattice_decoder.hpp"
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

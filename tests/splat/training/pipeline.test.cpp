@@ -8,8 +8,8 @@
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/training/pipeline.hpp>
 
-#include "directional.hpp"
-#include "small_scene.hpp"
+#include "support/directional.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -20,7 +20,7 @@
 #include <utility>
 #include <vector>
 
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "scene/cube_dialects.hpp"
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

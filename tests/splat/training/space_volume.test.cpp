@@ -15,8 +15,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "directional.hpp"
-#include "small_scene.hpp"
+#include "support/directional.hpp"
+#include "support/small_scene.hpp"
 
 using namespace compmark;
 

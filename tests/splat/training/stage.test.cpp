@@ -21,8 +21,8 @@
 #include "compmark/recipes/recipe_stages.hpp"
 #include "compmark/recipes/scaffold.hpp"
 #include "compmark/splat/training/trainer.hpp"
-#include "directional.hpp"
-#include "small_scene.hpp"
+#include "support/directional.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

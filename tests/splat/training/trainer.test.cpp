@@ -16,7 +16,7 @@
 #include <new>
 #include <vector>
 
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 
 #if defined(__SANITIZE_ADDRESS__)
 #define COMPMARK_COUNTS_ALLOCATIONS 0

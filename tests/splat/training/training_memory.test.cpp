@@ -13,8 +13,8 @@
 #include <fstream>
 #include <string>
 
-#include "short_training.hpp"
-#include "small_scene.hpp"
+#include "support/short_training.hpp"
+#include "support/small_scene.hpp"
 
 #if defined(__linux__)
 #include <malloc.h>

@@ -15,8 +15,8 @@
 #include "compmark/splat/effect/background.hpp"
 #include "compmark/watermark/decoder/lattice_decoder.hpp"
 #include "compmark/watermark/pretrain/lattice_network.hpp"
-#include "directional.hpp"
-#include "small_scene.hpp"
+#include "support/directional.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

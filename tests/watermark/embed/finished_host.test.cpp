@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "coded_training.hpp"
+#include "support/coded_training.hpp"
 
 namespace finished_host_test {
 namespace {

@@ -20,10 +20,10 @@
 #include <utility>
 #include <vector>
 
-#include "colour_decoder.hpp"
-#include "directional.hpp"
-#include "short_training.hpp"
-#include "small_scene.hpp"
+#include "support/colour_decoder.hpp"
+#include "support/directional.hpp"
+#include "support/short_training.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

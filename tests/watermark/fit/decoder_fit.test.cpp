@@ -15,8 +15,8 @@
 #include "compmark/recipes/marked.hpp"
 #include "compmark/splat/training/trainer.hpp"
 #include "compmark/watermark/embed/posthoc_embedding.hpp"
-#include "short_training.hpp"
-#include "small_scene.hpp"
+#include "support/short_training.hpp"
+#include "support/small_scene.hpp"
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/watermark/fit/wave_probe.hpp"
 #include "compmark/watermark/pretrain/lattice_network.hpp"
-#include "directional.hpp"
-#include "small_scene.hpp"
+#include "support/directional.hpp"
+#include "support/small_scene.hpp"
 
 namespace compmark::testing {
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the anchor room: AnchorColumns is the table every policy reads; GaussianDecoder turns visible anchors
+// Concepts of anchors: AnchorColumns is the table every policy reads; GaussianDecoder turns visible anchors
 // into Gaussians; DensityControl decides which anchors are born and die.
 //
 //   AnchorColumns  position [N, 3], offset [N, 3 K] (K triples x y z), scaling [N, 6] (log), feature [N, D]; N rows are

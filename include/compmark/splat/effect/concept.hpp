@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the effect room: what lies between the render and the photograph, and only where a scene calls for it.
+// Concepts of effects: what lies between the render and the photograph, and only where a scene calls for it.
 // Each has an absent type, the default of every recipe, which leaves no member, no branch, no parameter and no byte
 // (laws and costs: docs/effects.md).
 //

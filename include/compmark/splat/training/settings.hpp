@@ -63,7 +63,7 @@ struct PosthocSettings {
   /// The share of the sampled views that is drawn by the message loss near them, 0 (by clearance alone) to 1.
   double draw_by_cost = 0;
   /// Where the context reads ancestors (ContextGS): iterations between step-bias calibrations
-  /// (codec/context_gs/held_steps.hpp); 0: never. Does not scale.
+  /// (codec/model/held_steps.hpp); 0: never. Does not scale.
   std::int64_t hold_steps_every = 0;
 
   friend bool operator==(const PosthocSettings&, const PosthocSettings&) = default;

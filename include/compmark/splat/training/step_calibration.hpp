@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What a codec does about a message that is hidden in what its context reads: nothing, unless the codec specialises
-// StepCalibrationOf for such recipes (codec/context_gs/held_steps.hpp). So neither wing knows the other. Cost: none.
+// StepCalibrationOf for such recipes (codec/model/held_steps.hpp). So neither wing knows the other. Cost: none.
 #pragma once
 
 #include "compmark/core/absent.hpp"

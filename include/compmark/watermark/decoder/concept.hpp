@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concepts of the mark room: an Embedder adds the watermark feature to the anchor feature, a MessageDecoder reads the
+// Concepts of the watermark: an Embedder adds the watermark feature to the anchor feature, a MessageDecoder reads the
 // bits from a render. A decoder is frozen: it has a gradient with respect to the image and none to its own weights.
 //
 //   MessageDecoder                                    meaning                                                 cost

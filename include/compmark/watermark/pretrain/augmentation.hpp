@@ -5,7 +5,7 @@
 // transformations: crop (not resized back), antialiased resize, rotation on the same canvas (bilinear, black corners),
 // Gaussian blur, noise and brightness (clamped: a clamped value has no gradient), and JPEG by straight-through, x +
 // stop(JPEG(x) - x) (docs/spec/watermark.md, 3). All but JPEG have exact gradients. The codec is the caller's:
-// jpeg(image, quality, output), because files are not this room's business. One distortion is drawn an image, from a
+// jpeg(image, quality, output), because this folder reads and writes no files. One distortion is drawn an image, from a
 // keyed stream. Cost: 1 to 6 ns a value each way; JPEG what the codec takes.
 #pragma once
 

@@ -17,7 +17,7 @@
 #include <span>
 #include <utility>
 
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 #include "support/tool.hpp"
 
 namespace compmark::testing {

@@ -8,8 +8,8 @@
 #include <array>
 #include <cmath>
 #include <compmark/codec/container/cmk.hpp>
-#include <compmark/codec/context_gs/held_steps.hpp>
 #include <compmark/codec/model/adopt_networks.hpp>
+#include <compmark/codec/model/held_steps.hpp>
 #include <compmark/core/random.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/recipes/marked.hpp>
@@ -24,8 +24,8 @@
 #include <utility>
 #include <vector>
 
-#include "coded_training.hpp"
-#include "colour_decoder.hpp"
+#include "support/coded_training.hpp"
+#include "support/colour_decoder.hpp"
 
 namespace {
 
@@ -78,7 +78,7 @@ double largest(const std::array<double, 9>& a, const std::array<double, 9>& b) {
 
 }  // namespace
 
-TEST_CASE("context_gs/held_steps: a mark moves the steps of a file, and held they stay, to the file's own bits") {
+TEST_CASE("model/held_steps: a mark moves the steps of a file, and held they stay, to the file's own bits") {
   ThreadExecutor executor(2);
   Model<SmallContextGs> host = compmark::testing::train_coded<SmallContextGs>(2, 300).model;
   ModelInfo info;
@@ -153,7 +153,7 @@ TEST_CASE("context_gs/held_steps: a mark moves the steps of a file, and held the
   CHECK(left[19] < 0.02);  // measured .005
 }
 
-TEST_CASE("context_gs/held_steps: a run that holds them is the same at any thread count and after a stop") {
+TEST_CASE("model/held_steps: a run that holds them is the same at any thread count and after a stop") {
   Model<SmallContextGs> host = compmark::testing::train_coded<SmallContextGs>(2, 120).model;
   TrainSettings settings = compmark::testing::short_settings(24);
   settings.grow_until = 0;

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "small_scene.hpp"
+#include "support/small_scene.hpp"
 
 namespace compmark::testing {
 
