@@ -96,6 +96,8 @@ void held(benchmark::State& state, const Workload& work, std::size_t threads) {
   CodedScene<Marked> coded(work, Stage::rounded);
   const RateNumbers numbers;
   Pipeline<Marked>::Context context;
+  Pipeline<Marked>::Phases unmarked = coded.phases;
+  unmarked.of<EmbedderStage>().embeds = false;
   HeldSteps steps;
   const auto seconds = [](const auto& body) {
     const auto begin = std::chrono::steady_clock::now();
@@ -103,8 +105,7 @@ void held(benchmark::State& state, const Workload& work, std::size_t threads) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   };
   const auto hold = [&] {
-    steps.hold(coded.pipeline, coded.phases, {numbers.feature_step, numbers.scaling_step, numbers.offset_step},
-               coded.model, context, executor);
+    steps.hold(coded.pipeline, coded.phases, unmarked, numbers, coded.model, context, executor);
   };
   for (int i = 0; i < 4; ++i) {
     coded.next(executor);

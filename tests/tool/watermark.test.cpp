@@ -453,7 +453,8 @@ TEST_CASE("tool: a scene that is marked when it is finished keeps the exposures 
   const std::vector<std::array<std::string, 3>> cases = {{"", "plain", "scaffold+exposure"},
                                                          {"--codec hac --lambda 0.004 ", "coded", "hac+exposure"},
                                                          {"--fidelity 0 ", "in-the-loss", "scaffold"}};
-  for (const auto& [options, name, recipe] : cases) {
+  for (const auto& [options, called, recipe] : cases) {
+    const std::string& name = called;
     CAPTURE(name);
     const std::string out = at("exposed-then-marked-" + name);
     // Of the host alone: ended when it is there.

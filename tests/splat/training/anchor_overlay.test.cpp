@@ -22,7 +22,7 @@ using testing::small_shape;
 
 template <class T, class Embed, class Distort>
 using Changing =
-    JoinStages<StageList<>, detail::StagesOf<EmbedderStage, Embed>, detail::StagesOf<DistortionStage, Distort>>;
+    JoinStages<StageList<>, detail::NamedStage<EmbedderStage, Embed>, detail::NamedStage<DistortionStage, Distort>>;
 
 template <class T, class Embed, class Distort>
 struct OverlayScene : testing::StageScene<T, Changing<T, Embed, Distort>> {
@@ -79,7 +79,7 @@ struct OverlayScene : testing::StageScene<T, Changing<T, Embed, Distort>> {
     this->carry(executor);
   }
 };
-using Noise = QuantizationNoise<double, small_shape.feature_dim>;
+using OverlayNoise = QuantizationNoise<double, small_shape.feature_dim>;
 template <AnchorAttribute target>
 using Mark = BoundedResidual<double, target>;
 
@@ -115,13 +115,13 @@ TEST_CASE(
   CHECK(gradients<Mark<AnchorAttribute::position>, NoDistortion>({}) == "");
   CHECK(gradients<Mark<AnchorAttribute::scaling>, NoDistortion>({}) == "");
   CHECK(gradients<Mark<AnchorAttribute::offset>, NoDistortion>({}) == "");
-  CHECK(gradients<NoEmbedder, Noise>(noisy) == "");
-  CHECK(gradients<Mark<AnchorAttribute::feature>, Noise>(noisy) == "");
-  CHECK(gradients<Mark<AnchorAttribute::scaling>, Noise>(noisy) == "");
+  CHECK(gradients<NoEmbedder, OverlayNoise>(noisy) == "");
+  CHECK(gradients<Mark<AnchorAttribute::feature>, OverlayNoise>(noisy) == "");
+  CHECK(gradients<Mark<AnchorAttribute::scaling>, OverlayNoise>(noisy) == "");
   noisy.adaptive = false;
   noisy.feature_uniform = 1;
-  CHECK(gradients<Mark<AnchorAttribute::feature>, Noise>(noisy) == "");
-  CHECK(gradients<Mark<AnchorAttribute::feature>, Noise>({}) == "");  // a phase of nothing
+  CHECK(gradients<Mark<AnchorAttribute::feature>, OverlayNoise>(noisy) == "");
+  CHECK(gradients<Mark<AnchorAttribute::feature>, OverlayNoise>({}) == "");  // a phase of nothing
 }
 
 TEST_CASE("training/anchor_overlay: with neither stage the decoder reads the arena itself, and nothing is stored") {

@@ -83,7 +83,7 @@ static_assert(MessageDecoder<Waves<float>>);
 
 using Host = compmark::testing::SmallRecipe;
 using MarkedHost = recipes::Marked<Host, Waves<float>>;
-const std::vector<std::uint8_t> message{1, 0, 0, 1, 1, 1, 0, 1};
+const std::vector<std::uint8_t> hidden_message{1, 0, 0, 1, 1, 1, 0, 1};
 
 }  // namespace
 
@@ -107,7 +107,7 @@ TEST_CASE_TEMPLATE("embed/watermark: the directional derivative of the marked ro
   const ImageView<const double> target{target_storage.data(), 3, 29, 37};
 
   Pipeline<R> pipeline;
-  pipeline.template stage<MessageStage>().message = message;
+  pipeline.template stage<MessageStage>().message = hidden_message;
   pipeline.template stage<MessageStage>().message_loss.settings.logit_scale = 1;
   pipeline.template stage<HsvStage>().image_loss.settings.source =
       HueSource::target;  // masks of the render would jump under the differences
@@ -144,7 +144,7 @@ TEST_CASE(
     settings.mark.residual.after = 30000;  // the residual has a learning rate, but not yet
     ThreadExecutor executor(2);
     Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
-    if constexpr (present<typename R::MessageDecoder>) set_watermark(trainer, Waves<float>{}, message);
+    if constexpr (present<typename R::MessageDecoder>) set_watermark(trainer, Waves<float>{}, hidden_message);
     REQUIRE(trainer.initialise(cloud(300, 7)));
     BlobViews views;
     REQUIRE(trainer.run(views));
@@ -194,7 +194,7 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
   }
   ThreadExecutor executor(threads);
   Trainer<R, ThreadExecutor> trainer(settings, 6, 1.0, executor);
-  if constexpr (present<typename R::MessageDecoder>) set_watermark(trainer, Waves<float>{}, message);
+  if constexpr (present<typename R::MessageDecoder>) set_watermark(trainer, Waves<float>{}, hidden_message);
   REQUIRE(trainer.initialise(cloud(400, 7)));
   BlobViews views;
   REQUIRE(trainer.run(views));
@@ -216,7 +216,7 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
     typename Waves<float>::Context wave_context;
     Waves<float>{}.forward(context.image, logits, wave_context, executor);
     for (std::size_t i = 0; i < 8; ++i) {
-      outcome.accuracy += (logits[i] > 0) == (message[i] == 1) ? 1.0 / 8 / static_cast<double>(views.size()) : 0;
+      outcome.accuracy += (logits[i] > 0) == (hidden_message[i] == 1) ? 1.0 / 8 / static_cast<double>(views.size()) : 0;
     }
   }
   if (bits_of_model != nullptr) {
@@ -300,7 +300,7 @@ TEST_CASE("embed/watermark: a finished model is marked by training on from it") 
   settings.mark.hsv.after = 0;
   settings.mark.message.logit_scale = 1;
   Trainer<MarkedHost, ThreadExecutor> second(settings, 6, 1.0, executor);
-  set_watermark(second, Waves<float>{}, message);
+  set_watermark(second, Waves<float>{}, hidden_message);
   second.start_from(with_room_for_stages<MarkedHost>(first.model(), settings.seed));
   CHECK(second.state().iteration == 0);
   // It starts as what it was started from, to the bit: the residual is zero.
@@ -319,7 +319,7 @@ TEST_CASE("embed/watermark: a finished model is marked by training on from it") 
       static_cast<void>(pipeline.forward(host, views.camera(v), v, context, executor));
       Waves<float>::Context wave_context;
       Waves<float>{}.forward(context.image, logits, wave_context, executor);
-      for (std::size_t i = 0; i < 8; ++i) found += (logits[i] > 0) == (message[i] == 1) ? 1 : 0;
+      for (std::size_t i = 0; i < 8; ++i) found += (logits[i] > 0) == (hidden_message[i] == 1) ? 1 : 0;
     }
     return found;
   };
@@ -359,7 +359,7 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
   REQUIRE(plain.run(views));
   {  // the control: in the loss of the photographs the message moves the model too
     Trainer<ColourMarked, ThreadExecutor> joined(settings, 6, 1.0, executor);
-    set_watermark(joined, colours(), message);
+    set_watermark(joined, colours(), hidden_message);
     REQUIRE(joined.initialise(cloud(400, 7)));
     REQUIRE(joined.run(views));
     CHECK(!same(host_alone(joined.model()), plain.model()));
@@ -372,7 +372,7 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
   const auto finished_model = [&](const TrainSettings& chosen, double& departure, std::size_t threads = 2) {
     ThreadExecutor own(threads);
     Embedding embedding(chosen, own);
-    set_watermark(embedding, colours(), message);
+    set_watermark(embedding, colours(), hidden_message);
     embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
     REQUIRE(embedding.run(views));
     departure = mark_report(embedding).departure;
@@ -393,7 +393,7 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
     TrainSettings seldom = frozen;
     seldom.mark.message.between_every = 3;
     Embedding embedding(seldom, executor);
-    set_watermark(embedding, colours(), message);
+    set_watermark(embedding, colours(), hidden_message);
     embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
     for (const bool reads : {false, false, true, false}) {
       const Model<Host> before = baked_host(embedding.model());
@@ -415,7 +415,7 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
   {
     const auto begun = [&] {
       Embedding embedding(by_cost, executor);
-      set_watermark(embedding, colours(), message);
+      set_watermark(embedding, colours(), hidden_message);
       embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
       return embedding;
     };
@@ -476,7 +476,7 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
       }
       LatticeDecoder<float>::Context colour_context;
       colours().forward(context.image, logits, colour_context, executor);
-      for (std::size_t b = 0; b < 8; ++b) found += (logits[b] > 0) == (message[b] == 1) ? 1 : 0;
+      for (std::size_t b = 0; b < 8; ++b) found += (logits[b] > 0) == (hidden_message[b] == 1) ? 1 : 0;
     }
     departure_db = -10 * std::log10(square / static_cast<double>(count * context.image.size()));
     return static_cast<double>(found) / (8 * count);
@@ -505,7 +505,7 @@ TEST_CASE("embed/watermark: the gradient of the departure from the host's render
   for (std::size_t i = 0; i < host_storage.size(); ++i) host_storage[i] = random.uniform(i);
   const ImageView<const double> host{host_storage.data(), 3, 29, 37};
   Pipeline<R> pipeline;
-  pipeline.template stage<MessageStage>().message = message;
+  pipeline.template stage<MessageStage>().message = hidden_message;
   pipeline.template stage<MessageStage>().message_loss.settings.logit_scale = 1;
   typename Pipeline<R>::Phases phases;
   phases.template of<MessageStage>().weight = 0.5;

@@ -108,7 +108,7 @@ class Pipeline {
     /// What the decoder read in the last pass, where stages change it.
     [[no_unique_address]] std::conditional_t<changes_attributes, AnchorColumns<const Scalar>, detail::Nothing<R>> read;
 
-    /// Of a stage, by its type or its template.
+    /// Of a stage, by its template; by its type: stages.of<S>().
     template <template <class...> class S>
     [[nodiscard]] auto& of() {
       return stages.template of<S>();

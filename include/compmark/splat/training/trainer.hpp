@@ -235,8 +235,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
         };
         density_control<R>(settings_, true)
             .observe(decoded, screen.visible, screen.gradient_norm,
-                     context_.template of<ErrorMapStage<Stages>>().error_map(), camera.height, camera.width, mean,
-                     state_.growth, *executor_);
+                     context_.stages.template of<ErrorMapStage<Stages>>().error_map(), camera.height, camera.width,
+                     mean, state_.growth, *executor_);
         return;
       }
     }
