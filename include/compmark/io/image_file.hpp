@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -192,15 +193,24 @@ inline void append_bytes(void* context, void* data, int size) {
   bytes.resize(before + static_cast<std::size_t>(size));
   std::memcpy(bytes.data() + before, data, static_cast<std::size_t>(size));
 }
+struct FreePng {
+  void operator()(unsigned char* bytes) const { std::free(bytes); }
+};
+/// The file as stb has it, with its number of bytes; null without memory.
+[[nodiscard]] inline std::unique_ptr<unsigned char, FreePng> png_of(const ImageBytes& image, int& size) {
+  COMPMARK_ASSERT(image.width > 0 && image.height > 0 && image.channels >= 1 && image.channels <= 4,
+                  "encode_png: empty image");
+  return std::unique_ptr<unsigned char, FreePng>(stb::stbi_write_png_to_mem(
+      image.pixels.data(), image.width * image.channels, image.width, image.height, image.channels, &size));
+}
 }  // namespace detail
 
 /// PNG file of an image of 1 to 4 channels, lossless.
 [[nodiscard]] inline std::vector<std::byte> encode_png(const ImageBytes& image) {
-  COMPMARK_ASSERT(image.width > 0 && image.height > 0 && image.channels >= 1 && image.channels <= 4,
-                  "encode_png: empty image");
+  int size = 0;
   std::vector<std::byte> bytes;
-  detail::stb::stbi_write_png_to_func(detail::append_bytes, &bytes, image.width, image.height, image.channels,
-                                      image.pixels.data(), image.width * image.channels);
+  if (const std::unique_ptr<unsigned char, detail::FreePng> png = detail::png_of(image, size); png)
+    detail::append_bytes(&bytes, png.get(), size);
   return bytes;
 }
 
@@ -231,7 +241,10 @@ template <class T>
 
 /// Writes a PNG, whole or not at all.
 [[nodiscard]] inline Result<Done> write_png(const std::filesystem::path& path, const ImageBytes& image) {
-  return write_file(path, std::span<const std::byte>(encode_png(image)));
+  int size = 0;
+  const std::unique_ptr<unsigned char, detail::FreePng> png = detail::png_of(image, size);
+  if (!png) return Error{ErrorKind::exhausted, path, {}, "is not written: no memory for it", "write a smaller image"};
+  return write_file(path, std::as_bytes(std::span<const unsigned char>(png.get(), static_cast<std::size_t>(size))));
 }
 [[nodiscard]] inline Result<Done> write_png(const std::filesystem::path& path, ImageView<const float> image) {
   return write_png(path, to_bytes(image));
