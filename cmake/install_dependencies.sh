@@ -6,9 +6,9 @@
 set -eu
 
 optional=""
-needed="g++ cmake ninja-build pkg-config git libeigen3-dev libstb-dev nlohmann-json3-dev libnanoflann-dev libcli11-dev doctest-dev libbenchmark-dev"
+needed="g++ cmake ninja-build pkg-config git libeigen3-dev libstb-dev nlohmann-json3-dev libnanoflann-dev libcli11-dev doctest-dev libbenchmark-dev libxtensor-dev"
 if [ "${1:-}" = ci ]; then
-  needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev libxtensor-dev ccache valgrind universal-ctags"
+  needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev ccache valgrind universal-ctags"
   optional="chromium-headless-shell" # Debian's; what needs it is skipped without
 fi
 
@@ -16,9 +16,9 @@ if ! command -v dpkg-query >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>
   for tool in c++ cmake ninja; do
     if ! command -v "$tool" >/dev/null 2>&1; then
       echo "compmark: $tool is missing. Needed: a C++20 compiler (g++ 12 or clang 14, or newer), CMake 3.25, Ninja, and the libraries" >&2
-      echo "  Eigen 3.4, stb, nlohmann-json 3, nanoflann, CLI11, doctest, Google Benchmark" >&2
-      echo "  (Fedora: gcc-c++ cmake ninja-build eigen3-devel stb-devel json-devel nanoflann-devel cli11-devel doctest-devel google-benchmark-devel;" >&2
-      echo "   macOS with Homebrew: cmake ninja eigen nlohmann-json nanoflann cli11 doctest google-benchmark)." >&2
+      echo "  Eigen 3.4, stb, nlohmann-json 3, nanoflann, CLI11, doctest, Google Benchmark, xtensor" >&2
+      echo "  (Fedora: gcc-c++ cmake ninja-build eigen3-devel stb-devel json-devel nanoflann-devel cli11-devel doctest-devel google-benchmark-devel xtensor-devel;" >&2
+      echo "   macOS with Homebrew: cmake ninja eigen nlohmann-json nanoflann cli11 doctest google-benchmark xtensor)." >&2
       exit 1
     fi
   done

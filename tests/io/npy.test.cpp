@@ -69,3 +69,23 @@ TEST_CASE("io/npy: what is not right is named, and no count is believed") {
   const std::string whole = npy_text("(2, 3)", {1, 2, 3, 4, 5, 6});
   for (std::size_t length = 0; length < whole.size(); ++length) CHECK(!parsed_npy(whole.substr(0, length)).ok());
 }
+
+TEST_CASE("io/npy: what is written is read as it was, in any type and shape, and the numbers begin at 64 bytes") {
+  const auto round_trip = [](std::vector<std::size_t> shape, const auto& values) {
+    using T = std::remove_cvref_t<decltype(values[0])>;
+    const std::vector<std::byte> bytes = npy_bytes<T>(shape, std::span<const T>(values));
+    CHECK((bytes.size() - values.size() * sizeof(T)) % 64 == 0);
+    const Result<NpyArray> read = parse_npy(bytes, "a.npy");
+    REQUIRE(read.ok());
+    CHECK(read->shape == shape);
+    REQUIRE(read->values.size() == values.size());
+    for (std::size_t i = 0; i < values.size(); ++i) CHECK(read->values[i] == static_cast<double>(values[i]));
+  };
+  round_trip({2, 3}, std::vector<float>{1, -2, 0.1f, 1e30f, 0, 7});
+  round_trip({4}, std::vector<double>{0.1, -1e300, 3, 5e-324});
+  round_trip({2, 1, 1}, std::vector<std::int32_t>{-5, 1 << 30});
+  round_trip({1}, std::vector<std::int64_t>{-(std::int64_t{1} << 52)});
+  round_trip({3}, std::vector<std::uint8_t>{0, 128, 255});
+  round_trip({}, std::vector<float>{2});
+  round_trip({0, 5}, std::vector<float>{});
+}

@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // NumPy's .npy files (format versions 1 to 3): a header that is a Python dictionary, then the numbers. Little-endian
-// floats and integers in C order are read, as doubles. No count is believed: the shape's product is compared with the
-// bytes that follow before anything is allocated.
+// floats and integers in C order are read, as doubles, and written (version 1), as they are. No count is believed: the
+// shape's product is compared with the bytes that follow before anything is allocated.
 #pragma once
 
+#include <bit>
 #include <charconv>
 #include <cstddef>
 #include <cstdint>
@@ -15,10 +16,13 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "compmark/core/config.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/io/atomic_file.hpp"
 #include "compmark/io/file_kind.hpp"
 
 namespace compmark {
@@ -125,6 +129,47 @@ void npy_values(std::span<const std::byte> bytes, std::vector<double>& values) {
   if (type == "<i4") detail::npy_values<std::int32_t>(body, array.values);
   if (type == "|u1") detail::npy_values<std::uint8_t>(body, array.values);
   return array;
+}
+
+/// NumPy's name of a number: little-endian float or double, signed integer of 4 or 8 bytes, or byte.
+template <class T>
+inline constexpr const char* npy_type = [] {
+  static_assert(std::endian::native == std::endian::little, "npy: written in this machine's order");
+  if constexpr (std::is_same_v<T, float>) return "<f4";
+  if constexpr (std::is_same_v<T, double>) return "<f8";
+  if constexpr (std::is_same_v<T, std::int32_t>) return "<i4";
+  if constexpr (std::is_same_v<T, std::int64_t>) return "<i8";
+  if constexpr (std::is_same_v<T, std::uint8_t>) return "|u1";
+}();
+
+/// The file of an array: `values` has as many numbers as `shape` says, the last index running fastest. The numbers begin
+/// at a multiple of 64 bytes, as NumPy wants it.
+template <class T>
+[[nodiscard]] std::vector<std::byte> npy_bytes(std::span<const std::size_t> shape, std::span<const T> values) {
+  std::string header = std::string("{'descr': '") + npy_type<T> + "', 'fortran_order': False, 'shape': (";
+  std::size_t count = 1;
+  for (const std::size_t side : shape) {
+    header += std::to_string(side) + ",";
+    count *= side;
+  }
+  COMPMARK_ASSERT(count == values.size(), "npy_bytes: the shape and the number of values");
+  header += ")}";
+  header.append(63 - (10 + header.size()) % 64, ' ');
+  header += '\n';
+  std::string text("\x93NUMPY\x01\0", 8);
+  text += static_cast<char>(header.size() & 255);
+  text += static_cast<char>(header.size() >> 8);
+  text += header;
+  std::vector<std::byte> bytes(text.size() + values.size_bytes());
+  std::memcpy(bytes.data(), text.data(), text.size());
+  if (!values.empty()) std::memcpy(bytes.data() + text.size(), values.data(), values.size_bytes());
+  return bytes;
+}
+/// Writes it, whole or not at all.
+template <class T>
+[[nodiscard]] Result<Done> write_npy(const std::filesystem::path& path, std::span<const std::size_t> shape,
+                                     std::span<const T> values) {
+  return write_file(path, std::span<const std::byte>(npy_bytes<T>(shape, values)));
 }
 
 [[nodiscard]] inline Result<NpyArray> read_npy(const std::filesystem::path& path) {
