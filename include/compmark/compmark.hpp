@@ -306,6 +306,7 @@
 #include "compmark/splat/training/stages/background.hpp"
 #include "compmark/splat/training/stages/exposure.hpp"
 #include "compmark/splat/training/stages/pixel_weights.hpp"
+#include "compmark/splat/training/step_calibration.hpp"
 #include "compmark/splat/training/trainer.hpp"
 #include "compmark/splat/training/training_loop.hpp"
 #include "compmark/splat/training/training_memory.hpp"
