@@ -5,7 +5,7 @@
 # The layer law, by the include graph: core <- math <- {scene, io, metric} <- splat <- {watermark | codec} <- recipes <- app. The two wings,
 # watermark and codec, never include one another; testing may include all but app. A concept.hpp includes only core, so that any room may include
 # it; no header reaches itself. And what may be missing stays missing: a header that needs a library of its own (an optional component) is included
-# by no other header, and by tests named after the component alone, which are left out where it is not installed.   layers.sh <project root>
+# by no other header, and by tests and examples named after the component alone, which are left out where it is not installed.   layers.sh <project root>
 set -eu
 cd "${1:-.}/include"
 
@@ -67,9 +67,9 @@ optional=$(sed -nE '/set\(COMPMARK_OPTIONAL_COMPONENTS/,/\)/ { s/"([a-z]+ [a-z0-
 bad=0
 while read -r component header; do
   found=$(cd .. && grep -rlE "#include [<\"]compmark/$header[>\"]" include tests examples benchmarks --include='*.hpp' --include='*.cpp' |
-    grep -vE "/${component}_[a-z_]*\.(test|fail)\.cpp$|^tests/fail/${component}_" || true)
+    grep -vE "/${component}_[a-z_]*\.(test|fail)\.cpp$|^tests/fail/${component}_|^examples/[0-9]+_[a-z_]*_${component}\.cpp$" || true)
   for file in $found; do
-    echo "$file includes compmark/$header, which needs $component: only tests named ${component}_*.test.cpp may"
+    echo "$file includes compmark/$header, which needs $component: only tests named ${component}_*.test.cpp and examples named *_${component}.cpp may"
     bad=1
   done
 done <<LIST
