@@ -95,7 +95,7 @@ template <class State, class Json = nlohmann::json>
   if constexpr (detail::has_columns<State>) {
     const auto add = [&](const char* name, const std::vector<double>& column, std::size_t count, double none) {
       kept.push_back(column.empty() ? std::vector<double>(count, none) : column);
-      writer.template add_values<double>(name, {static_cast<std::int64_t>(count)}, kept.back());
+      writer.template add_values<double>(name, {static_cast<std::int64_t>(kept.back().size())}, kept.back());
     };
     kept.reserve(detail::most_columns);
     State::for_each_column(state, settings, detail::training_views(info), add);
