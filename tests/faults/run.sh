@@ -384,7 +384,7 @@ for ((trial = 1; trial <= pairs; ++trial)); do
       ended+=("${run%:*}")
     else
       [ "${run#*:}" = 2 ] || wrong "${run%:*} ended with ${run#*:}"
-      check_error "said_${run%:*}" 'another run\|finished run\|exists, and without its decoder\|decoder of an earlier run'
+      check_error "said_${run%:*}" 'another run\|finished run\|exists, and without\|decoder of an earlier run'
     fi
   done
   check_inputs
