@@ -278,6 +278,7 @@
 
 #include "compmark/codec/model/adopt_networks.hpp"
 #include "compmark/codec/model/coded_context.hpp"
+#include "compmark/codec/model/codec_fit_settings.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/codec/model/coded_views.hpp"
 #include "compmark/codec/model/held_steps.hpp"
@@ -384,6 +385,7 @@
 #include "compmark/watermark/embed/mark_phases.hpp"
 #include "compmark/watermark/embed/mark_report.hpp"
 #include "compmark/watermark/embed/posthoc_embedding.hpp"
+#include "compmark/watermark/embed/read_model.hpp"
 #include "compmark/watermark/embed/residual.hpp"
 #include "compmark/watermark/fit/decoder_fit.hpp"
 #include "compmark/watermark/fit/decoder_fit_settings.hpp"

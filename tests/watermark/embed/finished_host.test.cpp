@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <compmark/codec/model/codec_fit_settings.hpp>
 #include <compmark/watermark/embed/finished_host.hpp>
 #include <cstddef>
 #include <vector>
@@ -67,13 +68,8 @@ TEST_CASE("embed/finished_host: a codec is fitted to anchors that do not move") 
     return trainer.model();
   }();
   const auto bits_of = [&](double lambda) {
-    TrainSettings settings = testing::short_settings(80);
-    settings.grow_until = 0;
+    TrainSettings settings = codec_fit_settings(testing::short_settings(80));
     settings.rate.lambda = lambda;
-    settings.rate.noise_after = settings.rate.context_after = 0;
-    for (LearningRate* rate : {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity,
-                               &settings.mlp_covariance, &settings.mlp_color})
-      *rate = {};
     testing::BlobViews views;
     ThreadExecutor executor(2);
     Trainer<SmallHac, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);

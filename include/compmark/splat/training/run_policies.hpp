@@ -67,14 +67,19 @@ template <Recipe R>
   return typename R::HsvLoss();
 }
 
-/// Of a recipe with a DistortionLayer.
+/// Of a recipe with a DistortionLayer; one without Settings takes no numbers.
 template <Recipe R>
 [[nodiscard]] RecipeDistortion<R> distortion_layer(const MarkNumbers& mark) {
-  typename RecipeDistortion<R>::Settings settings;
-  if constexpr (requires { settings.base_step; }) settings.base_step = mark.distortion.feature_noise;
-  if constexpr (requires { settings.least_step; }) settings.least_step = mark.distortion.least_step;
-  if constexpr (requires { settings.rate_weight; }) settings.rate_weight = mark.distortion.rate_weight;
-  return RecipeDistortion<R>(settings);
+  if constexpr (requires { typename RecipeDistortion<R>::Settings; }) {
+    typename RecipeDistortion<R>::Settings settings;
+    if constexpr (requires { settings.base_step; }) settings.base_step = mark.distortion.feature_noise;
+    if constexpr (requires { settings.least_step; }) settings.least_step = mark.distortion.least_step;
+    if constexpr (requires { settings.rate_weight; }) settings.rate_weight = mark.distortion.rate_weight;
+    return RecipeDistortion<R>(settings);
+  } else {
+    static_cast<void>(mark);
+    return {};
+  }
 }
 
 }  // namespace compmark

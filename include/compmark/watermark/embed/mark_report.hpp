@@ -9,12 +9,14 @@
 #include <cstdint>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "compmark/splat/training/stage.hpp"
 #include "compmark/watermark/embed/drawn_reading.hpp"
 #include "compmark/watermark/embed/stages/frequency.hpp"
 #include "compmark/watermark/embed/stages/hsv.hpp"
 #include "compmark/watermark/embed/stages/message.hpp"
+#include "compmark/watermark/proof/message.hpp"
 
 namespace compmark {
 
@@ -29,6 +31,12 @@ struct MarkReport : ReadingReport {
 template <class Loop, class Decoder = typename Loop::RecipeType::MessageDecoder>
 void set_watermark(Loop& loop, Decoder decoder, std::span<const std::uint8_t> message) {
   loop.template stage<MessageStage>().set(std::move(decoder), message, loop.settings().mark);
+}
+template <class Loop, class Decoder = typename Loop::RecipeType::MessageDecoder>
+void set_watermark(Loop& loop, Decoder decoder, const Message& message) {
+  std::vector<std::uint8_t> bits(message.size());
+  for (std::size_t i = 0; i < bits.size(); ++i) bits[i] = message[i] ? 1 : 0;
+  set_watermark(loop, std::move(decoder), bits);
 }
 
 /// Of the stages of a context after Pipeline::loss.
