@@ -102,7 +102,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Result<SafetensorsFile> file = parse_safetensors(bytes, "fuzz");
   if (!file) std::abort();
   static_cast<void>(expect_kind(*file, FileKind::decoder));
-  const auto decoder = StoredDecoder<float>::read(*file, std::vector<double>(3 * 4, 0.25));
+  const auto decoder = StoredDecoder<float>::read(*file, DecoderKey{{1, 2, 3, 4}, 3});
   if (!decoder) {
     testing::require_words(decoder.error());
     return 0;

@@ -13,9 +13,9 @@
 #include <compmark/io/safetensors.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/rounding.hpp>
-#include <compmark/watermark/decoder/any_decoder.hpp>
 #include <compmark/watermark/decoder/decoder_file.hpp>
 #include <compmark/watermark/decoder/decoder_winograd.hpp>
+#include <compmark/watermark/decoder/hidden_decoder.hpp>
 #include <compmark/watermark/pretrain/pixel_embedding.hpp>
 #include <compmark/watermark/proof/calibrate.hpp>
 #include <compmark/watermark/proof/key.hpp>
@@ -32,7 +32,7 @@
 namespace {
 
 using namespace compmark;
-using Decoder = AnyDecoder<float, WinogradOrDirect>;
+using Decoder = HiddenDecoder<0, 0, 0, float, WinogradOrDirect>;
 
 OwnerKey owner(std::uint64_t number) {
   Digest256 secret{};

@@ -67,7 +67,7 @@ TEST_CASE("decoder/decoder_damage: of decoder files of every kind no damage is a
     REQUIRE(written.ok());
     testing::check_tensor_damage(kind, *read_file(path), [](const SafetensorsFile& file, const testing::FileBytes&) {
       return expect_kind(file, FileKind::decoder).ok() &&
-             StoredDecoder<float>::read(file, std::vector<double>(2 * 3, 0.5)).ok();
+             StoredDecoder<float>::read(file, DecoderKey{{1, 2, 3, 4}, 2}).ok();
     });
   };
   check("a hidden decoder", write_decoder<SafetensorsWriter>(testing::small_decoder(4, 5, 2), path));
@@ -101,7 +101,7 @@ TEST_CASE("decoder/decoder_damage: layers that shrink every image to nothing are
     weights.whiten_weight.assign(1, 1.0f);
     weights.whiten_bias.assign(1, 0.0f);
     REQUIRE(write_decoder<SafetensorsWriter>(weights, path).ok());
-    const auto read = StoredDecoder<float>::read(*read_safetensors(path), {1.0});
+    const auto read = StoredDecoder<float>::read(*read_safetensors(path), DecoderKey{{1, 2, 3, 4}, 1});
     CHECK(read.ok() == (count <= 4));  // 65536
     if (read.ok()) {
       CHECK(read->minimum_size() == (1 << 4 * count) << weights.input.haar_levels);

@@ -12,7 +12,7 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
-#include "compmark/watermark/decoder/any_decoder.hpp"
+#include "compmark/watermark/decoder/hidden_decoder.hpp"
 #include "support/decoder.hpp"
 
 using namespace compmark;
@@ -52,11 +52,11 @@ VerificationReport report_of(const Message& message, const std::vector<std::size
 
 TEST_CASE(
     "proof/report: logits read from an image are the decoder's, at any thread count; what cannot be read is refused") {
-  const Result<AnyDecoder<float>> decoder = AnyDecoder<float>::create(testing::small_decoder(8, 8, 2));
+  const auto decoder = HiddenDecoder<>::create(testing::small_decoder(8, 8, 2));
   REQUIRE(decoder.ok());
   std::vector<float> image = testing::random_image<float>(19, 23);
   const ImageView<const float> view{image.data(), 3, 19, 23};
-  AnyDecoder<float>::Context context;
+  HiddenDecoder<>::Context context;
   SerialExecutor serial;
   ThreadExecutor threads(3);
   std::vector<float> expected(8);

@@ -24,7 +24,6 @@
 #include "compmark/scene/image.hpp"
 #include "compmark/scene/turn.hpp"
 #include "compmark/version.hpp"
-#include "compmark/watermark/proof/carrier_stream.hpp"
 #include "compmark/watermark/proof/key.hpp"
 
 namespace compmark {
@@ -188,16 +187,9 @@ COMPMARK_APP_INLINE Result<OwnerKey> open_key(const std::filesystem::path& path)
 COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key) {
   const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
   if (!file) return file.error();
-  std::vector<double> carriers;
-  const auto kind = file->metadata.find("kind");
-  if (key != nullptr && kind != file->metadata.end() && kind->second == "carrier") {
-    const Result<DecoderWeights> weights = read_decoder(*file);
-    if (!weights) return weights.error();
-    if (Result<Done> fits = require_bits(*weights, static_cast<int>(key->bits), path.string()); !fits)
-      return fits.error();
-    carriers = make_carriers(carrier_seed(*key), static_cast<int>(key->bits), weights->dimension());
-  }
-  Result<FileDecoder> decoder = FileDecoder::read(*file, carriers);
+  std::optional<DecoderKey> secret;
+  if (key != nullptr) secret = decoder_key(*key);
+  Result<FileDecoder> decoder = FileDecoder::read(*file, secret);
   if (!decoder) return decoder.error();
   const int bits = decoder->bits();
   if (key != nullptr && bits != static_cast<int>(key->bits)) {

@@ -186,7 +186,7 @@ struct DecoderHead {
 namespace detail {
 [[nodiscard]] inline Error wrong_kind(const char* wanted, const std::string& file) {
   return {ErrorKind::invalid, file, "kind", std::string("is not a ") + wanted + " decoder",
-          "use AnyDecoder, which takes every kind"};
+          "use StoredDecoder, which takes every kind"};
 }
 }  // namespace detail
 

@@ -1,25 +1,29 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/watermark/decoder/any_decoder.hpp"
+#include "compmark/watermark/decoder/stored_decoder.hpp"
 
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <span>
+#include <type_traits>
 #include <vector>
 
 #include "compmark/core/random.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/io/safetensors.hpp"
 #include "compmark/testing/mark_laws.hpp"
 #include "compmark/watermark/decoder/concept.hpp"
 #include "compmark/watermark/decoder/reference_decoder.hpp"
 #include "compmark/watermark/proof/carriers.hpp"
 #include "support/decoder.hpp"
+#include "support/scene_files.hpp"
 
 namespace {
 
 using namespace compmark;
-static_assert(MessageDecoder<AnyDecoder<>> && present<AnyDecoder<>>);
+static_assert(MessageDecoder<StoredDecoder<>> && present<StoredDecoder<>>);
 static_assert(MessageDecoder<StridedDecoder<48, 32, 5, 2>> && MessageDecoder<CarrierDecoder<>>);
 
 std::vector<double> carriers(int bits, int dimension, std::uint64_t seed = 1) {
@@ -67,13 +71,13 @@ TEST_CASE("decoder/strided_decoder: equals the definition, and obeys the laws, a
   for (const int stem : {2, 4}) {
     DecoderWeights weights = testing::small_decoder(5, 8, 2, stem);
     weights.input = imagenet_convention(1);
-    const auto decoder = AnyDecoder<double>::create(weights);
+    const auto decoder = StridedDecoder<0, 0, 0, 0, double>::create(weights);
     REQUIRE(decoder.ok());
     CHECK(decoder->minimum_size() == 6 * stem);
     CHECK(testing::message_decoder_laws(*decoder, 6 * stem, 6 * stem + 3) == "");
     CHECK(testing::message_decoder_laws(*decoder, 29, 31) == "");
     SerialExecutor serial;
-    AnyDecoder<double>::Context context;
+    NetworkDecoder<double>::Context context;
     const auto image = testing::random_image<double>(29, 31);
     std::vector<double> logits(5);
     decoder->forward({image.data(), 3, 29, 31}, logits, context, serial);
@@ -92,7 +96,7 @@ TEST_CASE("decoder/carrier_decoder: poolings, strides and several taps equal the
   const Random random(4, 0, 0);
   for (std::size_t i = 0; i < weights.whiten_weight.size(); ++i) weights.whiten_weight[i] = random.centered(i);
   const std::vector<double> frame = carriers(5, dimension);
-  const auto decoder = AnyDecoder<double>::create(weights, frame);
+  const auto decoder = CarrierDecoder<double>::create(weights, frame);
   REQUIRE(decoder.ok());
   CHECK(decoder->bits() == 5);
   CHECK(testing::message_decoder_laws(*decoder, 67, 75) == "");
@@ -100,7 +104,7 @@ TEST_CASE("decoder/carrier_decoder: poolings, strides and several taps equal the
   const auto image = testing::random_image<double>(67, 75);
   const auto features = reference_features<double>(weights, {image.data(), 3, 67, 75});
   SerialExecutor serial;
-  AnyDecoder<double>::Context context;
+  CarrierDecoder<double>::Context context;
   std::vector<double> logits(5);
   decoder->forward({image.data(), 3, 67, 75}, logits, context, serial);
   for (std::size_t b = 0; b < 5; ++b) {
@@ -174,10 +178,10 @@ TEST_CASE("decoder/carrier_decoder: after calibration the logits of other images
   const Pictures pictures(200, 24, 20);
   REQUIRE(calibrate_carriers(weights, 150, pictures, 10, true, executor));
   CHECK(weights.dimension() == 10);
-  const auto decoder = AnyDecoder<float>::create(weights, carriers(6, 10));
+  const auto decoder = CarrierDecoder<float>::create(weights, carriers(6, 10));
   REQUIRE(decoder.ok());
   CHECK(decoder->logit_scale() == 1);
-  AnyDecoder<float>::Context context;
+  CarrierDecoder<float>::Context context;
   std::vector<float> logits(6);
   double square = 0, sum = 0;
   for (std::size_t i = 0; i < 200; ++i) {
@@ -192,11 +196,11 @@ TEST_CASE("decoder/carrier_decoder: after calibration the logits of other images
   CHECK(std::abs(sum) < 0.1);
 }
 
-TEST_CASE("decoder/any_decoder: one line where the carriers are missing; the kind is the file's") {
+TEST_CASE("decoder/carrier_decoder: one line where the carriers are missing, or the kind is another") {
   DecoderWeights weights = small_alex();
   weights.whiten_weight.assign(4 * static_cast<std::size_t>(weights.features()), 0.1f);
   weights.whiten_bias.assign(4, 0.0f);
-  const auto refused = AnyDecoder<float>::create(weights, {}, "a.safetensors");
+  const auto refused = CarrierDecoder<float>::create(weights, {}, "a.safetensors");
   REQUIRE(!refused.ok());
   CHECK(refused.error().line() ==
         "a.safetensors: carriers: the decoder needs carriers in 4 dimensions; give the key: carriers come from its "
@@ -204,6 +208,43 @@ TEST_CASE("decoder/any_decoder: one line where the carriers are missing; the kin
   CHECK(require_bits(weights, 4).ok());
   CHECK(!require_bits(weights, 5).ok());
   CHECK(!CarrierDecoder<>::create(testing::small_decoder(4, 5, 2), carriers(2, 4)).ok());
-  CHECK(AnyDecoder<float>::create(testing::small_decoder(4, 5, 2))->bits() == 4);
-  CHECK(AnyDecoder<float>::create(testing::small_decoder(7, 5, 2, 2))->bits() == 7);
+}
+
+TEST_CASE(
+    "decoder/stored_decoder: the file says the kind, and the key the carriers; logits are those of the kind's own "
+    "type") {
+  const testing::TemporaryFolder folder;
+  const auto path = folder.path() / "decoder.safetensors";
+  const auto image = testing::random_image<double>(67, 75);
+  const ImageView<const double> view{image.data(), 3, 67, 75};
+  SerialExecutor serial;
+  const auto logits = [&](const auto& decoder) {
+    typename std::remove_cvref_t<decltype(decoder)>::Context context;
+    std::vector<double> read(static_cast<std::size_t>(decoder.bits()));
+    decoder.forward(view, std::span<double>(read), context, serial);
+    return read;
+  };
+  for (const int stem : {1, 2}) {
+    const DecoderWeights weights = testing::small_decoder(7, 5, 2, stem);
+    REQUIRE(write_decoder<SafetensorsWriter>(weights, path).ok());
+    const auto read = StoredDecoder<double>::read(*read_safetensors(path));
+    REQUIRE(read.ok());
+    CHECK(read->logit_scale() == weights.logit_scale);
+    CHECK(logits(*read) == (stem == 1 ? logits(*HiddenDecoder<0, 0, 0, double>::create(weights))
+                                      : logits(*StridedDecoder<0, 0, 0, 0, double>::create(weights))));
+  }
+  DecoderWeights weights = small_alex();
+  weights.width = 6;
+  weights.depth = 3;
+  weights.whiten_weight.assign(4 * static_cast<std::size_t>(weights.features()), 0.1f);
+  weights.whiten_bias.assign(4, 0.0f);
+  REQUIRE(write_decoder<SafetensorsWriter>(weights, path).ok());
+  const auto file = read_safetensors(path);
+  const DecoderKey key{{1, 2, 3, 4}, 3};
+  const auto read = StoredDecoder<double>::read(*file, key);
+  REQUIRE(read.ok());
+  CHECK(logits(*read) == logits(*CarrierDecoder<double>::create(weights, make_carriers(key.seed, 3, 4))));
+  CHECK(logits(*read) != logits(*StoredDecoder<double>::read(*file, DecoderKey{{1, 2, 3, 5}, 3})));
+  CHECK(StoredDecoder<double>::read(*file).error().field == "carriers");
+  CHECK(StoredDecoder<double>::read(*file, DecoderKey{key.seed, 5}).error().field == "bits");
 }
