@@ -50,4 +50,44 @@ template <class T>
           T(-0.5900435899266435) * x * (xx - T(3) * yy)};
 }
 
+/// sum_i weight_i dY_i/d(x, y, z) of the first `count` basis functions as polynomials in x, y, z. Of a function of the
+/// direction alone only the part across the direction has a meaning: project it there.
+template <class T>
+[[nodiscard]] COMPMARK_INLINE std::array<T, 3> sh_gradient(const std::array<T, 3>& direction, const T* weight,
+                                                           std::size_t count) {
+  const T x = direction[0], y = direction[1], z = direction[2];
+  std::array<T, 3> d{};
+  const auto add = [&](std::size_t i, T dx, T dy, T dz) {
+    d[0] += weight[i] * dx;
+    d[1] += weight[i] * dy;
+    d[2] += weight[i] * dz;
+  };
+  if (count > 1) {
+    add(1, T(0), T(-0.4886025119029199), T(0));
+    add(2, T(0), T(0), T(0.4886025119029199));
+    add(3, T(-0.4886025119029199), T(0), T(0));
+  }
+  if (count > 4) {
+    const T c1 = T(1.0925484305920792), c2 = T(0.31539156525252005), c3 = T(0.5462742152960396);
+    add(4, c1 * y, c1 * x, T(0));
+    add(5, T(0), -c1 * z, -c1 * y);
+    add(6, T(-2) * c2 * x, T(-2) * c2 * y, T(4) * c2 * z);
+    add(7, -c1 * z, T(0), -c1 * x);
+    add(8, T(2) * c3 * x, T(-2) * c3 * y, T(0));
+  }
+  if (count > 9) {
+    const T xx = x * x, yy = y * y, zz = z * z, xy = x * y, yz = y * z, xz = x * z;
+    const T c1 = T(0.5900435899266435), c2 = T(2.890611442640554), c3 = T(0.4570457994644658),
+            c4 = T(0.3731763325901154), c5 = T(1.445305721320277);
+    add(9, T(-6) * c1 * xy, T(-3) * c1 * (xx - yy), T(0));
+    add(10, c2 * yz, c2 * xz, c2 * xy);
+    add(11, T(2) * c3 * xy, -c3 * (T(4) * zz - xx - T(3) * yy), T(-8) * c3 * yz);
+    add(12, T(-6) * c4 * xz, T(-6) * c4 * yz, c4 * (T(6) * zz - T(3) * xx - T(3) * yy));
+    add(13, -c3 * (T(4) * zz - T(3) * xx - yy), T(2) * c3 * xy, T(-8) * c3 * xz);
+    add(14, T(2) * c5 * xz, T(-2) * c5 * yz, c5 * (xx - yy));
+    add(15, T(-3) * c1 * (xx - yy), T(6) * c1 * xy, T(0));
+  }
+  return d;
+}
+
 }  // namespace compmark

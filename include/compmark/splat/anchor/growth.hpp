@@ -104,7 +104,7 @@ class GradientGrowth {
     COMPMARK_ASSERT(columns.offset.columns == 3 * offsets(), "GradientGrowth: Settings::offsets is not the table's");
     typename State::Scratch& scratch = state.scratch;
     GrowthReport report;
-    report.non_finite = drop_non_finite(state.statistics);
+    report.non_finite = detail::drop_non_finite(state.statistics);
     find_hot(state.statistics, scratch);
 
     prune_by_opacity(state.statistics, prune_settings(), scratch.kept);
@@ -116,7 +116,7 @@ class GradientGrowth {
       report.kept_last = true;
     }
     report.grown = scratch.newborn.size();
-    reset_judged(state.statistics);
+    detail::reset_judged(state.statistics, prune_settings());
     if (report.grown != 0 || report.pruned != 0) {
       const RowEdit edit{scratch.kept, scratch.newborn.size()};
       const ArenaLayout old_layout = arena.layout();
@@ -143,42 +143,14 @@ class GradientGrowth {
     return static_cast<double>(settings_.interval) * settings_.success_threshold;
   }
   [[nodiscard]] PruneSettings prune_settings() const { return {enough_visits(), settings_.min_opacity}; }
-  [[nodiscard]] bool eligible(const GrowthStatistics<T>& statistics, std::size_t slot) const {
-    return static_cast<double>(statistics.gradient_count[slot]) > enough_visits() * 0.5;
-  }
-
-  /// NaN and infinity must neither grow nor vanish: they are counted and their statistics start again (AN5).
-  static std::size_t drop_non_finite(GrowthStatistics<T>& statistics) {
-    const auto drop = [](Buffer<T>& sum, Buffer<T>& count) {
-      std::size_t dropped = 0;
-      for (std::size_t i = 0; i < sum.size(); ++i) {
-        if (std::isfinite(sum[i])) continue;
-        sum[i] = count[i] = T{};
-        ++dropped;
-      }
-      return dropped;
-    };
-    return drop(statistics.opacity_sum, statistics.visits) + drop(statistics.gradient_sum, statistics.gradient_count);
-  }
-
   /// Judged Gaussians at or above the lowest threshold. What was never on screen (0 / 0) is not judged.
   void find_hot(const GrowthStatistics<T>& statistics, typename State::Scratch& scratch) const {
     scratch.hot.clear();
     for (std::size_t slot = 0; slot < statistics.slots(); ++slot) {
-      if (!eligible(statistics, slot)) continue;
+      if (!detail::eligible(statistics, slot, prune_settings())) continue;
       const T gradient = statistics.gradient_sum[slot] / statistics.gradient_count[slot];
       if (gradient >= static_cast<T>(settings_.gradient_threshold))
         scratch.hot.push_back({static_cast<std::uint32_t>(slot), gradient});
-    }
-  }
-
-  void reset_judged(GrowthStatistics<T>& statistics) const {
-    for (std::size_t slot = 0; slot < statistics.slots(); ++slot) {
-      if (eligible(statistics, slot)) statistics.gradient_sum[slot] = statistics.gradient_count[slot] = T{};
-    }
-    for (std::size_t anchor = 0; anchor < statistics.anchors(); ++anchor) {
-      if (judged(statistics, anchor, prune_settings()))
-        statistics.opacity_sum[anchor] = statistics.visits[anchor] = T{};
     }
   }
 

@@ -41,6 +41,38 @@ void prune_by_opacity(const GrowthStatistics<T>& statistics, const PruneSettings
   }
 }
 
+namespace detail {
+/// Whether a Gaussian was on screen often enough to be judged: half as often as its anchor must have been visited.
+template <class T>
+[[nodiscard]] bool eligible(const GrowthStatistics<T>& statistics, std::size_t slot, const PruneSettings& settings) {
+  return static_cast<double>(statistics.gradient_count[slot]) > settings.more_visits_than * 0.5;
+}
+/// NaN and infinity must neither grow nor vanish: they are counted and their statistics start again (AN5).
+template <class T>
+std::size_t drop_non_finite(GrowthStatistics<T>& statistics) {
+  const auto drop = [](Buffer<T>& sum, Buffer<T>& count) {
+    std::size_t dropped = 0;
+    for (std::size_t i = 0; i < sum.size(); ++i) {
+      if (std::isfinite(sum[i])) continue;
+      sum[i] = count[i] = T{};
+      ++dropped;
+    }
+    return dropped;
+  };
+  return drop(statistics.opacity_sum, statistics.visits) + drop(statistics.gradient_sum, statistics.gradient_count);
+}
+/// The statistics of what was judged start again.
+template <class T>
+void reset_judged(GrowthStatistics<T>& statistics, const PruneSettings& settings) {
+  for (std::size_t slot = 0; slot < statistics.slots(); ++slot) {
+    if (eligible(statistics, slot, settings)) statistics.gradient_sum[slot] = statistics.gradient_count[slot] = T{};
+  }
+  for (std::size_t anchor = 0; anchor < statistics.anchors(); ++anchor) {
+    if (judged(statistics, anchor, settings)) statistics.opacity_sum[anchor] = statistics.visits[anchor] = T{};
+  }
+}
+}  // namespace detail
+
 /// The anchor of highest mean opacity, the first of equals; 0 if none was ever visited.
 template <class T>
 [[nodiscard]] std::uint32_t most_opaque_anchor(const GrowthStatistics<T>& statistics) {
