@@ -87,9 +87,10 @@ ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageVi
   report.departure =
       detail::square_departure<Scalar>(context.image, host, static_cast<Scalar>(fidelity), context.d_image,
                                        context.template of<MessageStage>().departure, executor);
-  const double weight = context.phases.template of<MessageStage>().weight;
+  const auto& phase = context.phases.template of<MessageStage>();
+  const double weight = phase.weight;
   const MessageReport read = pipeline.template stage<MessageStage>().pull(
-      context.image, context.d_image, weight, context.template of<MessageStage>(), executor);
+      context.image, context.d_image, phase, context.template of<MessageStage>(), executor);
   report.message = read.loss;
   report.bits = read.bits;
   report.matches = read.matches;

@@ -15,6 +15,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
+#include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/stage.hpp"
@@ -30,7 +31,8 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   using Scalar = typename Decoder::Scalar;
   using Own = StageOfLoss<MessageStage>;
   struct Phase {
-    double weight = 0;  ///< of the mean loss of a bit; 0: the message is not read
+    double weight = 0;         ///< of the mean loss of a bit; 0: the message is not read
+    StageIteration iteration;  ///< whose edits a decoder draws that has some (watermark/edit/edit_chain.hpp)
   };
   struct Context {
     MessageReport report;  ///< of the last loss; no bits: it was not read
@@ -66,6 +68,7 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   }
   void set_phase(const StageIteration& iteration, Phase& phase) const {
     phase.weight = phases_.weights(iteration.t).message;
+    phase.iteration = iteration;
   }
   void weigh_losses(const StageIteration& iteration, double& image_weight) const {
     COMPMARK_ASSERT(!phases_.held(),
@@ -81,20 +84,26 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
 
   template <class Pass, class Report>
   void loss(const Pass& pass, const Own& own, Report& report) const {
-    own.context.report = pull(pass.context.image, pass.context.d_image, own.phase.weight, own.context, pass.executor);
+    own.context.report = pull(pass.context.image, pass.context.d_image, own.phase, own.context, pass.executor);
     report.total += own.phase.weight * own.context.report.loss;
   }
-  /// Reads the message and ADDS weight times the gradient of its loss into d_image. A weight of 0 reads nothing.
+  /// Reads the message, of the edited image where the decoder has edits, and ADDS the phase's weight times the gradient
+  /// of its loss into d_image. A weight of 0 reads nothing.
   template <class E>
-  MessageReport pull(ImageView<const Scalar> image, ImageView<Scalar> d_image, double weight, Context& context,
+  MessageReport pull(ImageView<const Scalar> image, ImageView<Scalar> d_image, const Phase& phase, Context& context,
                      E& executor) const {
-    if (weight == 0 || message.empty()) return {};
-    const std::span<const Scalar> logits = read(image, context, executor);
+    if (phase.weight == 0 || message.empty()) return {};
+    if constexpr (has_edits) {
+      const Random random(phase.iteration.seed, static_cast<std::uint64_t>(phase.iteration.t),
+                          random_stage("message edits"));
+      decoder.draw_edits(context.decoder, &random);
+    }
+    const std::span<const Scalar> logits = logits_of(image, context, executor);
     COMPMARK_ASSERT(logits.size() == message.size(), "MessageStage: the message has not the decoder's length");
     context.d_logits.resize(logits.size());
     std::fill(context.d_logits.begin(), context.d_logits.end(), Scalar(0));
     const MessageReport report =
-        message_loss.forward_backward(logits, message, static_cast<Scalar>(weight), context.d_logits.span());
+        message_loss.forward_backward(logits, message, static_cast<Scalar>(phase.weight), context.d_logits.span());
     decoder.backward(std::span<const Scalar>(context.d_logits.data(), logits.size()), d_image, context.decoder,
                      executor);
     return report;
@@ -102,13 +111,24 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   /// Logits of an image, valid until the next call in this context.
   template <class E>
   [[nodiscard]] std::span<const Scalar> read(ImageView<const Scalar> image, Context& context, E& executor) const {
+    if constexpr (has_edits) decoder.draw_edits(context.decoder, nullptr);
+    return logits_of(image, context, executor);
+  }
+
+ private:
+  static constexpr bool has_edits =
+      requires(const Decoder& edited, typename Decoder::Context& own, const Random& random) {
+    edited.draw_edits(own, &random);
+  };
+
+  template <class E>
+  [[nodiscard]] std::span<const Scalar> logits_of(ImageView<const Scalar> image, Context& context, E& executor) const {
     const auto bits = static_cast<std::size_t>(decoder.bits());
     context.logits.resize(bits);
     decoder.forward(image, context.logits.span(), context.decoder, executor);
     return {context.logits.data(), bits};
   }
 
- private:
   MarkPhases phases_;
 };
 
