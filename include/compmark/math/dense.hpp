@@ -57,48 +57,32 @@ template <class T, int W, ProductShape shape, int Rows, int Packs, class Start, 
 inline void product_tile(const T* a, const T* b, T* c, int row, int column, const Start& start, const Finish& finish) {
   using P = Pack<T, W>;
   P sum[Rows][Packs];
-#if !defined(__clang__)
-#pragma GCC unroll 24
-#endif
+  COMPMARK_GCC_UNROLL(24)
   for (int r = 0; r < Rows; ++r) {
-#if !defined(__clang__)
-#pragma GCC unroll 3
-#endif
+    COMPMARK_GCC_UNROLL(3)
     for (int p = 0; p < Packs; ++p) {
       sum[r][p] = start(row + r, column + p * W, c + (row + r) * shape.c_row + column + p * W);
     }
   }
   const T* a_tile = a + row * shape.a_row;
   const T* b_tile = b + column;
-#if !defined(__clang__)
-#pragma GCC unroll 1
-#endif
+  COMPMARK_GCC_UNROLL(1)
   for (int step = 0; step < shape.steps; ++step) {
     P row_of_b[Packs];
-#if !defined(__clang__)
-#pragma GCC unroll 3
-#endif
+    COMPMARK_GCC_UNROLL(3)
     for (int p = 0; p < Packs; ++p) row_of_b[p] = P::load(b_tile + p * W);
-#if !defined(__clang__)
-#pragma GCC unroll 24
-#endif
+    COMPMARK_GCC_UNROLL(24)
     for (int r = 0; r < Rows; ++r) {
       const P element(a_tile[r * shape.a_row]);
-#if !defined(__clang__)
-#pragma GCC unroll 3
-#endif
+      COMPMARK_GCC_UNROLL(3)
       for (int p = 0; p < Packs; ++p) sum[r][p] = fma(element, row_of_b[p], sum[r][p]);
     }
     a_tile += shape.a_step;
     b_tile += shape.b_step;
   }
-#if !defined(__clang__)
-#pragma GCC unroll 24
-#endif
+  COMPMARK_GCC_UNROLL(24)
   for (int r = 0; r < Rows; ++r) {
-#if !defined(__clang__)
-#pragma GCC unroll 3
-#endif
+    COMPMARK_GCC_UNROLL(3)
     for (int p = 0; p < Packs; ++p) {
       finish(row + r, column + p * W, sum[r][p]).store(c + (row + r) * shape.c_row + column + p * W);
     }

@@ -76,11 +76,7 @@ ContextGsHandles add_context_gs_blocks(ParameterArena<T>& arena, std::size_t anc
   }
   handles.prior = add("context_gs.prior", Prior::channels, Prior::parameters, context_schedule);
   handles.cells = add("context_gs.cells", 1, 4, LearningSchedule::fixed());
-  handles.box = add("context.box", 2, 3, LearningSchedule::fixed());
-  handles.statistics = add("context.statistics", 2, Attributes::scalars, LearningSchedule::fixed());
-  handles.feature = arena.layout().find("anchor.feature");
-  handles.scaling = arena.layout().find("anchor.scaling");
-  handles.offset = arena.layout().find("anchor.offset");
+  add_common_blocks<Attributes>(arena, handles);
   return handles;
 }
 

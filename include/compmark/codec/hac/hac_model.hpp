@@ -44,8 +44,6 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
   using Base = AnchorRateModel<T, feature_dim, offsets, HacHandles>;
   using typename Base::EntryTables;
   using typename Base::RowScratch;
-  template <class U>
-  using Tables = typename Base::template Tables<U>;
 
  public:
   using typename Base::Attributes;
@@ -115,7 +113,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
                            settings_.anchor_mask};
     context.entries.template draw<T>(rows, sample, phase, arena.values(handles.mask), report);
     set_weights(position.rows, report, context);
-    const Tables<T> to{feature, scaling, offset};
+    const typename Base::template Tables<T> to{feature, scaling, offset};
     context.resize_noise(context.entries.capacity);
     context.scratch.resize(executor.concurrency());
     const Random random(phase.seed, phase.iteration, random_stage("hac noise"));
@@ -152,7 +150,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
       std::fill_n(partial, partials, 0.0);
       std::copy_n(sums.data(), 3, partial + 4);
     });
-    const Tables<const T> raw = Base::template tables<const T>(arena, handles);
+    const typename Base::template Tables<const T> raw = Base::template tables<const T>(arena, handles);
     executor.for_chunks(context.entries.capacity - context.entries.first_full, panel,
                         [&](std::size_t begin, std::size_t, std::size_t worker) {
                           full_panel(arena, handles, context.entries.first_full + begin, box, position, random, to, raw,
@@ -168,7 +166,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
   void backward(ParameterArena<T>& arena, const Handles& handles, std::span<const std::uint32_t> rows,
                 MatrixView<T> d_feature, MatrixView<T> d_scaling, MatrixView<T> d_offset, Context& context,
                 E& executor) const {
-    const Tables<T> d_rows{d_feature, d_scaling, d_offset};
+    const typename Base::template Tables<T> d_rows{d_feature, d_scaling, d_offset};
     COMPMARK_ASSERT(context.phase.context || rows.size() == context.entries.light,
                     "HacModel: not the rows of the last forward");
     static_cast<void>(rows);
@@ -201,7 +199,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
                              sums_of(first / light_grain), context);
       }
     });
-    const Tables<T> outside = Base::template tables<T>(arena, handles);
+    const typename Base::template Tables<T> outside = Base::template tables<T>(arena, handles);
     const std::size_t full_grain = std::max<std::size_t>(1, chunk_count(full_panels, most_chunks));
     const MatrixView<const T> mask = std::as_const(arena).values(handles.mask);
     const MatrixView<T> d_mask = arena.gradients(handles.mask);
@@ -272,8 +270,8 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     see(unit, s, context);
   }
   void full_panel(const ParameterArena<T>& arena, const Handles& handles, std::size_t begin, MatrixView<const T> box,
-                  MatrixView<const T> position, const Random& random, const Tables<T>& to, const Tables<const T>& raw,
-                  Scratch& s, Context& context) const {
+                  MatrixView<const T> position, const Random& random, const typename Base::template Tables<T>& to,
+                  const typename Base::template Tables<const T>& raw, Scratch& s, Context& context) const {
     const std::size_t end = std::min(begin + panel, context.entries.first_full + context.entries.full);
     see(box, position, begin, end, s, context);
     Network::all_outputs(context.packed.data(), s.hidden, s.output);
@@ -320,7 +318,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
   /// Carries the light entries' gradients back to their rows; lists those whose steps have one and are drawn. Returns
   /// how many.
   template <Executor E>
-  std::size_t light_gradients(const Tables<T>& d, Context& context, E& executor) const {
+  std::size_t light_gradients(const typename Base::template Tables<T>& d, Context& context, E& executor) const {
     context.d_step.resize(context.entries.light * 3);
     const Random random(context.phase.seed, context.phase.iteration, random_stage("hac steps"));
     executor.for_chunks(context.entries.light, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
@@ -353,7 +351,8 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
     Network::backward_tail(context.packed.data(), s.input, s.hidden, s.tail, s.d_hidden, s.d_input, sums);
     spread(begin, back_rows, s, context);
   }
-  void full_panel_backward(std::size_t begin, const Tables<T>& d, const Tables<T>& outside, MatrixView<const T> mask,
+  void full_panel_backward(std::size_t begin, const typename Base::template Tables<T>& d,
+                           const typename Base::template Tables<T>& outside, MatrixView<const T> mask,
                            MatrixView<T> d_mask, Scratch& s, T* sums, Context& context) const {
     const std::size_t end = std::min(begin + panel, context.entries.first_full + context.entries.full);
     std::fill(std::begin(s.output), std::end(s.output), T(0));

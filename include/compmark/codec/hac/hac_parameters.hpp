@@ -38,6 +38,20 @@ struct HacHandles {
 /// first (docs/spec/compression.md, 1.8).
 inline constexpr LearningSchedule context_schedule{0.005, 0.00001, RateUnit::one, 10000};
 
+/// The blocks that every context has: the box of the positions, and mean and deviation of the scalars; and those of the
+/// anchors, where the arena has them.
+template <class Attributes, class Handles, class T>
+void add_common_blocks(ParameterArena<T>& arena, Handles& handles) {
+  const auto add = [&](const char* name, std::size_t columns) {
+    return arena.add(name, 2, columns, RowKind::fixed, BlockRole::context, LearningSchedule::fixed());
+  };
+  handles.box = add("context.box", 3);
+  handles.statistics = add("context.statistics", static_cast<std::size_t>(Attributes::scalars));
+  handles.feature = arena.layout().find("anchor.feature");
+  handles.scaling = arena.layout().find("anchor.scaling");
+  handles.offset = arena.layout().find("anchor.offset");
+}
+
 template <class T, class Network, class Attributes, HashGridShape shape>
 HacHandles add_hac_blocks(ParameterArena<T>& arena, std::size_t anchor_rows, std::size_t offsets) {
   const auto add = [&](const char* name, int rows, int columns, const LearningSchedule& schedule) {
@@ -52,11 +66,7 @@ HacHandles add_hac_blocks(ParameterArena<T>& arena, std::size_t anchor_rows, std
   handles.bias1 = add("context.0.bias", 1, Network::hidden, context_schedule);
   handles.weight2 = add("context.2.weight", Network::outputs, Network::hidden, context_schedule);
   handles.bias2 = add("context.2.bias", 1, Network::outputs, context_schedule);
-  handles.box = add("context.box", 2, 3, LearningSchedule::fixed());
-  handles.statistics = add("context.statistics", 2, Attributes::scalars, LearningSchedule::fixed());
-  handles.feature = arena.layout().find("anchor.feature");
-  handles.scaling = arena.layout().find("anchor.scaling");
-  handles.offset = arena.layout().find("anchor.offset");
+  add_common_blocks<Attributes>(arena, handles);
   return handles;
 }
 

@@ -74,9 +74,6 @@ class ReferenceDecoder {
   using Scalar = T;
   static constexpr DecoderShape shape = decoder_shape;
   using Handles = DecoderHandles<shape>;
-  template <class U>
-  using ParamsOf = DecoderParams<U, shape>;
-  using Params = ParamsOf<T>;
 
   struct Settings {
     double min_distance = 1e-12;  ///< as in MlpDecoder
@@ -164,7 +161,7 @@ class ReferenceDecoder {
                 ParameterArena<T>& arena, const Handles& handles, const GaussianColumns<const T>& d_gaussians,
                 const AnchorColumns<T>& d_table, Context& context, E& /*executor*/) const {
     const auto params = decoder_values<shape>(static_cast<const ParameterArena<T>&>(arena), handles);
-    const Params d_params = decoder_gradients<shape>(arena, handles);
+    const DecoderParams<T, shape> d_params = decoder_gradients<shape>(arena, handles);
     std::vector<Outputs> d_outputs(visible.size());
     for (std::size_t row = 0; row < context.gaussians.size(); ++row) {
       const auto [n, k] = context.gaussians[row];
@@ -277,7 +274,8 @@ class ReferenceDecoder {
   }
 
   void decode(const AnchorColumns<const T>& table, std::size_t row, const std::array<double, 3>& center,
-              [[maybe_unused]] std::size_t view_index, const ParamsOf<const T>& params, Anchor& anchor) const {
+              [[maybe_unused]] std::size_t view_index, const DecoderParams<const T, shape>& params,
+              Anchor& anchor) const {
     // In the wider of T and double, so that the subtraction keeps its digits far from the origin
     // (docs/spec/numerics.md, PR7).
     using Wide = decltype(T{} + double{});
