@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A trained model as one small file, and the way back, damaged files included. The codec is the one that the model was
-// trained for, or that the file names. What codec/container/cmk.hpp does on any executor is here compiled once, on threads.
+// trained for, or that the file names. What codec/container/cmk.hpp does on any executor is here compiled once, on
+// threads.
 #pragma once
 
 #include <cstddef>

@@ -142,8 +142,8 @@ inline constexpr const char* npy_type = [] {
   if constexpr (std::is_same_v<T, std::uint8_t>) return "|u1";
 }();
 
-/// The file of an array: `values` has as many numbers as `shape` says, the last index running fastest. The numbers begin
-/// at a multiple of 64 bytes, as NumPy wants it.
+/// The file of an array: `values` has as many numbers as `shape` says, the last index running fastest. The numbers
+/// begin at a multiple of 64 bytes, as NumPy wants it.
 template <class T>
 [[nodiscard]] std::vector<std::byte> npy_bytes(std::span<const std::size_t> shape, std::span<const T> values) {
   std::string header = std::string("{'descr': '") + npy_type<T> + "', 'fortran_order': False, 'shape': (";

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // An owner's key and its file. One secret of 256 bits gives everything by HKDF under a label of its purpose
-// (watermark/proof/key.hpp), so that a message that becomes known says nothing about the carriers. The commitment binds secret,
-// creation time and message length and reveals none: published before a model is, it shows later that the key is not
-// one made to fit (docs/spec/watermark.md, 5). The file is JSON, readable by its owner only, never overwritten: a lost
-// key cannot be made again. The library has no clock: the caller gives the time.
+// (watermark/proof/key.hpp), so that a message that becomes known says nothing about the carriers. The commitment binds
+// secret, creation time and message length and reveals none: published before a model is, it shows later that the key
+// is not one made to fit (docs/spec/watermark.md, 5). The file is JSON, readable by its owner only, never overwritten:
+// a lost key cannot be made again. The library has no clock: the caller gives the time.
 #pragma once
 
 #include <algorithm>

@@ -6,7 +6,7 @@
 // z at 0.0075, its prior at 0.005 to 0.00001.
 //
 //   ContextGs<Host>                       Host with anchor levels, hyperprior, adaptive steps and offset masks
-//   ContextGsScaffold, ContextGsAlpha …   the recipes of captures with the paper's anchors: D = 50, K = 10, distance input
+//   ContextGsScaffold, ContextGsAlpha …   recipes of captures with the paper's anchors: D = 50, K = 10, distance input
 //   ContextGsFitted, ContextGsFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay as they are
 #pragma once
 

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The stages of a recipe, in the order in which they are called: those of the policies that it names, and after them
-// its own, if it has a list `Stages`. This is the one place that knows the stages of both wings. To add a stage of one's own, that list is all: `struct Mine : recipes::Scaffold {
-// using Stages = StageList<MyStage>; };`. Cost: none.
+// its own, if it has a list `Stages`. This is the one place that knows the stages of both wings. To add a stage of
+// one's own, that list is all: `struct Mine : recipes::Scaffold { using Stages = StageList<MyStage>; };`. Cost: none.
 #pragma once
 
 #include <type_traits>

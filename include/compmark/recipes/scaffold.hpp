@@ -62,8 +62,8 @@ struct Policies : DefaultRecipe<typename Anchors::Scalar, Anchors::shape> {
 
 namespace recipes {
 
-/// A recipe whose renders leave out anchors that are too small to be seen (splat/anchor/level_of_detail.hpp). Its blocks are
-/// those of the recipe, so that a model file of one is read as the other.
+/// A recipe whose renders leave out anchors that are too small to be seen (splat/anchor/level_of_detail.hpp). Its
+/// blocks are those of the recipe, so that a model file of one is read as the other.
 template <class Complete, DetailLimit limit = DetailLimit{}>
 struct WithDetail : Complete {
   using AnchorModel = LevelOfDetail<typename Complete::AnchorModel, limit>;

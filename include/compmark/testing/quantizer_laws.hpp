@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The laws of a Quantizer (splat/quantizer/concept.hpp) as a function a plug-in's own tests can call. Empty text means that they
-// hold.
+// The laws of a Quantizer (splat/quantizer/concept.hpp) as a function a plug-in's own tests can call. Empty text means
+// that they hold.
 #pragma once
 
 #include <cmath>

@@ -30,7 +30,8 @@ struct FloatContext {
 };
 
 /// Bits of weights, sign included, 2 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of
-/// extents, which need 13 (codec/container/network_choice.hpp finds out). The three rows of the steps always have at least 12.
+/// extents, which need 13 (codec/container/network_choice.hpp finds out). The three rows of the steps always have at
+/// least 12.
 struct WeightBits {
   int hidden = 12;                      ///< first layer
   std::array<int, 3> mean{12, 12, 12};  ///< second layer, by attribute group

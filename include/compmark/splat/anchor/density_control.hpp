@@ -46,8 +46,8 @@ struct AdaptContext {
       std::numeric_limits<double>::infinity();  ///< Gaussians farther from its centre give no birth, world units
 };
 
-/// The same for a scene whose cells are not cubes of the world (splat/anchor/space.hpp). A policy that knows of no space
-/// takes the base.
+/// The same for a scene whose cells are not cubes of the world (splat/anchor/space.hpp). A policy that knows of no
+/// space takes the base.
 template <class S>
 struct SpaceAdaptContext : AdaptContext {
   [[no_unique_address]] S space;

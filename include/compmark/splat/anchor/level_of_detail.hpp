@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // An AnchorModel around another one that leaves out what is too small to be seen from far away: an anchor is decoded if
-// the largest standard deviation that its Gaussians can have, exp(max of the last three of its scaling) f / z pixels, is
-// at least `least_pixels`. f is the larger focal length, z the depth, held at the near plane. It approximates: what is
-// left out is missing from the image. What a threshold costs in time and in error is measured in docs/effects.md; 0
-// leaves out nothing, to the bit. A renderer chooses it for a trained model, whose blocks are the other model's.
-// Cost: a logarithm and a product of three a visible anchor.
+// the largest standard deviation that its Gaussians can have, exp(max of the last three of its scaling) f / z pixels,
+// is at least `least_pixels`. f is the larger focal length, z the depth, held at the near plane. It approximates: what
+// is left out is missing from the image. What a threshold costs in time and in error is measured in docs/effects.md; 0
+// leaves out nothing, to the bit. A renderer chooses it for a trained model, whose blocks are the other model's. Cost:
+// a logarithm and a product of three a visible anchor.
 #pragma once
 
 #include <algorithm>

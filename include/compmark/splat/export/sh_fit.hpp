@@ -13,7 +13,8 @@
 //             (the ridge is the squared Laplacian on the sphere: a slot seen from few sides keeps its mean colour and
 //               stays smooth elsewhere)
 //   opacity   sum_v m_v max(o_v, 0) / sum_v m_v,  m_v = w_v / o_v, the contribution to the view at opacity one. A view
-//             where the decoder switches the slot off (o_v <= 0) counts as zero, with the m of its anchor's other slots.
+//             where the decoder switches the slot off (o_v <= 0) counts as zero, with the m of its anchor's other
+//               slots.
 //   scale     exp of the weighted mean of the logarithm
 //   rotation  eigenvector of the largest eigenvalue of sum_v w_v q q^T (sign-free)
 //

@@ -3,8 +3,8 @@
 //
 // Scale volume: mean over the P Gaussians given to the rasterizer (seen or not) of s0 s1 s2 (Scaffold-GS eq. 9;
 // docs/spec/method.md, 3.1). Gradient: weight / P times the product of the other two scales, so that a scale of zero is
-// no special case. Each Gaussian may count with a factor of its own (splat/training/space_volume.hpp); factors of one leave
-// every bit. Cost: 12 bytes a Gaussian read, 24 more with the gradient, 4 more for factors; memory-bound.
+// no special case. Each Gaussian may count with a factor of its own (splat/training/space_volume.hpp); factors of one
+// leave every bit. Cost: 12 bytes a Gaussian read, 24 more with the gradient, 4 more for factors; memory-bound.
 #pragma once
 
 #include <array>

@@ -3,7 +3,8 @@
 //
 // A training run on disk: a model file with moments, step counts, growth statistics, the iteration and the columns that
 // the loop's State has of its own (PosthocEmbedding: the message loss near each view and the wanted steps of a codec).
-// Photographs' order and random numbers follow from (seed, iteration). A resumed run ends in the same bits. Settings are compared first.
+// Photographs' order and random numbers follow from (seed, iteration). A resumed run ends in the same bits. Settings
+// are compared first.
 #pragma once
 
 #include <algorithm>

@@ -43,8 +43,8 @@
 
 namespace compmark {
 
-/// The stages of a recipe: `type` is a StageList. Defined in recipes/recipe_stages.hpp, which every recipe includes: the
-/// trainer and the pipeline know that there is a list, not what is in it.
+/// The stages of a recipe: `type` is a StageList. Defined in recipes/recipe_stages.hpp, which every recipe includes:
+/// the trainer and the pipeline know that there is a list, not what is in it.
 template <class R>
 struct StagesOfRecipe;
 template <class R>
@@ -98,7 +98,8 @@ using RecipeDistortion =
     std::conditional_t<present<typename R::Quantizer>,
                        WithQuantizer<typename R::DistortionLayer, typename R::Quantizer>, typename R::DistortionLayer>;
 
-/// Whether growing looks at the error map of the frequency loss in a window of the run (splat/anchor/frequency_growth.hpp).
+/// Whether growing looks at the error map of the frequency loss in a window of the run
+/// (splat/anchor/frequency_growth.hpp).
 template <class Growth>
 inline constexpr bool grows_by_frequency = false;
 template <class Growth>

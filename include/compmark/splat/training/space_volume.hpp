@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The scale volume loss in the lengths of a space. In the world it is splat/loss/scale_volume.hpp and nothing else. Where
-// cells are stretched, each Gaussian counts with its volume in cells, s0 s1 s2 / stretch^3: at 100 radii from the
+// The scale volume loss in the lengths of a space. In the world it is splat/loss/scale_volume.hpp and nothing else.
+// Where cells are stretched, each Gaussian counts with its volume in cells, s0 s1 s2 / stretch^3: at 100 radii from the
 // cameras a Gaussian that looks as large as a near one has about 125,000 times its volume, and the published mean of
-// volumes of the world, which such Gaussians rule, takes them all (tests/splat/training/far_field.test.cpp). The stretch is
-// that at the Gaussian's anchor: anchors stand still, so that it is a constant and the gradient is exact; the loss
-// shrinks Gaussians and never pushes them outwards, to where they would count less. Cost beyond the world's: a square
-// root and two divisions a visible anchor, 4 bytes of scratch an anchor and 4 a Gaussian.
+// volumes of the world, which such Gaussians rule, takes them all (tests/splat/training/far_field.test.cpp). The
+// stretch is that at the Gaussian's anchor: anchors stand still, so that it is a constant and the gradient is exact;
+// the loss shrinks Gaussians and never pushes them outwards, to where they would count less. Cost beyond the world's: a
+// square root and two divisions a visible anchor, 4 bytes of scratch an anchor and 4 a Gaussian.
 #pragma once
 
 #include <array>

@@ -5,9 +5,9 @@
 // that is killed for memory prints no reason. The sum has the parameters with their gradients, both moments and the
 // copies of a row edit; the Gaussians that one view decodes, with their gradients and the rasterizer's lists; the
 // planes of one image; and the decoded photographs that the caller keeps. Peaks of whole trainings are 0.75 to 1.3 of
-// it (tests/splat/training/training_memory.test.cpp). Growth is unknown: the estimate is for a number of anchors, the first
-// one or a limit, and the trainer asks again after each growth (check_growth_memory). Nothing here asks the system; the
-// caller gives the available memory. Cost: none.
+// it (tests/splat/training/training_memory.test.cpp). Growth is unknown: the estimate is for a number of anchors, the
+// first one or a limit, and the trainer asks again after each growth (check_growth_memory). Nothing here asks the
+// system; the caller gives the available memory. Cost: none.
 #pragma once
 
 #include <algorithm>

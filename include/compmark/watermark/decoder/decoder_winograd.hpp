@@ -3,8 +3,8 @@
 //
 // The convolution policy of a decoder with Winograd's F(4 x 4, 3 x 3) where it pays: 3 x 3 kernels at stride 1 from 16
 // to 16 channels on; the first layer, whose 3 channels the transforms would not repay, and every other shape are
-// direct. Logits differ from the direct sum by rounding only (tests/watermark/decoder/decoder_winograd.test.cpp has the figure), far
-// below what moves a bit.
+// direct. Logits differ from the direct sum by rounding only (tests/watermark/decoder/decoder_winograd.test.cpp has the
+// figure), far below what moves a bit.
 #pragma once
 
 #include <algorithm>

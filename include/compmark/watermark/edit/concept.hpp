@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concept of an edit: what happens to a picture on its way to a reader, with its gradient, so that a mark is learned that
-// survives it. An edit is a type without members; what is drawn of it in an iteration is a value.
+// Concept of an edit: what happens to a picture on its way to a reader, with its gradient, so that a mark is learned
+// that survives it. An edit is a type without members; what is drawn of it in an iteration is a value.
 //
 //   expression                                        meaning                                                    cost
 //   typename E::Settings                              ranges to draw from                                        -

@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Fits a message decoder to one scene: a linear head on Fourier features of colour (watermark/decoder/lattice_decoder.hpp). The
-// features of an unmarked scene interfere with a message, and this cover interference changes with the view. A mark can
-// move some features alike in all views that see a surface, others only in single views. Both are measured on the
-// unmarked model before anything is hidden, and the head reads along directions of little interference that a mark
-// moves well. The interference is predicted from the view as far as possible, and subtracted (quiet_waves.hpp,
-// watermark/decoder/host_prediction.hpp). With q(v) the rest of the features' means in view v, and J(v) their gradient to the
-// anchors' features, in a metric that counts an anchor's feature by its effect on the image,
+// Fits a message decoder to one scene: a linear head on Fourier features of colour
+// (watermark/decoder/lattice_decoder.hpp). The features of an unmarked scene interfere with a message, and this cover
+// interference changes with the view. A mark can move some features alike in all views that see a surface, others only
+// in single views. Both are measured on the unmarked model before anything is hidden, and the head reads along
+// directions of little interference that a mark moves well. The interference is predicted from the view as far as
+// possible, and subtracted (quiet_waves.hpp, watermark/decoder/host_prediction.hpp). With q(v) the rest of the
+// features' means in view v, and J(v) their gradient to the anchors' features, in a metric that counts an anchor's
+// feature by its effect on the image,
 //   noise      N = covariance of q over sampled novel views, clean and after gentle edits,
 //   energy     E = mean over v of J(v) J(v)^T         the effect of a mark that is made for one view, in that view,
 //   agreement  A = mean over u != v of J(u) J(v)^T    the effect of a mark that is made for one view, in another,

@@ -43,8 +43,8 @@ struct DecoderFitSettings {
   double reach = 2;         ///< of the statistics views beyond the neighbours of a training view (scene/between.hpp)
   int gradient_views = 12;  ///< at least 2
   /// Standard deviation of the light of the statistics views, as gains and half as much offset of the channels
-  /// (watermark/decoder/tone.hpp). 0: only the unmarked model's own light; such a decoder takes a change of 1 %, or two levels of
-  /// green, for a message. The figures of .01: docs/notebook/watermark_experiments.md, "Another light".
+  /// (watermark/decoder/tone.hpp). 0: only the unmarked model's own light; such a decoder takes a change of 1 %, or two
+  /// levels of green, for a message. The figures of .01: docs/notebook/watermark_experiments.md, "Another light".
   double tone = 0.01;
   /// Every statistics view is read once clean and this often with an edit drawn from `edits`, whose readings have the
   /// weight `edit_weight` in the noise: a direction with little noise in clean renders may have much in a JPEG.
@@ -56,7 +56,8 @@ struct DecoderFitSettings {
   double conflict_weight = 0.03;  ///< of the energy beside the noise
   double ridge = 0.003;           ///< share of the mean variance that is added to every variance of the noise
   /// Limit for the logits of one region of an image, in medians over sampled novel views of the unmarked model, of the
-  /// logits of the loudest region. A louder region gets a smaller weight (watermark/decoder/lattice_decoder.hpp). 0: no limit.
+  /// logits of the loudest region. A louder region gets a smaller weight (watermark/decoder/lattice_decoder.hpp). 0: no
+  /// limit.
   double region_limit = 1.2;
   int regions = 24;  ///< of an image, about
   /// Least positions of a region in the smallest view, or there are fewer regions: small ones would limit a mark that

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of an AlphaLoss (splat/effect/concept.hpp): the coverage of the render against that of the photograph. Cost: that
-// of the loss.
+// The stage of an AlphaLoss (splat/effect/concept.hpp): the coverage of the render against that of the photograph.
+// Cost: that of the loss.
 #pragma once
 
 #include <algorithm>

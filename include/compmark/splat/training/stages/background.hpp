@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of a Background (splat/effect/concept.hpp): the colour behind the scene in an iteration of training. Cost: none.
+// The stage of a Background (splat/effect/concept.hpp): the colour behind the scene in an iteration of training. Cost:
+// none.
 #pragma once
 
 #include <array>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of an Exposure (splat/effect/concept.hpp): applies the photograph's exposure to the image, and fixes the gauge
-// after a step. Cost: that of the exposure.
+// The stage of an Exposure (splat/effect/concept.hpp): applies the photograph's exposure to the image, and fixes the
+// gauge after a step. Cost: that of the exposure.
 #pragma once
 
 #include <cstddef>

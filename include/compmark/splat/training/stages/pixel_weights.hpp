@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of PixelWeights (splat/effect/concept.hpp): weights the pixels of the photometric loss and of its gradient. Cost:
-// that of the weights.
+// The stage of PixelWeights (splat/effect/concept.hpp): weights the pixels of the photometric loss and of its gradient.
+// Cost: that of the weights.
 #pragma once
 
 #include "compmark/core/views.hpp"

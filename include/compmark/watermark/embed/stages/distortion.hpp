@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of a DistortionLayer (splat/quantizer/concept.hpp): while training, what is decoded carries the noise of the
-// quantizer. Cost: that of the layer.
+// The stage of a DistortionLayer (splat/quantizer/concept.hpp): while training, what is decoded carries the noise of
+// the quantizer. Cost: that of the layer.
 #pragma once
 
 #include <cstddef>

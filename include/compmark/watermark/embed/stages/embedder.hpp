@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of an Embedder (watermark/decoder/concept.hpp): replaces the attribute that carries the mark by the marked one before an
-// anchor is decoded. A mark of the geometry is embedded in every anchor before any is culled. A mark of the features is
-// embedded in the anchors that are read: the visible ones, and all of them where an entropy model reads ancestors
-// (ContextGS). Cost: that of the embedder.
+// The stage of an Embedder (watermark/decoder/concept.hpp): replaces the attribute that carries the mark by the marked
+// one before an anchor is decoded. A mark of the geometry is embedded in every anchor before any is culled. A mark of
+// the features is embedded in the anchors that are read: the visible ones, and all of them where an entropy model reads
+// ancestors (ContextGS). Cost: that of the embedder.
 #pragma once
 
 #include <cstddef>

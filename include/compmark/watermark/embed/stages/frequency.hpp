@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of the loss of frequencies (watermark/loss/frequency.hpp). Growing may look at its error map, which is in the
-// context's scratch (splat/anchor/frequency_growth.hpp). Cost: that of the loss.
+// The stage of the loss of frequencies (watermark/loss/frequency.hpp). Growing may look at its error map, which is in
+// the context's scratch (splat/anchor/frequency_growth.hpp). Cost: that of the loss.
 #pragma once
 
 #include "compmark/splat/training/stage.hpp"

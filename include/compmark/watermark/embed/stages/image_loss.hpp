@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The common part of stages with a loss between render and photograph (splat/loss/concept.hpp): a weight of the iteration,
-// the call and its report. A weight of zero skips the call. Cost: that of the loss.
+// The common part of stages with a loss between render and photograph (splat/loss/concept.hpp): a weight of the
+// iteration, the call and its report. A weight of zero skips the call. Cost: that of the loss.
 #pragma once
 
 #include "compmark/splat/training/settings.hpp"

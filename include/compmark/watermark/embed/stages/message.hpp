@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stage of a MessageDecoder (watermark/decoder/concept.hpp): reads the message from the render and adds the loss of its bits. In
-// a training it also reads sampled novel views, where MessageSettings::between_every says so. Cost: the decoder's
-// forward and backward pass, and for a sampled view a render and its backward pass more.
+// The stage of a MessageDecoder (watermark/decoder/concept.hpp): reads the message from the render and adds the loss of
+// its bits. In a training it also reads sampled novel views, where MessageSettings::between_every says so. Cost: the
+// decoder's forward and backward pass, and for a sampled view a render and its backward pass more.
 #pragma once
 
 #include <algorithm>
