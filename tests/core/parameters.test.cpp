@@ -134,3 +134,27 @@ TEST_CASE("core/parameters: all rows can go and come back") {
   CHECK(small.arena.values(small.position).rows == 7);
   CHECK(small.arena.values(small.weight)(3, 6) == 200.0f + 27.0f);
 }
+
+TEST_CASE("core/parameters: gradients take memory when one is written first, are zero then, and follow the blocks") {
+  ParameterArena<float> arena;
+  const LearningSchedule schedule = LearningSchedule::constant(0.1);
+  const BlockHandle first = arena.add("first", 3, 2, RowKind::anchor, BlockRole::rendering, schedule);
+  const std::size_t values_alone = arena.memory_bytes();
+  CHECK_FALSE(arena.has_gradients());
+  CHECK(std::as_const(arena).all_gradients().empty());
+  arena.values(first)(1, 1) = 5;
+  CHECK(arena.memory_bytes() == values_alone);  // nobody who reads values pays for gradients
+  arena.gradients(first)(1, 1) = 7;
+  CHECK(arena.has_gradients());
+  CHECK(arena.memory_bytes() > values_alone);
+  CHECK(std::as_const(arena).gradients(first)(0, 0) == 0);
+  const BlockHandle second = arena.add("second", 1, 40, RowKind::fixed, BlockRole::rendering, schedule);
+  CHECK_FALSE(arena.has_gradients());
+  CHECK(arena.gradients(second)(0, 39) == 0);
+  CHECK(arena.gradients(first)(1, 1) == 7);  // what was there stays
+  const std::vector<std::uint32_t> kept{1};
+  arena.edit_rows({kept, 2});
+  CHECK(arena.has_gradients());
+  CHECK(arena.gradients(first)(0, 1) == 0);
+  CHECK(arena.values(first)(0, 1) == 5);
+}

@@ -138,7 +138,9 @@ void move_rows(const ArenaLayout& old_layout, const ArenaLayout& new_layout, con
   }
 }
 
-/// Values and gradients of all blocks. Add all blocks first; spans stay valid until the next add or edit_rows.
+/// Values and gradients of all blocks. Add all blocks first; spans stay valid until the next add or edit_rows. Gradients
+/// take memory from the first time that one is asked for to be written, all of them zero: who renders has none. That
+/// first time is one thread's (Pipeline::backward begins with it).
 template <class T>
 class ParameterArena {
  public:
@@ -149,7 +151,6 @@ class ParameterArena {
                   const LearningSchedule& schedule) {
     const BlockHandle handle = layout_.add(name, rows, columns, kind, role, schedule);
     values_.extend(layout_.size(), T{});
-    gradients_.extend(layout_.size(), T{});
     return handle;
   }
 
@@ -167,12 +168,20 @@ class ParameterArena {
   [[nodiscard]] const ArenaLayout& layout() const { return layout_; }
   [[nodiscard]] MatrixView<T> values(BlockHandle handle) { return view(values_.data(), handle); }
   [[nodiscard]] MatrixView<const T> values(BlockHandle handle) const { return view(values_.data(), handle); }
-  [[nodiscard]] MatrixView<T> gradients(BlockHandle handle) { return view(gradients_.data(), handle); }
-  [[nodiscard]] MatrixView<const T> gradients(BlockHandle handle) const { return view(gradients_.data(), handle); }
+  [[nodiscard]] MatrixView<T> gradients(BlockHandle handle) { return view(all_gradients().data(), handle); }
+  [[nodiscard]] MatrixView<const T> gradients(BlockHandle handle) const {
+    COMPMARK_ASSERT(has_gradients(), "ParameterArena: gradients that were never written");
+    return view(gradients_.data(), handle);
+  }
   [[nodiscard]] std::span<T> all_values() { return values_.span(); }
   [[nodiscard]] std::span<const T> all_values() const { return values_.span(); }
-  [[nodiscard]] std::span<T> all_gradients() { return gradients_.span(); }
+  [[nodiscard]] std::span<T> all_gradients() {
+    if (!has_gradients()) gradients_.extend(layout_.size(), T{});
+    return gradients_.span();
+  }
+  /// Empty before the first one was asked for to be written.
   [[nodiscard]] std::span<const T> all_gradients() const { return gradients_.span(); }
+  [[nodiscard]] bool has_gradients() const { return gradients_.size() == layout_.size(); }
   [[nodiscard]] std::size_t memory_bytes() const {
     return values_.capacity_bytes() + gradients_.capacity_bytes() + spare_.capacity_bytes();
   }
@@ -185,7 +194,7 @@ class ParameterArena {
     spare_.resize(layout_.size());
     move_rows<T>(old_layout, layout_, edit, values_.span(), spare_.span());
     std::swap(values_, spare_);
-    gradients_.resize(layout_.size(), T{});
+    if (!gradients_.empty()) gradients_.resize(layout_.size(), T{});
   }
 
  private:

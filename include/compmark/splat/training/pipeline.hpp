@@ -202,6 +202,7 @@ class Pipeline {
   /// Carries context.d_image back to context.d_gaussians (set) and on into the gradients of the model's arena (adds).
   template <Executor E>
   void backward(Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context, E& executor) const {
+    static_cast<void>(model.arena.all_gradients());  // memory is taken before threads ask for it
     const Camera<Scalar> scalar_camera = camera.template cast<Scalar>();
     const GaussianColumns<const Scalar> gaussians = std::as_const(context.gaussians).columns();
     context.d_gaussians.resize(context.gaussians.size());
