@@ -8,6 +8,7 @@
 #include <string>
 
 #include "compmark/splat/quantizer/adaptive_quantizer.hpp"
+#include "compmark/splat/quantizer/int8_quantizer.hpp"
 #include "compmark/splat/quantizer/uniform_quantizer.hpp"
 
 namespace {
@@ -41,6 +42,7 @@ bool names(const std::string& violations, const char* law) { return violations.f
 TEST_CASE("testing/quantizer_laws: hold for the quantizers that a recipe may have") {
   CHECK(testing::quantizer_laws<AdaptiveQuantizer<double>>() == "");
   CHECK(testing::quantizer_laws<UniformQuantizer<double>>() == "");
+  CHECK(testing::quantizer_laws<Int8Quantizer<double>>() == "");
 }
 
 TEST_CASE("testing/quantizer_laws: each law is seen to be broken") {

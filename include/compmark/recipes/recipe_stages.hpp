@@ -61,7 +61,7 @@ struct StagesOfRecipe {
       detail::NamedStage<HsvStage, typename R::HsvLoss, ImageLoss<typename R::HsvLoss>>,
       detail::NamedStage<FrequencyStage, typename R::FrequencyLoss, ImageLoss<typename R::FrequencyLoss>>,
       detail::NamedStage<DistortionStage, RecipeDistortion<R>, DistortionLayer<RecipeDistortion<R>>>,
-      detail::NamedStage<RateStage, typename R::EntropyModel, EntropyModel<typename R::EntropyModel>>,
+      detail::NamedStage<RateStage, RecipeEntropyModel<R>, EntropyModel<RecipeEntropyModel<R>>>,
       typename detail::OwnStages<R>::type>;
 };
 

@@ -13,6 +13,7 @@
 
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/recipes/marked.hpp"
+#include "compmark/splat/quantizer/int8_quantizer.hpp"
 #include "compmark/splat/quantizer/uniform_quantizer.hpp"
 #include "compmark/splat/training/trainer.hpp"
 #include "compmark/watermark/decoder/lattice_decoder.hpp"
@@ -49,6 +50,9 @@ struct WithOctaves : Adaptive {
 struct WithUniform : Adaptive {
   using Quantizer = UniformQuantizer<float>;
 };
+struct WithInt8 : Adaptive {
+  using Quantizer = Int8Quantizer<float>;
+};
 
 template <class R>
 std::vector<float> trained(double& mean_step) {
@@ -72,14 +76,17 @@ std::vector<float> trained(double& mean_step) {
 
 TEST_CASE("training/own_quantizer: training asks the quantizer of the recipe, and another one learns another model") {
   static_assert(std::is_same_v<RecipeDistortion<WithOctaves>, Adaptive::DistortionLayer::WithQuantizer<Octaves>>);
-  double adaptive_step = 0, octave_step = 0, uniform_step = 0;
+  double adaptive_step = 0, octave_step = 0, uniform_step = 0, int8_step = 0;
   const std::vector<float> adaptive = trained<Adaptive>(adaptive_step);
   CHECK(Octaves::steps() == 0);  // the control: nobody else asks it
   const std::vector<float> octaves = trained<WithOctaves>(octave_step);
   CHECK(Octaves::steps() > 1000);
   CHECK(Octaves::roundings() > 1000);
   const std::vector<float> uniform = trained<WithUniform>(uniform_step);
+  const std::vector<float> int8 = trained<WithInt8>(int8_step);
   CHECK(octaves != adaptive);
+  CHECK((int8 != adaptive && int8 != uniform));
+  CHECK(int8_step < 0.1 * uniform_step);  // a 255th of the features' range, whatever the run's base step is
   CHECK(uniform != adaptive);
   CHECK(uniform_step == doctest::Approx(0.3));  // whatever the network says
   CHECK(octave_step < adaptive_step);

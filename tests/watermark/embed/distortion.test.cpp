@@ -6,9 +6,11 @@
 
 #include <cmath>
 #include <cstring>
+#include <type_traits>
 #include <vector>
 
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/splat/quantizer/int8_quantizer.hpp"
 #include "compmark/testing/gradient.hpp"
 
 namespace {
@@ -17,9 +19,9 @@ using namespace compmark;
 
 constexpr int dim = 13;  // not a multiple of a pack
 constexpr std::size_t table_rows = 150;
-template <class T, DistortionOptions options = DistortionOptions{}>
+template <class T, DistortionOptions options = DistortionOptions{}, class Quantizer = AdaptiveQuantizer<T>>
 struct Layer {
-  using Noise = QuantizationNoise<T, dim, options>;
+  using Noise = QuantizationNoise<T, dim, options, Quantizer>;
   Noise noise;
   ParameterArena<T> arena;
   typename Noise::Handles handles;
@@ -183,6 +185,37 @@ TEST_CASE("embed/distortion: hard rounding lands on multiples of the step; both 
     rounding += std::pow(AdaptiveQuantizer<double>::error(x, 1.0), 2) / 10000;
   }
   CHECK(noise > 20 * rounding);
+}
+
+TEST_CASE_TEMPLATE("embed/distortion: in 8 bits the steps come from the extremes of what is listed", Options,
+                   std::integral_constant<bool, true>, std::integral_constant<bool, false>) {
+  constexpr bool per_channel = Options::value;
+  Layer<double, DistortionOptions{.per_channel = per_channel}, Int8Quantizer<double>> layer;
+  layer.phase.round = true;
+  layer.feature[2 * dim] = 1e3;  // of row 2, which is not listed
+  SerialExecutor serial;
+  const DistortionReport report = layer.forward(serial);
+  double largest[dim] = {}, all = 0, mean = 0;
+  for (const std::uint32_t row : layer.rows) {
+    REQUIRE(row != 2);
+    for (std::size_t c = 0; c < dim; ++c) largest[c] = std::max(largest[c], std::abs(layer.feature[row * dim + c]));
+  }
+  for (const double value : largest) all = std::max(all, value);
+  for (std::size_t c = 0; c < dim; ++c) {
+    const double q = (per_channel ? largest[c] : all) / 127.5;
+    mean += q / dim;
+    double worst = 0, moved = 0;
+    for (const std::uint32_t row : layer.rows) {
+      const double symbol = layer.out_feature[row * dim + c] / q;
+      worst = std::max(worst, std::abs(symbol - std::nearbyint(symbol)));
+      moved = std::max(moved, std::abs(layer.out_feature[row * dim + c] - layer.feature[row * dim + c]) / q);
+      CHECK(std::abs(symbol) < 127.5);
+    }
+    CHECK(worst < 1e-9);
+    CHECK(moved <= 0.5 + 1e-9);
+    CHECK(moved > 0.3);  // the control: it did round
+  }
+  CHECK(report.mean_step == doctest::Approx(mean).epsilon(1e-12));
 }
 
 TEST_CASE("embed/distortion: an untrained layer has the base step exactly, and rows that are not listed stay") {

@@ -43,9 +43,9 @@
 
 namespace compmark {
 
-template <class T, int feature_dim = 50, int offsets = 10, int hyper_dim = 12>
-class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGsHandles> {
-  using Base = AnchorRateModel<T, feature_dim, offsets, ContextGsHandles>;
+template <class T, int feature_dim = 50, int offsets = 10, int hyper_dim = 12, class Quantizer = AdaptiveQuantizer<T>>
+class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGsHandles, Quantizer> {
+  using Base = AnchorRateModel<T, feature_dim, offsets, ContextGsHandles, Quantizer>;
   using typename Base::EntryTables;
   using typename Base::RowScratch;
   template <class U>
@@ -54,6 +54,10 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
  public:
   using typename Base::Attributes;
   using typename Base::Handles;
+  /// The same model with the recipe's quantizer.
+  template <class Other>
+    requires has_coded_steps<Other>
+  using WithQuantizer = ContextGsModel<T, feature_dim, offsets, hyper_dim, Other>;
   using Prior = FactorisedPrior<T, hyper_dim>;
   static constexpr int hidden = 100;
   static constexpr int geometry = feature_dim + 6;  ///< scalars of a parent that its children read

@@ -39,15 +39,20 @@
 
 namespace compmark {
 
-template <class T, int feature_dim = 50, int offsets = 10, HashGridShape grid_shape = HashGridShape{}>
-class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles> {
-  using Base = AnchorRateModel<T, feature_dim, offsets, HacHandles>;
+template <class T, int feature_dim = 50, int offsets = 10, HashGridShape grid_shape = HashGridShape{},
+          class Quantizer = AdaptiveQuantizer<T>>
+class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles, Quantizer> {
+  using Base = AnchorRateModel<T, feature_dim, offsets, HacHandles, Quantizer>;
   using typename Base::EntryTables;
   using typename Base::RowScratch;
 
  public:
   using typename Base::Attributes;
   using typename Base::Handles;
+  /// The same model with the recipe's quantizer.
+  template <class Other>
+    requires has_coded_steps<Other>
+  using WithQuantizer = HacModel<T, feature_dim, offsets, grid_shape, Other>;
   using Grid = HashGrid<T, grid_shape>;
   static constexpr HashGridShape shape = grid_shape;
   static constexpr int hidden = 100;

@@ -40,6 +40,16 @@ template <class T>
   return Done{};
 }
 
+/// The second layer of a context's network as a file holds it: of a codec whose steps are the base steps alone, r is
+/// zero in its last three outputs.
+template <Recipe R>
+void clear_fixed_steps([[maybe_unused]] std::vector<float>& weight, [[maybe_unused]] std::vector<float>& bias) {
+  if constexpr (RecipeEntropyModel<R>::base_steps_alone) {
+    std::fill(weight.end() - static_cast<std::ptrdiff_t>(3 * (weight.size() / bias.size())), weight.end(), 0.0f);
+    std::fill(bias.end() - 3, bias.end(), 0.0f);
+  }
+}
+
 /// The context of HacModel.
 template <Recipe R>
   requires requires { R::EntropyModel::shape.volume_levels; }
@@ -61,6 +71,7 @@ template <Recipe R>
   context.bias1 = block(rate.bias1);
   context.weight2 = block(rate.weight2);
   context.bias2 = block(rate.bias2);
+  clear_fixed_steps<R>(context.weight2, context.bias2);
   context.statistics = block(rate.statistics);
   coded.trained = std::move(context);
   return check_statistics(coded.trained->statistics);
@@ -90,6 +101,7 @@ template <Recipe R>
     const auto& network = rate.network[level];
     context.network[level] = {block(network.weight1), block(network.bias1), block(network.weight2),
                               block(network.bias2)};
+    clear_fixed_steps<R>(context.network[level].weight2, context.network[level].bias2);
   }
   std::vector<Scalar> ready(Prior::count);
   Prior::prepare(model.arena.values(rate.prior), ready.data());

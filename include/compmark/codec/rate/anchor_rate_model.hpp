@@ -25,6 +25,8 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/splat/quantizer/adaptive_quantizer.hpp"
+#include "compmark/splat/quantizer/uniform_quantizer.hpp"
 
 namespace compmark {
 
@@ -36,8 +38,19 @@ struct AnchorRateSettings {
   double least_extent = 1e-6;                                        ///< a distorted extent stays above it, world units
 };
 
-template <class T, int feature_dim, int offsets, class ModelHandles>
+/// Quantizers whose steps a file can hold, as network outputs r of q = 2 Q0 sigmoid(2 r): the adaptive one, and the
+/// uniform one as r = 0.
+template <class Q>
+inline constexpr bool has_coded_steps = false;
+template <class T>
+inline constexpr bool has_coded_steps<AdaptiveQuantizer<T>> = true;
+template <class T>
+inline constexpr bool has_coded_steps<UniformQuantizer<T>> = true;
+
+template <class T, int feature_dim, int offsets, class ModelHandles, class CodedQuantizer = AdaptiveQuantizer<T>>
 class AnchorRateModel {
+  static_assert(has_coded_steps<CodedQuantizer>);
+
  public:
   static constexpr bool is_absent = false;
   using Scalar = T;
@@ -47,6 +60,9 @@ class AnchorRateModel {
   static constexpr int feature_channels = feature_dim;  ///< the anchors have the same number: check_recipe compares
   static constexpr int anchor_offsets = offsets;        ///< likewise
   using Attributes = HacAttributes<T, feature_dim, offsets>;
+  /// Whether every step is its base step: what the network says of steps is neither read nor learned, and a file has
+  /// zeros there.
+  static constexpr bool base_steps_alone = std::is_same_v<CodedQuantizer, UniformQuantizer<T>>;
 
   /// Sets the opacity to 0 where an offset is masked; see offset_mask.hpp.
   template <Executor E>
@@ -136,7 +152,9 @@ class AnchorRateModel {
   static std::array<T, 3> take_steps(const AnchorRateSettings& settings, const T* raw, std::size_t entry,
                                      EntryTables& kept) {
     T q[3 + Attributes::W];
-    if (kept.rounds())
+    if constexpr (base_steps_alone)
+      std::copy_n(base_steps(settings).data(), 3, q);
+    else if (kept.rounds())
       Attributes::coded_steps(raw, base_steps(settings), q);
     else
       Attributes::steps(raw, base_steps(settings), q);
@@ -206,6 +224,10 @@ class AnchorRateModel {
   }
   static void pull_steps(const AnchorRateSettings& settings, std::size_t entry, const std::array<T, 3>& d_step, T* to,
                          const EntryTables& kept) {
+    if constexpr (base_steps_alone) {
+      std::fill_n(to, 3, T(0));
+      return;
+    }
     const std::array<T, 3> base = base_steps(settings);
     for (std::size_t g = 0; g < 3; ++g) to[g] = Attributes::pull_step(kept.step[3 * entry + g], base[g], d_step[g]);
   }

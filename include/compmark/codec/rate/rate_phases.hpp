@@ -92,8 +92,8 @@ void prepare_context(Model& model, const typename Rate::Handles& blocks, const R
 
 /// The entropy model of a recipe with the numbers of a run: it is told those that its Settings name.
 template <Recipe R>
-[[nodiscard]] typename R::EntropyModel entropy_model(const RateNumbers& numbers) {
-  typename R::EntropyModel::Settings settings;
+[[nodiscard]] RecipeEntropyModel<R> entropy_model(const RateNumbers& numbers) {
+  typename RecipeEntropyModel<R>::Settings settings;
   settings.lambda = numbers.lambda;
   if constexpr (requires { settings.mask_weight; }) settings.mask_weight = numbers.mask_weight;
   if constexpr (requires { settings.sample; }) {
@@ -108,7 +108,7 @@ template <Recipe R>
   settings.feature_step = numbers.feature_step;
   settings.scaling_step = numbers.scaling_step;
   settings.offset_step = numbers.offset_step;
-  return typename R::EntropyModel(settings);
+  return RecipeEntropyModel<R>(settings);
 }
 
 }  // namespace compmark

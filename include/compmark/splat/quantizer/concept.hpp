@@ -11,10 +11,12 @@
 //   Q::step_log_slope(r)             d ln q / dr where nothing is held                                a few flops
 //   Q::symbol(x, q), Q::value(x, q)  the integer that is coded, and the value that is decoded         a division
 //   Q::error(x, q)                   (value(x, q) - x) / q                                            a division
+//   Q::base_step(low, high)          may be left out: q0 of a channel with these extremes, where the  a few flops
+//                                    data say it and not the settings of a run
 //
 // Laws (testing/quantizer_laws.hpp): Q1 step >= least > 0, and 0 < step <= 2 q0 where nothing is held; Q2 step_slope
 // is the derivative of step and step_log_slope that of ln step; Q3 value(x, q) = q symbol(x, q), |error| <= 1/2, and
-// value(value(x)) = value(x); Q4 symbol(-x, q) = -symbol(x, q).
+// value(value(x)) = value(x), as far as the integers reach (of 8 bits: 127 q); Q4 symbol(-x, q) = -symbol(x, q).
 //
 //   DistortionLayer                                meaning                                            cost an anchor
 //   typename D::Scalar, D::Handles, D::Context     number type, its blocks, scratch                   -
@@ -67,6 +69,12 @@ concept Quantizer = Q::is_absent || requires(typename Q::Scalar x) {
   { Q::symbol(x, x) } -> std::convertible_to<typename Q::Scalar>;
   { Q::value(x, x) } -> std::convertible_to<typename Q::Scalar>;
   { Q::error(x, x) } -> std::convertible_to<typename Q::Scalar>;
+};
+
+/// A quantizer whose base step comes from the data.
+template <class Q>
+concept DataQuantizer = Quantizer<Q> && requires(typename Q::Scalar x) {
+  { Q::base_step(x, x) } -> std::convertible_to<typename Q::Scalar>;
 };
 
 template <class D>

@@ -91,6 +91,16 @@ class Int8Quantizer {
   /// (x^ - x) / s.
   [[nodiscard]] static T error(T x, Scale s) { return (value(x, s) - x) / s.scale; }
 
+  /// As the Quantizer of a recipe: 8 bits, symmetric, whatever a network says. A distortion layer gives the extremes of
+  /// a channel of the anchors that a view decodes, and takes this for the base step; beyond 127 steps values are held.
+  [[nodiscard]] static T base_step(T low, T high) { return std::max(std::max(-low, high) / T(127.5), T(0x1p-23)); }
+  [[nodiscard]] static T step(T /*r*/, T q0, T least) { return std::max(q0, least); }
+  [[nodiscard]] static T step_slope(T /*r*/, T /*q0*/, T /*least*/) { return T(0); }
+  [[nodiscard]] static T step_log_slope(T /*r*/) { return T(0); }
+  [[nodiscard]] static T symbol(T x, T q) { return std::clamp(std::nearbyint(x / q), T(-127), T(127)); }
+  [[nodiscard]] static T value(T x, T q) { return q * symbol(x, q); }
+  [[nodiscard]] static T error(T x, T q) { return symbol(x, q) - x / q; }
+
   /// Finds the scales of a tensor. Refuses what is not finite; the context then holds nothing of use.
   [[nodiscard]] Result<Done> fit(MatrixView<const T> x, Context& context) const {
     const bool columns = settings_.channels == Int8Channels::columns;

@@ -98,6 +98,12 @@ using RecipeDistortion =
     std::conditional_t<present<typename R::Quantizer>,
                        WithQuantizer<typename R::DistortionLayer, typename R::Quantizer>, typename R::DistortionLayer>;
 
+/// A recipe's entropy model, which quantizes as the recipe's Quantizer does if it has one.
+template <class R>
+using RecipeEntropyModel =
+    std::conditional_t<present<typename R::Quantizer>, WithQuantizer<typename R::EntropyModel, typename R::Quantizer>,
+                       typename R::EntropyModel>;
+
 /// Whether growing looks at the error map of the frequency loss in a window of the run
 /// (splat/anchor/frequency_growth.hpp).
 template <class Growth>
@@ -201,6 +207,12 @@ consteval void check_recipe() {
   static_assert(detail::holds(EntropyModel<typename R::EntropyModel>),
                 "Recipe: EntropyModel lacks Phase, Report, add_parameters, initialise, mask_opacity, forward or "
                 "backward (see codec/rate/concept.hpp)");
+  if constexpr (present<typename R::EntropyModel> && present<typename R::Quantizer>) {
+    static_assert(
+        requires { typename R::EntropyModel::template WithQuantizer<typename R::Quantizer>; },
+        "Recipe: EntropyModel does not quantize by the recipe's Quantizer (the files of HAC and ContextGS hold "
+        "steps of AdaptiveQuantizer or UniformQuantizer)");
+  }
   static_assert(!present<typename R::EntropyModel> || !present<typename R::DistortionLayer>,
                 "Recipe: an EntropyModel draws the noise of its own step, so a DistortionLayer would distort twice");
 }

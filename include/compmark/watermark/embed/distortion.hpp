@@ -12,6 +12,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -64,6 +65,7 @@ class QuantizationNoise {
     Buffer<T> raw_step;         ///< [n, steps] r
     Buffer<T> scaling_factor;   ///< [n, 6] d log(exp(s) + noise) / ds
     Buffer<double> partial;     ///< sums a chunk
+    Buffer<T> base_step;        ///< [steps] Q0 of a channel, with a DataQuantizer
     Buffer<T> chunk_gradients;  ///< of the network
     DistortionPhase phase;
   };
@@ -109,6 +111,9 @@ class QuantizationNoise {
     const Random scaling_noise(phase.seed, phase.iteration, random_stage("distortion of scaling"));
     const Random offset_noise(phase.seed, phase.iteration, random_stage("distortion of offsets"));
     const Network<const T> network = views(arena, handles);
+    if constexpr (DataQuantizer<Quantizer>) {
+      if (phase.adaptive) find_base_steps(rows, feature, context);
+    }
     executor.for_chunks(n, panel, [&](std::size_t begin, std::size_t end, std::size_t) {
       if (phase.adaptive) {
         Panel p;
@@ -233,9 +238,34 @@ class QuantizationNoise {
     product<T, W, second>(network.weight2, p.hidden, p.raw, StartBias<T, W>{network.bias2}, FinishLinear<T, W>{});
   }
 
-  [[nodiscard]] T base_step() const { return static_cast<T>(settings_.base_step); }
-  [[nodiscard]] T least_step() const {
-    return static_cast<T>(std::max(settings_.least_step, least_relative_step) * settings_.base_step);
+  /// Q0 of a step.
+  [[nodiscard]] double base([[maybe_unused]] const Context& context, [[maybe_unused]] std::size_t c) const {
+    if constexpr (DataQuantizer<Quantizer>) {
+      return static_cast<double>(context.base_step[c]);
+    } else {
+      return settings_.base_step;
+    }
+  }
+  [[nodiscard]] T base_step(const Context& context, std::size_t c) const { return static_cast<T>(base(context, c)); }
+  [[nodiscard]] T least_step(const Context& context, std::size_t c) const {
+    return static_cast<T>(std::max(settings_.least_step, least_relative_step) * base(context, c));
+  }
+  /// Of the listed rows' extremes, zero among them. Cost: a read of these rows.
+  static void find_base_steps(std::span<const std::uint32_t> rows, MatrixView<const T> feature,
+                              Context& context) requires DataQuantizer<Quantizer> {
+    std::array<T, dim> low{}, high{};
+    for (const std::uint32_t row : rows) {
+      for (std::size_t c = 0; c < dim; ++c) {
+        low[c] = std::min(low[c], feature(row, c));
+        high[c] = std::max(high[c], feature(row, c));
+      }
+    }
+    context.base_step.resize(out);
+    for (std::size_t c = 0; c < out; ++c) {
+      context.base_step[c] = options.per_channel ? Quantizer::base_step(low[c], high[c])
+                                                 : Quantizer::base_step(*std::min_element(low.begin(), low.end()),
+                                                                        *std::max_element(high.begin(), high.end()));
+    }
   }
 
   void distort_adaptive(std::span<const std::uint32_t> rows, std::size_t begin, std::size_t end, const Panel& p,
@@ -246,9 +276,9 @@ class QuantizationNoise {
       for (std::size_t c = 0; c < out; ++c) {
         const T r = p.raw[c * panel + i - begin];
         context.raw_step[i * out + c] = r;
-        q[c] = Quantizer::step(r, base_step(), least_step());
+        q[c] = Quantizer::step(r, base_step(context, c), least_step(context, c));
         sum += static_cast<double>(q[c]);
-        if (settings_.rate_weight != 0) sum_log += std::log2(static_cast<double>(q[c]) / settings_.base_step);
+        if (settings_.rate_weight != 0) sum_log += std::log2(static_cast<double>(q[c]) / base(context, c));
       }
       T* const row = feature.row(rows[i]);
       for (std::size_t c = 0; c < dim; ++c) {
@@ -301,7 +331,7 @@ class QuantizationNoise {
       for (std::size_t c = 0; c < out; ++c) {
         const T r = context.raw_step[i * out + c];
         T& d = p.d_raw[c * panel + lane];
-        d *= Quantizer::step_slope(r, base_step(), least_step());
+        d *= Quantizer::step_slope(r, base_step(context, c), least_step(context, c));
         if (rate != T(0)) d += rate * Quantizer::step_log_slope(r);
       }
     }
