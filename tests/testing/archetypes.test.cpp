@@ -18,6 +18,8 @@ using namespace compmark;
 static_assert(Executor<testing::ExecutorArchetype>, "the archetype meets its concept");
 static_assert(Rasterizer<testing::RasterizerArchetype<float>>, "the archetype meets its concept");
 static_assert(Rasterizer<testing::RasterizerArchetype<double>>, "the archetype meets its concept");
+static_assert(GaussianDecoder<testing::GaussianDecoderArchetype<float, DecoderShape{}>>,
+              "the archetype meets its concept");
 static_assert(ImageLoss<testing::ImageLossArchetype<float>>, "the archetype meets its concept");
 static_assert(Optimizer<testing::OptimizerArchetype<float>>, "the archetype meets its concept");
 static_assert(DensityControl<testing::DensityControlArchetype<float>>, "the archetype meets its concept");
@@ -26,6 +28,7 @@ namespace {
 
 /// Nothing but archetypes where a concept stands at the door.
 struct Bare : DefaultRecipe<float, DecoderShape{.feature_dim = 8, .offsets = 3}> {
+  using GaussianDecoder = testing::GaussianDecoderArchetype<float, DecoderShape{.feature_dim = 8, .offsets = 3}>;
   using Rasterizer = testing::RasterizerArchetype<float>;
   using DensityControl = testing::DensityControlArchetype<float>;
   using Optimizer = testing::OptimizerArchetype<float>;

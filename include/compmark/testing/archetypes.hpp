@@ -11,11 +11,14 @@
 #include <cstdint>
 #include <span>
 
+#include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/scene/camera.hpp"
+#include "compmark/splat/anchor/concept.hpp"
+#include "compmark/splat/anchor/decoder_shape.hpp"
 #include "compmark/splat/anchor/density_control.hpp"
 #include "compmark/splat/loss/concept.hpp"
 #include "compmark/splat/optim/concept.hpp"
@@ -117,6 +120,55 @@ struct DensityControlArchetype {
   GrowthReport adapt(ParameterArena<T>& /*arena*/, const AnchorHandles& /*handles*/, State& /*state*/,
                      const AdaptContext& /*context*/, OnEdit&& /*on_edit*/) const {
     return {};
+  }
+};
+
+/// GaussianDecoder: every anchor is one grey Gaussian, where it stands; nothing trains but positions.
+template <class T, DecoderShape decoder_shape>
+struct GaussianDecoderArchetype {
+  using Scalar = T;
+  static constexpr DecoderShape shape = decoder_shape;
+  struct Handles {};
+  struct Context {
+    std::span<const std::uint32_t> visible;
+    Buffer<T> opacity_sum;
+    Buffer<std::uint32_t> slot;
+  };
+  [[nodiscard]] static Handles add_parameters(ParameterArena<T>& /*arena*/, std::size_t /*views*/) { return {}; }
+  static void initialise(ParameterArena<T>& /*arena*/, const Handles& /*blocks*/, std::uint64_t /*seed*/) {}
+  template <Executor E>
+  std::size_t forward(const AnchorColumns<const T>& anchors, std::span<const std::uint32_t> visible,
+                      const std::array<double, 3>& /*center*/, std::size_t /*view*/, const ParameterArena<T>& /*arena*/,
+                      const Handles& /*blocks*/, GaussianBatch<T>& batch, Context& ctx, E& /*executor*/) const {
+    ctx.visible = visible;
+    batch.resize(visible.size());
+    ctx.opacity_sum.resize(visible.size());
+    ctx.slot.resize(visible.size());
+    const GaussianColumns<T> out = batch.columns();
+    for (std::size_t i = 0; i < visible.size(); ++i) {
+      for (std::size_t a = 0; a < 3; ++a) {
+        out.mean[a][i] = anchors.position(visible[i], a);
+        out.scale[a][i] = T(0.05);
+        out.color[a][i] = T(0.5);
+        out.rotation[a + 1][i] = T(0);
+      }
+      out.rotation[0][i] = T(1);
+      out.opacity[i] = ctx.opacity_sum[i] = T(0.5);
+      ctx.slot[i] = visible[i] * static_cast<std::uint32_t>(shape.offsets);
+    }
+    return visible.size();
+  }
+  template <Executor E>
+  void backward(const AnchorColumns<const T>& /*anchors*/, std::span<const std::uint32_t> visible,
+                const std::array<double, 3>& /*center*/, std::size_t /*view*/, ParameterArena<T>& /*arena*/,
+                const Handles& /*blocks*/, const GaussianColumns<const T>& d_gaussians,
+                const AnchorColumns<T>& d_anchors, Context& /*ctx*/, E& /*executor*/) const {
+    for (std::size_t i = 0; i < visible.size(); ++i) {
+      for (std::size_t a = 0; a < 3; ++a) d_anchors.position(visible[i], a) += d_gaussians.mean[a][i];
+    }
+  }
+  [[nodiscard]] DecodedStatistics<T> statistics(const Context& ctx) const {
+    return {ctx.visible, {ctx.opacity_sum.data(), ctx.visible.size()}, {ctx.slot.data(), ctx.visible.size()}};
   }
 };
 

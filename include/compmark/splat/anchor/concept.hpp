@@ -4,22 +4,37 @@
 // Concepts of anchors: AnchorColumns is the table every policy reads; GaussianDecoder turns visible anchors
 // into Gaussians; DensityControl decides which anchors are born and die.
 //
-//   AnchorColumns  position [N, 3], offset [N, 3 K] (K triples x y z), scaling [N, 6] (log), feature [N, D]; N rows are
-//                  anchors
-//   d.forward(…)   reads rows `visible` of the table, fills a GaussianBatch with the Gaussians whose opacity is
-//                  positive, in the order (block of 16 visible anchors, offset k, anchor); fills Context  O(n K D)
-//   d.backward(…)  ADDS into the gradient columns (rows `visible` only) and into the networks' gradients
+//   AnchorColumns                     position [N, 3], offset [N, 3 K] (K triples x y z), scaling [N, 6] (log),
+//                                     feature [N, D]; N rows are anchors
+//
+//   GaussianDecoder                   meaning                                                              cost
+//   typename D::Scalar, D::shape      number type; the DecoderShape of the anchors that it reads           -
+//   typename D::Handles, D::Context   its blocks; what forward leaves for backward, and scratch            -
+//   D::add_parameters(arena, views)   its blocks; D::initialise(arena, blocks, seed)                       once
+//   d.forward(anchors, visible,       fills `batch` with the Gaussians of the rows `visible` whose         O(n K D)
+//     center, view, arena, blocks,    opacity is positive, and returns how many; `center` is the camera's,
+//     batch, context, executor)       `view` the photograph that is rendered, or unseen_view
+//   d.backward(anchors, visible,      ADDS into rows `visible` of the gradient columns, and into the       twice
+//     center, view, arena, blocks,    gradients of its blocks, after forward with the same arguments       forward
+//     d_gaussians, d_anchors,
+//     context, executor)
+//   d.statistics(context)             DecodedStatistics of the last forward pass                           O(1)
 //
 // Laws: A1 gradient law in double; A2 an anchor that is not in `visible` gets exactly zero gradient; A3 same bits at
-// any thread count; A4 the count of Gaussians equals the count of positive opacities; A5 keep and append move all
-// columns and moments in step.
+// any thread count; A4 the count of Gaussians equals the count of positive opacities, and gaussian_slot names each once;
+// A5 keep and append move all columns and moments in step.
 #pragma once
 
+#include <array>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <type_traits>
 
+#include "compmark/core/executor.hpp"
+#include "compmark/core/gaussians.hpp"
+#include "compmark/core/parameters.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark {
@@ -51,6 +66,25 @@ struct DecodedStatistics {
   std::span<const std::uint32_t> visible;        ///< anchor rows that were decoded, n of them
   std::span<const T> opacity_sum;                ///< [n] sum over K of max(opacity, 0)
   std::span<const std::uint32_t> gaussian_slot;  ///< [P] anchor row * K + k of each Gaussian of the batch
+};
+
+template <class D>
+concept GaussianDecoder = requires(const D& decoder, ParameterArena<typename D::Scalar>& arena,
+                                   const ParameterArena<typename D::Scalar>& read, const typename D::Handles& blocks,
+                                   const AnchorColumns<const typename D::Scalar>& anchors,
+                                   const AnchorColumns<typename D::Scalar>& d_anchors,
+                                   std::span<const std::uint32_t> visible, const std::array<double, 3>& center,
+                                   GaussianBatch<typename D::Scalar>& batch,
+                                   const GaussianColumns<const typename D::Scalar>& d_gaussians,
+                                   typename D::Context& context, SerialExecutor& executor) {
+  D::shape;
+  { D::add_parameters(arena, std::size_t{}) } -> std::same_as<typename D::Handles>;
+  D::initialise(arena, blocks, std::uint64_t{});
+  {
+    decoder.forward(anchors, visible, center, std::size_t{}, read, blocks, batch, context, executor)
+    } -> std::convertible_to<std::size_t>;
+  decoder.backward(anchors, visible, center, std::size_t{}, arena, blocks, d_gaussians, d_anchors, context, executor);
+  { decoder.statistics(context) } -> std::same_as<DecodedStatistics<typename D::Scalar>>;
 };
 
 }  // namespace compmark

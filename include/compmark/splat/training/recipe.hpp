@@ -7,7 +7,7 @@
 //   alias                 concept                 default
 //   Scalar                floating point          float
 //   AnchorModel           AnchorModel             ScaffoldAnchors<Scalar>
-//   GaussianDecoder       (paired with the shape) MlpDecoder<Scalar, AnchorModel::shape>
+//   GaussianDecoder       GaussianDecoder         MlpDecoder<Scalar, AnchorModel::shape>
 //   Rasterizer            Rasterizer              TileRasterizer<Scalar, accuracy::standard>
 //   DensityControl        DensityControl          GradientGrowth<Scalar>        (NoGrowth leaves it out)
 //   Space                 Space                   EuclideanSpace                (ContractedSpace: unbounded scenes)
@@ -131,6 +131,9 @@ consteval void check_recipe() {
   static_assert(detail::holds(AnchorModel<typename R::AnchorModel>),
                 "Recipe: AnchorModel lacks Scalar, shape, add_parameters or find_visible (see "
                 "splat/anchor/scaffold_anchors.hpp)");
+  static_assert(detail::holds(GaussianDecoder<typename R::GaussianDecoder>),
+                "Recipe: GaussianDecoder lacks Scalar, shape, Handles, Context, add_parameters, initialise, forward, "
+                "backward or statistics (see splat/anchor/concept.hpp)");
   static_assert(!present<typename R::DensityControl> || DensityControl<typename R::DensityControl>,
                 "Recipe: DensityControl lacks prepare, observe or adapt (see splat/anchor/density_control.hpp)");
   static_assert(detail::holds(Space<typename R::Space>),
