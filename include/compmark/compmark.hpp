@@ -158,6 +158,9 @@
 #include "compmark/splat/anchor/table.hpp"
 #include "compmark/splat/anchor/view_point.hpp"
 #include "compmark/splat/anchor/visibility.hpp"
+#include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/attack/model_attacks.hpp"
+#include "compmark/watermark/attack/picture_attacks.hpp"
 #include "compmark/watermark/attack/quantize_model.hpp"
 
 #include "compmark/splat/raster/accuracy.hpp"

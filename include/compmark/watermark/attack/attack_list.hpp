@@ -1,0 +1,137 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Attacks on a mark, as open lists: on a picture that was rendered, and on a model. An attack is a type without members;
+// picture_attacks.hpp and model_attacks.hpp hold those that are shipped, each with its list at the end.
+//
+//   expression                            meaning                                                            cost
+//   A::name                               what a user calls it                                               -
+//   A::amount                             an AttackAmount: usual, least and greatest strength, and its unit  -
+//   A::apply(image, amount, seed)         PictureAttack: the AttackedPicture of an RGB image in [0, 1]       a pass
+//   A::apply(arena, amount, seed)         ModelAttack: changes a model's numbers in place; Result<Done>      a pass
+//
+// Laws (tests/watermark/attack): T1 the same seed gives the same bits; T2 pixels stay in [0, 1] and finite; T3 a model
+// stays finite, and blocks that no render reads keep their values.
+#pragma once
+
+#include <charconv>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/views.hpp"
+
+namespace compmark {
+
+/// How strong an attack is, and may be.
+struct AttackAmount {
+  double usual = 0, least = 0, most = 0;
+  std::string_view meaning;
+};
+
+namespace detail {
+/// "0.5", "40": for a message.
+[[nodiscard]] inline std::string short_number(double value) {
+  char text[32];
+  const auto [end, status] = std::to_chars(text, text + sizeof(text), value);
+  return status == std::errc() ? std::string(text, end) : std::string("?");
+}
+}  // namespace detail
+
+/// An image of its own size: a crop is smaller.
+struct AttackedPicture {
+  int height = 0, width = 0;
+  std::vector<float> planes;  ///< [3, height, width]
+
+  [[nodiscard]] ImageView<const float> view() const { return {planes.data(), 3, height, width}; }
+};
+
+template <class A>
+concept Attack = requires {
+  { A::name } -> std::convertible_to<std::string_view>;
+  { A::amount } -> std::convertible_to<AttackAmount>;
+};
+template <class A>
+concept PictureAttack = Attack<A> && requires(ImageView<const float> image) {
+  { A::apply(image, double{}, std::uint64_t{}) } -> std::same_as<AttackedPicture>;
+};
+template <class A>
+concept ModelAttack = Attack<A> && requires(ParameterArena<float>& arena) {
+  { A::apply(arena, double{}, std::uint64_t{}) } -> std::same_as<Result<Done>>;
+};
+
+template <Attack... Attacks>
+struct AttackList {
+  static constexpr std::size_t count = sizeof...(Attacks);
+  template <class Added>
+  using With = AttackList<Attacks..., Added>;
+
+  /// Calls use.template operator()<A>() for each attack.
+  template <class Use>
+  static void each(const Use& use) {
+    (use.template operator()<Attacks>(), ...);
+  }
+  [[nodiscard]] static std::string names() {
+    std::string all;
+    ((all += (all.empty() ? "" : ", ") + std::string(Attacks::name)), ...);
+    return all;
+  }
+};
+
+namespace detail {
+/// The attack of `List` that a text names, "blur", or with its strength "blur:1.5": returns use.template
+/// operator()<A>(strength).
+template <class List, class Returned, class Use>
+[[nodiscard]] Result<Returned> with_attack(std::string_view text, const Use& use) {
+  const std::size_t colon = text.find(':');
+  const std::string_view name = text.substr(0, colon);
+  Result<Returned> result = Error{ErrorKind::invalid,
+                                  {},
+                                  "attack",
+                                  "\"" + std::string(name.substr(0, 40)) + "\" is none of " + List::names(),
+                                  "choose one of them"};
+  List::each([&]<class A>() {
+    if (name != A::name) return;
+    const AttackAmount range = A::amount;
+    double amount = range.usual;
+    if (colon != std::string_view::npos) {
+      const char* const end = text.data() + text.size();
+      const auto [read, status] = std::from_chars(text.data() + colon + 1, end, amount);
+      if (status != std::errc() || read != end || !(amount >= range.least && amount <= range.most)) {
+        result = Error{ErrorKind::invalid,
+                       {},
+                       "attack",
+                       "\"" + std::string(text.substr(0, 40)) + "\" has no strength from " + short_number(range.least) +
+                           " to " + short_number(range.most),
+                       "give " + std::string(range.meaning)};
+        return;
+      }
+    }
+    result = use.template operator()<A>(amount);
+  });
+  return result;
+}
+}  // namespace detail
+
+/// Does to a picture what `text` names: an attack of the list, "blur", at its usual strength, or "blur:1.5". Error: the
+/// list has no such attack, or its strength is out of its range.
+template <class List>
+[[nodiscard]] Result<AttackedPicture> attack_picture(std::string_view text, ImageView<const float> image,
+                                                     std::uint64_t seed = 0) {
+  return detail::with_attack<List, AttackedPicture>(
+      text, [&]<PictureAttack A>(double amount) { return Result<AttackedPicture>(A::apply(image, amount, seed)); });
+}
+/// … to the numbers of a model, in place. An Error of the attack itself may leave the model half changed.
+template <class List>
+[[nodiscard]] Result<Done> attack_model(std::string_view text, ParameterArena<float>& arena, std::uint64_t seed = 0) {
+  return detail::with_attack<List, Done>(text,
+                                         [&]<ModelAttack A>(double amount) { return A::apply(arena, amount, seed); });
+}
+
+}  // namespace compmark

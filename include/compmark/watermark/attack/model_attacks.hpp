@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Attacks on a model (attack_list.hpp): what a thief does to its numbers. They change what renders read and leave the
+// rest, as quantize_model.hpp does. To add one: its type here, and its name in the list ModelAttacks. Cost: a few passes
+// over the model.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/splat/quantizer/int8_quantizer.hpp"
+#include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/attack/quantize_model.hpp"
+
+namespace compmark {
+
+/// The general quantization of the paper: every number that a render reads in 8 bits.
+struct Int8Attack {
+  static constexpr std::string_view name = "int8";
+  static constexpr AttackAmount amount{0, 0, 1, "0 for a scale a tensor, or 1 for a scale a channel"};
+  [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double channels, std::uint64_t /*seed*/) {
+    using Quantizer = Int8Quantizer<float>;
+    const bool each = channels >= 0.5;
+    const Result<Quantizer> anchors =
+        Quantizer::create({Int8Scheme::affine, each ? Int8Channels::columns : Int8Channels::tensor});
+    const Result<Quantizer> networks =
+        Quantizer::create({Int8Scheme::affine, each ? Int8Channels::rows : Int8Channels::tensor});
+    if (!anchors) return anchors.error();
+    if (!networks) return networks.error();
+    const auto report = quantize_model(arena, *anchors, *networks);
+    return report ? Result<Done>(Done{}) : report.error();
+  }
+};
+
+/// Noise on what anchors hold, in units of the deviation of each tensor from its mean.
+struct AnchorNoiseAttack {
+  static constexpr std::string_view name = "noise";
+  static constexpr AttackAmount amount{0.01, 0, 1, "the deviation of the noise, as a share of a tensor's own"};
+  [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double share, std::uint64_t seed) {
+    for (const ArenaLayout::Block& block : arena.layout().blocks()) {
+      if (block.role != BlockRole::rendering || block.kind != RowKind::anchor || block.size() == 0) continue;
+      float* const values = arena.all_values().data() + block.offset;
+      const double count = static_cast<double>(block.size());
+      double mean = 0, squares = 0;
+      for (std::size_t i = 0; i < block.size(); ++i) mean += static_cast<double>(values[i]) / count;
+      for (std::size_t i = 0; i < block.size(); ++i) {
+        const double d = static_cast<double>(values[i]) - mean;
+        squares += d * d / count;
+      }
+      const Random random(seed, 0, random_stage(block.name));
+      for (std::size_t i = 0; i < block.size(); ++i)
+        values[i] += static_cast<float>(share * std::sqrt(squares) * random.normal(i));
+    }
+    return Done{};
+  }
+};
+
+/// Anchors are thrown away at random.
+struct PruneAttack {
+  static constexpr std::string_view name = "prune";
+  static constexpr AttackAmount amount{0.1, 0, 0.99, "the share of the anchors that is thrown away"};
+  [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double share, std::uint64_t seed) {
+    std::size_t rows = 0;
+    for (const ArenaLayout::Block& block : arena.layout().blocks()) {
+      if (block.kind == RowKind::anchor) rows = std::max(rows, block.rows);
+    }
+    const Random random(seed, 0, random_stage("attack/prune"));
+    std::vector<std::uint32_t> kept;
+    for (std::uint32_t row = 0; row < rows; ++row) {
+      if (random.uniform(row) >= share) kept.push_back(row);
+    }
+    if (kept.empty() && rows > 0) kept.push_back(0);  // a model without anchors is none
+    arena.edit_rows({kept, 0});
+    return Done{};
+  }
+};
+
+/// All that are shipped.
+using ModelAttacks = AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack>;
+
+}  // namespace compmark
