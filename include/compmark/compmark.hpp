@@ -252,6 +252,7 @@
 #include "compmark/codec/container/chunk_coding.hpp"
 #include "compmark/codec/container/cmk.hpp"
 #include "compmark/codec/container/codec_model.hpp"
+#include "compmark/codec/container/codecs.hpp"
 #include "compmark/codec/container/container.hpp"
 #include "compmark/codec/container/decoding.hpp"
 #include "compmark/codec/container/digest.hpp"

@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Any `.cmk` file, as bytes or on disk, replaced whole or not at all. When writing, the codec is the one that the model
-// was trained for; when reading, the one that the file's header names. A program that knows its codec includes only
-// that codec's encoder or decoder.
+// was trained for; when reading, the one that the file's header names, of a list of codecs (codecs.hpp) that a program
+// may lengthen: encode_cmk<ShippedCodecs::With<MyCodec>>(…). A program that knows its codec includes only that codec's
+// encoder or decoder.
 #pragma once
 
 #include <cstddef>
@@ -13,45 +14,42 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/codec/context_gs/context_gs_decoder.hpp"
-#include "compmark/codec/context_gs/context_gs_encoder.hpp"
-#include "compmark/codec/hac/hac_decoder.hpp"
-#include "compmark/codec/hac/hac_encoder.hpp"
+#include "compmark/codec/container/codecs.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/file_kind.hpp"
 
 namespace compmark {
 
 /// The name of a codec, as recipes begin with it.
-[[nodiscard]] inline const char* codec_name(ContainerProfile profile) {
-  return profile == ContainerProfile::context_gs ? "context_gs" : "hac";
+template <class Codecs = ShippedCodecs>
+[[nodiscard]] const char* codec_name(ContainerProfile profile) {
+  return Codecs::of_profile(profile, []<class C>() { return C::name; });
 }
 
-template <Executor E>
+template <class Codecs = ShippedCodecs, Executor E>
 [[nodiscard]] Result<CodecEncoded> encode_cmk(const CodecModel& model, const CodecEncodeSettings& settings,
                                               E& executor) {
-  return model.profile() == ContainerProfile::context_gs ? encode_context_gs(model, settings, executor)
-                                                         : encode_hac(model, settings, executor);
+  return Codecs::of_model(model, [&]<class C>() { return C::encode(model, settings, executor); });
 }
 /// `path` is for messages.
-template <Executor E>
+template <class Codecs = ShippedCodecs, Executor E>
 [[nodiscard]] Result<CodecDecoded> decode_cmk(std::span<const std::byte> bytes, const std::string& path,
                                               const CodecDecodeSettings& settings, E& executor) {
   const Result<Container> parsed = parse_container(bytes, path, settings.partial);
   if (!parsed) return parsed.error();
-  return parsed->header.profile == ContainerProfile::context_gs ? decode_context_gs(bytes, path, settings, executor)
-                                                                : decode_hac(bytes, path, settings, executor);
+  return Codecs::of_profile(parsed->header.profile,
+                            [&]<class C>() { return C::decode(bytes, path, settings, executor); });
 }
-template <Executor E>
+template <class Codecs = ShippedCodecs, Executor E>
 [[nodiscard]] Result<CodecEncoded> write_cmk(const std::filesystem::path& path, const CodecModel& model,
                                              const CodecEncodeSettings& settings, E& executor) {
-  Result<CodecEncoded> encoded = encode_cmk(model, settings, executor);
+  Result<CodecEncoded> encoded = encode_cmk<Codecs>(model, settings, executor);
   if (!encoded) return encoded.error();
   const Result<Done> written = write_file(path, encoded->bytes);
   if (!written) return written.error();
   return encoded;
 }
-template <Executor E>
+template <class Codecs = ShippedCodecs, Executor E>
 [[nodiscard]] Result<CodecDecoded> read_cmk(const std::filesystem::path& path, const CodecDecodeSettings& settings,
                                             E& executor) {
   // A nearly right magic may come from a copy in text mode: the parser reports that.
@@ -61,7 +59,7 @@ template <Executor E>
   const Result<std::vector<std::byte>> bytes =
       read_file_of(path, settings.memory_limit, "a compressed model (.cmk)", fits);
   if (!bytes) return bytes.error();
-  return decode_cmk(*bytes, path.string(), settings, executor);
+  return decode_cmk<Codecs>(*bytes, path.string(), settings, executor);
 }
 
 }  // namespace compmark

@@ -13,10 +13,9 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/codec/container/codecs.hpp"
 #include "compmark/codec/container/container.hpp"
 #include "compmark/codec/container/file_format.hpp"
-#include "compmark/codec/context_gs/context_gs_format.hpp"
-#include "compmark/codec/hac/hac_format.hpp"
 #include "compmark/core/result.hpp"
 
 namespace compmark {
@@ -41,10 +40,9 @@ struct CodecLevel {
   std::uint64_t anchors = 0;  ///< as the table of contents says
   std::uint64_t end = 0;      ///< so many bytes of the file are enough to decode this level and those before (partial)
 };
-template <class File>
+template <class Codecs = ShippedCodecs, class File>
 [[nodiscard]] std::vector<CodecLevel> codec_levels(const File& file) {
-  const CodecSections& format =
-      file.header.profile == ContainerProfile::context_gs ? ContextGsFormat::sections : HacFormat::sections;
+  const CodecSections& format = *Codecs::of_profile(file.header.profile, []<class C>() { return &C::sections; });
   std::vector<CodecLevel> levels(format.parts);
   std::uint64_t end = 0;
   for (const SectionEntry& entry : file.sections) {
@@ -59,13 +57,12 @@ template <class File>
 }
 
 /// `path` is for messages. A file whose META is damaged has no information to give and is an error.
-template <class Info = CodecInfo>  // a template: free for programs that do not call it
+template <class Codecs = ShippedCodecs, class Info = CodecInfo>  // a template: free for programs that do not call it
 [[nodiscard]] Result<Info> inspect_cmk(std::span<const std::byte> bytes, const std::string& path) {
   const Result<Container> file = parse_container(bytes, path);
   if (!file) return file.error();
-  const bool context_gs = file->header.profile == ContainerProfile::context_gs;
   const Result<Done> promised =
-      detail::check_sections(*file, context_gs ? ContextGsFormat::sections : HacFormat::sections);
+      detail::check_sections(*file, *Codecs::of_profile(file->header.profile, []<class C>() { return &C::sections; }));
   if (!promised) return promised.error();
   Info info;
   info.header = file->header;

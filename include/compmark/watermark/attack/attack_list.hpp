@@ -37,7 +37,7 @@ struct AttackAmount {
 
 namespace detail {
 /// "0.5", "40": for a message.
-[[nodiscard]] inline std::string short_number(double value) {
+[[nodiscard]] inline std::string shortest_text(double value) {
   char text[32];
   const auto [end, status] = std::to_chars(text, text + sizeof(text), value);
   return status == std::errc() ? std::string(text, end) : std::string("?");
@@ -107,8 +107,8 @@ template <class List, class Returned, class Use>
         result = Error{ErrorKind::invalid,
                        {},
                        "attack",
-                       "\"" + std::string(text.substr(0, 40)) + "\" has no strength from " + short_number(range.least) +
-                           " to " + short_number(range.most),
+                       "\"" + std::string(text.substr(0, 40)) + "\" has no strength from " +
+                           shortest_text(range.least) + " to " + shortest_text(range.most),
                        "give " + std::string(range.meaning)};
         return;
       }
