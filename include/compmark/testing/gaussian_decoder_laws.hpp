@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The laws of a GaussianDecoder (splat/anchor/concept.hpp) as a function a plug-in's own tests can call. Empty text means
-// that they hold.
+// The laws of a GaussianDecoder (splat/anchor/concept.hpp) as a function a plug-in's own tests can call. Empty text
+// means that they hold.
 #pragma once
 
 #include <algorithm>
@@ -29,8 +29,8 @@
 namespace compmark {
 namespace testing {
 
-/// A1 to A4 on `rows` random anchors, of which two in three are visible. `D` computes in double; A1 is tried for `samples`
-/// values of the anchors and of the decoder's own blocks.
+/// A1 to A4 on `rows` random anchors, of which two in three are visible. `D` computes in double; A1 is tried for
+/// `samples` values of the anchors and of the decoder's own blocks.
 template <GaussianDecoder D>
 [[nodiscard]] std::string gaussian_decoder_laws(const D& decoder, std::size_t rows = 40, std::size_t samples = 24) {
   using T = typename D::Scalar;

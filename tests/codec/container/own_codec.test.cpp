@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A codec of one's own: whole numbers of base steps, in as many bytes as they need, without a context. It is written, read
-// and described by the functions that the shipped codecs go through, and no file of the library is edited for it; to ship
-// it is two edits, its name in codecs.hpp and its header in compmark.hpp, and a third for the recipe of the tool.
+// A codec of one's own: whole numbers of base steps, in as many bytes as they need, without a context. It is written,
+// read and described by the functions that the shipped codecs go through, and no file of the library is edited for it;
+// to ship it is two edits, its name in codecs.hpp and its header in compmark.hpp, and a third for the recipe of the tool.
 #include "compmark/codec/container/codecs.hpp"
 
 #include <doctest/doctest.h>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The Quantizer that a recipe names is the one that its codec trains with and writes: with UniformQuantizer every value of
-// a file is a multiple of its base step.
+// The Quantizer that a recipe names is the one that its codec trains with and writes: with UniformQuantizer every value
+// of a file is a multiple of its base step.
 #include <doctest/doctest.h>
 
 #include <algorithm>

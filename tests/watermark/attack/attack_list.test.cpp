@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Attacks of one's own, on a picture and on a model: each is one type, and no file of the library is edited; to ship one is
-// one edit, its type and its name in picture_attacks.hpp or model_attacks.hpp.
+// Attacks of one's own, on a picture and on a model: each is one type, and no file of the library is edited; to ship
+// one is one edit, its type and its name in picture_attacks.hpp or model_attacks.hpp.
 #include "compmark/watermark/attack/attack_list.hpp"
 
 #include <doctest/doctest.h>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The codecs of `.cmk` files, an open list: ShippedCodecs at the end is the one place that knows them all. cmk.hpp writes
-// and reads by it, inspect.hpp describes by it.
+// The codecs of `.cmk` files, an open list: ShippedCodecs at the end is the one place that knows them all. cmk.hpp
+// writes and reads by it, inspect.hpp describes by it.
 //
 //   Codec                                        meaning                                                       cost
 //   C::profile, C::name, C::sections             its number in the header, what recipes begin with, and the    -
@@ -11,8 +11,8 @@
 //   C::encode(model, settings, executor)         Result<CodecEncoded>, with the model that decoding gives      a pass
 //   C::decode(bytes, path, settings, executor)   Result<CodecDecoded>; refuses files of other codecs           a pass
 //
-// Laws: K1 decode(encode(m)) is the model that encode returned, and encoding that again gives the same bytes; K2 the same
-// bytes at any thread count; K3 a file with one changed bit is refused, or salvaged where the settings ask for it.
+// Laws: K1 decode(encode(m)) is the model that encode returned, and encoding that again gives the same bytes; K2 the
+// same bytes at any thread count; K3 a file with one changed bit is refused, or salvaged where the settings ask for it.
 #pragma once
 
 #include <concepts>

@@ -17,6 +17,7 @@
 //     d_scaling, d_offset, ctx, ex)                its blocks
 //   E::mask_opacity(arena, blocks, slot, opacity,  opacity 0 where a Gaussian's offset is left out;       a Gaussian
 //     ex), mask_opacity_backward(…)                slot is anchor row * K + k
+//   E::WithQuantizer<Q>                            the model with a recipe's Quantizer; may be left out    -
 #pragma once
 
 #include <concepts>

@@ -21,8 +21,8 @@
 //   d.statistics(context)             DecodedStatistics of the last forward pass                           O(1)
 //
 // Laws: A1 gradient law in double; A2 an anchor that is not in `visible` gets exactly zero gradient; A3 same bits at
-// any thread count; A4 the count of Gaussians equals the count of positive opacities, and gaussian_slot names each once;
-// A5 keep and append move all columns and moments in step.
+// any thread count; A4 the count of Gaussians equals the count of positive opacities, and gaussian_slot names each
+// once; A5 keep and append move all columns and moments in step.
 #pragma once
 
 #include <array>

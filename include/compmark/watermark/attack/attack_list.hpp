@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Attacks on a mark, as open lists: on a picture that was rendered, and on a model. An attack is a type without members;
-// picture_attacks.hpp and model_attacks.hpp hold those that are shipped, each with its list at the end.
+// Attacks on a mark, as open lists: on a picture that was rendered, and on a model. An attack is a type without
+// members; picture_attacks.hpp and model_attacks.hpp hold those that are shipped, each with its list at the end.
 //
 //   expression                            meaning                                                            cost
 //   A::name                               what a user calls it                                               -

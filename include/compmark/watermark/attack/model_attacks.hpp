@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Attacks on a model (attack_list.hpp): what a thief does to its numbers. They change what renders read and leave the
-// rest, as quantize_model.hpp does. To add one: its type here, and its name in the list ModelAttacks. Cost: a few passes
-// over the model.
+// rest, as quantize_model.hpp does. To add one: its type here, and its name in the list ModelAttacks. Cost: a few
+// passes over the model.
 #pragma once
 
 #include <algorithm>
