@@ -73,14 +73,14 @@ void npy_values(std::span<const std::byte> bytes, std::vector<double>& values) {
     return fail(ErrorKind::malformed, "byte 0", "does not begin as an .npy file does",
                 "save the array with numpy.save");
   const auto at = [&](std::size_t i) { return std::to_integer<std::size_t>(bytes[i]); };
-  const std::size_t version = at(6);
-  if (version < 1 || version > 3)
-    return fail(ErrorKind::unsupported, "byte 6", "has the unknown format version " + std::to_string(version),
+  const std::size_t format_version = at(6);
+  if (format_version < 1 || format_version > 3)
+    return fail(ErrorKind::unsupported, "byte 6", "has the unknown format version " + std::to_string(format_version),
                 "save the array with numpy.save");
-  const std::size_t begin = version == 1 ? prefix : prefix + 2;
+  const std::size_t begin = format_version == 1 ? prefix : prefix + 2;
   if (bytes.size() < begin) return fail(ErrorKind::truncated, "byte 8", "ends within its header", "copy it again");
   std::size_t length = at(8) | at(9) << 8;
-  if (version > 1) length |= at(10) << 16 | at(11) << 24;
+  if (format_version > 1) length |= at(10) << 16 | at(11) << 24;
   if (length > bytes.size() - begin)
     return fail(ErrorKind::truncated, "byte 8",
                 "promises a header of " + std::to_string(length) + " bytes, but the file ends before", "copy it again");
