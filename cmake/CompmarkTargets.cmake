@@ -57,4 +57,4 @@ foreach(entry IN LISTS COMPMARK_OPTIONAL_COMPONENTS)
 endforeach()
 
 include(CompmarkApp)
-compmark_add_app("${PROJECT_SOURCE_DIR}/include/compmark/app/app.cpp" compmark)
+compmark_add_app("${PROJECT_SOURCE_DIR}/include/compmark/app" compmark)

@@ -10,7 +10,7 @@
 #include <memory>
 #include <string>
 
-#include "coded_run.hpp"
+#include "coded_text.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 

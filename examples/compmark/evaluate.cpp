@@ -3,6 +3,7 @@
 //
 // compmark evaluate: measures one or several models against a dataset: PSNR, SSIM and, given weights, LPIPS; the cost
 // of a mark and the bits of a message; bytes by section and milliseconds.
+#include <compmark/app/run/mark_record.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/watermark/proof/report.hpp>
 #include <cstdio>
@@ -13,8 +14,8 @@
 #include "common.hpp"
 #include "comparison.hpp"
 #include "evaluation.hpp"
-#include "mark_record.hpp"
 #include "reading.hpp"
+#include "run_folder.hpp"
 
 namespace tool {
 namespace {
@@ -33,7 +34,7 @@ void warn_other_decoder(const CompareSettings& compared) {
   if (compared.key.empty() || compared.decoder.empty()) return;
   const Result<OwnerKey> key = load_key(compared.key);
   if (!key) return;  // whose error is told where it is needed
-  if (const Result<Done> recorded = check_recorded(compared.key, *key, compared.decoder); !recorded)
+  if (const Result<Done> recorded = check_recorded(compared.key, *key, compared.decoder, {}, print_warning); !recorded)
     std::fprintf(stderr, "compmark: warning: %s: %s\n", compared.decoder.string().c_str(),
                  recorded.error().problem.c_str());
 }

@@ -5,6 +5,7 @@
 // verify tests whether they are evidence.
 #include <algorithm>
 #include <cmath>
+#include <compmark/app/run/mark_record.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/watermark/proof/verify.hpp>
 #include <cstdio>
@@ -14,8 +15,8 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "mark_record.hpp"
 #include "reading.hpp"
+#include "run_folder.hpp"
 
 namespace tool {
 namespace {
@@ -49,7 +50,8 @@ int run(const ExtractOptions& options) {
     if (!read) return fail(read.error());
     key = *read;
     if (!options.any_decoder) {
-      const Result<Done> recorded = check_recorded(options.key, *key, options.reading.decoder, options.reading.model);
+      const Result<Done> recorded =
+          check_recorded(options.key, *key, options.reading.decoder, options.reading.model, print_warning);
       if (!recorded) return fail(recorded.error());
     }
   }

@@ -85,4 +85,14 @@ double free_memory_bytes(const std::filesystem::path& root) {
   return left < nothing_said ? std::max(left, 1.0) : 0;  // 0 would be no limit
 }
 
+double peak_memory_mb() {
+  rusage usage{};
+  if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+#if defined(__APPLE__)
+  return static_cast<double>(usage.ru_maxrss) / 1e6;
+#else
+  return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
+#endif
+}
+
 }  // namespace tool

@@ -13,4 +13,7 @@ namespace tool {
 /// are proc and sys/fs/cgroup, as tests lay them out.
 [[nodiscard]] double free_memory_bytes(const std::filesystem::path& root = "/");
 
+/// Largest resident size of this process so far, 10^6 bytes.
+[[nodiscard]] double peak_memory_mb();
+
 }  // namespace tool

@@ -9,6 +9,8 @@
 #include <chrono>
 #include <cmath>
 #include <compmark/app/files.hpp>
+#include <compmark/app/run/differences.hpp>
+#include <compmark/app/run/jpeg_codec.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
@@ -35,8 +37,6 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "differences.hpp"
-#include "jpeg_codec.hpp"
 #include "pretrain_images.hpp"
 #include "progress.hpp"
 #include "run_folder.hpp"
@@ -402,7 +402,8 @@ int run(PretrainOptions& options) {
 
   const std::string note = "trained on " + described(train) + ", " + std::to_string(options.steps) + " steps, seed " +
                            std::to_string(options.seed);
-  if (Result<Done> moved = options.force ? move_decoder_aside(options.out) : Done{}; !moved) return fail(moved.error());
+  if (Result<Done> moved = options.force ? move_decoder_aside(options.out, print_note) : Done{}; !moved)
+    return fail(moved.error());
   if (Result<Done> written = write_lattice<SafetensorsWriter>(trained, note, options.out); !written)
     return fail(written.error());
   const Result<std::string> sha = file_sha256(options.out);

@@ -4,6 +4,7 @@
 // compmark probe: measures the scene effects of a capture, with the evidence, and prints the recipe that train would
 // choose.
 #include <algorithm>
+#include <compmark/app/run/effect_choice.hpp>
 #include <compmark/scene/open.hpp>
 #include <compmark/scene/probe.hpp>
 #include <cstdio>
@@ -13,7 +14,6 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "effects.hpp"
 
 namespace tool {
 

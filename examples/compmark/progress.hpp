@@ -9,6 +9,7 @@
 #include <signal.h>
 
 #include <chrono>
+#include <compmark/app/run/run_progress.hpp>
 #include <compmark/core/result.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <cstdint>
@@ -21,20 +22,10 @@
 
 namespace tool {
 
-/// One finished iteration. Optional values are those that not every iteration has.
-struct ProgressLine {
-  std::int64_t iteration = 0;  ///< 1-based
-  std::int64_t total = 0;
-  double loss = 0;
-  double l1 = 0;
-  double ssim = 0;
-  double psnr = 0;  ///< of the training view just rendered, dB
-  std::uint64_t anchors = 0;
-  std::uint64_t gaussians = 0;            ///< of this view
-  double seconds = 0;                     ///< since the start of this run; Progress fills it in
-  std::optional<double> bits_per_scalar;  ///< of what would be stored, where the rate is a loss
-  std::optional<double> bit_accuracy;     ///< of the training view, where a message was read from it
-  std::optional<double> test_psnr;        ///< when the test views were measured after this iteration
+/// One finished iteration, as it is shown and noted.
+struct ProgressLine : compmark::RunProgress {
+  double seconds = 0;               ///< since the start of this run; Progress fills it in
+  std::optional<double> test_psnr;  ///< when the test views were measured after this iteration
 };
 
 /// How it is shown.

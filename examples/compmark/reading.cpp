@@ -3,37 +3,25 @@
 #include "reading.hpp"
 
 #include <array>
+#include <compmark/app/run/owner_keys.hpp>
+#include <compmark/app/run/payload_json.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/watermark/proof/key.hpp>
 #include <cstdio>
-#include <string_view>
 
 #include "common.hpp"
 
 namespace tool {
-namespace {
 
 using namespace compmark;
 namespace fs = std::filesystem;
 
-std::string_view outcome_name(PayloadCode::Outcome outcome) {
-  return outcome == PayloadCode::Outcome::read         ? "read"
-         : outcome == PayloadCode::Outcome::crc_failed ? "crc_failed"
-                                                       : "too_many_errors";
-}
-
-}  // namespace
-
 PayloadText payload_text(const OwnerKey& key, const Message& read) {
   const PayloadCode::Reading reading = read_payload(key, read);
   const bool whole = reading.outcome == PayloadCode::Outcome::read;
-  // The probability that random bits pass BCH and the CRC: a payload alone is no evidence.
-  const double chance = payload_code(key)->code.random_decode_rate() / 256;
   PayloadText text;
-  text.json = {{"outcome", std::string(outcome_name(reading.outcome))},
-               {"hex", whole ? nlohmann::ordered_json(reading.data.hex()) : nlohmann::ordered_json(nullptr)},
-               {"corrected", whole ? nlohmann::ordered_json(reading.corrected) : nlohmann::ordered_json(nullptr)},
-               {"chance", chance}};
+  text.json = payload_json(key, read);
+  const double chance = text.json["chance"].get<double>();
   std::array<char, 160> line{};
   if (whole) {
     std::snprintf(line.data(), line.size(),
@@ -47,15 +35,7 @@ PayloadText payload_text(const OwnerKey& key, const Message& read) {
   return text;
 }
 
-Result<OwnerKey> load_key(const fs::path& path) {
-  Result<OwnerKey> key = open_key(path);
-  if (!key) return key;
-  if (!key_file_is_private(path)) {
-    std::fprintf(stderr, "compmark: warning: %s: others may read this key; run chmod 600 on it\n",
-                 path.string().c_str());
-  }
-  return key;
-}
+Result<OwnerKey> load_key(const fs::path& path) { return open_private_key(path, print_warning); }
 
 void add_reading_options(Options& app, ReadingOptions& options) {
   app.reads("--decoder", options.decoder, InputKind::decoder, "decoder file (safetensors)")->required();

@@ -29,7 +29,7 @@ Command add_scene(Options& app) {
     use.write_in(options->out, {"transforms_train.json", "transforms_test.json"}, "--out");
   });
   return [options]() -> int {
-    const auto held = hold_folder(options->out);
+    const auto held = compmark::hold_folder(options->out);
     if (!held) return fail(held.error());
     if (auto written = compmark::write_procedural_scene(options->out, options->scene); !written)
       return fail(written.error());

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <compmark/app/compress.hpp>
 #include <compmark/app/files.hpp>
+#include <compmark/app/run/run_results.hpp>
 #include <compmark/watermark/proof/report.hpp>
 #include <cstdint>
 #include <filesystem>
@@ -16,7 +18,6 @@
 
 #include "common.hpp"
 #include "mark_plot.hpp"
-#include "model_files.hpp"
 #include "progress.hpp"
 
 namespace tool {
@@ -49,16 +50,16 @@ std::string address(const std::filesystem::path& path) {
 
 /// The run whose finished model this one began with.
 struct HostRun {
-  Results results;
+  RunResults results;
   std::vector<ProgressLine> lines;
   std::string page;  ///< its address, from the folder of this run
 };
 /// Nothing where the model's folder is not that of its run: a log of something else would be worse than none.
-std::optional<HostRun> host_run(const TrainOptions& options) {
-  if (options.model.empty()) return std::nullopt;
-  const std::filesystem::path folder = options.model.parent_path();
-  Result<Results> results = read_results(folder / "results.json");
-  const Result<std::string> digest = file_sha256(options.model);
+std::optional<HostRun> host_run(const RunFindings& f) {
+  if (f.source.empty()) return std::nullopt;
+  const std::filesystem::path folder = f.source.parent_path();
+  Result<RunResults> results = read_results(folder / "results.json");
+  const Result<std::string> digest = file_sha256(f.source);
   if (!results || !digest || results->model_sha256 != *digest) return std::nullopt;
   HostRun host;
   host.results = std::move(*results);
@@ -66,27 +67,28 @@ std::optional<HostRun> host_run(const TrainOptions& options) {
   if (log && !log->empty() && log->back().iteration == host.results.iterations) host.lines = std::move(*log);
   std::error_code none;
   const std::filesystem::path page = folder / "report.html";
-  if (std::filesystem::exists(page, none)) host.page = address(std::filesystem::proximate(page, options.out, none));
+  if (std::filesystem::exists(page, none)) host.page = address(std::filesystem::proximate(page, f.out, none));
   return host;
 }
 
 bool marks(const RunFindings& f) { return f.mark != nullptr && !f.mark->read_only; }
 
 /// The training of the source model, if this run began with one, and this run.
-std::vector<ReportCurve> run_curves(const RunFindings& f, std::optional<HostRun>& host) {
+std::vector<ReportCurve> run_curves(const RunFindings& f, const std::vector<ProgressLine>& curve,
+                                    std::optional<HostRun>& host) {
   std::vector<ReportCurve> curves;
-  const bool from_model = !f.options.model.empty();
+  const bool from_model = !f.source.empty();
   if (host)
     curves.push_back({marks(f) ? "Training of the unmarked model" : "Training of the model that was compressed",
                       std::move(host->lines), false, host->page});
   const char* const heading = !from_model ? (marks(f) ? "Training, with the message" : "Training")
                               : marks(f)  ? "Hiding the message"
                                           : "Fitting the codec";
-  curves.push_back({heading, f.end.curve, from_model && marks(f) && f.run.settings.mark.posthoc.fidelity > 0});
+  curves.push_back({heading, curve, from_model && marks(f) && f.settings.mark.posthoc.fidelity > 0});
   return curves;
 }
 
-ReportTable mark_table(const std::string& heading, const WatermarkMetrics& m, const MarkInput& mark) {
+ReportTable mark_table(const std::string& heading, const WatermarkMetrics& m, const RunMark& mark) {
   ReportTable table{heading,
                     {{"key id", mark.sources.key_id},
                      {"decoder sha256", mark.sources.decoder_sha256},
@@ -101,8 +103,20 @@ ReportTable mark_table(const std::string& heading, const WatermarkMetrics& m, co
   return table;
 }
 
+ReportTable compressed_table(const CompressedRun& run) {
+  const CompressedMetrics& m = run.metrics;
+  return {"Compressed",
+          {{"codec", m.codec},
+           {"file", run.file.filename().string()},
+           {"size", kibibytes(m.bytes)},
+           {"PSNR", decimals(m.test.psnr, 2) + " dB"},
+           {"SSIM", decimals(m.test.ssim, 4)},
+           {"encoded in", decimals(m.encode_seconds, 2) + " s"},
+           {"decoded in", decimals(m.decode_seconds, 2) + " s"}}};
+}
+
 /// The bytes of a file by purpose, and those of the unmarked file if there is one.
-ReportGrid section_grid(const CodedRun& coded, const std::optional<CodedFile>& unmarked) {
+ReportGrid section_grid(const CompressedRun& coded, const std::optional<CodedFile>& unmarked) {
   ReportGrid grid{"Bytes by section", {"section", "model.cmk", "of it"}, {}};
   if (unmarked) grid.columns.emplace_back("unmarked.cmk");
   std::uint64_t whole = 0;
@@ -134,17 +148,14 @@ ShownViews::ShownViews(const DatasetViews& measured) : views_(measured) {
   }
 }
 
-SeenViewObserver ShownViews::keep() {
-  return [this](const SeenView& view) -> Result<Done> {
-    if (std::find(number_.begin(), number_.end(), view.index) == number_.end()) return Done{};
-    pictures.push_back({view.result.name, make_report_image(view.truth), make_report_image(view.measured),
-                        view.result.psnr, view.result.ssim, view.result.lpips_alex});
-    return Done{};
-  };
+void ShownViews::keep(const SeenView& view) {
+  if (std::find(number_.begin(), number_.end(), view.index) == number_.end()) return;
+  pictures.push_back({view.result.name, make_report_image(view.truth), make_report_image(view.measured),
+                      view.result.psnr, view.result.ssim, view.result.lpips_alex});
 }
 
 Result<Done> ShownViews::add_unmarked(const std::filesystem::path& twin, ThreadExecutor& executor) {
-  Result<AnyModel> model = load_model(twin, executor.concurrency());
+  Result<AnyModel> model = AnyModel::open(twin, executor);
   if (!model) return model.error();
   const Result<Evaluation> seen =
       evaluate_views(*model, views_, evaluation_settings(), executor, [&](const SeenView& view) -> Result<Done> {
@@ -156,20 +167,20 @@ Result<Done> ShownViews::add_unmarked(const std::filesystem::path& twin, ThreadE
   return Done{};
 }
 
-ReportInput run_page(const RunFindings& f, std::vector<ReportView> pictures) {
-  const TrainSettings& settings = f.run.settings;
-  const Results& results = f.results;
+ReportInput run_page(const RunFindings& f, const std::vector<ProgressLine>& curve, std::vector<ReportView> pictures) {
+  const TrainSettings& settings = f.settings;
+  const RunResults& results = f.results;
   const Evaluation& evaluation = f.coded ? f.coded->evaluation : f.evaluation;
   const std::optional<MarkMeasurement>& proof = f.coded ? f.coded->mark : f.found;
   const std::string file = f.coded ? "model.cmk" : "model.safetensors", split = f.has_test ? "test" : "training";
   const auto mean = [](const Evaluation& of, double ViewResult::*figure) {
     return of.mean([&](const ViewResult& view) { return view.*figure; });
   };
-  std::optional<HostRun> host = host_run(f.options);
+  std::optional<HostRun> host = host_run(f);
 
   ReportInput page;
   page.title = results.dataset;
-  page.subtitle = "recipe " + f.options.recipe + ", profile " + settings.profile + ", " +
+  page.subtitle = "recipe " + results.recipe + ", profile " + settings.profile + ", " +
                   std::to_string(settings.iterations) + " iterations" +
                   (f.coded ? "; measured and shown from model.cmk, read back as another program would" : "");
   page.headline = {
@@ -196,15 +207,17 @@ ReportInput run_page(const RunFindings& f, std::vector<ReportView> pictures) {
   }
   page.headline.emplace_back(std::to_string(f.coded ? f.coded->metrics.anchors : results.anchors), "anchors");
   if (host) page.headline.emplace_back(format_duration(host->results.train_seconds), "training time");
-  page.headline.emplace_back(format_duration(f.end.train_seconds), !host      ? "training time"
-                                                                   : marks(f) ? "hiding the message"
-                                                                              : "fitting the codec");
+  page.headline.emplace_back(format_duration(results.train_seconds), !host      ? "training time"
+                                                                     : marks(f) ? "hiding the message"
+                                                                                : "fitting the codec");
   page.headline.emplace_back(decimals(mean(evaluation, &ViewResult::milliseconds), 1) + " ms", "render of a view");
 
-  page.curves = run_curves(f, host);
+  page.curves = run_curves(f, curve, host);
   page.renders = f.coded ? "decoded model.cmk" : "render";
   page.views = std::move(pictures);
-  if (f.coded && f.coded->bits) page.plots.push_back(*f.coded->bits);
+  if (f.coded && f.coded->mark)
+    page.plots.push_back(
+        logit_plot(f.mark->message, f.coded->mark->report.verification, "Bits of all views, compressed"));
   if (f.found)
     page.plots.push_back(logit_plot(f.mark->message, f.found->report.verification,
                                     f.coded ? "Bits of all views, before the codec" : "Bits of all views"));
@@ -218,7 +231,7 @@ ReportInput run_page(const RunFindings& f, std::vector<ReportView> pictures) {
   page.grids.push_back(std::move(views));
 
   if (f.coded) {
-    page.tables.push_back(f.coded->table);
+    page.tables.push_back(compressed_table(*f.coded));
     if (f.coded->metrics.watermark)
       page.tables.push_back(mark_table("Watermark in model.cmk", *f.coded->metrics.watermark, *f.mark));
     page.tables.push_back({"Before the codec: model.safetensors",
@@ -232,9 +245,9 @@ ReportInput run_page(const RunFindings& f, std::vector<ReportView> pictures) {
   page.tables.push_back({"Settings",
                          {{"seed", std::to_string(settings.seed)},
                           {"lambda (1 - SSIM)", decimals(settings.lambda_dssim, 3)},
-                          {"voxel size", decimals(f.end.voxel_size, 6)},
+                          {"voxel size", decimals(f.voxel_size, 6)},
                           {"growing threshold", decimals(settings.gradient_threshold, 6)},
-                          {"scene extent", decimals(f.run.extent.radius, 4)},
+                          {"scene extent", decimals(f.extent, 4)},
                           {"background", background_name(settings.background)},
                           {"model sha256", results.model_sha256}}});
   page.tables.push_back(machine_table(results.threads));

@@ -5,17 +5,13 @@
 // A table has the figures of the model before the codec.
 #pragma once
 
+#include <compmark/app/run/run_observer.hpp>
 #include <compmark/core/result.hpp>
 #include <cstddef>
-#include <optional>
 #include <vector>
 
-#include "coded_run.hpp"
 #include "evaluation.hpp"
-#include "mark_input.hpp"
 #include "report.hpp"
-#include "results.hpp"
-#include "train_run.hpp"
 
 namespace tool {
 
@@ -23,8 +19,8 @@ namespace tool {
 class ShownViews {
  public:
   explicit ShownViews(const compmark::DatasetViews& measured);
-  /// Keeps the pictures of the views that are shown, whatever else is measured.
-  [[nodiscard]] compmark::SeenViewObserver keep();
+  /// Keeps the pictures of a view that is shown.
+  void keep(const compmark::SeenView& view);
   /// Adds renders of the unmarked model at the same cameras.
   compmark::Result<compmark::Done> add_unmarked(const std::filesystem::path& twin, compmark::ThreadExecutor& executor);
   std::vector<ReportView> pictures;
@@ -34,18 +30,8 @@ class ShownViews {
   std::vector<std::size_t> number_;  ///< of each among those that are measured
 };
 
-/// The measurements of a run.
-struct RunFindings {
-  const TrainOptions& options;
-  const RunData& run;
-  const RunEnd& end;
-  const Results& results;
-  const compmark::Evaluation& evaluation;  ///< of model.safetensors
-  const MarkInput* mark = nullptr;
-  const std::optional<MarkMeasurement>& found;  ///< the message in model.safetensors
-  const std::optional<CodedRun>& coded;
-  bool has_test = true;  ///< whether it was measured in test views, not in those of the training
-};
-ReportInput run_page(const RunFindings& findings, std::vector<ReportView> pictures);
+/// `curve` is that of this run, its sessions before included.
+ReportInput run_page(const compmark::RunFindings& findings, const std::vector<ProgressLine>& curve,
+                     std::vector<ReportView> pictures);
 
 }  // namespace tool

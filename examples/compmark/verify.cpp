@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark verify: is the message of this key in a model or in images, and how likely would that be by chance.
+#include <compmark/app/run/mark_record.hpp>
 #include <compmark/app/verify.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
@@ -12,8 +13,8 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "mark_record.hpp"
 #include "reading.hpp"
+#include "run_folder.hpp"
 
 namespace tool {
 namespace {
@@ -37,7 +38,8 @@ int run(const VerifyOptions& options) {
   const Result<OwnerKey> key = load_key(options.key);
   if (!key) return fail(key.error());
   if (!options.any_decoder) {
-    const Result<Done> recorded = check_recorded(options.key, *key, options.reading.decoder, options.reading.model);
+    const Result<Done> recorded =
+        check_recorded(options.key, *key, options.reading.decoder, options.reading.model, print_warning);
     if (!recorded) return fail(recorded.error());
   }
   ThreadExecutor executor(options.reading.threads);

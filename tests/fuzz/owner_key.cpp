@@ -4,11 +4,11 @@
 // Any bytes as an owner's key, as its fields with commitment, id and checksum made right, and as the record beside a
 // key: an answer, never a crash. A key that is accepted is written and read again the same; and one byte changed in
 // what was written never gives another key.
+#include <compmark/app/run/mark_record.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/watermark/proof/key.hpp>
 #include <compmark/watermark/proof/message.hpp>
 
-#include "../../examples/compmark/mark_record.hpp"
 #include "any_tensors.hpp"
 
 namespace {
@@ -102,9 +102,9 @@ void look_at_record(const Place& place, std::span<const std::byte> bytes) {
   testing::put_bytes(place.folder / "mark.json", bytes);
   // There is a mark on record with another decoder, and no line can hide it: only one that names this decoder lifts the
   // refusal.
-  const Result<Done> checked = tool::check_recorded(place.owner, place.known, place.decoder, place.model);
+  const Result<Done> checked = check_recorded(place.owner, place.known, place.decoder, place.model, {});
   if (!checked) testing::require_words(checked.error());
-  static const std::string own = tool::tensors_sha256(*read_safetensors(place.decoder));
+  static const std::string own = tensors_sha256(*read_safetensors(place.decoder));
   if (checked.ok() && text.find(own) == std::string::npos && given.find("\\u") == std::string::npos) std::abort();
 }
 

@@ -11,7 +11,7 @@ cd "${1:-.}/include"
 
 edges() { grep -HoE '^ *#include "compmark/[a-z0-9_/]+\.hpp"' -r compmark --include='*.hpp' | sed -E 's/^([^:]+):.*"([^"]+)"/\1 \2/'; }
 # A header of app ends with its own functions, which begin with it (app/compiled.hpp): one header in two files.
-between() { edges | grep -vE '^compmark/app/([a-z_]+)\.hpp compmark/app/detail/\1\.hpp$'; }
+between() { edges | grep -vE '^compmark/app/((run/)?)([a-z_]+)\.hpp compmark/app/\1detail/\3\.hpp$'; }
 
 law() {
   awk '

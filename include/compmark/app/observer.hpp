@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <string>
 
 #include "compmark/core/result.hpp"
 
@@ -15,6 +16,9 @@ namespace compmark {
 /// After every unit of work; false stops, and the function returns ErrorKind::cancelled. May be empty. Called on the
 /// caller's thread.
 using WorkObserver = std::function<bool(std::size_t done, std::size_t total)>;
+
+/// Called with a plain sentence: what is not used, what cannot be kept, what was done besides. May be empty.
+using SentenceSink = std::function<void(const std::string& sentence)>;
 
 namespace detail {
 

@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Options that the commands which train share: train, embed and fit-codec.
+#pragma once
+
+#include <compmark/app/run/run_observer.hpp>
+#include <compmark/app/run/run_settings.hpp>
+#include <compmark/core/result.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+
+#include "options.hpp"
+#include "run_telling.hpp"
+
+namespace tool {
+
+/// What is not of the run itself.
+struct RunOptions {
+  std::size_t threads = 0;
+  std::filesystem::path json_log;
+};
+
+/// Options of a run that starts from a finished model, for any purpose.
+void add_finished_model_options(Options& app, compmark::RunSettings& run, RunOptions& options);
+
+/// --bits, --key, --decoder, --period, --tone, --twin, --message-weight, --message-margin, --message-power,
+/// --message-rate, --fidelity, --fidelity-fall, --draw-by-cost, --hold-steps, --message-every, --for-compression
+void add_mark_options(Options& app, compmark::MarkSettings& options, bool required);
+
+/// The files of a run, from its options.
+struct RunFiles {
+  std::filesystem::path out, json_log;
+  std::filesystem::path model;  ///< that it starts from; may be empty
+  bool marks = false;
+};
+/// What a run leaves in a folder, whatever it trains, and what of the run of the model that it starts from it looks at.
+void add_run_files(FileUse& use, const RunFiles& run, const std::filesystem::path& out);
+
+/// Runs one of the functions of compmark/app/run on --threads, and shows it. Returns the exit code.
+template <class Settings, class Function>
+int show_run(const Settings& settings, const RunOptions& options, Function function) {
+  compmark::ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
+  RunTelling telling(settings.out, options.json_log, settings.resume);
+  return telling.finish(function(settings, executor, telling));
+}
+
+}  // namespace tool

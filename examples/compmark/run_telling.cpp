@@ -1,0 +1,143 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "run_telling.hpp"
+
+#include <unistd.h>
+
+#include <compmark/watermark/proof/report.hpp>
+#include <cstdio>
+#include <utility>
+
+#include "common.hpp"
+#include "machine_memory.hpp"
+#include "report.hpp"
+
+namespace tool {
+
+using namespace compmark;
+
+FitLine::FitLine() : terminal_(isatty(STDERR_FILENO) == 1) {}
+
+void FitLine::show(std::size_t done, std::size_t total) {
+  const double since = std::chrono::duration<double>(Clock::now() - last_).count();
+  if (done != total && since < (terminal_ ? 0.2 : 10)) return;
+  last_ = Clock::now();
+  const double spent = std::chrono::duration<double>(last_ - start_).count(),
+               left = spent * static_cast<double>(total - done) / static_cast<double>(done);
+  std::fprintf(stderr, "%sfit %.0f %%  ETA %s%s", terminal_ ? "\r" : "",
+               100 * static_cast<double>(done) / static_cast<double>(total), format_duration(left).c_str(),
+               !terminal_ || done == total ? "\n" : "\x1b[K");
+}
+
+RunTelling::RunTelling(std::filesystem::path out, std::filesystem::path json_log, bool resume)
+    : out_(std::move(out)),
+      json_log_(std::move(json_log)),
+      resume_(resume) {}
+
+void RunTelling::on_warning(const std::string& sentence) {
+  if (warned_.insert(sentence).second) print_warning(sentence);
+}
+
+void RunTelling::on_note(const std::string& sentence) {
+  if (began_ && progress_) {
+    progress_->note(sentence);
+  } else {
+    print_note(sentence);
+  }
+}
+
+Result<Done> RunTelling::on_begin(const RunBeginning& beginning) {
+  if (beginning.resumed) print_note("resuming after iteration " + std::to_string(beginning.iteration));
+  ProgressSettings settings;
+  settings.json_log = json_log_.empty() || beginning.out != out_ ? beginning.out / "log.jsonl" : json_log_;
+  settings.append = resume_;
+  Result<Progress> progress = Progress::open(std::move(settings));
+  if (!progress) return progress.error();
+  progress_.emplace(std::move(*progress));
+  began_ = false;
+  watch_.emplace();
+  return Done{};
+}
+
+bool RunTelling::on_iteration(const RunProgress& progress) {
+  began_ = true;
+  ProgressLine line;
+  static_cast<RunProgress&>(line) = progress;
+  progress_->show(line);
+  return !interrupted();
+}
+
+void RunTelling::on_iterations_end() {
+  watch_.reset();
+  progress_->finish();
+  began_ = false;
+  if (!log_failure_) log_failure_ = progress_->log_failure();
+}
+
+bool RunTelling::on_fit(std::size_t done, std::size_t total) {
+  if (!fit_) fit_.emplace();
+  fit_->show(done, total);
+  return true;  // a signal ends the process: nothing of a fit is kept
+}
+
+void RunTelling::on_measure(const DatasetViews& measured) { shown_.emplace(measured); }
+
+void RunTelling::on_view(const SeenView& view) { shown_->keep(view); }
+
+Result<Done> RunTelling::on_findings(const RunFindings& findings, ThreadExecutor& executor) {
+  if (findings.mark != nullptr) {
+    const RunMark& mark = *findings.mark;
+    const std::filesystem::path& twin = findings.coded && !mark.coded_twin.empty() ? mark.coded_twin : mark.twin;
+    if (!twin.empty()) {
+      if (Result<Done> added = shown_->add_unmarked(twin, executor); !added) return added;
+    }
+  }
+  return write_report(findings.out / "report.html", run_page(findings, progress_->curve(), shown_->pictures));
+}
+
+void RunTelling::on_finished(const RunOutcome& outcome) {
+  const RunResults& results = outcome.results;
+  const std::filesystem::path folder = outcome.model.parent_path();
+  std::printf(
+      "%s: %lld iterations in %.0f s, %zu anchors, %s PSNR %.2f dB, SSIM %.4f over %zu views\nmodel %s\nsha256 "
+      "%s\nreport %s\n",
+      results.dataset.c_str(), static_cast<long long>(results.iterations), results.train_seconds,
+      static_cast<std::size_t>(results.anchors), results.test ? "test" : "training", outcome.psnr, outcome.ssim,
+      outcome.views, outcome.model.string().c_str(), results.model_sha256.c_str(),
+      (folder / "report.html").string().c_str());
+  if (const std::optional<CompressedMetrics>& coded = results.compressed) {
+    std::printf("compressed %s: %llu bytes, PSNR %.2f dB, SSIM %.4f\n", (folder / "model.cmk").string().c_str(),
+                static_cast<unsigned long long>(coded->bytes), coded->test.psnr, coded->test.ssim);
+    if (const std::optional<WatermarkMetrics>& m = coded->watermark) {
+      std::printf("  bits read: %.1f %% in the mean, %.1f %% in the worst view", 100 * m->mean, 100 * m->min);
+      if (m->psnr_cost_vs_unmarked)
+        std::printf(", %.2f dB lost to the unmarked counterpart", *m->psnr_cost_vs_unmarked);
+      std::printf("\n");
+    }
+  }
+  if (outcome.verification) {
+    std::printf("bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s", 100 * results.watermark->mean,
+                100 * results.watermark->min, report_text(*outcome.verification).c_str());
+    if (results.watermark->psnr_marked_vs_unmarked) {
+      std::printf("against the unmarked counterpart: %.2f dB lost, %.2f dB between the renders\n",
+                  *results.watermark->psnr_cost_vs_unmarked, *results.watermark->psnr_marked_vs_unmarked);
+    }
+  }
+}
+
+double RunTelling::seconds() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+double RunTelling::free_memory_bytes() const { return tool::free_memory_bytes(); }
+double RunTelling::peak_memory_mb() const { return tool::peak_memory_mb(); }
+
+int RunTelling::finish(const Result<RunOutcome>& outcome) {
+  if (!outcome && outcome.error().kind == ErrorKind::cancelled) {
+    print_note(outcome.error().problem + "; " + outcome.error().remedy);
+    return interrupted_exit;
+  }
+  if (!outcome) return fail(outcome.error());
+  return log_failure_ ? fail(*log_failure_) : success;
+}
+
+}  // namespace tool

@@ -1,0 +1,176 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The functions of app/run/embed.hpp.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "compmark/app/any_model.hpp"
+#include "compmark/app/compress.hpp"
+#include "compmark/app/files.hpp"
+#include "compmark/app/recipe_names.hpp"
+#include "compmark/app/run/detail/embed_decoder.hpp"
+#include "compmark/app/run/detail/run_any.hpp"
+#include "compmark/app/run/embed.hpp"
+
+namespace compmark {
+namespace detail {
+
+/// Settings of a mark in a finished model: only the residual trains. With --fidelity 0 (the published way) everything
+/// trains on, at constant small rates and without growing. The message begins with the first iteration. `distortion` is
+/// applied to the features of a model for a codec before the message is read; the file is rounded in every case.
+[[nodiscard]] inline TrainSettings embed_settings(TrainSettings settings, EmbedDistortion distortion) {
+  settings.grow_until = 0;
+  settings.mark.message.after = settings.mark.residual.after = 0;
+  settings.mark.hsv.after = 0;
+  settings.mark.frequency.after = 0;
+  if (settings.mark.posthoc.fidelity > 0) {
+    for (LearningRate* rate :
+         {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity, &settings.mlp_covariance,
+          &settings.mlp_color, &settings.feature_bank, &settings.appearance, &settings.effects.exposure}) {
+      *rate = {0, 0};
+    }
+    // A model for a codec is read as its file is: rounded from the first iteration on, with a fixed context.
+    RateNumbers& rate = settings.rate;
+    rate.mask = rate.grid = rate.context = {0, 0};
+    rate.hyperprior = 0;
+    constexpr std::int64_t always = -60000, never = 60000;  // of 30,000
+    rate.noise_after = rate.context_after = distortion == EmbedDistortion::none ? never : always;
+    rate.round_after = distortion == EmbedDistortion::round ? always : never;
+    settings.mark.distortion.learning_rate = 0;
+    return settings;
+  }
+  const auto last = [](LearningRate& rate) { rate.initial = rate.final; };
+  last(settings.offset);
+  last(settings.mlp_opacity);
+  last(settings.mlp_color);
+  settings.mlp_covariance = {settings.mlp_color.final, settings.mlp_color.final};
+  settings.scaling = {settings.mark.residual.learning_rate / 10, settings.mark.residual.learning_rate / 100};
+  settings.feature = {settings.mark.residual.learning_rate, settings.mark.residual.learning_rate / 10};
+  return settings;
+}
+
+/// What a codec writes of the unmarked model; an Error if it cannot.
+[[nodiscard]] inline Result<CodecModel> coded_host(const RunPlan& plan) {
+  const Result<AnyModel> model = AnyModel::open(plan.model, *plan.executor);
+  if (!model) return model.error();
+  Result<CodecModel> coded = model->coded({});
+  if (coded) return coded;
+  return in_file(coded.error(), plan.model);
+}
+
+/// An error if plan.mark cannot be hidden in a finished model of plan.recipe; asked before hours of work.
+[[nodiscard]] inline Result<Done> can_mark_finished(const RunPlan& plan) {
+  const bool coded = is_coded_recipe(plan.recipe);
+  const std::string marked = marking_recipe(plan.recipe);
+  // In the loss of the photographs their exposures would have to train on.
+  const bool exposed_loss = marked != plan.recipe && plan.mark.fidelity && *plan.mark.fidelity == 0;
+  if (exposed_loss || !is_markable_recipe(plan.recipe)) return no_message_in(plan.recipe);
+  if (plan.mark.hold_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
+    return Error{ErrorKind::unsupported,
+                 {},
+                 "--hold-steps",
+                 "works with context_gs models only: in them a mark would change the quantizer steps",
+                 "leave it out"};
+  }
+  if (!coded || !plan.mark.fidelity || *plan.mark.fidelity > 0) return Done{};
+  return Error{ErrorKind::unsupported,
+               {},
+               "--fidelity",
+               "is 0, but a model for a codec can only be marked post hoc, with its unmarked renders"
+               " as the target",
+               "leave the option out, or hide the message while training: compmark train --codec "
+               "--key --decoder"};
+}
+
+/// Hides plan.mark in plan.model.
+[[nodiscard]] inline Result<RunOutcome> embed_plan(RunPlan plan, EmbedDistortion distortion) {
+  RunObserver& observer = *plan.observer;
+  if (Result<Done> free = check_unfinished(plan.out, plan.resume || plan.force); !free) return free.error();
+  const Result<std::string> recipe = [&]() -> Result<std::string> {
+    const Result<SafetensorsFile> file = read_safetensors(plan.model);
+    if (!file) return file.error();
+    return model_recipe(*file);
+  }();
+  if (!recipe) return recipe.error();
+  plan.recipe = *recipe;
+  const bool coded = is_coded_recipe(*recipe);
+  const bool fitted = plan.mark.decoder.empty() || fitted_decoder(plan.mark.decoder);
+  if (plan.iterations == 0) plan.iterations = coded ? (fitted ? 4000 : 8000) : 2000;
+  if (Result<Done> can = can_mark_finished(plan); !can) return can.error();
+  if (Result<Done> fits = check_to_fit(plan.mark); !fits) return fits.error();
+  plan.recipe = marking_recipe(*recipe);
+  if (plan.recipe != *recipe)
+    plan.notes.push_back(
+        "exposures of the photographs stay in the unmarked model: the mark is in renders, and"
+        " renders have no exposure");
+  if (!coded && distortion != EmbedDistortion::round) {
+    return Error{ErrorKind::unsupported, plan.model.string(), "--distortion", "works with models for a codec only",
+                 "leave the option out, or mark a model of compmark train --codec or fit-codec"};
+  }
+  std::optional<CodecModel> unmarked;
+  if (coded) {
+    Result<CodecModel> found = coded_host(plan);
+    if (!found) return found.error();
+    unmarked = std::move(*found);
+  }
+  if (plan.mark.decoder.empty()) {
+    if (Result<Done> made = make_decoder(plan); !made) return made.error();
+  }
+  TrainSettings settings = *profile_settings(coded ? "hac" : plan.profile);  // as their training
+  settings.iterations = plan.iterations;
+  if (plan.seed) settings.seed = *plan.seed;
+  const bool own_twin = plan.mark.twin.empty();
+  if (own_twin) plan.mark.twin = plan.model;
+  settings.mark = posthoc_mark();
+  // what each was measured with (docs/notebook/watermark_experiments.md)
+  settings.mark.residual.learning_rate = fitted ? 0.006 : 0.001;
+  Result<RunMark> mark = load_mark(plan.mark, settings, *plan.executor, warnings_of(observer));
+  if (!mark) return mark.error();
+  // Rounding changes the file far more than a mark does, and a mark that moves values by whole steps is noise in other
+  // views (docs/notebook/watermark_experiments.md).
+  if (coded && !plan.mark.fidelity) settings.mark.posthoc.fidelity = fitted ? 2000 : 600;
+  // A mark in ancestors must not make the quantizer steps of their descendants finer (codec/model/held_steps.hpp).
+  if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != EmbedDistortion::none &&
+      !plan.mark.hold_steps)
+    settings.mark.posthoc.hold_steps_every = 50;
+  const Result<std::string> digest = file_sha256(plan.model);
+  if (!digest) return digest.error();
+  settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
+  if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
+  if (coded && own_twin) {
+    if (Result<Done> held = hold_run(plan); !held) return held.error();
+    const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
+    if (!plan.resume && std::filesystem::exists(checkpoint)) return unfinished_run(checkpoint);
+    mark->coded_twin = plan.out / "unmarked.cmk";
+    // The check of a finished run below comes before anything of it is replaced.
+    if (!plan.resume || plan.force || !holds_finished_run(plan.out)) {
+      const Result<CodecEncoded> written = write_coded(mark->coded_twin, *unmarked, *plan.executor);
+      if (!written) return written.error();
+    }
+  }
+  settings = embed_settings(settings, distortion);
+  return coded ? run_any_coded(plan, settings, &*mark) : run_any_marked(plan, settings, *mark);
+}
+
+}  // namespace detail
+
+COMPMARK_APP_INLINE Result<RunOutcome> embed_message(const EmbedSettings& settings, ThreadExecutor& executor,
+                                                     RunObserver& observer) {
+  detail::RunPlan plan;
+  static_cast<RunSettings&>(plan) = settings;
+  plan.model = settings.model;
+  plan.mark = settings.mark;
+  plan.iterations = settings.iterations;
+  plan.executor = &executor;
+  plan.observer = &observer;
+  return detail::embed_plan(std::move(plan), settings.distortion);
+}
+
+}  // namespace compmark

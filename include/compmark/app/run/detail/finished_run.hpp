@@ -1,0 +1,180 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Recognises a finished run. If it is exactly the run that would be resumed, nothing is left to do; with other settings
+// it would be another run, which replaces the finished one only where that is wanted.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "compmark/app/files.hpp"
+#include "compmark/app/run/differences.hpp"
+#include "compmark/app/run/detail/run_data.hpp"
+#include "compmark/app/run/detail/run_mark.hpp"
+#include "compmark/app/run/run_results.hpp"
+#include "compmark/io/json_file.hpp"
+#include "compmark/io/safetensors.hpp"
+#include "compmark/splat/training/checkpoint.hpp"
+#include "compmark/splat/training/model_info.hpp"
+#include "compmark/splat/training/settings_json.hpp"
+
+namespace compmark::detail {
+
+/// Options by the settings that they say.
+struct OptionOfSetting {
+  const char* setting;
+  const char* option;
+};
+inline constexpr std::array<OptionOfSetting, 17> options_of_settings{{
+    {"iterations", "--iterations"},
+    {"seed", "--seed"},
+    {"profile", "--profile"},
+    {"max_anchors", "--max-anchors"},
+    {"voxel_size", "--voxel-size"},
+    {"background", "--background"},
+    {"rate.lambda", "--lambda"},
+    {"rate.round_after", "--distortion"},
+    {"mark.lambda_message", "--message-weight"},
+    {"mark.message_every", "--message-every"},
+    {"mark.hinge_margin", "--message-margin"},
+    {"mark.hinge_power", "--message-power"},
+    {"mark.residual_rate", "--message-rate"},
+    {"mark.fidelity", "--fidelity"},
+    {"mark.fidelity_fall", "--fidelity-fall"},
+    {"mark.draw_by_cost", "--draw-by-cost"},
+    {"mark.hold_steps_every", "--hold-steps"},
+}};
+/// Differences in the data, if no setting above and no file has changed: other settings follow from them.
+inline constexpr std::array<OptionOfSetting, 2> options_of_others{
+    {{"mark.identity", "--for-compression"}, {"feature", "--touch-up"}}};
+
+inline nlohmann::json flat_settings(const nlohmann::json& settings) {
+  nlohmann::json result = nlohmann::json::object();
+  for (const auto& [key, value] : settings.items()) {
+    if (!value.is_object()) {
+      result[key] = value;
+      continue;
+    }
+    for (const auto& [inner, number] : value.items()) result[key + "." + inner] = number;
+  }
+  return result;
+}
+
+inline void compare_settings(const nlohmann::json& before, const nlohmann::json& now, Differences& differences) {
+  for (const OptionOfSetting& said : options_of_settings)
+    differences.values(said.option, before.value(said.setting, nlohmann::json()),
+                       now.value(said.setting, nlohmann::json()));
+  if (!differences.none()) return;
+  for (const OptionOfSetting& said : options_of_others) {
+    if (before.value(said.setting, nlohmann::json()) != now.value(said.setting, nlohmann::json()))
+      return differences.add(said.option, "differs");
+  }
+  if (before != now) differences.add("the profile's numbers", "differ");
+}
+
+inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differences& differences) {
+  if (before.views.size() != now.views.size()) {
+    differences.values("--data (its views)", before.views.size(), now.views.size());
+    return;
+  }
+  const std::optional<OtherView> other = other_view(before.views, now.views);
+  if (!other && (before.origin != now.origin || before.unit != now.unit)) return differences.add("--data", "differs");
+  if (!other) return;
+  const auto size = [](const ModelInfo& info) {
+    const Camera<double>& camera = info.views.front().camera;
+    return std::to_string(camera.width) + " x " + std::to_string(camera.height);
+  };
+  if (before.views.front().name == now.views.front().name && size(before) != size(now)) {
+    differences.values("--downscale (an image's size)", size(before), size(now));
+  } else {
+    differences.add("--data (" + other->field + " of " + other->name + ")", "differs");
+  }
+}
+
+/// The identity of a run beside its model, for results.json: JSON of its settings and of the files it read (SHA-256; a
+/// key by its commitment).
+[[nodiscard]] inline Result<std::string> run_identity(const RunPlan& plan, const TrainSettings& settings) {
+  nlohmann::json files = nlohmann::json::object();
+  if (!plan.mark.key.empty()) {
+    const Result<OwnerKey> key = key_of(plan.mark, {});
+    if (!key) return key.error();
+    files["--key"] = key->commitment();
+  }
+  for (const auto& [option, path] : {std::pair<const char*, const std::filesystem::path&>("--model", plan.model),
+                                     {"--decoder", plan.mark.decoder},
+                                     {"--twin", plan.mark.twin},
+                                     {"--lpips-alex", plan.lpips.alex},
+                                     {"--lpips-squeeze", plan.lpips.squeeze}}) {
+    if (path.empty()) continue;
+    const Result<std::string> digest = file_sha256(path);
+    if (!digest) return digest.error();
+    files[option] = *digest;
+  }
+  if (plan.lpips.family_range) files["--lpips-family-range"] = true;
+  return nlohmann::json{{"settings", settings_json(settings)}, {"files", std::move(files)}}.dump();
+}
+
+/// Whether a finished run is in a folder: results of the files that are there, and no checkpoint.
+[[nodiscard]] inline bool holds_finished_run(const std::filesystem::path& folder) {
+  std::error_code status;
+  if (std::filesystem::exists(folder / "checkpoint.safetensors", status) ||
+      !std::filesystem::exists(folder / "results.json", status))
+    return false;
+  const Result<RunResults> results = read_results(folder / "results.json");
+  if (!results) return false;
+  // A later run that replaced it and did not end has left its model, or its file.
+  if (results->compressed && std::filesystem::file_size(folder / "model.cmk", status) != results->compressed->bytes)
+    return false;
+  const Result<std::string> digest = file_sha256(folder / "model.safetensors");
+  return digest && *digest == results->model_sha256;
+}
+
+/// Whether the run in plan.out is finished and has the same settings. An error names the options that differ; with
+/// `force` there is none.
+[[nodiscard]] inline Result<bool> is_finished(const RunPlan& plan, const RunData& run) {
+  if (!holds_finished_run(plan.out)) return false;
+  const Result<RunResults> results = read_results(plan.out / "results.json");
+  if (!results) return results.error();
+  const Result<SafetensorsFile> file = read_safetensors(run.model);
+  if (!file) return file.error();
+  const Result<std::string> text = file->text_of("info");
+  if (!text) return text.error();
+  const Result<ModelInfo> info = read_info(*file, json_from<nlohmann::json>(*text));
+  if (!info) return info.error();
+
+  Differences differences;
+  const Result<std::string> identity = run_identity(plan, run.settings);
+  if (!identity) return identity.error();
+  const nlohmann::json now = json_from<nlohmann::json>(*identity);
+  const nlohmann::json before = json_from<nlohmann::json>(results->identity);
+  differences.values("the recipe (--recipe, --codec, --effects)", info->recipe, run.info.recipe);
+  if (before.is_object()) {
+    const nlohmann::json files = before.value("files", nlohmann::json::object());
+    for (const char* option :
+         {"--model", "--key", "--decoder", "--twin", "--lpips-alex", "--lpips-squeeze", "--lpips-family-range"})
+      differences.files(option, files.value(option, nlohmann::json()), now["files"].value(option, nlohmann::json()));
+    compare_settings(flat_settings(before.value("settings", nlohmann::json::object())), flat_settings(now["settings"]),
+                     differences);
+  } else {  // of a version that kept less
+    differences.values("--iterations", results->iterations, run.settings.iterations);
+    differences.values("--seed", results->seed, run.settings.seed);
+    differences.values("--profile", results->profile, run.settings.profile);
+    if (results->rate_lambda) differences.values("--lambda", *results->rate_lambda, run.settings.rate.lambda);
+  }
+  compare_data(*info, run.info, differences);
+  if (differences.none() && info->effects != run.info.effects) differences.add("--effects, or --lens,", "differs");
+  if (differences.none()) return true;
+  if (plan.force) return false;
+  return Error{ErrorKind::invalid, plan.out.string(), "--resume",
+               "the run in this folder is finished (results.json), and " + differences.text(),
+               "leave out --resume and choose another --out, or give --force to replace it"};
+}
+
+}  // namespace compmark::detail

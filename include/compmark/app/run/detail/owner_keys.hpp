@@ -1,0 +1,94 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The functions of app/run/owner_keys.hpp.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "compmark/app/reading.hpp"
+#include "compmark/app/run/owner_keys.hpp"
+#include "compmark/app/run/run_folder.hpp"
+#include "compmark/io/os_random.hpp"
+#include "compmark/watermark/proof/key.hpp"
+
+namespace compmark {
+namespace detail {
+
+/// Where an existing key goes: <file>.<id>.old. Whatever else is there is left alone.
+inline Result<std::filesystem::path> move_key_aside(const std::filesystem::path& path) {
+  const Result<OwnerKey> old = read_key(path);
+  if (!old) {
+    return Error{ErrorKind::unwritable, path.string(), {}, "exists and is not a whole key file", "choose another name"};
+  }
+  std::filesystem::path aside = path;
+  aside += "." + old->id() + ".old";
+  std::error_code status;
+  if (!std::filesystem::exists(aside, status)) std::filesystem::rename(path, aside, status);
+  if (status || std::filesystem::exists(path)) {
+    return Error{ErrorKind::unwritable,
+                 aside.string(),
+                 {},
+                 "the old key cannot be moved there",
+                 "choose another name for the new one"};
+  }
+  return aside;
+}
+
+}  // namespace detail
+
+COMPMARK_APP_INLINE Result<OwnerKey> open_private_key(const std::filesystem::path& path, const SentenceSink& warn) {
+  Result<OwnerKey> key = open_key(path);
+  if (key && warn && !key_file_is_private(path))
+    warn(path.string() + ": others may read this key; run chmod 600 on it");
+  return key;
+}
+
+COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, const SentenceSink& warn) {
+  Digest256 secret{};
+  if (!settings.from.empty()) {
+    const Result<OwnerKey> other = open_private_key(settings.from, warn);
+    if (!other) return other.error();
+    secret = other->secret;
+  } else if (Result<Done> drawn = os_random(secret); !drawn) {
+    return drawn.error();
+  }
+  Result<OwnerKey> key = make_key(secret, settings.created, settings.bits, settings.note);
+  if (!key) return key.error();
+  if (!settings.payload.empty()) {
+    key->payload = settings.payload;
+    key->corrects = settings.corrects;
+    if (const Result<Done> fits = check_payload(*key); !fits) return fits.error();
+  } else if (!settings.from.empty()) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--from",
+                 "would make the same key again",
+                 "give the new key a payload of its own with --payload"};
+  }
+  // Of two processes that make the same name at once, the second would replace the first's key, which somebody was told
+  // of and nobody has.
+  const Result<std::shared_ptr<const void>> alone = hold_file(settings.out);
+  if (!alone) return alone.error();
+  std::filesystem::path aside;
+  std::error_code status;
+  if (settings.force && std::filesystem::exists(settings.out, status)) {
+    const Result<std::filesystem::path> moved = detail::move_key_aside(settings.out);
+    if (!moved) return moved.error();
+    aside = *moved;
+  }
+  if (Result<Done> written = write_key(settings.out, *key); !written) {
+    if (!aside.empty()) std::filesystem::rename(aside, settings.out, status);
+    Error error = written.error();
+    if (!settings.force && std::filesystem::exists(settings.out, status))
+      error.remedy += ", or move it aside with --force";
+    return error;
+  }
+  return MadeKey{std::move(*key), std::move(aside)};
+}
+
+}  // namespace compmark

@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Observes the iterations of a run: progress, checkpoints, memory, and trainings that have failed.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "compmark/app/evaluate.hpp"
+#include "compmark/app/run/run_observer.hpp"
+#include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/training/checkpoint.hpp"
+#include "compmark/splat/training/trainer.hpp"
+
+namespace compmark::detail {
+
+/// Tells the progress of a loop, writes checkpoints, and ends a run that cannot get anywhere.
+struct TrainObserver {
+  RunObserver* told = nullptr;
+  const ModelInfo* info = nullptr;
+  std::int64_t checkpoint_every = 1000;
+  std::filesystem::path checkpoint;
+  double seconds_before = 0;
+  double begin = 0;  ///< by the clock of `told`
+  bool stopped = false;
+  std::optional<Error> failure;
+  double last_psnr = 0;
+  std::int64_t patience = 0;       ///< iterations in a row that may render nothing: two rounds of the training views
+  std::int64_t empty_renders = 0;  ///< as many were there in a row
+  std::function<Result<Done>(std::size_t anchors, std::size_t grown)> growth;  ///< checks that there is memory for more
+
+  [[nodiscard]] double seconds() const { return seconds_before + told->seconds() - begin; }
+
+  template <class TrainerType>
+  bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
+    // The PSNR of a training view costs a pass over the image: measured for every tenth iteration, the rate of the log.
+    if (report.iteration % 10 == 1 || report.iteration == report.total) {
+      const double psnr = counted_psnr(trainer.image(), trainer.target(), trainer.weight());
+      if (!std::isnan(psnr)) last_psnr = psnr;  // of a view of which nothing counts there is none
+    }
+    RunProgress line;
+    line.iteration = report.iteration;
+    line.total = report.total;
+    line.loss = report.loss.total;
+    line.l1 = report.loss.l1;
+    line.ssim = report.loss.ssim;
+    line.psnr = last_psnr;
+    line.anchors = report.anchors;
+    line.gaussians = report.forward.gaussians;
+    if constexpr (requires { trainer.context(); } && has_stage<typename TrainerType::Stages, RateStage>) {
+      const auto& rate = trainer.context().template of<RateStage>().report;
+      if (rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
+    }
+    const MarkReport mark = mark_report(trainer);
+    if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
+    stopped = !told->on_iteration(line);
+    if (report.skipped_blocks != 0) {
+      told->on_note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
+                    " parameter blocks had a gradient that is not finite and were not updated");
+    }
+    // Opacities of zero or less get no gradient, so that such a scene can never change: the remaining hours would train
+    // nothing.
+    if (report.rendered) empty_renders = report.forward.gaussians == 0 ? empty_renders + 1 : 0;
+    if (empty_renders > patience) {
+      failure = Error{ErrorKind::invalid,
+                      {},
+                      "iteration " + std::to_string(report.iteration),
+                      "the training has failed: in " + std::to_string(empty_renders) +
+                          " iterations no Gaussian had an opacity above 0, so that none can learn any more",
+                      "give another --seed; if most pixels are background, use a recipe that trains on "
+                      "alpha (leave out --recipe and --profile); if the photographs are black, replace them"};
+      return false;
+    }
+    if (report.adjusted && report.grown > 0 && report.iteration < report.total) {
+      if (const Result<Done> room = growth(report.anchors, report.grown); !room) failure = room.error();
+    }
+    const bool stop = stopped || failure;
+    if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
+      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds());
+          !written) {
+        failure = written.error();
+        return false;
+      }
+    }
+    return !stop;
+  }
+};
+
+}  // namespace compmark::detail

@@ -1,0 +1,69 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// One run as the functions of app prepare it: whatever it trains, from data or from a finished model.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/app/capture.hpp"
+#include "compmark/app/run/run_folder.hpp"
+#include "compmark/app/run/run_observer.hpp"
+#include "compmark/app/run/run_settings.hpp"
+#include "compmark/scene/dataset.hpp"
+
+namespace compmark::detail {
+
+struct RunPlan : RunSettings {
+  std::string recipe;
+  std::string profile = "scaffold";
+  std::int64_t iterations = 0;
+  LensTreatment lens = LensTreatment::undistort;
+  std::optional<double> voxel_size;    ///< as it was given, in units of the dataset
+  std::vector<std::string> simulated;  ///< effects of the recipe
+  std::vector<std::string> notes;      ///< why it was chosen, told when the run starts
+  MarkSettings mark;
+  std::filesystem::path model;         ///< the finished model that is marked, or that a codec is fitted to
+  std::shared_ptr<const void> folder;  ///< holds `out` against other runs (run_folder.hpp)
+  ThreadExecutor* executor = nullptr;
+  RunObserver* observer = nullptr;
+};
+
+/// The error of a run without resume that would overwrite a checkpoint.
+[[nodiscard]] inline Error unfinished_run(const std::filesystem::path& checkpoint) {
+  return {ErrorKind::invalid,
+          checkpoint.string(),
+          {},
+          "an unfinished run is in this folder",
+          "continue it with --resume, or remove the file to start over"};
+}
+
+/// The error for a recipe that cannot carry a message.
+[[nodiscard]] inline Error no_message_in(const std::string& recipe) {
+  return {ErrorKind::unsupported,
+          {},
+          "--recipe",
+          "\"" + recipe + "\" cannot carry a message in this tool",
+          "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha, compmark-host and "
+          "compmark-paper-host with a decoder that is there (--decoder), and finished models with +exposure or of "
+          "fit-codec too: train with one of them (--recipe)"};
+}
+
+/// Holds the run's folder, as soon as something is written into it.
+[[nodiscard]] inline Result<Done> hold_run(RunPlan& plan) {
+  if (plan.folder) return Done{};
+  Result<std::shared_ptr<const void>> held = hold_folder(plan.out);
+  if (!held) return held.error();
+  plan.folder = std::move(*held);
+  return Done{};
+}
+
+}  // namespace compmark::detail

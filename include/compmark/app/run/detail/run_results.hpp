@@ -1,0 +1,169 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The functions of app/run/run_results.hpp.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include "compmark/app/run/run_results.hpp"
+#include "compmark/io/json_file.hpp"
+
+namespace compmark {
+namespace detail {
+
+inline constexpr int results_schema = 1;
+
+}  // namespace detail
+
+COMPMARK_APP_INLINE Result<Done> write_results(const std::filesystem::path& path, const RunResults& results) {
+  nlohmann::ordered_json test = nullptr;
+  if (results.test) {
+    test = {{"psnr", results.test->psnr}, {"ssim", results.test->ssim}};
+    test["lpips_alex"] =
+        results.test->lpips_alex ? nlohmann::ordered_json(*results.test->lpips_alex) : nlohmann::ordered_json(nullptr);
+    test["views"] = results.test->views;
+    if (results.test->psnr_colour_fitted) test["psnr_colour_fitted"] = *results.test->psnr_colour_fitted;
+  }
+  nlohmann::ordered_json json{{"schema", detail::results_schema},
+                              {"dataset", results.dataset},
+                              {"recipe", results.recipe},
+                              {"profile", results.profile},
+                              {"iterations", results.iterations},
+                              {"seed", results.seed},
+                              {"threads", results.threads},
+                              {"anchors", results.anchors},
+                              {"gaussians_per_view", results.gaussians_per_view},
+                              {"train_seconds", results.train_seconds},
+                              {"peak_memory_mb", results.peak_memory_mb},
+                              {"test", std::move(test)},
+                              {"model_sha256", results.model_sha256},
+                              {"effects", results.effects}};
+  const auto add_mark = [](nlohmann::ordered_json& target, const WatermarkMetrics& m) {
+    const auto or_null = [](const std::optional<double>& value) {
+      return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+    };
+    target["bit_accuracy"] = {{"mean", m.mean}, {"min", m.min}, {"views", m.views}};
+    target["p_value"] = m.p_value;
+    target["largest_view_p_value"] = m.largest_view_p_value;
+    target["psnr_cost_vs_unmarked"] = or_null(m.psnr_cost_vs_unmarked);
+    target["psnr_marked_vs_unmarked"] = or_null(m.psnr_marked_vs_unmarked);
+  };
+  if (results.rate_lambda) json["rate_lambda"] = *results.rate_lambda;
+  if (results.watermark) add_mark(json, *results.watermark);
+  if (results.compressed) {
+    const CompressedMetrics& c = *results.compressed;
+    nlohmann::ordered_json sections;
+    for (const auto& [name, bytes] : c.sections) sections[name] = bytes;
+    nlohmann::ordered_json metrics{{"psnr", c.test.psnr}, {"ssim", c.test.ssim}};
+    metrics["lpips_alex"] =
+        c.test.lpips_alex ? nlohmann::ordered_json(*c.test.lpips_alex) : nlohmann::ordered_json(nullptr);
+    metrics["views"] = c.test.views;
+    json["compressed"] = {{"codec", c.codec},
+                          {"bytes", c.bytes},
+                          {"anchors", c.anchors},
+                          {"encode_seconds", c.encode_seconds},
+                          {"decode_seconds", c.decode_seconds},
+                          {"test", std::move(metrics)},
+                          {"sections", std::move(sections)}};
+    if (c.watermark) add_mark(json["compressed"], *c.watermark);
+  }
+  if (!results.identity.empty()) json["run"] = nlohmann::ordered_json::parse(results.identity, nullptr, false);
+  return write_json(path, json);
+}
+
+COMPMARK_APP_INLINE Result<RunResults> read_results(const std::filesystem::path& path) {
+  const Result<nlohmann::json> json = read_json(path);
+  if (!json) return json.error();
+  RunResults results;
+  std::optional<Error> failure;
+  const auto read = [&](const nlohmann::json& object, const char* key, auto& value, const std::string& where) {
+    if (failure) return;
+    auto field = json_field<std::remove_reference_t<decltype(value)>>(object, key, path.string(), where);
+    if (field) {
+      value = std::move(*field);
+    } else {
+      failure = field.error();
+    }
+  };
+  int schema = 0;
+  read(*json, "schema", schema, "");
+  if (!failure && schema != detail::results_schema) {
+    return Error{ErrorKind::unsupported, path.string(), "schema",
+                 "is " + std::to_string(schema) + ", this program reads " + std::to_string(detail::results_schema),
+                 "use the program that wrote it"};
+  }
+  read(*json, "dataset", results.dataset, "");
+  read(*json, "recipe", results.recipe, "");
+  read(*json, "profile", results.profile, "");
+  read(*json, "iterations", results.iterations, "");
+  read(*json, "seed", results.seed, "");
+  read(*json, "threads", results.threads, "");
+  read(*json, "anchors", results.anchors, "");
+  read(*json, "gaussians_per_view", results.gaussians_per_view, "");
+  read(*json, "train_seconds", results.train_seconds, "");
+  read(*json, "peak_memory_mb", results.peak_memory_mb, "");
+  read(*json, "model_sha256", results.model_sha256, "");
+  if (failure) return *failure;
+  if (json->contains("test") && !(*json)["test"].is_null()) {
+    const nlohmann::json& object = (*json)["test"];
+    TestMetrics test;
+    read(object, "psnr", test.psnr, "test");
+    read(object, "ssim", test.ssim, "test");
+    read(object, "views", test.views, "test");
+    if (object.is_object() && object.contains("lpips_alex") && !object["lpips_alex"].is_null()) {
+      double lpips = 0;
+      read(object, "lpips_alex", lpips, "test");
+      test.lpips_alex = lpips;
+    }
+    if (object.is_object() && object.contains("psnr_colour_fitted")) {
+      double fitted = 0;
+      read(object, "psnr_colour_fitted", fitted, "test");
+      test.psnr_colour_fitted = fitted;
+    }
+    results.test = test;
+  }
+  if (json->contains("effects") && (*json)["effects"].is_array()) {
+    for (const nlohmann::json& effect : (*json)["effects"]) {
+      if (effect.is_string()) results.effects.push_back(effect.get<std::string>());
+    }
+  }
+  if (json->contains("rate_lambda")) {
+    double lambda = 0;
+    read(*json, "rate_lambda", lambda, "");
+    results.rate_lambda = lambda;
+  }
+  if (json->contains("bit_accuracy")) {
+    const nlohmann::json& object = (*json)["bit_accuracy"];
+    WatermarkMetrics m;
+    read(object, "mean", m.mean, "bit_accuracy");
+    read(object, "min", m.min, "bit_accuracy");
+    read(object, "views", m.views, "bit_accuracy");
+    read(*json, "p_value", m.p_value, "");
+    read(*json, "largest_view_p_value", m.largest_view_p_value, "");
+    const auto read_optional = [&](const char* key, std::optional<double>& value) {
+      if (!json->contains(key) || (*json)[key].is_null()) return;
+      double number = 0;
+      read(*json, key, number, "");
+      value = number;
+    };
+    read_optional("psnr_cost_vs_unmarked", m.psnr_cost_vs_unmarked);
+    read_optional("psnr_marked_vs_unmarked", m.psnr_marked_vs_unmarked);
+    results.watermark = m;
+  }
+  if (json->contains("compressed") && (*json)["compressed"].is_object()) {
+    CompressedMetrics compressed;
+    read((*json)["compressed"], "bytes", compressed.bytes, "compressed");
+    results.compressed = std::move(compressed);
+  }
+  if (json->contains("run")) results.identity = (*json)["run"].dump();
+  if (failure) return *failure;
+  return results;
+}
+
+}  // namespace compmark

@@ -1,0 +1,116 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <compmark/app/run/embed.hpp>
+#include <compmark/app/run/fit_decoder.hpp>
+#include <compmark/app/run/mark_record.hpp>
+#include <compmark/app/run/train.hpp>
+#include <compmark/app/verify.hpp>
+#include <filesystem>
+#include <string>
+
+#include "app/run/small_run.hpp"
+
+namespace {
+
+using namespace compmark;
+using testing::KeepingObserver;
+
+/// An unmarked model, a key and a decoder of eight bits that is fitted to it in a second.
+struct Unmarked {
+  testing::SmallCapture scene;
+  ThreadExecutor executor{2};
+  KeepingObserver told;
+  std::filesystem::path model, decoder = scene.folder.path / "decoder.safetensors";
+  OwnerKey key = scene.make_key();
+
+  explicit Unmarked(const std::string& name) : scene(name) {
+    TrainSceneSettings training = scene.training("unmarked");
+    training.iterations = 60;
+    REQUIRE(train_scene(training, executor, told).ok());
+    model = training.out / "model.safetensors";
+    DecoderFileSettings fit;
+    fit.model = model;
+    fit.data = scene.data;
+    fit.out = decoder;
+    fit.fit.bits = 8;
+    fit.fit.waves = 24;
+    fit.fit.statistics_views = 96;
+    fit.fit.gradient_views = 2;
+    REQUIRE(fit_decoder_file(fit, executor, told).ok());
+  }
+  [[nodiscard]] EmbedSettings embedding(const std::string& out) const {
+    EmbedSettings settings;
+    settings.data = scene.data;
+    settings.out = scene.folder.path / out;
+    settings.model = model;
+    settings.mark.key = scene.key;
+    settings.mark.decoder = decoder;
+    settings.iterations = 150;
+    return settings;
+  }
+};
+
+TEST_CASE("app/run/embed: the message of the key is in the renders, and was not before") {
+  Unmarked unmarked("compmark-run-embed");
+  const EmbedSettings settings = unmarked.embedding("marked");
+  const Result<RunOutcome> outcome = embed_message(settings, unmarked.executor, unmarked.told);
+  REQUIRE(outcome.ok());
+  REQUIRE(outcome->results.watermark.has_value());
+  REQUIRE(outcome->verification.has_value());
+  ReadingSettings reading;
+  reading.decoder = unmarked.decoder;
+  reading.model = outcome->model;
+  const auto with_mark = verify_files(unmarked.key, reading, {}, unmarked.executor);
+  reading.model = unmarked.model;
+  const auto without = verify_files(unmarked.key, reading, {}, unmarked.executor);
+  REQUIRE(with_mark.ok());
+  REQUIRE(without.ok());
+  CHECK(with_mark->verification.evidence.matches == 8);
+  CHECK(with_mark->verification.evidence.matches > without->verification.evidence.matches);
+  CHECK(outcome->results.watermark->psnr_marked_vs_unmarked.value_or(0) > 20);
+  const auto record = read_mark(settings.out / "mark.json");
+  REQUIRE(record.has_value());
+  CHECK(record->key_commitment == unmarked.key.commitment());
+  CHECK(check_recorded(unmarked.scene.key, unmarked.key, unmarked.decoder, outcome->model, {}).ok());
+}
+
+TEST_CASE("app/run/embed: a run that is stopped and resumed ends in the same bits, from the same model alone") {
+  Unmarked unmarked("compmark-run-embed-resume");
+  KeepingObserver first, second, other;
+  REQUIRE(embed_message(unmarked.embedding("whole"), unmarked.executor, first).ok());
+  EmbedSettings settings = unmarked.embedding("parts");
+  first.stop_after = 67;
+  CHECK(embed_message(settings, unmarked.executor, first).error().kind == ErrorKind::cancelled);
+  settings.resume = true;
+  EmbedSettings changed = settings;
+  changed.mark.weight = 3;
+  const Result<RunOutcome> refused = embed_message(changed, unmarked.executor, other);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().problem.find("watermark") != std::string::npos);
+  REQUIRE(embed_message(settings, unmarked.executor, second).ok());
+  CHECK(second.beginnings[0].iteration == 67);
+  CHECK(testing::same_file(settings.out / "model.safetensors", unmarked.scene.folder.path / "whole/model.safetensors"));
+}
+
+TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused with the option's name") {
+  Unmarked unmarked("compmark-run-embed-wrong");
+  const auto field_of = [&](auto change) {
+    EmbedSettings settings = unmarked.embedding("refused");
+    change(settings);
+    const Result<RunOutcome> outcome = embed_message(settings, unmarked.executor, unmarked.told);
+    REQUIRE_FALSE(outcome.ok());
+    return outcome.error().field;
+  };
+  CHECK(field_of([](EmbedSettings& s) { s.distortion = EmbedDistortion::noise; }) == "--distortion");
+  CHECK(field_of([](EmbedSettings& s) { s.mark.period = 0.2; }) == "--period");
+  CHECK(field_of([](EmbedSettings& s) { s.mark.hold_steps = 20; }) == "--hold-steps");
+  CHECK(field_of([](EmbedSettings& s) { s.mark.bits = 16; }) == "bits");
+  CHECK(field_of([](EmbedSettings& s) {
+          s.mark.fidelity = 0;
+          s.mark.fall = 1;
+        }) == "--fidelity-fall");
+}
+
+}  // namespace
