@@ -5,6 +5,7 @@
 // detected), 1 verify: not detected, 2 error (one line says what, where and what to do), 3 verify: inconclusive, 4
 // decompress --salvage: something was lost, 130 interrupted (a checkpoint was written).
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <memory>
@@ -68,8 +69,10 @@ int main(int argc, char** argv) {
       "print all options of all commands as JSON: files that are read, files that are "
       "written, ranges of numbers");
 
+  std::vector<std::string> words = tool::with_new_names({argv + 1, argv + argc});
+  std::reverse(words.begin(), words.end());  // the parser takes them from the end
   try {
-    app.parse(argc, argv);
+    app.parse(words);
   } catch (const CLI::ParseError& error) {
     return tool::finish_output(tool::answer_parser(app, error));
   }

@@ -3,6 +3,8 @@
 #include "options.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <cstdlib>
 
 namespace tool {
@@ -36,7 +38,100 @@ std::optional<double> as_number(const std::string& word) {
   return value;
 }
 
+constexpr const char* basic_group = "Options";
+constexpr const char* message_group = "Message (watermark)";
+constexpr const char* codec_group = "Codec (compression)";
+constexpr const char* expert_group = "Expert";
+
+struct GroupedOption {
+  const char* name;
+  const char* group;
+};
+constexpr GroupedOption grouped_options[] = {
+    {"--key", message_group},
+    {"--decoder", message_group},
+    {"--fidelity", message_group},
+    {"--mark-iterations", message_group},
+    {"--unmarked", message_group},
+    {"--for-compression", message_group},
+    {"--bits", message_group},
+    {"--distortion", message_group},
+    {"--alpha", message_group},
+    {"--tests", message_group},
+    {"--any-decoder", message_group},
+    {"--payload", message_group},
+    {"--codec", codec_group},
+    {"--lambda", codec_group},
+    {"--for-fit-codec", codec_group},
+    {"--networks", codec_group},
+    {"--cameras", codec_group},
+    {"--touch-up", codec_group},
+    {"--salvage", codec_group},
+    {"--partial", codec_group},
+    {"--seed", expert_group},
+    {"--voxel-size", expert_group},
+    {"--max-anchors", expert_group},
+    {"--memory-budget", expert_group},
+    {"--checkpoint-every", expert_group},
+    {"--json-log", expert_group},
+    {"--recipe", expert_group},
+    {"--profile", expert_group},
+    {"--lens", expert_group},
+    {"--background", expert_group},
+    {"--lpips-alex", expert_group},
+    {"--lpips-squeeze", expert_group},
+    {"--lpips-family-range", expert_group},
+    {"--message-every", expert_group},
+    {"--message-margin", expert_group},
+    {"--message-power", expert_group},
+    {"--message-rate", expert_group},
+    {"--message-weight", expert_group},
+    {"--fidelity-fall", expert_group},
+    {"--sample-by-loss", expert_group},
+    {"--calibrate-steps", expert_group},
+    {"--period", expert_group},
+    {"--tone", expert_group},
+    {"--features", expert_group},
+    {"--coordinates", expert_group},
+    {"--gradient-views", expert_group},
+    {"--region-limit", expert_group},
+    {"--edit-weight", expert_group},
+    {"--stride", expert_group},
+    {"--crop", expert_group},
+    {"--measure", expert_group},
+    {"--measure-steps", expert_group},
+    {"--symmetric", expert_group},
+    {"--keep-networks", expert_group},
+    {"--keep-positions", expert_group},
+};
+
 }  // namespace
+
+std::vector<std::string> with_new_names(std::vector<std::string> words) {
+  constexpr std::array<std::array<const char*, 2>, 4> renamed{{{"--twin", "--unmarked"},
+                                                               {"--waves", "--features"},
+                                                               {"--hold-steps", "--calibrate-steps"},
+                                                               {"--draw-by-cost", "--sample-by-loss"}}};
+  const bool of_pretrain = !words.empty() && words[0] == "pretrain";
+  for (std::string& word : words) {
+    for (const auto& [before, now] : renamed) {
+      const std::string old(before);
+      if (word != old && word.rfind(old + "=", 0) != 0) continue;
+      const std::string name = of_pretrain && old == "--waves" ? "--fourier" : now;
+      std::fprintf(stderr, "compmark: warning: %s is called %s now\n", before, name.c_str());
+      word = name + word.substr(old.size());
+      break;
+    }
+  }
+  return words;
+}
+
+const char* option_group(const std::string& name) {
+  for (const GroupedOption& option : grouped_options) {
+    if (name == option.name) return option.group;
+  }
+  return basic_group;
+}
 
 const char* input_kind_name(InputKind kind) {
   switch (kind) {
@@ -78,7 +173,7 @@ CLI::Option* Options::share_or_folder(const std::string& name, std::string& targ
 }
 
 CLI::Option* Options::flag(const std::string& name, bool& target, const std::string& text) {
-  CLI::Option* option = app_.add_flag(name, target, text);
+  CLI::Option* option = app_.add_flag(name, target, text)->group(option_group(name));
   declared_.push_back({name, OptionRole::flag, {}, {}, false, {}, text, option});
   return option;
 }
@@ -115,6 +210,7 @@ nlohmann::ordered_json Options::json() const {
       }
       if (found->role == OptionRole::output_folder) entry["names_its_files"] = static_cast<bool>(more_);
     }
+    entry["group"] = option->get_group();
     entry["required"] = option->get_required();
     for (const CLI::Option* needed : option->get_needs()) entry["needs"].push_back(needed->get_name());
     entry["text"] = option->get_description();

@@ -22,6 +22,13 @@
 
 namespace tool {
 
+/// The words of a command line, with the names of options that are called otherwise since; each is said once.
+[[nodiscard]] std::vector<std::string> with_new_names(std::vector<std::string> words);
+
+/// The heading of an option in --help: what everybody gives, what is of a message or of a codec, and numbers that have
+/// good defaults. Names of all commands are in one table (options.cpp).
+[[nodiscard]] const char* option_group(const std::string& name);
+
 enum class OptionRole { input, output_file, output_folder, share_or_folder, number, word, flag };
 
 struct DeclaredOption {
@@ -108,7 +115,7 @@ class Options {
   }
   template <class T>
   CLI::Option* declare(DeclaredOption declared, T& target) {
-    CLI::Option* option = app_.add_option(declared.name, target, declared.text);
+    CLI::Option* option = app_.add_option(declared.name, target, declared.text)->group(option_group(declared.name));
     declared.option = option;
     declared_.push_back(std::move(declared));
     return option;
