@@ -43,7 +43,7 @@ Command add_fit_codec(Options& app) {
             "owner's key of a marked model; its message is read from the fitted model and from "
             "its file (with --decoder)");
   app.reads("--decoder", options->settings.mark.decoder, InputKind::decoder, "message decoder that reads it");
-  app.reads("--twin", options->settings.mark.twin, InputKind::model,
+  app.reads("--unmarked", options->settings.mark.twin, InputKind::model,
             "the unmarked counterpart, a model or its .cmk, to measure the cost of the mark and "
             "of the file");
   add_finished_model_options(app, options->settings, options->run);

@@ -263,7 +263,7 @@ Result<bool> is_finished(const PretrainOptions& options, const PretrainImages& t
     return false;
   Differences differences;
   for (const auto& [field, option, now] :
-       {std::tuple<const char*, const char*, nlohmann::json>("waves", "--waves", options.waves),
+       {std::tuple<const char*, const char*, nlohmann::json>("waves", "--fourier", options.waves),
         {"bits", "--bits", options.bits},
         {"features", "--features", options.features},
         {"steps", "--steps", options.steps},
@@ -460,7 +460,7 @@ Command add_pretrain(Options& app) {
   app.number("--seed", options->seed, any_seed, "seed of every random number")->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
-  app.word("--waves", options->waves,
+  app.word("--fourier", options->waves,
            "Fourier features of contrast (survive changes of brightness, noise, JPEG and "
            "scaling) or of colour (carry more bits in a scene, but survive little)")
       ->capture_default_str()

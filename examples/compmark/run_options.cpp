@@ -40,7 +40,7 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
     key->required();
   }
   app.number("--bits", options.bits, WholeRange{0, OwnerKey::bits_limit}, "length of the message (default: the key's)");
-  app.reads("--twin", options.twin, InputKind::model,
+  app.reads("--unmarked", options.twin, InputKind::model,
             "the unmarked counterpart, to measure the cost of the mark (default of embed: the "
             "unmarked model, or its compressed file)");
   app.number("--message-weight", options.weight, RealRange{0, 1e9, true},
@@ -63,10 +63,10 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
   app.number("--fidelity-fall", options.fall, RealRange{0, 4},
              "exponent by which --fidelity falls with the distance of a view from the nearest "
              "photograph, where the scene has larger errors of its own; 0: no fall (default: 2)");
-  app.number("--draw-by-cost", options.by_cost, share_range,
+  app.number("--sample-by-loss", options.by_cost, share_range,
              "share of the sampled novel views that go where the message loss was high lately, so "
              "that hard views are seen more often; 0: none (default: 0)");
-  app.number("--hold-steps", options.hold_steps, any_count,
+  app.number("--calibrate-steps", options.hold_steps, any_count,
              "iterations between step-bias calibrations of a context_gs model, without which a "
              "mark makes the file grow; 0: none (default: 50)");
   app.number("--message-every", options.message_every, run_length,

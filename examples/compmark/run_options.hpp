@@ -25,8 +25,8 @@ struct RunOptions {
 /// Options of a run that starts from a finished model, for any purpose.
 void add_finished_model_options(Options& app, compmark::RunSettings& run, RunOptions& options);
 
-/// --bits, --key, --decoder, --period, --tone, --twin, --message-weight, --message-margin, --message-power,
-/// --message-rate, --fidelity, --fidelity-fall, --draw-by-cost, --hold-steps, --message-every, --for-compression
+/// --bits, --key, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin, --message-power,
+/// --message-rate, --fidelity, --fidelity-fall, --sample-by-loss, --calibrate-steps, --message-every, --for-compression
 void add_mark_options(Options& app, compmark::MarkSettings& options, bool required);
 
 /// The files of a run, from its options.

@@ -73,7 +73,7 @@ inline void add_bits(CLI::App& app, Settings& settings) {
                                                                   const std::vector<std::string>& more = {}) {
   for (const std::string& word : words) {
     const std::string name = word.substr(0, word.find('='));
-    for (const char* own : {"--decoder", "--key", "--out", "--twin", "--codec", "--recipe", "--for-compression",
+    for (const char* own : {"--decoder", "--key", "--out", "--unmarked", "--codec", "--recipe", "--for-compression",
                             "--preset", "--json-log"}) {
       if (name == own) return name;
     }

@@ -24,12 +24,12 @@ namespace fidelity {
   return count;
 }
 
-/// The words that a codec knows: --hold-steps is of context_gs alone.
+/// The words that a codec knows: --calibrate-steps is of context_gs alone.
 [[nodiscard]] inline std::vector<std::string> words_for(const std::string& codec,
                                                         const std::vector<std::string>& words) {
   std::vector<std::string> known;
   for (std::size_t i = 0; i < words.size(); ++i) {
-    const bool unknown = codec != "context_gs" && words[i].rfind("--hold-steps", 0) == 0;
+    const bool unknown = codec != "context_gs" && words[i].rfind("--calibrate-steps", 0) == 0;
     if (!unknown) known.push_back(words[i]);
     if (unknown && words[i].find('=') == std::string::npos) ++i;  // its value
   }

@@ -58,7 +58,7 @@ words() {
     embed) cmd=(embed "${run[@]}" --model "$in/run/model.safetensors" --key "$in/owner.key" --decoder "$in/dec.safetensors" --iterations 80 --checkpoint-every 10 --seed) ;;
     embed_hac) cmd=(embed "${run[@]}" --model "$in/hac/model.safetensors" --key "$in/owner.key" --decoder "$in/dec.safetensors" --iterations 10 --checkpoint-every 3 --seed) ;;
     fit_codec) cmd=(fit-codec "${run[@]}" --model "$in/run/model.safetensors" --iterations 25 --checkpoint-every 5 --seed) ;;
-    fit) cmd=(fit --data "$scene" --model "$in/run/model.safetensors" --out "$3/dec.safetensors" --threads "$4" --bits 16 --waves 24 --views 64 --gradient-views 2 --coordinates 4 --seed) ;;
+    fit) cmd=(fit --data "$scene" --model "$in/run/model.safetensors" --out "$3/dec.safetensors" --threads "$4" --bits 16 --features 24 --views 64 --gradient-views 2 --coordinates 4 --seed) ;;
     compress) cmd=(compress --model "$in/hac/model.safetensors" --out "$3/m.cmk" --threads "$4" --networks) ;;
     decompress) cmd=(decompress --model "$in/hac/model.cmk" --out "$3/m.safetensors" --threads "$4") ;;
     export) cmd=(export --model "$in/run/model.safetensors" --out "$3/m.ply" --threads "$4" --refine 5 --compare 1 --sh-degree) ;;
@@ -192,7 +192,7 @@ must keygen --bits 16 --out inputs/owner.key
 must keygen --bits 8 --out inputs/short.key
 must train --data inputs/scene --out inputs/run --iterations 60 --voxel-size 0.5
 must train --data inputs/scene --out inputs/hac --iterations 20 --voxel-size 0.5 --codec hac
-must fit --model inputs/run/model.safetensors --data inputs/scene --bits 16 --waves 24 --views 64 --gradient-views 2 --coordinates 4 --out inputs/dec.safetensors
+must fit --model inputs/run/model.safetensors --data inputs/scene --bits 16 --features 24 --views 64 --gradient-views 2 --coordinates 4 --out inputs/dec.safetensors
 for host in run:marked hac:marked_hac; do
   must embed --model "inputs/${host%:*}/model.safetensors" --data inputs/scene --key inputs/owner.key --decoder inputs/dec.safetensors --out "inputs/${host#*:}" --iterations 10
 done

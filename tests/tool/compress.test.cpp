@@ -186,9 +186,9 @@ TEST_CASE(
   REQUIRE(write_key(key, testing::fixed_key(1, 24)).ok());
   REQUIRE(write_key(other, testing::fixed_key(2, 24)).ok());
   const std::string fit = "fit --bits 24" + data + " --model ";
-  done(fit + at("run/model.safetensors") + " --waves 72 --views 200 --gradient-views 6 --out " + decoder);
+  done(fit + at("run/model.safetensors") + " --features 72 --views 200 --gradient-views 6 --out " + decoder);
   // To what the file says: of a file with all cameras it is the same decoder.
-  const std::string quick = " --waves 32 --views 60 --gradient-views 2 --out ";
+  const std::string quick = " --features 32 --views 60 --gradient-views 2 --out ";
   done(fit + at("run/model.safetensors") + quick + at("of-model.safetensors"));
   done("compress --cameras all --model " + at("run/model.safetensors") + " --out " + at("all.cmk"));
   done(fit + at("all.cmk") + quick + at("of-file.safetensors"));
@@ -232,7 +232,7 @@ TEST_CASE(
   done(again + " --resume --out " + at("stopped"));
   done(again + " --out " + at("straight"));
   CHECK(file_bytes(at("stopped/model.cmk")) == file_bytes(at("straight/model.cmk")));
-  check_refused(tool(again + " --out " + at("straight") + " --twin " + at("straight/model.cmk")), {"--twin"});
+  check_refused(tool(again + " --out " + at("straight") + " --unmarked " + at("straight/model.cmk")), {"--unmarked"});
 
   // What a reading does to features: the loss of the first, held hard to the host before rounding, is what rounding does to the image (38.5 here),
   // and next to nothing without it (0.9) or where both have the same noise (0.9).
@@ -283,7 +283,7 @@ TEST_CASE("tool: --codec context_gs: its own file, read by every command, salvag
   REQUIRE(write_key(at("gs.key"), testing::fixed_key(1, 24)).ok());
   const std::string data = " --data " + at("scene") + " --model " + at("gs/model.safetensors"),
                     decoder = at("gs_fitted.safetensors");
-  done("fit --tone 0 --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --out " + decoder);
+  done("fit --tone 0 --bits 24 --features 72 --views 200 --gradient-views 6" + data + " --out " + decoder);
   done("embed --iterations 400 --fidelity 100 --message-rate 0.01" + data + " --key " + at("gs.key") + " --decoder " +
        decoder + " --out " + at("gs_marked"));
   const nlohmann::json marked = json_of(at("gs_marked/results.json"))["compressed"];

@@ -316,7 +316,7 @@ TEST_CASE("fidelity: words go to the command of a fitted cell that takes them") 
                             "--checkpoint-every", "9", "--period=0.2", "--tone", "0.01"});
   CHECK(divide({"--mark-iterations"}).mark == Words{"--iterations"});  // which embed refuses
   // HAC has no ancestors, and embed would refuse to hold its steps.
-  const Words held = {"--hold-steps", "9", "--hold-steps=8", "--fidelity", "50"};
+  const Words held = {"--calibrate-steps", "9", "--calibrate-steps=8", "--fidelity", "50"};
   CHECK(words_for("hac", held) == Words{"--fidelity", "50"});
   CHECK(words_for("context_gs", held) == held);
 }

@@ -173,7 +173,7 @@ TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as i
     CAPTURE(codec);
     const std::string host = at(codec + "_host"), model = host + "/model.safetensors", out = at(codec + "_marked");
     done(command(codec + "_host", "--codec " + codec));
-    done("fit --force --bits 24 --waves 72 --views 200 --gradient-views 6" + data + " --model " + model + " --out " +
+    done("fit --force --bits 24 --features 72 --views 200 --gradient-views 6" + data + " --model " + model + " --out " +
          decoder);
     done("embed --iterations 600 --fidelity 60 --message-rate 0.01 --model " + model + data + " --key " +
          at("owner.key") + " --decoder " + decoder + " --out " + out);
@@ -202,7 +202,7 @@ TEST_CASE("tool: fit-codec says what is read of a mark before and after, which i
   REQUIRE(write_key(at("plain.key"), testing::fixed_key(1, 24)).ok());
   const std::string data = " --data " + at("scene"), decoder = at("of_plain.safetensors"),
                     mark = " --key " + at("plain.key") + " --decoder " + decoder;
-  done("fit --tone 0 --bits 24 --waves 72 --views 200 --gradient-views 6 --model " + plain() + data + " --out " +
+  done("fit --tone 0 --bits 24 --features 72 --views 200 --gradient-views 6 --model " + plain() + data + " --out " +
        decoder);
   done("embed --iterations 1200 --fidelity 100 --message-rate 0.01 --model " + plain() + data + mark + " --out " +
        at("marked_plain"));
@@ -211,7 +211,7 @@ TEST_CASE("tool: fit-codec says what is read of a mark before and after, which i
   check_refused(tool(fit + " --out " + at("unread") + " --key " + at("plain.key")), {"--decoder", "missing"});
   check_refused(tool(fit + " --out " + at("unread") + " --decoder " + decoder), {"--key", "missing"});
   CHECK_FALSE(fs::exists(at("unread")));
-  done(fit + mark + " --twin " + plain() + " --out " + at("read"));
+  done(fit + mark + " --unmarked " + plain() + " --out " + at("read"));
   done(fit + " --out " + at("unread"));
   // Reading changes nothing of what is fitted.
   CHECK(testing::file_bytes(at("read/model.cmk")) == testing::file_bytes(at("unread/model.cmk")));

@@ -108,7 +108,7 @@ TEST_CASE("tool/pretrain: the same file for any number of threads and after an i
 
 TEST_CASE("tool/pretrain: waves of colour as they are drawn, and the same file again") {
   const std::string drawn =
-      "--bits 8 --waves colour --steps 0 --crop 32 --measure 1 --measure-steps 2 --threads 1 --out " +
+      "--bits 8 --fourier colour --steps 0 --crop 32 --measure 1 --measure-steps 2 --threads 1 --out " +
       at("colour.safetensors");
   REQUIRE(pretrain(drawn).code == 0);
   const std::vector<std::byte> one = file_bytes(at("colour.safetensors"));
@@ -139,7 +139,7 @@ TEST_CASE("tool/pretrain: bad input is one error line, and nothing is overwritte
   check_refused(pretrain("--bits 129" + out), {"--bits", "129"});
   check_refused(pretrain("--features 3" + out), {"--features"});
   check_refused(pretrain("--steps -1" + out), {"--steps"});
-  CHECK(pretrain("--waves texture" + out).code == 2);
+  CHECK(pretrain("--fourier texture" + out).code == 2);
   check_refused(pretrain(tiny + "--out " + at("no/such/folder/a.safetensors")), {"no/such/folder"});
   check_refused(pretrain(tiny + "--out " + at("empty")), {"empty", "is a folder"});
   check_refused(pretrain(tiny + "--json " + kept + out), {"--out"});

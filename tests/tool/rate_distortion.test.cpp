@@ -149,8 +149,8 @@ TEST_CASE("rate_distortion: every point is trained once, a smaller lambda makes 
   const Outcome single = run("--lambda 0.1");
   CHECK(single.code == 2);
   CHECK(times_in(single.text, "--lambdas") == 1);
-  for (const char* word : {"--key mine", "--fidelity 3", "--fidelity-fall 1", "--draw-by-cost 1", "--hold-steps 9",
-                           "--message-power 2", "--json-log x.jsonl"})
+  for (const char* word : {"--key mine", "--fidelity 3", "--fidelity-fall 1", "--sample-by-loss 1",
+                           "--calibrate-steps 9", "--message-power 2", "--json-log x.jsonl"})
     CHECK(run(word).code == 2);
 }
 

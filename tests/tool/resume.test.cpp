@@ -140,7 +140,7 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
                   {"--fidelity 7", "--fidelity was"},
                   {"--message-weight 3", "--message-weight was"},
                   {"--for-compression", "--for-compression"},
-                  {"--twin " + other_host, "--twin differs"}});
+                  {"--unmarked " + other_host, "--unmarked differs"}});
   const auto before = all_of(at("marked"));
   check_refused(tool(embed(other_host, at("owner.key"), decoder) + " --resume"), {"--model differs"});
   check_refused(tool(embed(host, at("other.key"), decoder) + " --resume"), {"--key differs"});

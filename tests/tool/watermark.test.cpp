@@ -92,7 +92,7 @@ TEST_CASE(
   const nlohmann::json plain = unmarked();
   CHECK_FALSE(plain.contains("bit_accuracy"));
   const nlohmann::json marked =
-      train("marked", setting().mark() + " --message-weight 0.06 --twin " + at("unmarked/model.safetensors"));
+      train("marked", setting().mark() + " --message-weight 0.06 --unmarked " + at("unmarked/model.safetensors"));
   MESSAGE(marked["bit_accuracy"].dump(), " p ", marked["p_value"].dump(), " cost ",
           marked["psnr_cost_vs_unmarked"].dump(), " dB, ", marked["psnr_marked_vs_unmarked"].dump(), " dB");
   CHECK(marked["recipe"] == "scaffold");
@@ -202,7 +202,7 @@ TEST_CASE("tool: a model that was trained with exposures is marked as what its r
   INFO(trained.text);
   REQUIRE(trained.code == 0);
   REQUIRE(json_of(at("exposed/results.json"))["recipe"] == "scaffold+exposure");
-  REQUIRE(tool("fit --bits 24 --waves 48 --views 60 --gradient-views 2 --data " + setting().scene + " --model " +
+  REQUIRE(tool("fit --bits 24 --features 48 --views 60 --gradient-views 2 --data " + setting().scene + " --model " +
                exposed + " --out " + decoder)
               .code == 0);
   const std::string embed = "embed --iterations 20 --model " + exposed + " --data " + setting().scene + " --key " +
@@ -241,7 +241,7 @@ TEST_CASE("tool: a model for a codec that was trained with exposures is marked i
   INFO(trained.text);
   REQUIRE(trained.code == 0);
   REQUIRE(json_of(at("exposed-hac/results.json"))["recipe"] == "hac+exposure");
-  testing::done("fit --bits 24 --waves 48 --views 60 --gradient-views 2 --data " + setting().scene + " --model " +
+  testing::done("fit --bits 24 --features 48 --views 60 --gradient-views 2 --data " + setting().scene + " --model " +
                 exposed + " --out " + decoder);
   const std::string out = at("exposed-hac-marked");
   const Outcome marked = tool("embed --iterations 20 --model " + exposed + " --data " + setting().scene + " --key " +
@@ -273,7 +273,7 @@ TEST_CASE(
   const std::string scene = at("large"), model = at("large-run/model.safetensors");
   testing::done("scene --width 128 --height 96 --train 6 --test 2 --out " + scene);
   testing::done("train --effects none --iterations 60 --voxel-size 0.3 --data " + scene + " --out " + at("large-run"));
-  const std::string fit = "fit --bits 12 --waves 30 --views 60 --gradient-views 2 --stride 1";
+  const std::string fit = "fit --bits 12 --features 30 --views 60 --gradient-views 2 --stride 1";
   const auto fitted = [&](const std::string& data, const std::string& of, const std::string& name,
                           const std::string& more) {
     testing::done(fit + " --data " + data + " --model " + of + " --out " + at(name) + ".safetensors" + more);
@@ -308,7 +308,7 @@ TEST_CASE(
 TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden for it is proven") {
   static_cast<void>(unmarked());
   const std::string scene = "fit --bits 24 --data " + setting().scene + " --model " + at("unmarked/model.safetensors");
-  const std::string fit = scene + " --waves 72 --views 200 --gradient-views 6 --out ";
+  const std::string fit = scene + " --features 72 --views 200 --gradient-views 6 --out ";
   const std::string fitted = at("fitted.safetensors");
   const Outcome made = tool(fit + fitted + " --threads 1");
   INFO(made.text);
@@ -364,13 +364,13 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
   check_refused(tool(fit + at("no.safetensors") + " --json " + at("unmarked/model.safetensors")),
                 {"--json", "model.safetensors"});
   check_refused(tool(fit + at("no.safetensors") + " --downscale 2"), {"model.safetensors", "--downscale"});
-  check_refused(tool(scene + " --waves 23 --out " + at("no.safetensors")), {"--waves", "--bits"});
+  check_refused(tool(scene + " --features 23 --out " + at("no.safetensors")), {"--features", "--bits"});
   for (const char* number : {"--period", "--tone", "--edit-weight", "--region-limit"}) {
     CAPTURE(number);
     check_refused(tool(scene + " --out " + at("no.safetensors") + " " + number + " nan"), {number, "not a number"});
   }
-  check_refused(tool(scene + " --views 70 --out " + at("no.safetensors")), {"--views", "--waves"});
-  check_refused(tool(scene + " --waves 72 --coordinates 60 --out " + at("no.safetensors")),
+  check_refused(tool(scene + " --views 70 --out " + at("no.safetensors")), {"--views", "--features"});
+  check_refused(tool(scene + " --features 72 --coordinates 60 --out " + at("no.safetensors")),
                 {"--coordinates", "--bits"});
   check_refused(tool("fit --data " + setting().scene + " --model " + at("nowhere.safetensors") + " --out " +
                      at("no.safetensors")),
@@ -517,7 +517,7 @@ TEST_CASE("tool: a marked training and an embedding that were stopped end in the
       tool(embed + at("unmarked/model.safetensors") + " --resume --fidelity-fall 0 --out " + at("stopped-embed")),
       {"checkpoint.safetensors"});
   // Drawn by what the message cost, which is state: stopped and gone on with it is the run that was not stopped, and another one than without.
-  const std::string by_cost = embed + at("unmarked/model.safetensors") + " --draw-by-cost 1";
+  const std::string by_cost = embed + at("unmarked/model.safetensors") + " --sample-by-loss 1";
   testing::killed(by_cost, at("stopped-by-cost"));
   CHECK(finished(by_cost + " --resume", "stopped-by-cost") == finished(by_cost, "straight-by-cost"));
   CHECK(json_of(at("straight-by-cost/results.json"))["model_sha256"].get<std::string>() !=
@@ -545,14 +545,14 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   check_refused(tool("train --iterations 20 --data " + setting().scene + " --out " + at("none") + setting().mark() +
                      " --recipe scaffold+antialiasing"),
                 {"--recipe", "scaffold+antialiasing", "+alpha"});
-  check_refused(tool(common + setting().mark() + " --twin " + at("nowhere.safetensors")), {"nowhere.safetensors"});
+  check_refused(tool(common + setting().mark() + " --unmarked " + at("nowhere.safetensors")), {"nowhere.safetensors"});
   CHECK_FALSE(fs::exists(at("none/model.safetensors")));
   check_refused(tool(common + " --for-compression"), {"--key", "missing"});
   check_refused(tool(common + " --message-rate 0.1"), {"--key", "missing"});
   for (const char* name : {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity"}) {
     CHECK(tool(common + setting().mark() + " " + name + " nan").code != 0);
   }
-  for (const char* name : {"--fidelity-fall", "--draw-by-cost"}) {
+  for (const char* name : {"--fidelity-fall", "--sample-by-loss"}) {
     const Outcome outcome = tool(common + setting().mark() + " --fidelity 3000 " + name + " nan");
     CHECK(outcome.code != 0);
     CHECK(outcome.text.find(name) != std::string::npos);
@@ -561,26 +561,26 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   CHECK(tool(common + setting().mark() + " --fidelity 3000 --fidelity-fall 5").code != 0);
   check_refused(tool(common + setting().mark() + " --fidelity-fall 1"),
                 {"--fidelity-fall", "needs post-hoc embedding"});
-  check_refused(tool(common + setting().mark() + " --draw-by-cost 1"), {"--draw-by-cost", "finished model"});
+  check_refused(tool(common + setting().mark() + " --sample-by-loss 1"), {"--sample-by-loss", "finished model"});
   check_refused(tool(common + setting().mark() + " --fidelity 3000 --for-compression"),
                 {"--fidelity", "leave out --for-compression"});
-  check_refused(tool(common + setting().mark() + " --fidelity 3000 --twin " + at("unmarked/model.safetensors")),
-                {"--fidelity", "leave out --twin"});
+  check_refused(tool(common + setting().mark() + " --fidelity 3000 --unmarked " + at("unmarked/model.safetensors")),
+                {"--fidelity", "leave out --unmarked"});
   // Before the host is trained, not after.
-  check_refused(tool(common + " --key " + setting().key + " --fidelity 0 --draw-by-cost 1"),
-                {"--draw-by-cost", "needs post-hoc embedding"});
-  check_refused(tool(common + " --key " + setting().key + " --codec hac --hold-steps 50"),
-                {"--hold-steps", "context_gs"});
-  check_refused(tool(common + setting().mark() + " --codec context_gs --hold-steps 50"),
-                {"--hold-steps", "finished model"});
+  check_refused(tool(common + " --key " + setting().key + " --fidelity 0 --sample-by-loss 1"),
+                {"--sample-by-loss", "needs post-hoc embedding"});
+  check_refused(tool(common + " --key " + setting().key + " --codec hac --calibrate-steps 50"),
+                {"--calibrate-steps", "context_gs"});
+  check_refused(tool(common + setting().mark() + " --codec context_gs --calibrate-steps 50"),
+                {"--calibrate-steps", "finished model"});
   CHECK_FALSE(fs::exists(at("none/unmarked")));
   check_refused(tool("train --profile paper --iterations 20 --data " + setting().scene + " --out " + at("none") +
                      setting().mark() + " --message-power 2"),
                 {"--message-power", "--message-margin"});
   static_cast<void>(unmarked());
   check_refused(tool("train --effects none --iterations 20 --data " + setting().scene + " --out " + at("unmarked") +
-                     setting().mark() + " --twin " + at("unmarked/model.safetensors")),
-                {"--twin", "model.safetensors"});
+                     setting().mark() + " --unmarked " + at("unmarked/model.safetensors")),
+                {"--unmarked", "model.safetensors"});
   const std::string embed = "embed --iterations 20 --data " + setting().scene + setting().mark();
   check_refused(tool(embed + " --model " + at("unmarked/model.safetensors") + " --out " + at("unmarked")), {"--out"});
   check_refused(tool(embed + " --model " + at("nowhere.safetensors") + " --out " + at("none")),

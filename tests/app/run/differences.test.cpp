@@ -13,7 +13,7 @@ TEST_CASE("app/run/differences: values are compared as values, and what differs 
   CHECK(differences.none());
   differences.values("--seed", 1, 2);
   differences.values("--background", Json(), "white");
-  differences.files("--twin", "ab", Json());
+  differences.files("--unmarked", "ab", Json());
   CHECK_FALSE(differences.none());
-  CHECK(differences.text() == "--seed was 1 and is 2, --background was not set and is white, --twin was given");
+  CHECK(differences.text() == "--seed was 1 and is 2, --background was not set and is white, --unmarked was given");
 }

@@ -105,7 +105,7 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
   };
   CHECK(field_of([](EmbedSettings& s) { s.distortion = EmbedDistortion::noise; }) == "--distortion");
   CHECK(field_of([](EmbedSettings& s) { s.mark.period = 0.2; }) == "--period");
-  CHECK(field_of([](EmbedSettings& s) { s.mark.hold_steps = 20; }) == "--hold-steps");
+  CHECK(field_of([](EmbedSettings& s) { s.mark.hold_steps = 20; }) == "--calibrate-steps");
   CHECK(field_of([](EmbedSettings& s) { s.mark.bits = 16; }) == "bits");
   CHECK(field_of([](EmbedSettings& s) {
           s.mark.fidelity = 0;

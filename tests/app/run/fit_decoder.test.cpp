@@ -64,7 +64,7 @@ TEST_CASE("app/run/fit_decoder: a decoder for a scene, and what its file says of
   CHECK_FALSE(std::filesystem::exists(settings.out));
   told.stop_fit = false;
   settings.fit.waves = 4;
-  CHECK(fit_decoder_file(settings, executor, told).error().field == "--waves");
+  CHECK(fit_decoder_file(settings, executor, told).error().field == "--features");
   settings.fit.waves = 24;
   settings.fit.coordinates = 20;
   CHECK(fit_decoder_file(settings, executor, told).error().field == "--coordinates");

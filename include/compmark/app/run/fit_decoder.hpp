@@ -16,7 +16,7 @@
 
 namespace compmark {
 
-/// Errors name these fields as the tool's options do ("--waves").
+/// Errors name these fields as the tool's options do ("--features").
 struct DecoderFileSettings {
   std::filesystem::path model;  ///< unmarked, of a recipe that can carry a message (is_markable_recipe)
   std::filesystem::path data;   ///< the dataset it was trained on; only its cameras are used

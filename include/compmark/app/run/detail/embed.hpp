@@ -75,7 +75,7 @@ namespace detail {
   if (plan.mark.hold_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
     return Error{ErrorKind::unsupported,
                  {},
-                 "--hold-steps",
+                 "--calibrate-steps",
                  "works with context_gs models only: in them a mark would change the quantizer steps",
                  "leave it out"};
   }

@@ -15,9 +15,9 @@
 #include <utility>
 
 #include "compmark/app/files.hpp"
-#include "compmark/app/run/differences.hpp"
 #include "compmark/app/run/detail/run_data.hpp"
 #include "compmark/app/run/detail/run_mark.hpp"
+#include "compmark/app/run/differences.hpp"
 #include "compmark/app/run/run_results.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
@@ -48,8 +48,8 @@ inline constexpr std::array<OptionOfSetting, 17> options_of_settings{{
     {"mark.residual_rate", "--message-rate"},
     {"mark.fidelity", "--fidelity"},
     {"mark.fidelity_fall", "--fidelity-fall"},
-    {"mark.draw_by_cost", "--draw-by-cost"},
-    {"mark.hold_steps_every", "--hold-steps"},
+    {"mark.draw_by_cost", "--sample-by-loss"},
+    {"mark.hold_steps_every", "--calibrate-steps"},
 }};
 /// Differences in the data, if no setting above and no file has changed: other settings follow from them.
 inline constexpr std::array<OptionOfSetting, 2> options_of_others{
@@ -109,7 +109,7 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   }
   for (const auto& [option, path] : {std::pair<const char*, const std::filesystem::path&>("--model", plan.model),
                                      {"--decoder", plan.mark.decoder},
-                                     {"--twin", plan.mark.twin},
+                                     {"--unmarked", plan.mark.twin},
                                      {"--lpips-alex", plan.lpips.alex},
                                      {"--lpips-squeeze", plan.lpips.squeeze}}) {
     if (path.empty()) continue;
@@ -158,7 +158,7 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   if (before.is_object()) {
     const nlohmann::json files = before.value("files", nlohmann::json::object());
     for (const char* option :
-         {"--model", "--key", "--decoder", "--twin", "--lpips-alex", "--lpips-squeeze", "--lpips-family-range"})
+         {"--model", "--key", "--decoder", "--unmarked", "--lpips-alex", "--lpips-squeeze", "--lpips-family-range"})
       differences.files(option, files.value(option, nlohmann::json()), now["files"].value(option, nlohmann::json()));
     compare_settings(flat_settings(before.value("settings", nlohmann::json::object())), flat_settings(now["settings"]),
                      differences);

@@ -35,15 +35,16 @@ inline Result<Done> settle_fit(DecoderFileSettings& settings) {
   if (settings.json.empty()) settings.json = std::filesystem::path(settings.out).replace_extension(".json");
   if (settings.fit.waves == 0) settings.fit.waves = std::max(64, 20 * settings.fit.bits / 3);  // 320 for 48 bits
   if (settings.fit.waves < settings.fit.bits)
-    return refuse("--waves", "is less than --bits", "give at least as many features as bits, or leave the option out");
+    return refuse("--features", "is less than --bits",
+                  "give at least as many features as bits, or leave the option out");
   if (settings.fit.coordinates < 0)
     settings.fit.coordinates = std::min(2 * settings.fit.waves / 5, settings.fit.waves - settings.fit.bits);
   if (settings.fit.coordinates > settings.fit.waves - settings.fit.bits)
-    return refuse("--coordinates", "leaves fewer features than --bits", "give fewer coordinates, or more --waves");
+    return refuse("--coordinates", "leaves fewer features than --bits", "give fewer coordinates, or more --features");
   if (settings.fit.edit_weight == 0) settings.fit.edits_per_view = 0;  // nothing to read them for
   if (settings.fit.statistics_views == 0) settings.fit.statistics_views = 8 * settings.fit.waves;
   if (settings.fit.statistics_views < settings.fit.waves)
-    return refuse("--views", "is less than --waves",
+    return refuse("--views", "is less than --features",
                   "give about eight views for each feature, or leave the option out");
   return Done{};
 }

@@ -138,7 +138,7 @@ struct RunData {
   if (Result<Done> counted = check_weights(run.dataset, *run.store); !counted) return counted.error();
   if (mark != nullptr && !mark->twin.empty() &&
       (mark->twin_unit != run.dataset.unit || mark->twin_origin != run.dataset.origin)) {
-    return Error{ErrorKind::invalid, mark->twin.string(), "--twin",
+    return Error{ErrorKind::invalid, mark->twin.string(), "--unmarked",
                  "has another unit of length or another origin than these data have in this version",
                  "train the unmarked counterpart again"};
   }

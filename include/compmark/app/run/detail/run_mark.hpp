@@ -59,7 +59,7 @@ namespace compmark::detail {
 /// An error if numbers of post-hoc embedding are given with a `fidelity` of 0.
 [[nodiscard]] inline Result<Done> check_held(const MarkSettings& options, double fidelity) {
   for (const auto& [number, name] :
-       {std::pair(options.fall, "--fidelity-fall"), std::pair(options.by_cost, "--draw-by-cost")}) {
+       {std::pair(options.fall, "--fidelity-fall"), std::pair(options.by_cost, "--sample-by-loss")}) {
     if (!number) continue;
     if (fidelity > 0) continue;
     return Error{ErrorKind::unsupported,
@@ -80,7 +80,7 @@ namespace compmark::detail {
   if (options.key.empty()) return missing("--key", "make one with compmark keygen");
   if (options.decoder.empty())
     return missing("--decoder",
-                   "give a decoder of compmark fit or of weights/; only embed, and train without --twin "
+                   "give a decoder of compmark fit or of weights/; only embed, and train without --unmarked "
                    "and --for-compression, can fit one");
   const Result<OwnerKey> key = key_of(options, warn);
   if (!key) return key.error();

@@ -92,11 +92,11 @@ namespace detail {
                  "--fidelity",
                  "above 0 needs a finished model to mark",
                  key    ? "give a --key too"
-                 : twin ? "leave out --twin: this run trains the unmarked model too"
+                 : twin ? "leave out --unmarked: this run trains the unmarked model too"
                         : "leave out --for-compression, which is for marks that train with the scene"};
   }
-  for (const auto& [given, name] : {std::pair(chosen.mark.by_cost.has_value(), "--draw-by-cost"),
-                                    std::pair(chosen.mark.hold_steps.has_value(), "--hold-steps")}) {
+  for (const auto& [given, name] : {std::pair(chosen.mark.by_cost.has_value(), "--sample-by-loss"),
+                                    std::pair(chosen.mark.hold_steps.has_value(), "--calibrate-steps")}) {
     if (!given) continue;
     return Error{ErrorKind::unsupported,
                  {},
