@@ -334,4 +334,27 @@ TEST_CASE("options: an output replaces its like, or nothing that tells what it i
   CHECK(place.all() == before);
 }
 
+TEST_CASE("tool: the help has its options under headings, and every option has one") {
+  const std::string help = tool("train --help").text;
+  for (const char* heading : {"\nOptions:", "\nMessage (watermark):", "\nCodec (compression):", "\nExpert:"})
+    CHECK(help.find(heading) != std::string::npos);
+  CHECK(help.find("--data") < help.find("Expert:"));
+  CHECK(help.find("--voxel-size") > help.find("Expert:"));
+  const nlohmann::json json = nlohmann::json::parse(tool("--options-json").text);
+  std::map<std::string, std::size_t> members;
+  for (const auto& [command, options] : json.items())
+    for (const auto& option : options) ++members[option["group"].get<std::string>()];
+  CHECK(members.size() == 4);
+  CHECK(members["Expert"] > 20);
+}
+
+TEST_CASE("tool: options are known by the names that they had before, which is said") {
+  const Outcome old = tool("fit --waves 0 --model m --data d --out o");
+  CHECK(old.code == 2);
+  CHECK(old.text.find("--waves is called --features now") != std::string::npos);
+  CHECK(old.text.find("--features") != std::string::npos);
+  CHECK(tool("pretrain --waves=none --out o").text.find("--waves is called --fourier now") != std::string::npos);
+  CHECK(tool("fit --features 0 --model m --data d --out o").text.find("is called") == std::string::npos);
+}
+
 }  // namespace options_test
