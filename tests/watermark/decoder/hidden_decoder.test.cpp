@@ -52,6 +52,9 @@ TEST_CASE("decoder/hidden_decoder: equals the definition at any size, in double 
     }
     weights.input.largest_side = 7;
     CHECK(distance_to_reference<double>(weights, 33, 30) < 1e-13);
+    weights.input.largest_side = weights.input.smallest_side = 37;  // read at one size: enlarged, shrunk
+    CHECK(distance_to_reference<double>(weights, 13, 22) < 1e-13);
+    CHECK(distance_to_reference<double>(weights, 160, 150) < 1e-13);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
@@ -52,14 +53,57 @@ TEST_CASE("decoder/input_convention: sizes") {
   CHECK(c.output_size(1, 8000) == std::array{1, 128});
   c.haar_levels = 2;
   CHECK(c.output_size(401, 403) == std::array{101, 101});
+  c = {0, 1, {0, 0, 0}, {1, 1, 1}, 128, 128};  // one size for every picture
+  CHECK(c.output_size(400, 800) == std::array{64, 128});
+  CHECK(c.output_size(128, 90) == std::array{128, 90});
+  CHECK(c.output_size(20, 50) == std::array{51, 128});
+  CHECK(c.output_size(1, 50) == std::array{3, 128});
+  c.smallest_side = 30;
+  CHECK(c.output_size(20, 50) == std::array{20, 50});
+  CHECK(c.output_size(20, 25) == std::array{24, 30});
+}
+
+TEST_CASE(
+    "mark/input_convention: one size for every picture makes a scaled picture what it was; a limit alone does not") {
+  SerialExecutor serial;
+  const auto picture = [](int side) {  // one scene, sampled over pixels of any size
+    std::vector<double> image;
+    for (int c = 0; c < 3; ++c) {
+      for (int y = 0; y < side; ++y) {
+        for (int x = 0; x < side; ++x)
+          image.push_back(0.5 + 0.2 * std::sin(7 * (x + 0.5) / side + c) * std::cos(5 * (y + 0.5) / side));
+      }
+    }
+    return image;
+  };
+  const auto converted = [&](const InputConvention& c, int side) {
+    const std::vector<double> image = picture(side);
+    const auto size = c.output_size(side, side);
+    std::vector<double> out(static_cast<std::size_t>(3 * size[0] * size[1]));
+    DecoderInput<double>::Context context;
+    DecoderInput<double>(c).forward({image.data(), 3, side, side}, {out.data(), 3, size[0], size[1]}, context, serial);
+    return out;
+  };
+  InputConvention c{0, 1, {0, 0, 0}, {1, 1, 1}, 48, 48};
+  const std::vector<double> large = converted(c, 96);
+  for (const int side : {24, 33, 47, 48, 70}) {
+    const std::vector<double> scaled = converted(c, side);
+    REQUIRE(scaled.size() == large.size());
+    double worst = 0;
+    for (std::size_t i = 0; i < large.size(); ++i) worst = std::max(worst, std::abs(scaled[i] - large[i]));
+    CHECK(worst < 0.02);
+  }
+  c.smallest_side = 0;
+  CHECK(converted(c, 24).size() == large.size() / 4);
+  CHECK(converted(c, 70) == converted({0, 1, {0, 0, 0}, {1, 1, 1}, 48, 48}, 70));  // shrinking is what it was
 }
 
 TEST_CASE("decoder/input_convention: a constant grey image becomes the stated number, whatever the level and size") {
   SerialExecutor serial;
   for (int levels = 0; levels <= 2; ++levels) {
-    for (const int side : {0, 5}) {
+    for (const int side : {0, 5, 57}) {
       InputConvention c = imagenet_convention(levels);
-      c.largest_side = side;
+      (side > 5 ? c.smallest_side : c.largest_side) = side;
       DecoderInput<double> input(c);
       DecoderInput<double>::Context context;
       const std::vector<double> image(3 * 23 * 31, 0.6);
@@ -75,10 +119,11 @@ TEST_CASE("decoder/input_convention: a constant grey image becomes the stated nu
 }
 
 TEST_CASE(
-    "decoder/input_convention: gradients of every level, with and without shrinking; they add; any thread count") {
+    "decoder/input_convention: gradients of every level, shrunk, enlarged or neither; they add; any thread count") {
   for (int levels = 0; levels <= 2; ++levels) {
-    for (const int side : {0, 5}) {
-      InputConvention c{levels, 0.7, {0.1, 0.2, 0.3}, {0.5, 2, 0.25}, side};
+    for (const int side : {0, 5, 29}) {
+      InputConvention c{levels, 0.7, {0.1, 0.2, 0.3}, {0.5, 2, 0.25}};
+      (side > 5 ? c.smallest_side : c.largest_side) = side;
       DecoderInput<double> input(c);
       const Random random(7, 0, random_stage("convention test"));
       std::vector<double> image(3 * 13 * 18);

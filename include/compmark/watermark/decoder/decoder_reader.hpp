@@ -231,8 +231,7 @@ template <class TensorFile>
       reader.fail(ErrorKind::unsupported, "__metadata__.kind",
                   "\"" + kind.substr(0, 40) + "\" is not hidden, strided or carrier", reader.remedy);
     }
-    const bool carrier = weights.kind == DecoderKind::carrier;
-    weights.bits = carrier ? 0 : reader.integer("bits", 1, 4096);
+    weights.bits = weights.kind == DecoderKind::carrier ? 0 : reader.integer("bits", 1, 4096);
     weights.width = reader.integer("width", 1, 1024);
     weights.depth = reader.integer("depth", 1, 63);
     weights.stem = reader.integer("stem", 1, 8);
@@ -251,6 +250,8 @@ template <class TensorFile>
       reader.fail(ErrorKind::invalid, "__metadata__.logit_scale", "is not above 0", reader.remedy);
     weights.input.haar_levels = reader.integer("haar_levels", 0, 2);
     weights.input.largest_side = reader.integer("largest_side", 0, 1 << 20);
+    if (const int most = weights.input.largest_side; file.metadata.contains("smallest_side"))  // not in older files
+      weights.input.smallest_side = reader.integer("smallest_side", 0, most != 0 ? most : 1 << 13);
     weights.input.gain = reader.numbers("input_gain", 1)[0];
     const std::vector<double> mean = reader.numbers("input_mean", 3), deviation = reader.numbers("input_deviation", 3);
     for (std::size_t c = 0; c < 3; ++c) {
@@ -259,8 +260,7 @@ template <class TensorFile>
       if (!(deviation[c] > 0))
         reader.fail(ErrorKind::invalid, "__metadata__.input_deviation", "is not above 0", reader.remedy);
     }
-    const auto note = file.metadata.find("note");
-    if (note != file.metadata.end()) weights.note = note->second;
+    if (file.metadata.contains("note")) weights.note = file.metadata.at("note");
     if (weights.kind == DecoderKind::hidden && weights.stem != 1)
       reader.fail(ErrorKind::invalid, "__metadata__.stem", "a hidden decoder has none (1)", reader.remedy);
   }

@@ -5,7 +5,9 @@
 // one range and used on another loses accuracy without a warning (docs/spec/watermark.md, 1.4: per-bit bias up to 0.12
 // where the spread is 0.02), so the convention is part of the weight file:
 //   x = (gain A(LL^levels(image)) - mean_c) / deviation_c,
-//   A: shrinking by area so that the larger side is at most largest_side (0: never).
+//   A: shrinking by area so that the larger side is at most largest_side (0: never), or enlarging (bilinear, half-pixel
+//      centres) so that it is at least smallest_side: with both equal, a scaled picture is read at the size it was read
+//      at before.
 // Published HiDDeN files were used on the raw LL: levels 1, gain 1, mean 0, deviation 1. Cost: about two operations a
 // pixel.
 #pragma once
@@ -15,12 +17,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/area_resize.hpp"
 #include "compmark/math/haar.hpp"
+#include "compmark/math/resize_adjoint.hpp"
 
 namespace compmark {
 
@@ -30,7 +34,8 @@ struct InputConvention {
   double gain = 1;
   std::array<double, 3> mean{0, 0, 0};
   std::array<double, 3> deviation{1, 1, 1};
-  int largest_side = 0;  ///< of the network's input; 0: no limit
+  int largest_side = 0;   ///< of the network's input; 0: no limit
+  int smallest_side = 0;  ///< what its larger side has at least; 0: any; not above largest_side unless that is 0
 
   bool operator==(const InputConvention&) const = default;
 
@@ -41,19 +46,56 @@ struct InputConvention {
       width = haar_size(width);
     }
     const int side = std::max(height, width);
-    if (largest_side == 0 || side <= largest_side) return {height, width};
-    const auto shrink = [&](int n) {
-      return std::max(1, static_cast<int>((static_cast<std::int64_t>(2 * n) * largest_side + side) / (2 * side)));
+    const int target = largest_side != 0 && side > largest_side ? largest_side : std::max(side, smallest_side);
+    if (target == side) return {height, width};
+    const auto resized = [&](int n) {
+      return std::max(1, static_cast<int>((static_cast<std::int64_t>(2 * n) * target + side) / (2 * side)));
     };
-    return {shrink(height), shrink(width)};
+    return {resized(height), resized(width)};
   }
 };
 
 /// Normalised low band of [0, 1] RGB with the ImageNet statistics, the same range at any level: the convention of the
 /// project's own decoders.
 [[nodiscard]] inline InputConvention imagenet_convention(int haar_levels) {
-  return {haar_levels, std::ldexp(1.0, -haar_levels), {0.485, 0.456, 0.406}, {0.229, 0.224, 0.225}, 0};
+  return {haar_levels, std::ldexp(1.0, -haar_levels), {0.485, 0.456, 0.406}, {0.229, 0.224, 0.225}, 0, 0};
 }
+
+/// Bilinear enlarging of an image and its adjoint; the tables are made once a pair of sizes.
+template <class T>
+class Enlarged {
+ public:
+  /// Fills `target`.
+  template <Executor E>
+  void forward(ImageView<const T> image, ImageView<T> target, E& executor) {
+    prepare(image.height, image.width, target.height, target.width);
+    for (int c = 0; c < image.channels; ++c) resize_->apply(image.plane(c), target.plane(c), context_, executor);
+  }
+  /// ADDS the adjoint.
+  template <Executor E>
+  void adjoint(ImageView<const T> d_target, ImageView<T> d_image, E& executor) {
+    prepare(d_image.height, d_image.width, d_target.height, d_target.width);
+    plane_.resize(d_image.plane_size());
+    for (int c = 0; c < d_image.channels; ++c) {
+      resize_->apply_adjoint(d_target.plane(c), plane_.data(), context_, executor);
+      T* const to = d_image.plane(c);
+      for (std::size_t i = 0; i < d_image.plane_size(); ++i) to[i] += plane_[i];
+    }
+  }
+
+ private:
+  void prepare(int height, int width, int to_height, int to_width) {
+    const std::array<int, 4> sizes{height, width, to_height, to_width};
+    if (resize_ && sizes == sizes_) return;
+    resize_.emplace(height, width, to_height, to_width);
+    sizes_ = sizes;
+  }
+
+  std::optional<TriangleResize<T>> resize_;
+  typename TriangleResize<T>::Context context_;
+  Buffer<T> plane_;
+  std::array<int, 4> sizes_{};
+};
 
 /// The map of a convention and its backward pass.
 template <class T>
@@ -62,6 +104,7 @@ class DecoderInput {
   struct Context {
     std::array<Buffer<T>, 2> bands;  ///< LL of each level
     AreaResize<T> area;
+    Enlarged<T> enlarged;
     int height = 0;  ///< of the image
     int width = 0;
   };
@@ -84,7 +127,11 @@ class DecoderInput {
       at = band;
     }
     if (at.height != output.height || at.width != output.width) {
-      context.area.forward(at, output, executor);
+      if (enlarges(at, output)) {
+        context.enlarged.forward(at, output, executor);
+      } else {
+        context.area.forward(at, output, executor);
+      }
       at = output;
     }
     scale(at, output, executor, [&](T value, std::size_t c) {
@@ -103,10 +150,14 @@ class DecoderInput {
     ImageView<const T> d_at = d_output;
     const int levels = convention_.haar_levels;
     const ImageView<T> d_inner = levels == 0 ? d_image : shape(context, levels - 1);
-    const bool shrinks = d_output.height != d_inner.height || d_output.width != d_inner.width;
-    if (shrinks) {
+    const bool resized = d_output.height != d_inner.height || d_output.width != d_inner.width;
+    if (resized) {
       if (levels > 0) std::fill_n(d_inner.data, d_inner.size(), T(0));
-      context.area.adjoint(d_at, d_inner, executor);
+      if (enlarges(d_inner, d_output)) {
+        context.enlarged.adjoint(d_at, d_inner, executor);
+      } else {
+        context.area.adjoint(d_at, d_inner, executor);
+      }
       if (levels == 0) return;
       d_at = d_inner;
     }
@@ -122,6 +173,11 @@ class DecoderInput {
   }
 
  private:
+  /// The larger side decides: both sides grow or both shrink.
+  template <class From, class To>
+  [[nodiscard]] static bool enlarges(const From& from, const To& to) {
+    return std::max(to.height, to.width) > std::max(from.height, from.width);
+  }
   /// The band behind `level`, for values or gradients.
   [[nodiscard]] ImageView<T> shape(Context& context, int level) const {
     int height = context.height, width = context.width;

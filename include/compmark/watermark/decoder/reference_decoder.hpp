@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include "compmark/core/views.hpp"
@@ -65,16 +66,29 @@ template <class S>
     for (int y = 0; y < size[0]; ++y) {
       for (int x = 0; x < size[1]; ++x) {
         S sum = 0;
-        for (int v = 0; v < maps.height; ++v) {
-          const S high = std::min(S(v + 1), S(y + 1) * rows) - std::max(S(v), S(y) * rows);
-          for (int u = 0; u < maps.width && high > 0; ++u) {
-            const S wide = std::min(S(u + 1), S(x + 1) * columns) - std::max(S(u), S(x) * columns);
-            if (wide > 0) sum += high * wide * maps.at(c, v, u);
+        if (std::max(size[0], size[1]) > std::max(maps.height, maps.width)) {  // bilinear between pixel centres
+          const auto along = [](int i, const S& scale, int last) {
+            const S at = std::min(std::max((S(i) + S(0.5)) * scale - S(0.5), S(0)), S(last));
+            int low = 0;
+            while (low < last && S(low + 1) <= at) ++low;
+            return std::pair<int, S>{low, at - S(low)};
+          };
+          const auto v = along(y, rows, maps.height - 1), u = along(x, columns, maps.width - 1);
+          for (int k = 0; k < 4; ++k)
+            sum += (k < 2 ? S(1) - v.second : v.second) * (k % 2 == 0 ? S(1) - u.second : u.second) *
+                   maps.at(c, v.first + k / 2, u.first + k % 2);
+        } else {
+          for (int v = 0; v < maps.height; ++v) {
+            const S high = std::min(S(v + 1), S(y + 1) * rows) - std::max(S(v), S(y) * rows);
+            for (int u = 0; u < maps.width && high > 0; ++u) {
+              const S wide = std::min(S(u + 1), S(x + 1) * columns) - std::max(S(u), S(x) * columns);
+              if (wide > 0) sum += high * wide * maps.at(c, v, u);
+            }
           }
+          sum /= rows * columns;
         }
         const std::size_t k = static_cast<std::size_t>(c);
-        result.at(c, y, x) =
-            (S(convention.gain) * (sum / (rows * columns)) - S(convention.mean[k])) / S(convention.deviation[k]);
+        result.at(c, y, x) = (S(convention.gain) * sum - S(convention.mean[k])) / S(convention.deviation[k]);
       }
     }
   }
