@@ -26,6 +26,7 @@ struct VerifyOptions {
   std::filesystem::path key;
   std::filesystem::path json;
   bool any_decoder = false;
+  bool mirrored = false;
   double alpha = 1e-6;
   std::uint64_t tests = 1;
 };
@@ -44,7 +45,9 @@ int run(const VerifyOptions& options) {
   }
   ThreadExecutor executor(options.reading.threads);
   tell_threads(executor, options.reading.threads);
-  const Result<VerificationReport> verified = verify_files(*key, reading_settings(options.reading), settings, executor);
+  const ReadingSettings reading = reading_settings(options.reading);
+  const Result<VerificationReport> verified = options.mirrored ? verify_either_way(*key, reading, settings, executor)
+                                                               : verify_files(*key, reading, settings, executor);
   if (!verified) return fail(verified.error());
   const VerificationReport& report = *verified;
   const std::optional<PayloadText> payload =
@@ -65,6 +68,10 @@ int run(const VerifyOptions& options) {
                 from.unmarked.c_str(), from.unmarked_sha256.c_str());
   }
   if (payload) std::fputs(payload->line.c_str(), stdout);
+  if (report.mirrored) {
+    std::printf("mirrored    %s; both ways were read, which is two tests\n",
+                *report.mirrored ? "the images are read better so" : "the images are read as they are");
+  }
   std::fputs(report_text(report.verification).c_str(), stdout);
   switch (report.verification.verdict) {
     case Verdict::detected:
@@ -90,6 +97,8 @@ Command add_verify(Options& app) {
              "number of tests in all: keys times crops times models; the p-value is multiplied by "
              "it")
       ->capture_default_str();
+  app.flag("--mirrored", options->mirrored,
+           "the images may have been mirrored: read them both ways, which counts as two tests");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.flag("--any-decoder", options->any_decoder,
            "use this decoder even if the record of this key (KEY.record) names another one");

@@ -2,13 +2,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <compmark/app/verify.hpp>
+#include <compmark/core/random.hpp>
+#include <compmark/io/image_file.hpp>
+#include <compmark/io/safetensors.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/training/model_file.hpp>
+#include <compmark/watermark/decoder/carrier_decoder.hpp>
+#include <compmark/watermark/decoder/decoder_file.hpp>
+#include <compmark/watermark/decoder/input_convention.hpp>
 #include <compmark/watermark/proof/key.hpp>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <vector>
 
 #include "small_decoder.hpp"
 #include "small_models.hpp"
@@ -41,7 +50,73 @@ TEST_CASE("app/verify: the report is the verification of what is read, for the k
     detected += report->verification.verdict == Verdict::detected;
   }
   CHECK(detected == 0);
+  CHECK_FALSE(verify_either_way(testing::small_key(1, message_bits), reading, VerifySettings{}, executor).ok());
   VerifySettings impossible;
   impossible.false_positive_rate = 2;
   CHECK_FALSE(verify_files(testing::small_key(1, message_bits), reading, impossible, executor).ok());
+}
+
+TEST_CASE("app/verify: either way gives the reading with more matches, as two tests, and says which it is") {
+  using namespace compmark;
+  constexpr int message_bits = 32, side = 48;
+  const testing::ScratchFolder folder("compmark-app-mirrored");
+  ThreadExecutor executor(2);
+  const auto pixels = [&](std::uint64_t number, bool mirrored) {  // squares of drawn colours
+    const Random random(8, number, random_stage("mirrored"));
+    std::vector<float> planes;
+    for (std::uint64_t c = 0; c < 3; ++c) {
+      for (int y = 0; y < side; ++y) {
+        for (int x = 0; x < side; ++x) {
+          const int at = y / 4 * side + (mirrored ? side - 1 - x : x) / 4;
+          planes.push_back(static_cast<float>(random.uniform(3 * static_cast<std::uint64_t>(at) + c)));
+        }
+      }
+    }
+    return planes;
+  };
+  const auto view = [&](const std::vector<float>& planes) {
+    return ImageView<const float>{planes.data(), 3, side, side};
+  };
+  DecoderWeights weights = random_carrier_network(3, InputConvention{}, 8, 64);
+  std::vector<std::vector<float>> others;
+  for (std::uint64_t n = 1; n <= 80; ++n) others.push_back(pixels(n, false));
+  REQUIRE(calibrate_carriers(
+      weights, others.size(), [&](std::size_t i) { return view(others[i]); }, message_bits, true, executor));
+  const auto picture = [&](const char* name, bool mirrored) {
+    ReadingSettings reading;
+    reading.decoder = folder.path / "carrier.safetensors";
+    reading.images = {folder.path / name};
+    REQUIRE(write_png(reading.images[0], view(pixels(0, mirrored))).ok());
+    return reading;
+  };
+  REQUIRE(write_decoder<SafetensorsWriter>(weights, folder.path / "carrier.safetensors").ok());
+  const ReadingSettings plain = picture("plain.png", false), turned = picture("turned.png", true);
+  int mirrored_wins = 0, apart = 0;
+  for (int number = 1; number <= 12; ++number) {
+    const OwnerKey key = testing::small_key(number, message_bits);
+    VerifySettings settings;
+    settings.tries = 3;
+    const auto one_way = [&](const ReadingSettings& reading) {
+      const Result<VerificationReport> report = verify_files(key, reading, settings, executor);
+      if (!report) FAIL(report.error().line());
+      CHECK_FALSE(report->mirrored.has_value());
+      return report->verification;
+    };
+    const Verification as_it_is = one_way(plain), mirror_image = one_way(turned);
+    const bool wins = mirror_image.evidence.matches > as_it_is.evidence.matches;
+    const Result<VerificationReport> both = verify_either_way(key, plain, settings, executor);
+    REQUIRE(both.ok());
+    CHECK(both->mirrored == wins);
+    CHECK(both->verification.fused == (wins ? mirror_image : as_it_is).fused);
+    CHECK(both->verification.settings.tries == 6);
+    CHECK(both->verification.p_corrected == std::min(1.0, 6 * both->verification.evidence.p_value));
+    const Result<VerificationReport> back = verify_either_way(key, turned, settings, executor);
+    REQUIRE(back.ok());
+    CHECK(back->verification.evidence.matches == both->verification.evidence.matches);  // whichever file was mirrored
+    mirrored_wins += wins;
+    apart += as_it_is.fused != mirror_image.fused;
+  }
+  CHECK(apart == 12);  // the control: read one way only, a picture and its mirror image are two
+  CHECK(mirrored_wins > 0);
+  CHECK(mirrored_wins < 12);
 }

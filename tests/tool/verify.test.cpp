@@ -148,6 +148,13 @@ TEST_CASE("tool: verify detects the key that marked, and no other, nor anything 
   const Outcome single = tool("verify" + s.with(s.marked + "/image1.png " + s.marked + "/image2.png") + " --threads 1");
   CHECK(single.code == 0);
   CHECK(single.text.find("from 2 views") != std::string::npos);
+  // Both ways: two tests, so 2 p; a decoder of means of colours reads a mirrored picture as it reads the picture.
+  CHECK(json.count("mirrored") == 0);
+  const Outcome both = tool("verify" + s.with(s.marked) + " --mirrored --json " + at("both.json"));
+  CHECK(both.code == 0);
+  CHECK(both.text.find("which is two tests") != std::string::npos);
+  CHECK(json_of(at("both.json"))["mirrored"] == false);
+  CHECK(json_of(at("both.json"))["p_corrected"].get<double>() == 2 * json["p_value"].get<double>());
 }
 
 TEST_CASE("tool: verify is inconclusive where the chosen rate cannot be reached, and says why") {
@@ -211,6 +218,7 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   REQUIRE(tool("render --model " + at("run/model.safetensors") + " --out " + at("renders")).code == 0);
   REQUIRE(tool("verify" + s.with(at("renders")) + " --json " + at("renders.json")).code == outcome.code);
   CHECK(json_of(at("renders.json"))["views"][0]["logits"] == json["views"][0]["logits"]);
+  check_refused(tool(arguments + " --mirrored"), {"model.safetensors", "--mirrored"});
   REQUIRE(tool(arguments + " --split train --views 4 --json " + at("train.json")).code != 2);
   CHECK(json_of(at("train.json"))["views"].size() == 4);
 }

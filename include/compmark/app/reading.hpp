@@ -51,6 +51,7 @@ struct ReadingSettings {
   std::optional<std::array<float, 3>>
       background;                       ///< behind transparent pixels of images; without one they are an error
   std::size_t memory_budget_mb = 1400;  ///< of one image
+  bool mirrored = false;                ///< images are mirrored, left for right, before they are read
 };
 
 struct Reading {

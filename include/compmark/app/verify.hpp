@@ -23,6 +23,13 @@ namespace compmark {
                                                       const VerifySettings& settings, ThreadExecutor& executor,
                                                       const WorkObserver& observer = {});
 
+/// The same for images that somebody may have mirrored: they are read as they are and mirrored, and the report is that
+/// of the reading with more matches, as they are if both have as many. That is two tests: settings.tries counts twice,
+/// in the report too. A model has no mirror image: an error. Cost: twice that of reading.
+[[nodiscard]] Result<VerificationReport> verify_either_way(const OwnerKey& key, ReadingSettings reading,
+                                                           VerifySettings settings, ThreadExecutor& executor,
+                                                           const WorkObserver& observer = {});
+
 }  // namespace compmark
 
 #if !defined(COMPMARK_APP_COMPILED)

@@ -79,6 +79,10 @@ inline Result<Done> read_planes(const std::filesystem::path& path, const Reading
   }
   read.planes.resize(planes.size());
   for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
+  if (settings.mirrored) {
+    for (auto row = read.planes.begin(); row != read.planes.end(); row += read.width)
+      std::reverse(row, row + read.width);
+  }
   return Done{};
 }
 

@@ -23,4 +23,23 @@ COMPMARK_APP_INLINE Result<VerificationReport> verify_files(const OwnerKey& key,
   return VerificationReport{std::move(read->sources), std::move(read->views), std::move(*verification)};
 }
 
+COMPMARK_APP_INLINE Result<VerificationReport> verify_either_way(const OwnerKey& key, ReadingSettings reading,
+                                                                 VerifySettings settings, ThreadExecutor& executor,
+                                                                 const WorkObserver& observer) {
+  if (!reading.model.empty()) {
+    return Error{ErrorKind::invalid, reading.model.string(), "--mirrored", "is for images, and this is a model",
+                 "leave it out, or render the model and give --images"};
+  }
+  settings.tries *= 2;
+  reading.mirrored = false;
+  Result<VerificationReport> report = verify_files(key, reading, settings, executor, observer);
+  if (!report) return report;
+  reading.mirrored = true;
+  Result<VerificationReport> mirrored = verify_files(key, reading, settings, executor, observer);
+  if (!mirrored) return mirrored;
+  report->mirrored = false;
+  mirrored->mirrored = true;
+  return mirrored->verification.evidence.matches > report->verification.evidence.matches ? mirrored : report;
+}
+
 }  // namespace compmark

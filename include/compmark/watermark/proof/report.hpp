@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -88,6 +89,7 @@ struct VerificationReport {
   ReportSources sources;
   std::vector<ViewLogits> views;
   Verification verification;
+  std::optional<bool> mirrored{};  ///< whether the images read better mirrored; empty: that was not tried
 };
 
 [[nodiscard]] constexpr std::string_view verdict_name(Verdict verdict) {
@@ -148,6 +150,7 @@ template <class Json>
   test["inconclusive_up_to"] = v.settings.suspicion;
   test["fusion"] = std::string(fusion_name(v.settings.fusion));
   json["test"] = std::move(test);
+  if (report.mirrored) json["mirrored"] = *report.mirrored;
   json["read"] = {{"hex", v.read.hex()}, {"fused_logits", v.fused}};
   add_sources(json, report.sources);
   json["views"] = Json::array();
