@@ -1,22 +1,34 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark attack: applies an attack to a model and writes the result, for evaluate, extract and verify to read.
+// compmark attack: applies attacks to a model, or to images, and writes the result, for evaluate, extract and verify to
+// read. Which attacks there are is said by the lists of watermark/attack, one of them alone by an option of its own.
+#include <compmark/app/files.hpp>
+#include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>
+#include <compmark/scene/image.hpp>
+#include <compmark/scene/turn.hpp>
 #include <compmark/splat/quantizer/int8_quantizer.hpp>
+#include <compmark/watermark/attack/model_attacks.hpp>
+#include <compmark/watermark/attack/picture_attacks.hpp>
 #include <compmark/watermark/attack/quantize_model.hpp>
+#include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "commands.hpp"
 #include "common.hpp"
 #include "model_files.hpp"
 #include "reading.hpp"
+#include "run_folder.hpp"
+#include "view_files.hpp"
 
 namespace tool {
 namespace {
@@ -27,13 +39,72 @@ struct AttackOptions {
   std::filesystem::path model;
   std::filesystem::path out;
   std::filesystem::path json;
+  std::filesystem::path into;
+  std::vector<std::filesystem::path> images;
+  std::vector<std::string> attacks;
+  std::uint64_t seed = 0;
   std::string int8;
   bool symmetric = false;
   bool keep_positions = false;
   bool keep_networks = false;
 };
 
-int attack(const AttackOptions& options) {
+/// Every image with the attacks in turn, under its own name in the folder.
+int attack_images(const AttackOptions& options) {
+  const Result<std::vector<std::filesystem::path>> files = image_files(options.images);
+  if (!files) return fail(files.error());
+  std::vector<std::string> called;
+  for (const std::filesystem::path& file : *files) called.push_back(file.filename().string());
+  const std::vector<std::string> names = view_files(called);
+  FileUse use;
+  for (const std::filesystem::path& file : *files) use.read(file, "--images", InputKind::images);
+  for (const std::string& name : names) use.write(options.into / name, "--into");
+  if (Result<Done> safe = check_file_use(use); !safe) return fail(safe.error());
+  const Result<std::shared_ptr<const void>> held = hold_folder(options.into);
+  if (!held) return fail(held.error());
+  for (std::size_t i = 0; i < files->size(); ++i) {
+    const std::string file = (*files)[i].string();
+    const Result<std::vector<std::byte>> bytes = read_image_bytes((*files)[i]);
+    if (!bytes) return fail(bytes.error());
+    const Result<ImageInfo> info = decode_image_info(*bytes, file);
+    if (!info) return fail(info.error());
+    Result<ImageBytes> image = decode_image(*bytes, file);
+    if (!image) return fail(image.error());
+    *image = turned(std::move(*image), info->orientation);
+    std::vector<std::uint8_t> planes(3 * static_cast<std::size_t>(image->width) *
+                                     static_cast<std::size_t>(image->height));
+    composite(image->pixels, image->channels, {}, AlphaRounding::nearest, planes);
+    AttackedPicture picture{image->height, image->width, std::vector<float>(planes.size())};
+    for (std::size_t k = 0; k < planes.size(); ++k) picture.planes[k] = static_cast<float>(planes[k]) / 255.0f;
+    for (const std::string& text : options.attacks) {
+      Result<AttackedPicture> attacked = attack_picture<PictureAttacks>(text, picture.view(), options.seed + i);
+      if (!attacked) return fail(attacked.error());
+      picture = std::move(*attacked);
+    }
+    if (Result<Done> written = write_png(options.into / names[i], picture.view()); !written)
+      return fail(written.error());
+  }
+  std::printf("%zu images in %s\n", files->size(), options.into.string().c_str());
+  return success;
+}
+
+/// A model with the attacks in turn.
+int attack_numbers(const AttackOptions& options) {
+  Result<AnyModel> model = load_model(options.model);
+  if (!model) return fail(model.error());
+  for (const std::string& text : options.attacks) {
+    if (Result<Done> attacked = attack_model<ModelAttacks>(text, model->arena(), options.seed); !attacked) {
+      Error error = attacked.error();
+      error.file = options.model.string();
+      return fail(error);
+    }
+  }
+  if (Result<Done> written = model->write(options.out); !written) return fail(written.error());
+  std::printf("%s: %zu anchors\n", options.out.string().c_str(), model->anchor_count());
+  return success;
+}
+
+int attack_int8(const AttackOptions& options) {
   using Quantizer = Int8Quantizer<float>;
   Result<AnyModel> loaded = load_model(options.model);
   if (!loaded) return fail(loaded.error());
@@ -77,23 +148,50 @@ int attack(const AttackOptions& options) {
   return success;
 }
 
+/// What the options say together.
+int attack(const AttackOptions& options) {
+  const auto wrong = [](const char* field, const char* problem, const char* remedy) {
+    return fail({ErrorKind::invalid, {}, field, problem, remedy});
+  };
+  if (options.model.empty() == options.images.empty())
+    return wrong("--model, --images", options.model.empty() ? "are both missing" : "are both given",
+                 "give a model with --out, or images with --into");
+  const bool pictures = options.model.empty();
+  if (pictures ? options.into.empty() || !options.out.empty() : options.out.empty() || !options.into.empty())
+    return wrong("--out, --into", "do not fit what is attacked",
+                 "a model is written to --out, images into the folder --into");
+  if (options.int8.empty() == options.attacks.empty() || (pictures && options.attacks.empty()))
+    return wrong("--attack, --int8", options.int8.empty() ? "are both missing" : "do not go together",
+                 pictures ? "give --attack" : "give one of them");
+  if (options.int8.empty() &&
+      (options.symmetric || options.keep_positions || options.keep_networks || !options.json.empty()))
+    return wrong("--symmetric, --keep-positions, --keep-networks, --json", "are of --int8 alone",
+                 "leave them out, or give --int8");
+  return pictures ? attack_images(options) : options.int8.empty() ? attack_numbers(options) : attack_int8(options);
+}
+
 }  // namespace
 
 Command add_attack(Options& app) {
   auto options = std::make_shared<AttackOptions>();
-  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
-      ->required();
-  app.writes("--out", options->out, OutputKind::model, "model.safetensors to write")->required();
+  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk");
+  app.reads("--images", options->images, InputKind::images, "or image files, or folders of them (PNG, JPEG)");
+  app.writes("--out", options->out, OutputKind::model, "model.safetensors to write");
+  app.writes_into("--into", options->into, "folder for the attacked images (PNG)");
+  app.words("--attack", options->attacks,
+            "NAME or NAME:STRENGTH, several in turn; of a model " + ModelAttacks::names() + ", of images " +
+                PictureAttacks::names());
+  app.number("--seed", options->seed, any_seed, "of attacks that draw random numbers")->capture_default_str();
   app.word("--int8", options->int8,
            "round every number to 8 bits; there is one scale for each tensor, or for each "
            "channel (a column of anchors, a row of weights)")
-      ->required()
       ->check(CLI::IsMember({"tensor", "channel"}));
   app.flag("--symmetric", options->symmetric,
            "put the scale symmetrically around zero, not from the least to the greatest value");
   app.flag("--keep-positions", options->keep_positions, "do not round positions of anchors");
   app.flag("--keep-networks", options->keep_networks, "do not round weights of networks");
   app.writes("--json", options->json, OutputKind::words, "write the errors to this file");
+  app.also([](FileUse&) {});  // the names come with the images: attack_images
   return [options]() -> int { return attack(*options); };
 }
 

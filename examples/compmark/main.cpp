@@ -56,7 +56,7 @@ int main(int argc, char** argv) {
   add("extract", "read the bits of a model's renders or of images", tool::add_extract);
   add("verify", "test whether a key's message is in a model or in images, with a p-value", tool::add_verify);
   add("calibrate", "measure false positives of random keys on images", tool::add_calibrate);
-  add("attack", "write an attacked model: all numbers rounded to 8 bits", tool::add_attack);
+  add("attack", "write an attacked model, or attacked images", tool::add_attack);
 
   app.add_flag_callback(
       "--options-json",

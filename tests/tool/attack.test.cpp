@@ -124,7 +124,51 @@ TEST_CASE("tool: attack rounds what it says it rounds, and nothing twice") {
   CHECK(*read_file(at("once.safetensors")) == *read_file(at("again.safetensors")));
 }
 
+TEST_CASE("tool: attack changes a model by the attacks of a list, in turn, the same for the same seed") {
+  const auto anchors = [](const std::string& model) {
+    return read_safetensors(model)->values<float>("anchor.feature")->size();
+  };
+  const std::size_t all = anchors(marked());
+  const std::string options = "--attack prune:0.5 --attack noise:0.02 --seed 3";
+  const std::string once = attacked(marked(), options);
+  CHECK(anchors(once) < 6 * all / 10);
+  CHECK(anchors(once) > 4 * all / 10);
+  const std::vector<std::byte> bytes = *read_file(once);
+  CHECK(*read_file(attacked(marked(), options)) == bytes);
+  CHECK(*read_file(attacked(marked(), "--attack prune:0.5 --attack noise:0.02 --seed 4")) != bytes);
+  CHECK(psnr_of(attacked(marked(), "--attack prune:0.5")) < psnr_of(marked()));
+}
+
+TEST_CASE("tool: attack changes images by the attacks of a list, and their message is read or gone") {
+  done("render --model " + marked() + " --out " + at("renders"));
+  const auto read = [](const std::string& folder) {
+    (void)tool("verify --images " + at(folder) + " --key " + at("owner.key") + " --decoder " +
+               at("decoder.safetensors") + " --json " + at("images.json"));
+    return json_of(at("images.json"))["matches"].get<int>();
+  };
+  const int before = read("renders");
+  done("attack --images " + at("renders") + " --into " + at("bright") + " --attack brightness:0.9 --attack noise:0.01");
+  done("attack --images " + at("renders") + " --into " + at("black") + " --attack brightness:0");
+  std::set<std::string> names, attacked_names;
+  for (const auto& entry : fs::directory_iterator(at("renders"))) names.insert(entry.path().filename().string());
+  for (const auto& entry : fs::directory_iterator(at("bright")))
+    attacked_names.insert(entry.path().filename().string());
+  std::erase_if(attacked_names, [](const std::string& name) { return name[0] == '.'; });
+  std::erase_if(names, [](const std::string& name) { return name[0] == '.'; });
+  CHECK(names == attacked_names);
+  CHECK(read("bright") >= before - 4);
+  CHECK(*read_file(at("bright/" + *names.begin())) != *read_file(at("renders/" + *names.begin())));
+}
+
 TEST_CASE("tool: attack refuses what it cannot do in a sentence") {
+  const std::string model = "attack --model " + marked() + " --out " + at("x.safetensors");
+  check_refused(tool(model + " --attack blur"), {"attack", "none of int8, noise, prune"});
+  check_refused(tool(model + " --attack prune:2"), {"prune:2", "from 0 to 0.99", "share"});
+  check_refused(tool(model + " --attack prune --int8 tensor"), {"--attack, --int8", "do not go together"});
+  check_refused(tool(model + " --attack prune --symmetric"), {"--symmetric"});
+  check_refused(tool("attack --attack prune --out " + at("x.safetensors")), {"--model, --images", "missing"});
+  check_refused(tool("attack --model " + marked() + " --attack prune --into " + at("x")), {"--out, --into"});
+  CHECK(!fs::exists(at("x.safetensors")));
   check_refused(tool("attack --model " + at("none.safetensors") + " --out " + at("x.safetensors") + " --int8 tensor"),
                 {"none.safetensors"});
   check_refused(tool("attack --model " + marked() + " --out " + marked() + " --int8 tensor"),
