@@ -284,8 +284,8 @@
 #include "compmark/codec/rate/mask_penalty.hpp"
 
 #include "compmark/codec/model/adopt_networks.hpp"
-#include "compmark/codec/model/coded_context.hpp"
 #include "compmark/codec/model/codec_fit_settings.hpp"
+#include "compmark/codec/model/coded_context.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/codec/model/coded_views.hpp"
 #include "compmark/codec/model/held_steps.hpp"

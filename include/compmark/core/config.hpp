@@ -7,8 +7,7 @@
 #include <cassert>
 
 #if defined(__FAST_MATH__)
-#error \
-    "compmark needs IEEE arithmetic (NaN tests, exact rounding): build without -ffast-math (-fno-math-errno is fine)"
+#error "compmark needs IEEE arithmetic (NaN tests, exact rounding): build without -ffast-math (-fno-math-errno is fine)"
 #endif
 
 /// Programmer errors only (a wrong shape, an index out of range). Data errors come back as Result or in a report.
