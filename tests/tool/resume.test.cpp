@@ -141,6 +141,17 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
                   {"--message-weight 3", "--message-weight was"},
                   {"--for-compression", "--for-compression"},
                   {"--unmarked " + other_host, "--unmarked differs"}});
+  {  // results.json of a version that called the unmarked model otherwise
+    const fs::path results = at("marked/results.json");
+    const std::vector<std::byte> bytes = testing::file_bytes(results);
+    const std::string now(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    std::string then = now;
+    for (std::size_t k; (k = then.find("\"--unmarked\":")) != std::string::npos;) then.replace(k, 13, "\"--twin\":");
+    CHECK(then != now);
+    REQUIRE(write_file(results, then).ok());
+    CHECK(done(marked + " --resume").text.find("is finished, with these options") != std::string::npos);
+    REQUIRE(write_file(results, now).ok());
+  }
   const auto before = all_of(at("marked"));
   check_refused(tool(embed(other_host, at("owner.key"), decoder) + " --resume"), {"--model differs"});
   check_refused(tool(embed(host, at("other.key"), decoder) + " --resume"), {"--key differs"});

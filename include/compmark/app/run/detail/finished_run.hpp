@@ -156,7 +156,8 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   const nlohmann::json before = json_from<nlohmann::json>(results->identity);
   differences.values("the recipe (--recipe, --codec, --effects)", info->recipe, run.info.recipe);
   if (before.is_object()) {
-    const nlohmann::json files = before.value("files", nlohmann::json::object());
+    nlohmann::json files = before.value("files", nlohmann::json::object());
+    if (files.contains("--twin")) files["--unmarked"] = files["--twin"];  // as the option was called
     for (const char* option :
          {"--model", "--key", "--decoder", "--unmarked", "--lpips-alex", "--lpips-squeeze", "--lpips-family-range"})
       differences.files(option, files.value(option, nlohmann::json()), now["files"].value(option, nlohmann::json()));
