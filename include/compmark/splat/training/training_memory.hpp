@@ -40,7 +40,7 @@ namespace detail {
 
 // Measured, the peak of trainings of 3,000 to 150,000 anchors and of images of 64^2 to 1024^2 pixels: 540 to 690 bytes
 // a Gaussian (the most with an entropy model), half of all Gaussians with an opacity above 0, 80 bytes a pixel.
-inline constexpr double bytes_per_gaussian = 600, bytes_per_coded_gaussian = 800, share_decoded = 0.5,
+inline constexpr double bytes_per_gaussian = 600, bytes_per_coded_gaussian = 690, share_decoded = 0.5,
                         bytes_per_pixel = 90, bytes_per_marked_pixel = 600;
 /// Values, gradients, two moments, and half of the two copies that a row edit makes: its room is taken from what
 /// initialising has freed.
