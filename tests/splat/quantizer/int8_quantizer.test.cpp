@@ -20,8 +20,8 @@ namespace {
 
 using namespace compmark;
 
-// Its steps come from the data: it is an attack on a finished model, no policy of a recipe.
-static_assert(!Quantizer<Int8Quantizer<float>>);
+// Its steps come from the data: an attack on a finished model, and what a distortion layer may train for.
+static_assert(Quantizer<Int8Quantizer<float>>);
 static_assert(!Int8Quantizer<float>::is_absent);
 
 template <class T>

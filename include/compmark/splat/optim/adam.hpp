@@ -145,10 +145,10 @@ class Adam {
       }
     }
     AdamReport report;
+    T* const g = arena.all_gradients().data();  // taken, as zeros, if no gradient was written yet
     find_coefficients(arena, blocks, rates, state, executor, report);
 
     T* const p = arena.all_values().data();
-    T* const g = arena.all_gradients().data();
     T* const m = state.first_moment.data();
     T* const v = state.second_moment.data();
     executor.for_chunks(scratch.chunks.size(), 1, [&](std::size_t first, std::size_t last, std::size_t) {
