@@ -47,10 +47,11 @@ if [ "$way" = embedding ] || [ "$way" = all ]; then
   cmake -S "$project" -B "$scratch/embedding" -G Ninja -DCMAKE_CXX_COMPILER="$compiler" -DCMAKE_PREFIX_PATH="$scratch/moved" \
     -DCMAKE_CXX_FLAGS="-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Werror" >"$scratch/log" 2>&1 || { cat "$scratch/log"; exit 1; }
   cmake --build "$scratch/embedding" >"$scratch/log" 2>&1 || { cat "$scratch/log"; exit 1; }
-  # Who only decodes reads the codec, what all share, files, and of the entropy room the half that computes in integers: no rasterizer, no data set, no
+  # Who only decodes reads the codec, what all share, files, and of the context models the half that computes in integers: no rasterizer, no data set, no
   # floating-point context, nothing that trains. What is allowed is named, so that a new header of training is seen wherever it lies.
-  allowed='compmark/((codec|core|io)/(detail/)?[a-z0-9_]+|math/morton|entropy/(adaptive_binary|anchor_levels|context_gs_integers|context_gs_prior|gaussian_tables'
-  allowed="$allowed|hash_grid_layout|integer_[a-z_]+|normal_integral|rans|slot_tables|symbol_coder|varint))\.hpp\$"
+  allowed='compmark/((core|io)/(detail/)?[a-z0-9_]+|math/morton|codec/(coder|container|integer)/[a-z0-9_]+'
+  allowed="$allowed|codec/context_gs/(anchor_levels|context_gs_(context|decoder|encoder|format|integers|prior))"
+  allowed="$allowed|codec/hac/(hac_(context|decoder|encoder|format)|hash_grid_layout))\.hpp\$"
   headers_of() { ninja -C "$scratch/embedding" -t deps "CMakeFiles/$1.dir/$1.cpp.o" | sed -n 's|.*/include/\(compmark/.*\)|\1|p' | sort -u; }
   headers_of read_compressed >"$scratch/headers"
   grep -q 'compmark/codec/container/cmk.hpp' "$scratch/headers" || { echo "the list of headers is empty"; exit 1; }
@@ -69,8 +70,8 @@ if [ "$way" = embedding ] || [ "$way" = all ]; then
   fi
   # Control: both would have seen the program that trains, by headers of every kind and by its code.
   headers_of mark_in_memory | grep -vE "$allowed" >"$scratch/foreign" || true
-  for header in raster/tile pipeline/trainer optim/adam loss/l1 anchor/growth mark/residual quant/distortion scene/dataset metric/psnr \
-    entropy/hac_model entropy/context_gs_model entropy/hash_grid math/dense; do
+  for header in splat/raster/tile splat/training/trainer splat/optim/adam splat/loss/l1 splat/anchor/growth watermark/embed/residual \
+    watermark/embed/distortion scene/dataset metric/psnr codec/hac/hac_model codec/context_gs/context_gs_model codec/hac/hash_grid math/dense; do
     grep -qx "compmark/$header.hpp" "$scratch/foreign" || { echo "the control's compmark/$header.hpp was not seen"; exit 1; }
   done
   names_of mark_in_memory | grep -E "$trains" >"$scratch/foreign" || true
