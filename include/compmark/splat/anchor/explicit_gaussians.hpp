@@ -37,7 +37,7 @@ struct ExplicitGaussians {
 
   /// Through a pinhole the Gaussians in front of the near plane whose ball of four standard deviations, and four of the
   /// screen's blur, meets the pyramid of the image: what is drawn ends at 3.4. Through another lens all of them. NaN is
-  /// visible: the decoder counts it. Rows ascend. Cost: 15 ns an anchor.
+  /// visible: the decoder counts it. Rows ascend. Cost: one pass over the anchors.
   template <class Lens, Executor E>
   static void find_visible(const AnchorColumns<const T>& columns, const Camera<T>& camera, const Lens& /*lens*/,
                            const VisibilitySettings& settings, Buffer<std::uint32_t>& visible,
