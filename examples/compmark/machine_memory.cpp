@@ -3,6 +3,9 @@
 #include "machine_memory.hpp"
 
 #include <sys/resource.h>
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
 
 #include <algorithm>
 #include <cstddef>
@@ -77,6 +80,19 @@ double left_of_address_space(const std::filesystem::path& root) {
   return used < nothing_said ? std::max(0.0, static_cast<double>(limit.rlim_cur) - used) : nothing_said;
 }
 
+/// Bytes: the largest resident size since the mark was set back, if it ever was.
+double highest_mark(const std::filesystem::path& root) {
+  const double mark = 1024 * number_of(root / "proc/self/status", "VmHWM");
+  if (mark < nothing_said) return mark;
+  rusage usage{};
+  if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+#if defined(__APPLE__)
+  return static_cast<double>(usage.ru_maxrss);
+#else
+  return static_cast<double>(usage.ru_maxrss) * 1024;
+#endif
+}
+
 }  // namespace
 
 double free_memory_bytes(const std::filesystem::path& root) {
@@ -85,14 +101,23 @@ double free_memory_bytes(const std::filesystem::path& root) {
   return left < nothing_said ? std::max(left, 1.0) : 0;  // 0 would be no limit
 }
 
-double peak_memory_mb() {
-  rusage usage{};
-  if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
-#if defined(__APPLE__)
-  return static_cast<double>(usage.ru_maxrss) / 1e6;
-#else
-  return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
+PeakMemory PeakMemory::from_now(const std::filesystem::path& root) {
+#if defined(__GLIBC__)
+  malloc_trim(0);
 #endif
+  std::ofstream(root / "proc/self/clear_refs") << "5";
+  PeakMemory peak;
+  peak.root_ = root;
+  // Whether it was: a file that takes the word and does nothing is known to exist.
+  constexpr double slack = 16e6;  // the system counts pages of threads later than they are taken
+  const double mark = highest_mark(root), resident = 1024 * number_of(root / "proc/self/status", "VmRSS");
+  peak.before_ = mark <= resident + slack && resident < nothing_said ? 0 : mark;
+  return peak;
+}
+
+std::optional<double> PeakMemory::mb() const {
+  const double mark = highest_mark(root_);
+  return mark > before_ ? std::optional<double>(mark / 1e6) : std::nullopt;
 }
 
 }  // namespace tool

@@ -7,7 +7,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -16,8 +15,6 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "file_use.hpp"
-#include "input_files.hpp"
 #include "options.hpp"
 #include "process.hpp"
 #include "run_folder.hpp"
@@ -79,20 +76,12 @@ int main(int argc, char** argv) {
   try {
     for (const Entry& entry : entries) {
       if (!entry.options->parsed()) continue;
-      const tool::FileUse use = entry.options->use();
-      for (const auto check : {tool::check_file_use, tool::check_output_kinds, tool::check_input_kinds}) {
-        if (const auto right = check(use); !right) return tool::fail(right.error());
-      }
-      const auto held = tool::hold_outputs(use);
-      if (!held) return tool::fail(held.error());
+      const auto taken = tool::take_files(entry.options->use());
+      if (!taken) return tool::fail(taken.error());
       return tool::finish_output(entry.run());
     }
-  } catch (const std::bad_alloc&) {
-    return tool::fail(
-        {compmark::ErrorKind::exhausted, {}, {}, "out of memory", "use --downscale, --memory-budget or --max-anchors"});
-  } catch (const std::exception& error) {
-    return tool::fail(
-        {compmark::ErrorKind::invalid, {}, {}, std::string("unexpected: ") + error.what(), "please report this"});
+  } catch (...) {
+    return tool::fail(tool::caught_error());
   }
   return tool::failure;
 }

@@ -3,9 +3,11 @@
 #include "options.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <cstdlib>
+#include <utility>
+
+#include "new_names.hpp"
 
 namespace tool {
 namespace {
@@ -108,22 +110,10 @@ constexpr GroupedOption grouped_options[] = {
 }  // namespace
 
 std::vector<std::string> with_new_names(std::vector<std::string> words) {
-  constexpr std::array<std::array<const char*, 2>, 4> renamed{{{"--twin", "--unmarked"},
-                                                               {"--waves", "--features"},
-                                                               {"--hold-steps", "--calibrate-steps"},
-                                                               {"--draw-by-cost", "--sample-by-loss"}}};
   const bool of_pretrain = !words.empty() && words[0] == "pretrain";
-  for (std::string& word : words) {
-    for (const auto& [before, now] : renamed) {
-      const std::string old(before);
-      if (word != old && word.rfind(old + "=", 0) != 0) continue;
-      const std::string name = of_pretrain && old == "--waves" ? "--fourier" : now;
-      std::fprintf(stderr, "compmark: warning: %s is called %s now\n", before, name.c_str());
-      word = name + word.substr(old.size());
-      break;
-    }
-  }
-  return words;
+  return renamed(std::move(words), of_pretrain, [](const std::string& before, const std::string& now) {
+    std::fprintf(stderr, "compmark: warning: %s is called %s now\n", before.c_str(), now.c_str());
+  });
 }
 
 const char* option_group(const std::string& name) {

@@ -9,6 +9,8 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <exception>
+#include <new>
 #include <string>
 
 #include "common.hpp"
@@ -45,7 +47,22 @@ int answer_parser(const CLI::App& app, const CLI::ParseError& error) {
     return app.exit(error) == 0 ? success : failure;
   std::string command = "compmark";
   for (const CLI::App* sub : app.get_subcommands()) command += " " + sub->get_name();
-  return fail({compmark::ErrorKind::invalid, {}, {}, parse_error_line(error), command + " --help says more"});
+  return fail(words_error(command, error));
+}
+
+compmark::Error words_error(const std::string& command, const CLI::ParseError& error) {
+  return {compmark::ErrorKind::invalid, {}, {}, parse_error_line(error), command + " --help says more"};
+}
+
+compmark::Error caught_error() {
+  using compmark::ErrorKind;
+  try {
+    throw;
+  } catch (const std::bad_alloc&) {
+    return {ErrorKind::exhausted, {}, {}, "out of memory", "use --downscale, --memory-budget or --max-anchors"};
+  } catch (const std::exception& error) {
+    return {ErrorKind::invalid, {}, {}, std::string("unexpected: ") + error.what(), "please report this"};
+  }
 }
 
 }  // namespace tool

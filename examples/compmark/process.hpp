@@ -6,6 +6,8 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <compmark/core/result.hpp>
+#include <string>
 
 namespace tool {
 
@@ -14,6 +16,10 @@ namespace tool {
 void prepare_process();
 /// Call last. Returns `code`, or the code of an error if the output was not printed completely.
 int finish_output(int code);
+/// What was thrown, as an error. Only in a handler.
+[[nodiscard]] compmark::Error caught_error();
+/// What is wrong with the words of this command of the tool.
+[[nodiscard]] compmark::Error words_error(const std::string& command, const CLI::ParseError& error);
 /// Prints help, or one line of what is wrong with the command; returns the exit code.
 int answer_parser(const CLI::App& app, const CLI::ParseError& error);
 

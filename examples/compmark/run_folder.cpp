@@ -6,9 +6,13 @@
 #include <compmark/io/atomic_file.hpp>
 #include <utility>
 
+#include "input_files.hpp"
+
 namespace tool {
 
 using namespace compmark;
+
+namespace {
 
 Result<std::vector<std::shared_ptr<const void>>> hold_outputs(const FileUse& use) {
   std::vector<std::shared_ptr<const void>> all;
@@ -22,6 +26,15 @@ Result<std::vector<std::shared_ptr<const void>>> hold_outputs(const FileUse& use
     all.push_back(std::move(*held));
   }
   return all;
+}
+
+}  // namespace
+
+Result<std::vector<std::shared_ptr<const void>>> take_files(const FileUse& use) {
+  for (const auto check : {check_file_use, check_output_kinds, check_input_kinds}) {
+    if (const Result<Done> right = check(use); !right) return right.error();
+  }
+  return hold_outputs(use);
 }
 
 void add_record_read(FileUse& use, const std::filesystem::path& key, const std::filesystem::path& model) {

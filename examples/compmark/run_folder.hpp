@@ -13,8 +13,9 @@
 
 namespace tool {
 
-/// hold_file for all models, compressed files and splats among the outputs of a command.
-compmark::Result<std::vector<std::shared_ptr<const void>>> hold_outputs(const FileUse& use);
+/// Checks what a command reads and writes (file_use.hpp, input_files.hpp), and holds the models, compressed files and
+/// splats among its outputs (hold_file), as long as what is returned lives.
+compmark::Result<std::vector<std::shared_ptr<const void>>> take_files(const FileUse& use);
 
 /// The files beside a key and in a run's folder that say which decoder reads a mark (compmark/app/run/mark_record.hpp).
 void add_record_read(FileUse& use, const std::filesystem::path& key, const std::filesystem::path& model = {});

@@ -4,15 +4,11 @@
 // Options that the commands which train share: train, embed and fit-codec.
 #pragma once
 
-#include <compmark/app/run/run_observer.hpp>
 #include <compmark/app/run/run_settings.hpp>
-#include <compmark/core/result.hpp>
 #include <cstddef>
 #include <filesystem>
-#include <functional>
 
 #include "options.hpp"
-#include "run_telling.hpp"
 
 namespace tool {
 
@@ -37,14 +33,5 @@ struct RunFiles {
 };
 /// What a run leaves in a folder, whatever it trains, and what of the run of the model that it starts from it looks at.
 void add_run_files(FileUse& use, const RunFiles& run, const std::filesystem::path& out);
-
-/// Runs one of the functions of compmark/app/run on --threads, and shows it. Returns the exit code.
-template <class Settings, class Function>
-int show_run(const Settings& settings, const RunOptions& options, Function function) {
-  compmark::ThreadExecutor executor(options.threads);
-  tell_threads(executor, options.threads);
-  RunTelling telling(settings.out, options.json_log, settings.resume);
-  return telling.finish(function(settings, executor, telling));
-}
 
 }  // namespace tool

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "common.hpp"
-#include "machine_memory.hpp"
 #include "report.hpp"
 
 namespace tool {
@@ -29,10 +28,13 @@ void FitLine::show(std::size_t done, std::size_t total) {
                !terminal_ || done == total ? "\n" : "\x1b[K");
 }
 
-RunTelling::RunTelling(std::filesystem::path out, std::filesystem::path json_log, bool resume)
+RunTelling::RunTelling(std::filesystem::path out, std::filesystem::path json_log, bool resume, std::FILE* figures,
+                       PeakMemory memory)
     : out_(std::move(out)),
       json_log_(std::move(json_log)),
-      resume_(resume) {}
+      resume_(resume),
+      figures_(figures),
+      memory_(std::move(memory)) {}
 
 void RunTelling::on_warning(const std::string& sentence) {
   if (warned_.insert(sentence).second) print_warning(sentence);
@@ -98,7 +100,8 @@ Result<Done> RunTelling::on_findings(const RunFindings& findings, ThreadExecutor
 void RunTelling::on_finished(const RunOutcome& outcome) {
   const RunResults& results = outcome.results;
   const std::filesystem::path folder = outcome.model.parent_path();
-  std::printf(
+  std::fprintf(
+      figures_,
       "%s: %lld iterations in %.0f s, %zu anchors, %s PSNR %.2f dB, SSIM %.4f over %zu views\nmodel %s\nsha256 "
       "%s\nreport %s\n",
       results.dataset.c_str(), static_cast<long long>(results.iterations), results.train_seconds,
@@ -106,21 +109,24 @@ void RunTelling::on_finished(const RunOutcome& outcome) {
       outcome.views, outcome.model.string().c_str(), results.model_sha256.c_str(),
       (folder / "report.html").string().c_str());
   if (const std::optional<CompressedMetrics>& coded = results.compressed) {
-    std::printf("compressed %s: %llu bytes, PSNR %.2f dB, SSIM %.4f\n", (folder / "model.cmk").string().c_str(),
-                static_cast<unsigned long long>(coded->bytes), coded->test.psnr, coded->test.ssim);
+    std::fprintf(figures_, "compressed %s: %llu bytes, PSNR %.2f dB, SSIM %.4f\n",
+                 (folder / "model.cmk").string().c_str(), static_cast<unsigned long long>(coded->bytes),
+                 coded->test.psnr, coded->test.ssim);
     if (const std::optional<WatermarkMetrics>& m = coded->watermark) {
-      std::printf("  bits read: %.1f %% in the mean, %.1f %% in the worst view", 100 * m->mean, 100 * m->min);
+      std::fprintf(figures_, "  bits read: %.1f %% in the mean, %.1f %% in the worst view", 100 * m->mean,
+                   100 * m->min);
       if (m->psnr_cost_vs_unmarked)
-        std::printf(", %.2f dB lost to the unmarked counterpart", *m->psnr_cost_vs_unmarked);
-      std::printf("\n");
+        std::fprintf(figures_, ", %.2f dB lost to the unmarked counterpart", *m->psnr_cost_vs_unmarked);
+      std::fprintf(figures_, "\n");
     }
   }
   if (outcome.verification) {
-    std::printf("bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s", 100 * results.watermark->mean,
-                100 * results.watermark->min, report_text(*outcome.verification).c_str());
+    std::fprintf(figures_, "bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s",
+                 100 * results.watermark->mean, 100 * results.watermark->min,
+                 report_text(*outcome.verification).c_str());
     if (results.watermark->psnr_marked_vs_unmarked) {
-      std::printf("against the unmarked counterpart: %.2f dB lost, %.2f dB between the renders\n",
-                  *results.watermark->psnr_cost_vs_unmarked, *results.watermark->psnr_marked_vs_unmarked);
+      std::fprintf(figures_, "against the unmarked counterpart: %.2f dB lost, %.2f dB between the renders\n",
+                   *results.watermark->psnr_cost_vs_unmarked, *results.watermark->psnr_marked_vs_unmarked);
     }
   }
 }
@@ -129,15 +135,20 @@ double RunTelling::seconds() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 double RunTelling::free_memory_bytes() const { return tool::free_memory_bytes(); }
-double RunTelling::peak_memory_mb() const { return tool::peak_memory_mb(); }
+double RunTelling::peak_memory_mb() const { return memory_.mb().value_or(0); }
+
+std::optional<Error> RunTelling::failure(const Result<RunOutcome>& outcome) const {
+  if (!outcome) return outcome.error();
+  return log_failure_;
+}
 
 int RunTelling::finish(const Result<RunOutcome>& outcome) {
   if (!outcome && outcome.error().kind == ErrorKind::cancelled) {
     print_note(outcome.error().problem + "; " + outcome.error().remedy);
     return interrupted_exit;
   }
-  if (!outcome) return fail(outcome.error());
-  return log_failure_ ? fail(*log_failure_) : success;
+  const std::optional<Error> failed = failure(outcome);
+  return failed ? fail(*failed) : success;
 }
 
 }  // namespace tool

@@ -8,11 +8,13 @@
 #include <chrono>
 #include <compmark/app/run/run_observer.hpp>
 #include <cstddef>
+#include <cstdio>
 #include <filesystem>
 #include <optional>
 #include <set>
 #include <string>
 
+#include "machine_memory.hpp"
 #include "progress.hpp"
 #include "train_page.hpp"
 
@@ -32,8 +34,10 @@ class FitLine {
 
 class RunTelling final : public compmark::RunObserver {
  public:
-  /// `json_log` is that of the run in `out`, empty for log.jsonl there; the unmarked model's run has its own.
-  RunTelling(std::filesystem::path out, std::filesystem::path json_log, bool resume);
+  /// `json_log` is that of the run in `out`, empty for log.jsonl there; the unmarked model's run has its own. The
+  /// figures of finished runs are printed to `figures`, which must outlive this; `memory` is of the runs alone.
+  RunTelling(std::filesystem::path out, std::filesystem::path json_log, bool resume, std::FILE* figures = stdout,
+             PeakMemory memory = {});
 
   void on_warning(const std::string& sentence) override;
   void on_note(const std::string& sentence) override;
@@ -50,12 +54,16 @@ class RunTelling final : public compmark::RunObserver {
   [[nodiscard]] double free_memory_bytes() const override;
   [[nodiscard]] double peak_memory_mb() const override;
 
-  /// The exit code of a run that ended so. An incomplete log is reported last, after everything else was written.
+  /// Why a run that ended so failed: an incomplete log is named last, after everything else was written.
+  [[nodiscard]] std::optional<compmark::Error> failure(const compmark::Result<compmark::RunOutcome>& outcome) const;
+  /// The exit code of a run that ended so; prints the failure.
   int finish(const compmark::Result<compmark::RunOutcome>& outcome);
 
  private:
   std::filesystem::path out_, json_log_;
   bool resume_ = false;
+  std::FILE* figures_;
+  PeakMemory memory_;
   bool began_ = false;  ///< an iteration was shown
   std::optional<Progress> progress_;
   std::optional<InterruptWatch> watch_;

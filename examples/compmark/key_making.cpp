@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "key_making.hpp"
+
+#include <array>
+#include <compmark/watermark/proof/verify.hpp>
+#include <ctime>
+
+#include "common.hpp"
+
+namespace tool {
+
+using namespace compmark;
+
+namespace {
+
+std::string utc_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text.data();
+}
+
+}  // namespace
+
+Result<std::string> make_dated_key(KeySettings settings) {
+  settings.created = utc_now();
+  const Result<MadeKey> made = make_key_file(settings, print_warning);
+  if (!made) return made.error();
+  const OwnerKey& key = made->key;
+  std::string text =
+      "key file    " + settings.out.string() + ": keep it secret, and keep a copy: it cannot be made again\n";
+  if (!made->moved.empty()) text += "old key     moved to " + made->moved.string() + "\n";
+  text += "key id      " + key.id() + "\nmessage     " + std::to_string(key.bits) + " bits\ncreated     " +
+          key.created + "\ncommitment  " + key.commitment() + "\n";
+  if (key.corrects != 0)
+    text += "payload     " + key.payload + ", up to " + std::to_string(key.corrects) + " wrong bits corrected\n";
+  text +=
+      "Publish the commitment before you publish a marked model. If the decoder is your "
+      "own, publish its SHA-256 too. Do so\nwhere others date it\n";
+  if (!match_threshold(key.bits, VerifySettings{}.false_positive_rate)) {
+    print_warning(std::to_string(key.bits) + " bits can never be evidence at a false-positive rate of 1e-06");
+  }
+  return text;
+}
+
+}  // namespace tool

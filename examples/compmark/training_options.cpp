@@ -1,0 +1,200 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "training_options.hpp"
+
+#include <vector>
+
+#include "presets.hpp"
+#include "run_folder.hpp"
+
+namespace tool {
+
+using namespace compmark;
+
+namespace {
+
+/// Sets the options of --preset that were not given.
+void apply_preset(const Options& app, const std::string& name, TrainSceneSettings& settings) {
+  for (const Preset& preset : presets) {
+    if (name != preset.name) continue;
+    if (app.count("--iterations") == 0) settings.iterations = preset.iterations;
+    if (app.count("--lambda") == 0) settings.rate_lambda = preset.rate_lambda;
+    if (app.count("--mark-iterations") == 0) settings.mark_iterations = preset.mark_iterations;
+  }
+}
+
+}  // namespace
+
+void bind_options(Options& app, TrainOptions& options) {
+  app.reads("--data", options.settings.data, InputKind::dataset,
+            "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
+      ->required();
+  app.writes_into("--out", options.settings.out, "folder for the model, results.json and report.html")->required();
+  app.word("--recipe", options.settings.recipe,
+           "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, "
+           "+antialiasing+mask, +lens, +fisheye, +exposure, +exposure+mask, +farfield or "
+           "+exposure+farfield), hac or context_gs (with +mask, +alpha or +exposure), "
+           "compmark-host or compmark-paper-host (default: chosen from the data or the profile)");
+  app.word("--codec", options.settings.codec,
+           "codec to train for: none, hac or context_gs; a codec writes model.cmk too")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "hac", "context_gs"}));
+  app.flag("--for-fit-codec", options.settings.for_fit_codec,
+           "leave out effects that compmark fit-codec does not support");
+  app.number("--lambda", options.settings.rate_lambda, share_range,
+             "with a codec: loss of one bit more a scalar, from 0.0005 (quality) to 0.004 (size)")
+      ->capture_default_str();
+  app.word("--profile", options.settings.profile,
+           "hyper-parameters: scaffold, hac, official (the program of the published method) or "
+           "paper (its text); the last two hide a message while training (--decoder)")
+      ->capture_default_str();
+  app.number("--iterations", options.settings.iterations, run_length,
+             "iterations of the run; every phase scales with it")
+      ->capture_default_str();
+  std::vector<std::string> preset_names;
+  for (const Preset& preset : presets) preset_names.emplace_back(preset.name);
+  app.word("--preset", options.preset,
+           "draft, standard or best: sets --iterations, --lambda and --mark-iterations, unless "
+           "they are given")
+      ->check(CLI::IsMember(preset_names));
+  app.number("--downscale", options.settings.downscale, downscale_range, "divide the size of the images by this")
+      ->capture_default_str();
+  app.number("--seed", options.settings.seed, any_seed, "seed of every random number (default: the profile's)");
+  app.number("--threads", options.run.threads, thread_range, "0: all; the result is the same for any number")
+      ->capture_default_str();
+  app.number("--max-anchors", options.settings.max_anchors, any_count, "largest number of anchors; 0: no limit")
+      ->capture_default_str();
+  app.number("--memory-budget", options.settings.memory_budget_mb, WholeRange{0, 1 << 24},
+             "MiB of memory for decoded images; 0: chosen by the program")
+      ->capture_default_str();
+  app.number("--checkpoint-every", options.settings.checkpoint_every, run_length, "iterations between checkpoints")
+      ->capture_default_str();
+  app.number("--voxel-size", options.settings.voxel_size, RealRange{-1e9, 1e9},
+             "cell size of anchors, in units of the dataset; 0 or less: median nearest-neighbour "
+             "distance (default: the profile's)");
+  app.word("--background", options.background, "colour behind transparent images: black or white (default: black)");
+  app.word("--effects", options.settings.effects,
+           "scene effects to model, which choose the recipe: auto (measured as by compmark "
+           "probe), none, or names separated by commas")
+      ->capture_default_str();
+  app.word("--lens", options.lens,
+           "undistort (images are resampled once), project (Gaussians are projected through the "
+           "lens) or ignore")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"undistort", "project", "ignore"}));
+  app.flag("--resume", options.settings.resume, "continue the run in --out from its checkpoint");
+  app.flag("--force", options.settings.force, "replace a finished run in --out");
+  app.writes("--json-log", options.run.json_log, OutputKind::words,
+             "write progress to this file, one JSON object a line (default: log.jsonl in --out)");
+  app.reads("--lpips-alex", options.settings.lpips.alex, InputKind::weights,
+            "LPIPS weights (safetensors) to report lpips_alex");
+  app.reads("--lpips-squeeze", options.settings.lpips.squeeze, InputKind::weights,
+            "LPIPS weights (safetensors) to report lpips_squeeze");
+  app.flag("--lpips-family-range", options.settings.lpips.family_range,
+           "give LPIPS images in [0, 1], as the 3DGS family does, not in [-1, 1]");
+  add_mark_options(app, options.settings.mark, false);
+  app.number("--mark-iterations", options.settings.mark_iterations, run_length,
+             "iterations that hide the message after the training, without --decoder (default: "
+             "2000; 4000 for a codec)");
+  app.also([&options](FileUse& use) {
+    const TrainSceneSettings& settings = options.settings;
+    const RunFiles run{settings.out, options.run.json_log, {}, settings.mark.wanted()};
+    add_run_files(use, run, settings.out);
+    add_record_written(use, settings.mark.key);
+    if (marks_afterwards(settings)) {
+      add_run_files(use, run, settings.out / "unmarked");
+      use.write_in(settings.out, {"unmarked.cmk"}, "--out");
+      if (settings.mark.decoder.empty()) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
+    }
+  });
+}
+
+Result<Done> complete(const Options& app, TrainOptions& options) {
+  TrainSceneSettings& settings = options.settings;
+  apply_preset(app, options.preset, settings);
+  settings.lens = options.lens == "ignore"    ? LensTreatment::ignore
+                  : options.lens == "project" ? LensTreatment::keep
+                                              : LensTreatment::undistort;
+  if (options.background == "white") {
+    settings.background = {1, 1, 1};
+  } else if (options.background == "black") {
+    settings.background = {0, 0, 0};
+  } else if (!options.background.empty()) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--background",
+                 "unknown colour \"" + options.background + "\"",
+                 "choose black or white"};
+  }
+  return Done{};
+}
+
+void bind_options(Options& app, EmbedOptions& options) {
+  app.reads("--model", options.settings.model, InputKind::trained_model,
+            "the unmarked model (model.safetensors of a training or of fit-codec)")
+      ->required();
+  app.reads("--data", options.settings.data, InputKind::dataset, "the dataset it was trained on")->required();
+  app.writes_into("--out", options.settings.out,
+                  "folder for the marked model, results.json and report.html; for a codec also "
+                  "model.cmk and unmarked.cmk")
+      ->required();
+  app.number("--iterations", options.settings.iterations, run_length,
+             "iterations of the run (default: 2000; 4000 for a codec, 8000 there with a decoder "
+             "that is not fitted to the scene)");
+  add_finished_model_options(app, options.settings, options.run);
+  add_mark_options(app, options.settings.mark, true);
+  app.word("--distortion", options.distortion,
+           "how training replaces the quantizer of a codec before it reads the message: round "
+           "(as the file does), noise (as wide as a step) or none")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"round", "noise", "none"}));
+  app.also([&options](FileUse& use) {
+    const EmbedSettings& settings = options.settings;
+    add_run_files(use, {settings.out, options.run.json_log, settings.model, settings.mark.wanted()}, settings.out);
+    add_record_written(use, settings.mark.key);
+    if (settings.mark.decoder.empty()) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
+    if (settings.mark.twin.empty()) use.write(settings.out / "unmarked.cmk", "--out");
+  });
+}
+
+Result<Done> complete(const Options& /*app*/, EmbedOptions& options) {
+  if (options.distortion == "noise") options.settings.distortion = EmbedDistortion::noise;
+  if (options.distortion == "none") options.settings.distortion = EmbedDistortion::none;
+  return Done{};
+}
+
+void bind_options(Options& app, FitCodecOptions& options) {
+  app.reads("--model", options.settings.model, InputKind::trained_model,
+            "a finished model (model.safetensors of a training without --codec)")
+      ->required();
+  app.reads("--data", options.settings.data, InputKind::dataset, "the dataset it was trained on")->required();
+  app.writes_into("--out", options.settings.out,
+                  "folder for model.cmk, model.safetensors, results.json and report.html")
+      ->required();
+  app.word("--codec", options.settings.codec, "hac or context_gs")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"hac", "context_gs"}));
+  app.number("--lambda", options.settings.rate_lambda, share_range, "loss of one bit more a scalar")
+      ->capture_default_str();
+  app.flag("--touch-up", options.settings.touch_up,
+           "also train the model's attributes and networks, at small learning rates; the file is"
+           " smaller, but the model changes");
+  app.number("--iterations", options.settings.iterations, run_length, "iterations of the run")->capture_default_str();
+  app.reads("--key", options.settings.mark.key, InputKind::key,
+            "owner's key of a marked model; its message is read from the fitted model and from "
+            "its file (with --decoder)");
+  app.reads("--decoder", options.settings.mark.decoder, InputKind::decoder, "message decoder that reads it");
+  app.reads("--unmarked", options.settings.mark.twin, InputKind::model,
+            "the unmarked counterpart, a model or its .cmk, to measure the cost of the mark and "
+            "of the file");
+  add_finished_model_options(app, options.settings, options.run);
+  app.also([&options](FileUse& use) {
+    const FitCodecSettings& settings = options.settings;
+    add_run_files(use, {settings.out, options.run.json_log, settings.model, settings.mark.wanted()}, settings.out);
+    add_record_read(use, settings.mark.key, settings.model);
+  });
+}
+
+Result<Done> complete(const Options& /*app*/, FitCodecOptions& /*options*/) { return Done{}; }
+
+}  // namespace tool
