@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One cell of the fidelity table, a scene with a codec: its commands, and the figures of their files. One training
-// makes all four models of a cell: the unmarked one, its compressed file, the marked one, and its compressed file (or
-// three commands do: fitted.hpp).
+// One cell of the fidelity table, a scene with a codec: its folder, and the figures of its files. One training makes all
+// four models of a cell: the unmarked one, its compressed file, the marked one, and its compressed file (or three runs
+// do: fitted.hpp).
 #pragma once
 
 #include <algorithm>
@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "../compmark/new_names.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/json_file.hpp"
 #include "words.hpp"
@@ -34,11 +35,10 @@ struct Scene {
 
 /// Settings that every cell has in common.
 struct Settings {
-  fs::path out, tool = "compmark";
-  bool own_tool = true;  ///< `tool` is of this build: it was not named with --compmark
+  fs::path out;
   std::int64_t iterations = 10000;
   double rate_lambda = 0.004;
-  std::int64_t fit_codec = 0;  ///< above 0: the codec is fitted to a finished host, in so many iterations (fitted.hpp)
+  std::int64_t fit_codec = 0;  ///< above 0: the codec is fitted to a finished model, in so many iterations (fitted.hpp)
   int bits = 48;
   std::size_t threads = 0;
   fs::path lpips;                  ///< LPIPS-Alex weights; may be empty
@@ -113,9 +113,21 @@ struct Cell {
   }
   return false;
 }
-/// Whether a cell.json has the wanted settings. Cells from before it had the key's id may be of any key.
-[[nodiscard]] inline bool same_settings(const nlohmann::ordered_json& found, nlohmann::ordered_json wanted) {
+/// Whether a cell.json has the wanted settings. Cells from before it had the key's id may be of any key, and options may
+/// have had other names.
+[[nodiscard]] inline bool same_settings(nlohmann::ordered_json found, nlohmann::ordered_json wanted) {
   if (wanted.contains("key") && found.is_object() && !found.contains("key")) wanted.erase("key");
+  const auto with_new_names = [](nlohmann::ordered_json& json) {
+    if (!json.is_object() || !json.contains("train") || !json["train"].is_array()) return;
+    std::vector<std::string> words;
+    for (const nlohmann::ordered_json& word : json["train"]) {
+      if (!word.is_string()) return;
+      words.push_back(word.get<std::string>());
+    }
+    json["train"] = tool::renamed(std::move(words));
+  };
+  with_new_names(found);
+  with_new_names(wanted);
   return found == wanted;
 }
 /// Whether a folder's cell.json is there and of these settings.
@@ -134,7 +146,7 @@ struct Cell {
                "put that key back as owner.key, or choose another --out"};
 }
 /// A cell's folder, made or found again with the same settings. A folder in which nothing was trained, as after options
-/// that `compmark train` refused, may be used again.
+/// that the training refused, may be used again.
 [[nodiscard]] inline Result<Done> open_folder(const fs::path& folder, const nlohmann::ordered_json& wanted) {
   const fs::path file = folder / "cell.json";
   if (fs::exists(file) && is_begun(folder)) {
@@ -162,38 +174,6 @@ struct Cell {
   return open_folder(cell.folder(settings), settings_json(cell, settings));
 }
 
-/// Trains the model that a codec compresses, and compresses it. `more` words, and those of the settings.
-[[nodiscard]] inline std::vector<std::string> host_command(const Cell& cell, const Settings& settings,
-                                                           const fs::path& folder,
-                                                           const std::vector<std::string>& more = {}) {
-  std::vector<std::string> words = {settings.tool.string(),
-                                    "train",
-                                    "--data",
-                                    cell.scene.folder.string(),
-                                    "--downscale",
-                                    number_text(cell.scene.downscale),
-                                    "--iterations",
-                                    std::to_string(settings.iterations),
-                                    "--codec",
-                                    cell.codec,
-                                    "--lambda",
-                                    number_text(settings.rate_lambda),
-                                    "--threads",
-                                    std::to_string(settings.threads),
-                                    "--out",
-                                    folder.string(),
-                                    "--resume"};
-  words.insert(words.end(), more.begin(), more.end());
-  const std::vector<std::string> own = words_for(cell.codec, settings.extra);
-  words.insert(words.end(), own.begin(), own.end());
-  return words;
-}
-/// The same with a mark.
-[[nodiscard]] inline std::vector<std::string> train_command(const Cell& cell, const Settings& settings) {
-  return host_command(cell, settings, cell.folder(settings),
-                      {"--bits", std::to_string(settings.bits), "--key", settings.key().string()});
-}
-
 /// The unmarked counterpart of each model on its side of the codec; an unmarked model is its own, as every model is
 /// given one.
 [[nodiscard]] inline std::vector<fs::path> counterparts(const fs::path& folder) {
@@ -202,27 +182,6 @@ struct Cell {
     paths.push_back(folder / model_files[model]);
   return paths;
 }
-[[nodiscard]] inline std::vector<std::string> evaluate_command(const Cell& cell, const Settings& settings) {
-  const fs::path folder = cell.folder(settings);
-  std::vector<std::string> words = {settings.tool.string(), "evaluate", "--model"};
-  for (const char* file : model_files) words.push_back((folder / file).string());
-  words.emplace_back("--unmarked");
-  for (const fs::path& path : counterparts(folder)) words.push_back(path.string());
-  for (const std::string& word :
-       {std::string("--data"), cell.scene.folder.string(), std::string("--downscale"),
-        number_text(cell.scene.downscale), std::string("--threads"), std::to_string(settings.threads),
-        std::string("--key"), settings.key().string(), std::string("--decoder"),
-        (folder / "decoder.safetensors").string(), std::string("--json"), (folder / "evaluate.json").string(),
-        std::string("--csv"), (folder / "evaluate.csv").string(), std::string("--html"),
-        (folder / "evaluate.html").string()})
-    words.push_back(word);
-  if (!settings.lpips.empty()) {
-    words.emplace_back("--lpips-alex");
-    words.push_back(settings.lpips.string());
-  }
-  return words;
-}
-
 /// Whether the training is over: the last file that it writes is there, and no checkpoint waits.
 [[nodiscard]] inline bool is_trained(const fs::path& folder) {
   return fs::exists(folder / "results.json") && !fs::exists(folder / "checkpoint.safetensors");
@@ -242,7 +201,7 @@ struct Cell {
   return is_of(cell, settings) && is_trained(cell.folder(settings)) && is_measured(cell.folder(settings), settings);
 }
 
-/// The row of a finished cell, from what the tool wrote.
+/// The row of a finished cell, from its files.
 [[nodiscard]] inline Result<Row> read_row(const Cell& cell, const Settings& settings) {
   const fs::path folder = cell.folder(settings);
   Row row;

@@ -24,16 +24,20 @@ inline int fail(const char* program, const Error& error) {
   return 2;
 }
 
-/// --out, --threads, --compmark: the tool that was built beside this program, or the installed one. Unknown options are
-/// for `compmark train`.
-inline void add_settings(CLI::App& app, Settings& settings, const fs::path& program) {
-  if (const fs::path beside = program.parent_path() / "compmark"; fs::exists(beside)) settings.tool = beside;
+/// --out, --threads. Unknown options are those of `compmark train`. --compmark named the tool that ran the trainings.
+inline void add_settings(CLI::App& app, Settings& settings, const char* program) {
   app.add_option("--out", settings.out, "folder of the run")->required();
   app.add_option("--threads", settings.threads, "0: all; the result is the same for any number")
       ->capture_default_str()
       ->check(tool::in_range(tool::thread_range));
-  app.add_option("--compmark", settings.tool, "the tool (default: the one beside this program, or of PATH)")
-      ->each([&settings](const std::string&) { settings.own_tool = false; });
+  app.add_option_function<std::string>("--compmark",
+                                       [program](const std::string&) {
+                                         std::fprintf(stderr,
+                                                      "%s: warning: --compmark is not used: this program trains and "
+                                                      "measures by itself now\n",
+                                                      program);
+                                       })
+      ->group("");  // no longer in the help
   app.allow_extras();
 }
 
@@ -67,21 +71,21 @@ inline void add_bits(CLI::App& app, Settings& settings) {
   return std::nullopt;
 }
 
-/// An option that `compmark train` must not get from the user, because every cell has its own, or all have the same;
+/// An option of `compmark train` that the user must not give, because every cell has its own, or all have the same;
 /// `more` beside those of any cell.
 [[nodiscard]] inline std::optional<std::string> word_of_the_cells(const std::vector<std::string>& words,
                                                                   const std::vector<std::string>& more = {}) {
   for (const std::string& word : words) {
     const std::string name = word.substr(0, word.find('='));
     for (const char* own : {"--decoder", "--key", "--out", "--unmarked", "--codec", "--recipe", "--for-compression",
-                            "--preset", "--json-log"}) {
+                            "--preset", "--json-log", "--downscale"}) {
       if (name == own) return name;
     }
     if (std::find(more.begin(), more.end(), name) != more.end()) return name;
   }
   return std::nullopt;
 }
-/// The other options, except those that are always given: an unfinished run is continued.
+/// The other options, as they were given, except those that hold always: an unfinished run is continued.
 [[nodiscard]] inline std::vector<std::string> train_words(std::vector<std::string> words) {
   std::erase_if(words, [](const std::string& word) { return word == "--" || word == "--resume"; });
   return words;

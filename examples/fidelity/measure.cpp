@@ -8,20 +8,10 @@
 
 #include "../compmark/comparison.hpp"
 #include "../compmark/evaluation.hpp"
-#include "process.hpp"
+#include "stopping.hpp"
 
 namespace fidelity {
-namespace {
-
-/// Pictures for the page, until the program is told to stop.
-struct Watched final : tool::ShownModels {
-  using ShownModels::ShownModels;
-  bool on_view(const compmark::SeenView& view) override { return ShownModels::on_view(view) && !stopped(); }
-};
-
-}  // namespace
-
-Result<bool> measure_cell(const Cell& cell, const Settings& settings) {
+Result<Done> measure_cell(const Cell& cell, const Settings& settings) {
   const fs::path folder = cell.folder(settings);
   compmark::CompareSettings compared;
   for (const char* file : model_files) compared.models.push_back(folder / file);
@@ -32,17 +22,14 @@ Result<bool> measure_cell(const Cell& cell, const Settings& settings) {
   compared.downscale = cell.scene.downscale;
   compared.evaluate = tool::evaluation_settings({settings.lpips, {}, false});
   compmark::ThreadExecutor executor(settings.threads);
-  Watched shown(3);
+  tool::ShownModels shown(3);
   const Result<tool::Comparison> comparison = compmark::compare_models(compared, executor, shown);
-  if (!comparison && comparison.error().kind == ErrorKind::cancelled) return false;
   if (!comparison) return comparison.error();
+  const HoldStop hold;  // all files of one measurement, or none
   if (Result<Done> told = compmark::write_file(folder / "evaluate.txt", tool::evaluation_text(*comparison)); !told)
-    return told.error();
+    return told;
   const tool::EvaluationFiles files{folder / "evaluate.json", folder / "evaluate.csv", folder / "evaluate.html"};
-  const Result<Done> written =
-      tool::write_evaluation(*comparison, shown.pictures, compared.data, executor.concurrency(), files);
-  if (!written) return written.error();
-  return true;
+  return tool::write_evaluation(*comparison, shown.pictures, compared.data, executor.concurrency(), files);
 }
 
 }  // namespace fidelity

@@ -28,12 +28,12 @@ struct Point {
   std::string codec;
   std::int64_t iterations = 0;
   double rate_lambda = 0;
-  std::vector<std::string> words;  ///< for `compmark train`
+  std::vector<std::string> words;  ///< options of `compmark train`
 
   /// Of its folder too.
   [[nodiscard]] std::string label() const { return name + "_" + codec; }
   /// Whether the unmarked models of the two are the same.
-  [[nodiscard]] bool same_host(const Point& other) const {
+  [[nodiscard]] bool same_unmarked_model(const Point& other) const {
     return codec == other.codec && iterations == other.iterations && rate_lambda == other.rate_lambda;
   }
 };
@@ -143,7 +143,7 @@ struct PricedPoint {
           plot("Size of the marked file", "kB", [](const PricedPoint& one) { return one.file().bytes / 1e3; })};
 }
 
-/// `settings.extra` are the words for `compmark train` that all points have in common.
+/// `settings.extra` are the options of `compmark train` that all points have in common.
 [[nodiscard]] inline nlohmann::ordered_json price_json(const Scene& scene, const Settings& settings,
                                                        const std::vector<PricedPoint>& points) {
   nlohmann::ordered_json json = {{"schema", "compmark.tradeoff.1"},

@@ -9,7 +9,6 @@
 #include <optional>
 #include <string>
 #include <system_error>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -18,68 +17,62 @@
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/owner_key.hpp"
 #include "fitted.hpp"
-#include "measure.hpp"
-#include "process.hpp"
+#include "steps.hpp"
 
 namespace fidelity {
 
-inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
+/// What a program of many cells ends with.
+struct RunEnd {
+  int code = 0;       ///< of the process
+  std::string table;  ///< in Markdown, for the terminal; may be empty
+};
 
-/// Runs one command of a cell: prints it on stderr, and keeps its output in the folder. False: it was stopped.
-[[nodiscard]] inline Result<bool> run_step(const char* program, const std::string& cell, const char* what,
-                                           const std::vector<std::string>& command, const fs::path& folder) {
-  std::fprintf(stderr, "%s: %s: %s\n", program, cell.c_str(), what);
-  const Result<int> code = run_program(command, folder / (std::string(what) + ".txt"));
-  if (!code) return code.error();
-  if (*code == 0) return true;
-  if (stopped() || *code == stopped_exit) return false;
-  return Error{ErrorKind::invalid, folder.string(), what, "ended with exit code " + std::to_string(*code),
-               "see what it printed; the same command goes on from there"};
-}
-
-/// The figures of a cell by this program itself.
-[[nodiscard]] inline Result<bool> measured_here(const char* program, const Cell& cell, const Settings& settings) {
-  std::fprintf(stderr, "%s: %s, %s: evaluate\n", program, cell.scene.name.c_str(), cell.codec.c_str());
-  return measure_cell(cell, settings);
+/// Takes a step of what is called so on stderr. False: it was stopped.
+[[nodiscard]] inline Result<bool> take_step(const char* program, const std::string& name, const Steps& steps, Step step,
+                                            const Cell& cell, const Settings& settings, const fs::path& folder) {
+  std::fprintf(stderr, "%s: %s: %s\n", program, name.c_str(), step_name(step));
+  return steps.take(step, cell, settings, folder);
 }
 
 /// Runs what of a cell is missing. Empty: the run was stopped.
 [[nodiscard]] inline Result<std::optional<Row>> finish_cell(const char* program, const Cell& cell,
-                                                            const Settings& settings) {
+                                                            const Settings& settings, const Steps& steps) {
   const fs::path folder = cell.folder(settings);
   if (Result<Done> opened = open_cell(cell, settings); !opened) return opened.error();
-  const auto step = [&](const char* what, const std::vector<std::string>& command) {
-    return run_step(program, cell.scene.name + ", " + cell.codec, what, command, folder);
-  };
-  const auto step_unless = [&](bool done, const char* what, const auto& command) -> Result<bool> {
-    if (done) return true;
-    const Result<bool> ended = step(what, command(cell, settings));
-    return ended && stopped() ? false : ended;
-  };
-  if (settings.fit_codec > 0 && !is_trained(folder)) {
-    const fs::path host = host_folder(cell, settings);
-    if (Result<Done> opened = open_folder(host, host_json(cell, settings)); !opened) return opened.error();
-    for (const auto& [done, what, command] :
-         {std::tuple(is_trained(host), "host", &plain_host_command),
-          std::tuple(is_trained(folder / "unmarked"), "fit-codec", &fit_codec_command)}) {
-      const Result<bool> ended = step_unless(done, what, command);
-      if (!ended) return ended.error();
-      if (!*ended) return std::optional<Row>();
-    }
+  std::vector<std::pair<Step, fs::path>> needed;  // with the folder that the step finishes
+  if (settings.fit_codec == 0) {
+    needed = {{Step::train_marked, folder}};
+  } else if (!is_trained(folder)) {
+    const fs::path source = unmarked_folder(cell, settings);
+    if (Result<Done> opened = open_folder(source, unmarked_json(cell, settings)); !opened) return opened.error();
+    needed = {{Step::train_unmarked, source}, {Step::fit_codec, folder / "unmarked"}, {Step::embed, folder}};
   }
-  const Result<bool> marked = step_unless(is_trained(folder), settings.fit_codec > 0 ? "embed" : "train",
-                                          settings.fit_codec > 0 ? &embed_command : &train_command);
-  if (!marked) return marked.error();
-  if (!*marked) return std::optional<Row>();
+  const auto take = [&](Step step) {
+    return take_step(program, cell.scene.name + ", " + cell.codec, steps, step, cell, settings, folder);
+  };
+  for (const auto& [step, finished] : needed) {
+    if (is_trained(finished)) continue;
+    const Result<bool> ended = take(step);
+    if (!ended) return ended.error();
+    if (!*ended) return std::optional<Row>();
+  }
   if (!is_measured(folder, settings)) {
-    const Result<bool> measured =
-        settings.own_tool ? measured_here(program, cell, settings) : step("evaluate", evaluate_command(cell, settings));
+    const Result<bool> measured = take(Step::evaluate);
     if (!measured) return measured.error();
     if (!*measured) return std::optional<Row>();
   }
   Result<Row> row = read_row(cell, settings);
   if (!row) return row.error();
   return std::optional<Row>(std::move(*row));
+}
+
+/// Whether the words are right for every step of a cell.
+[[nodiscard]] inline Result<Done> check_words(const Cell& cell, const Settings& settings, const Steps& steps) {
+  if (settings.fit_codec == 0) return steps.check(Step::train_marked, cell, settings);
+  for (const Step step : {Step::train_unmarked, Step::fit_codec, Step::embed}) {
+    if (Result<Done> right = steps.check(step, cell, settings); !right) return right;
+  }
+  return Done{};
 }
 
 /// The folder of the run.
@@ -92,21 +85,16 @@ inline constexpr int stopped_exit = 130;  ///< the tool's, after Ctrl-C
   }
   return Done{};
 }
-/// … with the owner's key of all cells, made once, whose id is noted in the settings. False: the tool said why there is
-/// none.
-[[nodiscard]] inline Result<bool> open_run(Settings& settings) {
-  if (Result<Done> made = make_run_folder(settings); !made) return made.error();
+/// … with the owner's key of all cells, made once, whose id is noted in the settings.
+[[nodiscard]] inline Result<Done> open_run(Settings& settings, const Steps& steps) {
+  if (Result<Done> made = make_run_folder(settings); !made) return made;
   if (!fs::exists(settings.key())) {
-    const Result<int> code = run_program(
-        {settings.tool.string(), "keygen", "--bits", std::to_string(settings.bits), "--out", settings.key().string()},
-        settings.out / "keygen.txt");
-    if (!code) return code.error();
-    if (*code != 0) return false;
+    if (Result<Done> made = steps.make_key(settings); !made) return made;
   }
   const Result<compmark::OwnerKey> key = compmark::read_key(settings.key());
   if (!key) return key.error();
   settings.key_id = key->id();
-  return true;
+  return Done{};
 }
 /// Whether all cells of the folder that say so are of its key. One of another is neither left out of the table unsaid
 /// nor in it.

@@ -18,6 +18,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/json_file.hpp"
+#include "stopping.hpp"
 
 namespace fidelity {
 
@@ -199,6 +200,7 @@ inline void add_rows(Grid& grid, const Row& row) {
 [[nodiscard]] inline compmark::Result<compmark::Done> write_table(const Settings& settings,
                                                                   const std::vector<Row>& rows) {
   using compmark::write_file;
+  const HoldStop hold;
   if (auto written = compmark::write_json(settings.out / "fidelity.json", table_json(settings, rows)); !written)
     return written;
   if (auto written = write_file(settings.out / "fidelity.md", table_markdown(settings, rows)); !written) return written;

@@ -18,7 +18,6 @@
 
 #include "fidelity/cell.hpp"
 #include "fidelity/fitted.hpp"
-#include "fidelity/process.hpp"
 #include "fidelity/run_cell.hpp"
 #include "fidelity/table.hpp"
 #include "tool/running.hpp"
@@ -212,17 +211,49 @@ TEST_CASE("fidelity: a folder of other settings, a step that is not over and a f
   CHECK(row.error().line().find("evaluate.json") != std::string::npos);
 }
 
-TEST_CASE("fidelity: words reach the tool as they are, and its exit code comes back") {
-  const ScratchFolder scratch("compmark-fidelity-process-test");
-  const fs::path output = scratch.path / "said.txt";
-  const Result<int> said = run_program({"sh", "-c", "printf '%s' \"$1\"; exit 3", "sh", "a $(b) \"c\" 'd'"}, output);
-  REQUIRE(said.ok());
-  CHECK(*said == 3);
-  CHECK(text_of(output) == "a $(b) \"c\" 'd'");
-  const Result<int> killed = run_program({"sh", "-c", "kill -INT $$"}, output);
-  REQUIRE(killed.ok());
-  CHECK(*killed == 128 + 2);
-  CHECK_FALSE(run_program({(scratch.path / "nothing").string()}, output).ok());
+TEST_CASE("fidelity: wrong words are refused before the first cell, with the tool's sentence") {
+  const ScratchFolder scratch("compmark-fidelity-words-test");
+  const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
+  done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
+  const std::string scene = "--data " + at("one") + " --out " + at("run") + " ";
+  const auto run = [&](const std::string& words) { return run_tool(COMPMARK_REPRODUCE_FIDELITY, scene + words); };
+  const auto sentence = [](const Outcome& outcome) {
+    INFO(outcome.text);
+    CHECK(outcome.code == 2);
+    const std::string mark = ": error: ";
+    const std::size_t begin = outcome.text.find(mark);
+    REQUIRE(begin != std::string::npos);
+    return outcome.text.substr(begin + mark.size());
+  };
+  for (const std::string words : {"--sed 3", "--voxel-size wide", "--tone 9", "--background purple", "--seed", "stray",
+                                  "--lens mirror", "--calibrate-steps never", "--seed 1 --seed 2"}) {
+    INFO(words);
+    CHECK(sentence(run(words)) == sentence(testing::tool("train " + scene + words)));
+    CHECK_FALSE(fs::exists(at("run")));
+  }
+  // Of a fitted cell they are those of three commands.
+  CHECK(sentence(run("--fit-codec 100 --sed 3")) == sentence(testing::tool("train " + scene + "--sed 3")));
+  const std::string embed = "embed --model " + at("one/nothing") + " --key " + at("one/nothing") + " " + scene;
+  for (const std::string words : {"--tone 9", "--message-power 0"}) {
+    INFO(words);
+    CHECK(sentence(run("--fit-codec 100 " + words)) == sentence(testing::tool(embed + words)));
+  }
+  CHECK(sentence(run("--fit-codec 100 --mark-iterations few")) == sentence(testing::tool(embed + "--iterations few")));
+  CHECK(sentence(run("--downscale 2")).find("--downscale: cannot be given") == 0);  // the scene says it
+  CHECK_FALSE(fs::exists(at("run")));
+}
+
+TEST_CASE("fidelity: options by the names that they had are those of today, in folders of before too") {
+  Settings before, today, other;
+  before.extra = {"--draw-by-cost", "0.5", "--hold-steps=20"};
+  today.extra = {"--sample-by-loss", "0.5", "--calibrate-steps=20"};
+  other.extra = {"--sample-by-loss", "0.5", "--calibrate-steps=30"};
+  const Cell lego{{"data/lego", "lego", 2}, "hac"};
+  CHECK(settings_json(lego, before) != settings_json(lego, today));  // as it was given
+  CHECK(same_settings(settings_json(lego, before), settings_json(lego, today)));
+  CHECK(same_settings(settings_json(lego, today), settings_json(lego, before)));
+  CHECK_FALSE(same_settings(settings_json(lego, before), settings_json(lego, other)));
+  CHECK(unmarked_json(lego, before) == unmarked_json(lego, today));  // they are the mark's
 }
 
 TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, and goes on where it was") {
@@ -246,6 +277,11 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   CHECK(row["marked_after"]["bit_accuracy"]["mean"].get<double>() >
         row["unmarked_after"]["bit_accuracy"]["mean"].get<double>());
   CHECK(fs::exists(at("run/one_hac/evaluate.html")));
+  // What is said of a step is in its folder, not on the terminal.
+  CHECK(times_in(text_of(at("run/keygen.txt")), "key id ") == 1);
+  CHECK(times_in(text_of(at("run/one_hac/train.txt")), "\nsha256 ") == 2);  // of the unmarked and the marked model
+  CHECK(times_in(text_of(at("run/one_hac/evaluate.txt")), "PSNR") > 0);
+  CHECK(times_in(outcome.text, "sha256 ") == 0);
   // The marked one against the unmarked one on its side of the codec.
   CHECK(row["marked_before"]["psnr_vs_unmarked"].get<double>() ==
         doctest::Approx(json_of(at("run/one_hac/results.json"))["psnr_marked_vs_unmarked"].get<double>()));
@@ -254,10 +290,13 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
 
   const fs::file_time_type trained = fs::last_write_time(at("run/one_hac/model.cmk"));
   fs::remove(at("run/one_hac/evaluate.json"));
-  REQUIRE(run(command + "200").code == 0);
+  const Outcome measured = run(command + "200 --compmark " + at("no_such_tool"));
+  CHECK(measured.code == 0);
+  CHECK(times_in(measured.text, "warning: --compmark is not used") == 1);
   CHECK(fs::last_write_time(at("run/one_hac/model.cmk")) == trained);
   CHECK(fs::exists(at("run/one_hac/evaluate.json")));
-  CHECK(run(command + "300").code == 1);  // other settings in this folder
+  CHECK(run(command + "300").code == 1);          // other settings in this folder
+  CHECK(run(command + "200 --sed 3").code == 2);  // wrong words are seen in a run that has nothing left to do too
   CHECK(run(command + "200 --decoder x").code == 2);
   CHECK(run(command + "200 --decoder=x").code == 2);
   CHECK(run(command + "twice").code == 2);
@@ -305,12 +344,12 @@ TEST_CASE("fidelity: one command trains a cell whose decoder is fitted to it, an
   CHECK_FALSE(fs::exists(at("nothing")));
 }
 
-TEST_CASE("fidelity: words go to the command of a fitted cell that takes them") {
+TEST_CASE("fidelity: words go to the run of a fitted cell that takes them") {
   const DividedWords words =
       divide({"--voxel-size", "0.2", "--fidelity", "50", "--seed=3", "--mark-iterations=100", "--message-rate", "0.01",
               "--checkpoint-every", "9", "--effects", "none", "--period=0.2", "--tone", "0.01"});
   using Words = std::vector<std::string>;
-  CHECK(words.host == Words{"--voxel-size", "0.2", "--seed=3", "--checkpoint-every", "9", "--effects", "none"});
+  CHECK(words.train == Words{"--voxel-size", "0.2", "--seed=3", "--checkpoint-every", "9", "--effects", "none"});
   CHECK(words.codec == Words{"--seed=3", "--checkpoint-every", "9"});
   CHECK(words.mark == Words{"--fidelity", "50", "--seed=3", "--iterations=100", "--message-rate", "0.01",
                             "--checkpoint-every", "9", "--period=0.2", "--tone", "0.01"});
@@ -321,7 +360,7 @@ TEST_CASE("fidelity: words go to the command of a fitted cell that takes them") 
   CHECK(words_for("context_gs", held) == held);
 }
 
-TEST_CASE("fidelity: both codecs are fitted to one host, which stays what it was") {
+TEST_CASE("fidelity: both codecs are fitted to one unmarked model, which stays what it was") {
   const ScratchFolder scratch("compmark-fidelity-fitted-test");
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
   done("scene --out " + at("one") + " --width 64 --height 64 --train 12 --test 3");
@@ -338,7 +377,7 @@ TEST_CASE("fidelity: both codecs are fitted to one host, which stays what it was
   const nlohmann::json table = json_of(at("run/fidelity.json"));
   CHECK(table["fit_codec"] == 100);
   REQUIRE(table["rows"].size() == 2);
-  const double host = json_of(at("run/one_host/results.json"))["train_seconds"].get<double>();
+  const double unmarked_seconds = json_of(at("run/one_host/results.json"))["train_seconds"].get<double>();
   for (const nlohmann::json& row : table["rows"]) {
     const std::string folder = "run/one_" + row["codec"].get<std::string>();
     CHECK(json_of(at(folder + "/unmarked/results.json"))["recipe"].get<std::string>().find("+fitted") !=
@@ -346,7 +385,7 @@ TEST_CASE("fidelity: both codecs are fitted to one host, which stays what it was
     CHECK(row["marked_after"]["bytes"] == json_of(at(folder + "/results.json"))["compressed"]["bytes"]);
     CHECK(row["marked_after"]["bit_accuracy"]["mean"].get<double>() >
           row["unmarked_after"]["bit_accuracy"]["mean"].get<double>());
-    CHECK(row["seconds"]["train"].get<double>() > host);
+    CHECK(row["seconds"]["train"].get<double>() > unmarked_seconds);
   }
   const fs::file_time_type trained = fs::last_write_time(at("run/one_host/model.safetensors"));
   fs::remove(at("run/one_hac/results.json"));  // as if its embedding had been stopped at the end
@@ -357,7 +396,7 @@ TEST_CASE("fidelity: both codecs are fitted to one host, which stays what it was
   CHECK(run(command + "-1").code == 2);
 }
 
-TEST_CASE("fidelity: who stops it stops the training too, which writes its checkpoint first") {
+TEST_CASE("fidelity: who stops it stops the training, which writes its checkpoint first, or the fit at once") {
   const ScratchFolder scratch("compmark-fidelity-stop-test");
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
   done("scene --out " + at("one") + " --width 64 --height 64 --train 12 --test 3");
@@ -366,9 +405,23 @@ TEST_CASE("fidelity: who stops it stops the training too, which writes its check
                  "--codecs hac --voxel-size 0 --iterations 100000 --data " + at("one") + " --out " + at("run"));
   INFO(outcome.text);
   CHECK(outcome.text.find("ended with 130") != std::string::npos);
-  CHECK(outcome.text.find("the same command goes on") != std::string::npos);
+  CHECK(times_in(outcome.text, "the same command goes on") == 1);
+  CHECK(times_in(outcome.text, "interrupted after iteration") == 1);
   CHECK(fs::exists(at("run/one_hac/unmarked/checkpoint.safetensors")));
   CHECK_FALSE(fs::exists(at("run/fidelity.json")));
+
+  // While a decoder is fitted nothing can be kept: the end comes at once, with the same words and code.
+  const std::string said = at("said.txt");
+  const Outcome fitting = run_tool(
+      "sh", "-c '\"$0\" --codecs hac --voxel-size 0 --iterations 30 --data " + at("one") + " --out " + at("fit") +
+                " 2> " + said + " & pid=$!; while ! grep -q \"novel views\" " + said +
+                "; do kill -0 $pid || exit 9; sleep 0.02; done; kill -INT $pid; wait $pid; echo ended with $?' \"" +
+                COMPMARK_REPRODUCE_FIDELITY + "\"");
+  INFO(fitting.text);
+  CHECK(fitting.text.find("ended with 130") != std::string::npos);
+  CHECK(times_in(text_of(said), "the same command goes on") == 1);
+  CHECK(fs::exists(at("fit/one_hac/unmarked/results.json")));
+  CHECK_FALSE(fs::exists(at("fit/one_hac/decoder.safetensors")));
 }
 
 }  // namespace fidelity_test

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rate-distortion curves: what is said of them, and the program itself with the tool, on a scene of seconds.
+// Rate-distortion curves: what is said of them, and the program itself, on a scene of seconds.
 #include <doctest/doctest.h>
 
 #include <compmark/io/atomic_file.hpp>
@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "fidelity/curve_run.hpp"
 #include "fidelity/curves.hpp"
 #include "tool/running.hpp"
 
@@ -110,8 +111,8 @@ TEST_CASE("rate_distortion: every point is trained once, a smaller lambda makes 
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
   done("scene --out " + at("one") + " --width 48 --height 40 --train 6 --test 2");
   const auto run = [&](const std::string& arguments) {
-    return run_tool(COMPMARK_RATE_DISTORTION, "--data " + at("one") + " --out " + at("run") + " --compmark " +
-                                                  COMPMARK_TOOL + " --effects none --voxel-size 0.2 " + arguments);
+    return run_tool(COMPMARK_RATE_DISTORTION,
+                    "--data " + at("one") + " --out " + at("run") + " --effects none --voxel-size 0.2 " + arguments);
   };
   const Outcome first = run("--iterations 200 --codecs hac --lambdas 0.05 0.001");
   INFO(first.text);
@@ -149,65 +150,73 @@ TEST_CASE("rate_distortion: every point is trained once, a smaller lambda makes 
   const Outcome single = run("--lambda 0.1");
   CHECK(single.code == 2);
   CHECK(times_in(single.text, "--lambdas") == 1);
-  for (const char* word : {"--key mine", "--fidelity 3", "--fidelity-fall 1", "--sample-by-loss 1",
-                           "--calibrate-steps 9", "--message-power 2", "--json-log x.jsonl"})
+  for (const char* word :
+       {"--key mine", "--fidelity 3", "--fidelity-fall 1", "--sample-by-loss 1", "--calibrate-steps 9",
+        "--message-power 2", "--json-log x.jsonl", "--hold-steps 9", "--sed 3"})
     CHECK(run(word).code == 2);
 }
 
 namespace {
 
 /// Trains in no time; not at lambda 0.9, is stopped at 0.8, and says nothing of its file at 0.7.
-constexpr const char* stand_in = R"(#!/bin/sh
-set -e
-out='' lambda=''
-while [ $# -gt 0 ]; do
-  case $1 in --out) out=$2 ;; --lambda) lambda=$2 ;; --sed) echo 'no such option' >&2; exit 2 ;; esac
-  shift
-done
-echo "$lambda" >> "$(dirname "$0")/log.txt"
-if [ "$lambda" = 0.9 ]; then exit 1; fi
-echo '{}' > "$out/log.jsonl"
-if [ "$lambda" = 0.8 ]; then echo x > "$out/checkpoint.safetensors"; exit 130; fi
-coded="{\"bytes\": ${lambda#0.}000, \"anchors\": 5, \"test\": {\"psnr\": 3${lambda#0.}, \"ssim\": 0.9, \"views\": 2, \"lpips_alex\": null}}"
-if [ "$lambda" = 0.7 ]; then coded='{}'; fi
-echo "{\"train_seconds\": 60, \"test\": {\"psnr\": 40}, \"compressed\": $coded}" > "$out/results.json"
-)";
+class InstantSteps final : public Steps {
+ public:
+  Result<Done> check(Step, const Cell&, const Settings&) const override { return Done{}; }
+  Result<Done> make_key(const Settings&) const override {
+    FAIL("a curve has no key");
+    return Done{};
+  }
+  Result<bool> take(Step step, const Cell&, const Settings& settings, const fs::path& folder) const override {
+    REQUIRE(step == Step::train_coded);
+    using nlohmann::json;
+    const double lambda = settings.rate_lambda;
+    lambdas.push_back(lambda);
+    if (lambda == 0.9) return Error{ErrorKind::invalid, folder.string(), {}, "cannot be trained", {}};
+    REQUIRE(compmark::write_json(folder / "log.jsonl", json::object()).ok());
+    if (lambda == 0.8) {
+      REQUIRE(compmark::write_file(folder / "checkpoint.safetensors", std::string("x")).ok());
+      return false;
+    }
+    json coded = {{"bytes", 10000 * lambda},
+                  {"anchors", 5},
+                  {"test", {{"psnr", 30 + lambda}, {"ssim", 0.9}, {"views", 2}, {"lpips_alex", nullptr}}}};
+    if (lambda == 0.7) coded = json::object();
+    REQUIRE(compmark::write_json(folder / "results.json",
+                                 json{{"train_seconds", 60}, {"test", {{"psnr", 40}}}, {"compressed", coded}})
+                .ok());
+    return true;
+  }
+  mutable std::vector<double> lambdas;
+};
 
 }  // namespace
 
-TEST_CASE("rate_distortion: points that fail leave the others, a stop is gone on from, refused words lock no folder") {
+TEST_CASE("rate_distortion: points that fail leave the others, and a stop is gone on from") {
   const ScratchFolder scratch("compmark-rate-distortion-steps-test");
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
-  done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
-  REQUIRE(compmark::write_file(at("tool"), std::string(stand_in)).ok());
-  fs::permissions(at("tool"), fs::perms::owner_all);
-  const auto run = [&](const std::string& arguments) {
-    return run_tool(COMPMARK_RATE_DISTORTION, "--data " + at("one") + " --out " + at("run") + " --compmark " +
-                                                  at("tool") + " --codecs hac " + arguments);
+  const std::vector<std::string> codecs = {"hac"};
+  const InstantSteps steps;
+  const auto run = [&](const std::vector<double>& lambdas) {
+    Settings settings;
+    settings.out = at("run");
+    return run_curves("rate_distortion", settings, wanted_points(settings, {{at("one"), "one", 1}}, codecs, lambdas),
+                      codecs, steps)
+        .code;
   };
-  CHECK(run("--lambdas 0.1 0.2 --sed 3").code == 1);
-  const Outcome first = run("--lambdas 0.1 0.9 0.7 0.2 0.2");
-  INFO(first.text);
-  CHECK(first.code == 1);
-  CHECK(times_in(first.text, "exit code 1") == 1);
-  CHECK(times_in(first.text, "does not say what it should") == 1);
-  CHECK(times_in(first.text, "not there: one_hac_0.9") == 1);
-  CHECK(times_in(first.text, "not there: one_hac_0.7") == 1);
+  CHECK(run({0.1, 0.9, 0.7, 0.2}) == 1);
   nlohmann::json json = json_of(at("run/rate_distortion.json"));
   REQUIRE(json["points"].size() == 2);
   CHECK(json["points"][1]["bytes"] == 2000);
   CHECK(json["points"][1]["psnr_as_trained"] == 40);
   CHECK_FALSE(json["points"][1].contains("lpips_alex"));
 
-  const Outcome second = run("--lambdas 0.1 0.8 0.3");
-  CHECK(second.code == 130);
-  CHECK(times_in(second.text, "the same command goes on") == 1);
+  CHECK(run({0.1, 0.8, 0.3}) == 130);
   CHECK_FALSE(fs::exists(at("run/one_hac_0.3")));
   fs::remove(at("run/one_hac_0.8/checkpoint.safetensors"));
   REQUIRE(compmark::write_file(at("run/one_hac_0.8/results.json"), text_of(at("run/one_hac_0.1/results.json"))).ok());
-  CHECK(run("--lambdas 0.1 0.8 0.3").code == 0);
+  CHECK(run({0.1, 0.8, 0.3}) == 0);
   CHECK(json_of(at("run/rate_distortion.json"))["points"].size() == 3);
-  CHECK(text_of(at("log.txt")) == "0.1\n0.9\n0.7\n0.2\n0.8\n0.3\n");
+  CHECK(steps.lambdas == std::vector<double>{0.1, 0.9, 0.7, 0.2, 0.8, 0.3});
 }
 
 }  // namespace rate_distortion_test

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Accuracy against time, whole: which points are on the front, what the page says of them, and that the program runs each training once. Its runs are
-// those of the presets, hours long; here a script stands for the tool and writes files as a finished run does. What the tool itself writes into a cell
-// is the fidelity table's test.
+// Accuracy against time, whole: which points are on the front, what the page says of them, and that each training is run
+// once. The runs are those of the presets, hours long; here steps of the test's own write files as finished runs do.
+// What a real step writes into a cell is the fidelity table's test.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -17,6 +17,9 @@
 #include <vector>
 
 #include "fidelity/points.hpp"
+#include "fidelity/price_run.hpp"
+#include "fidelity/run_cell.hpp"
+#include "fidelity/steps.hpp"
 #include "tool/running.hpp"
 
 namespace tradeoff_test {
@@ -44,34 +47,45 @@ PricedPoint priced(const char* name, double seconds, double bytes, double psnr, 
   return one;
 }
 
-/// Says what it is asked to a file, trains in no time a host where there is none, and writes what tradeoff reads. A longer training is a better one.
-constexpr const char* stand_in = R"(#!/bin/sh
-set -e
-command=$1; shift
-out='' iterations='' json='' key='' words="$*"
-while [ $# -gt 0 ]; do
-  case $1 in --out) out=$2 ;; --iterations) iterations=$2 ;; --json) json=$2 ;; esac
-  shift
-done
-log=$(dirname "$0")/log.txt
-case $command in
-  keygen) cp "$(dirname "$0")/made.key" "$out" ;;
-  train)
-    if [ -d "$out/unmarked" ]; then echo "marked $words" >> "$log"; else
-      echo "trained $words" >> "$log"
-      mkdir -p "$out/unmarked"
-      echo "{\"train_seconds\": $iterations}" > "$out/unmarked/results.json"
-      echo host > "$out/unmarked/model.safetensors"
-      echo decoder > "$out/decoder.safetensors"
-      echo '{"seconds": 10}' > "$out/decoder.json"
-    fi
-    echo '{"train_seconds": 20}' > "$out/results.json" ;;
-  evaluate)
-    seconds=$(sed 's/[^0-9]//g' "$(dirname "$json")/unmarked/results.json")
-    model="{\"psnr\": $seconds, \"ssim\": 0.9, \"bytes\": 1000, \"bit_accuracy\": {\"mean\": 0.99, \"min\": 0.9, \"views\": 3}, \"p_value\": 1e-9, \"largest_view_p_value\": 1e-7}"
-    echo "{\"models\": [$model, $model, $model, $model]}" > "$json" ;;
-esac
-)";
+/// Trains in no time an unmarked model where there is none, and writes what the points are read from. A longer training
+/// is a better one.
+class InstantSteps final : public Steps {
+ public:
+  Result<Done> check(Step, const Cell&, const Settings&) const override { return Done{}; }
+  Result<Done> make_key(const Settings& settings) const override {
+    return write_key(settings.key(), testing::fixed_key(1, 48));
+  }
+  Result<bool> take(Step step, const Cell&, const Settings& settings, const fs::path& folder) const override {
+    using nlohmann::json;
+    std::string words;
+    for (const std::string& word : settings.extra) words += " " + word;
+    if (step == Step::evaluate) {
+      const json trained = json_of(folder / "unmarked/results.json");
+      const json model = {{"psnr", trained["train_seconds"]},
+                          {"ssim", 0.9},
+                          {"bytes", 1000},
+                          {"bit_accuracy", {{"mean", 0.99}, {"min", 0.9}, {"views", 3}}},
+                          {"p_value", 1e-9},
+                          {"largest_view_p_value", 1e-7}};
+      REQUIRE(write_json(folder / "evaluate.json", json{{"models", {model, model, model, model}}}).ok());
+      return true;
+    }
+    REQUIRE(step == Step::train_marked);
+    if (fs::exists(folder / "unmarked")) {
+      log += "marked" + words + "\n";
+    } else {
+      log += "trained" + words + "\n";
+      fs::create_directories(folder / "unmarked");
+      REQUIRE(write_json(folder / "unmarked/results.json", json{{"train_seconds", settings.iterations}}).ok());
+      REQUIRE(write_file(folder / "unmarked/model.safetensors", std::string("model")).ok());
+      REQUIRE(write_file(folder / "decoder.safetensors", std::string("decoder\n")).ok());
+      REQUIRE(write_json(folder / "decoder.json", json{{"seconds", 10}}).ok());
+    }
+    REQUIRE(write_json(folder / "results.json", json{{"train_seconds", 20}}).ok());
+    return true;
+  }
+  mutable std::string log;
+};
 
 }  // namespace
 
@@ -154,21 +168,19 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   const ScratchFolder scratch("compmark-tradeoff-test");
   const auto at = [&](const std::string& name) { return (scratch.path / name).string(); };
   done("scene --out " + at("one") + " --width 32 --height 32 --train 4 --test 2");
-  REQUIRE(write_file(at("tool"), std::string(stand_in)).ok());
-  REQUIRE(write_key(at("made.key"), testing::fixed_key(1, 48)).ok());
-  std::filesystem::permissions(at("tool"), std::filesystem::perms::owner_all);
-  const auto run = [&](const std::string& arguments) {
-    return run_tool(COMPMARK_TRADEOFF,
-                    "--data " + at("one") + " --out " + at("run") + " --compmark " + at("tool") + " " + arguments);
+  const InstantSteps steps;
+  const auto run = [&](const std::vector<std::string>& chosen, const char* seed) {
+    Settings settings;
+    settings.out = at("run");
+    settings.extra = {"--seed", seed};
+    REQUIRE(open_run(settings, steps).ok());
+    return run_points("tradeoff", settings, {at("one"), "one", 1}, chosen, steps).code;
   };
-  const Outcome first = run("--points draft_hac standard_hac standard_marked_longer_hac --seed 3");
-  INFO(first.text);
-  REQUIRE(first.code == 0);
-  std::string log = text_of(scratch.path / "log.txt");
-  CHECK(times_in(log, "trained ") == 2);
-  CHECK(times_in(log, "marked --data") == 1);  // with the host that is there
-  CHECK(times_in(log, "--seed 3") == 3);
-  CHECK(times_in(log, "--mark-iterations 8000") == 1);
+  REQUIRE(run({"draft_hac", "standard_hac", "standard_marked_longer_hac"}, "3") == 0);
+  CHECK(times_in(steps.log, "trained ") == 2);
+  CHECK(times_in(steps.log, "marked ") == 1);  // with the unmarked model that is there
+  CHECK(times_in(steps.log, "--seed 3") == 3);
+  CHECK(times_in(steps.log, "--mark-iterations 8000") == 1);
   CHECK(text_of(at("run/standard_marked_longer_hac/decoder.safetensors")) == "decoder\n");
   nlohmann::json json = json_of(at("run/tradeoff.json"));
   REQUIRE(json["points"].size() == 3);
@@ -182,28 +194,31 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(json["train"] == nlohmann::json({"--seed", "3"}));
 
   // One more, beside those of the earlier command, of which one is asked for again.
-  REQUIRE(run("--points best_hac standard_hac --seed 3").code == 0);
-  log = text_of(scratch.path / "log.txt");
-  CHECK(times_in(log, "trained ") == 3);
-  CHECK(times_in(log, "marked --data") == 1);
+  REQUIRE(run({"best_hac", "standard_hac"}, "3") == 0);
+  CHECK(times_in(steps.log, "trained ") == 3);
+  CHECK(times_in(steps.log, "marked ") == 1);
   json = json_of(at("run/tradeoff.json"));
   CHECK(json["points"].size() == 4);
   CHECK(json["points"][2]["pareto"] == true);
 
-  // A host is found wherever in the list it was trained, one of other settings is not.
-  REQUIRE(run("--points draft_context_gs --seed 4").code == 0);
+  // An unmarked model is found wherever in the list it was trained, one of other settings is not.
+  REQUIRE(run({"draft_context_gs"}, "4") == 0);
   fs::remove_all(at("run/standard_hac"));
-  REQUIRE(run("--points standard_hac --seed 3").code == 0);
-  log = text_of(scratch.path / "log.txt");
-  CHECK(times_in(log, "trained ") == 4);
-  CHECK(times_in(log, "marked --data") == 2);
-  CHECK(run("--points draft_hac --seed 4").code == 1);  // another's folder
+  REQUIRE(run({"standard_hac"}, "3") == 0);
+  CHECK(times_in(steps.log, "trained ") == 4);
+  CHECK(times_in(steps.log, "marked ") == 2);
+  CHECK(run({"draft_hac"}, "4") == 1);  // another's folder
   CHECK(json_of(at("run/tradeoff.json"))["points"].size() == 4);
 
-  CHECK(run("--points fastest").code == 2);
-  for (const char* own : {"--lambda 0.01", "--mark-iterations 10", "--fidelity=1", "--preset best"})
-    CHECK(run(own).code == 2);
-  CHECK(run("--key mine").code == 2);
+  const auto refused = [&](const std::string& words) {
+    const Outcome outcome = run_tool(COMPMARK_TRADEOFF, "--data " + at("one") + " --out " + at("none") + " " + words);
+    INFO(outcome.text);
+    CHECK(outcome.code == 2);
+    CHECK_FALSE(fs::exists(at("none")));
+  };
+  for (const char* words : {"--points fastest", "--lambda 0.01", "--mark-iterations 10", "--fidelity=1",
+                            "--preset best", "--key mine", "--sed 3", "--tone 9"})
+    refused(words);
   const Outcome listed = run_tool(COMPMARK_TRADEOFF, "--list");
   CHECK(listed.code == 0);
   CHECK(times_in(listed.text, "_context_gs\n") == 3);
