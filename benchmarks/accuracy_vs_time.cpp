@@ -149,8 +149,10 @@ Result<std::vector<BenchView>> load_views(const std::filesystem::path& path, std
   if (!recipe) return recipe.error();
   Result<std::vector<BenchView>> views = model_views<recipes::Scaffold>(path, wanted);
   if (views) return views;
-  if (Result<std::vector<BenchView>> host = model_views<recipes::CompMarkHost>(path, wanted); host) return host;
-  if (Result<std::vector<BenchView>> host = model_views<recipes::CompMarkPaperHost>(path, wanted); host) return host;
+  if (Result<std::vector<BenchView>> unmarked = model_views<recipes::CompMarkBase>(path, wanted); unmarked)
+    return unmarked;
+  if (Result<std::vector<BenchView>> unmarked = model_views<recipes::CompMarkPaperBase>(path, wanted); unmarked)
+    return unmarked;
   return views;
 }
 

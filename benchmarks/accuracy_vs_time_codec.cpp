@@ -143,23 +143,24 @@ Case shipped_case(const SymbolSet& set, const GaussianTables& tables, std::size_
   return one;
 }
 
-/// Anchors with a live offset: those that are coded.
-CodecModel live_anchors(const CodecModel& model) {
-  CodecModel live = model;
-  live.voxels.clear(), live.mask.clear(), live.feature.clear(), live.extent.clear(), live.offset.clear();
+/// Anchors with a unmasked offset: those that are coded.
+CodecModel unmasked_anchors(const CodecModel& model) {
+  CodecModel unmasked = model;
+  unmasked.voxels.clear(), unmasked.mask.clear(), unmasked.feature.clear(), unmasked.scale.clear(),
+      unmasked.offset.clear();
   const auto copy = [](const std::vector<float>& from, std::vector<float>& to, std::size_t row, std::size_t width) {
     const auto begin = from.begin() + static_cast<std::ptrdiff_t>(row * width);
     to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(width));
   };
   for (std::size_t i = 0; i < model.anchors(); ++i) {
     if (model.mask[i] == 0) continue;
-    live.voxels.push_back(model.voxels[i]);
-    live.mask.push_back(model.mask[i]);
-    copy(model.feature, live.feature, i, static_cast<std::size_t>(model.feature_dim));
-    copy(model.extent, live.extent, i, 6);
-    copy(model.offset, live.offset, i, 3 * static_cast<std::size_t>(model.offset_count));
+    unmasked.voxels.push_back(model.voxels[i]);
+    unmasked.mask.push_back(model.mask[i]);
+    copy(model.feature, unmasked.feature, i, static_cast<std::size_t>(model.feature_dim));
+    copy(model.scale, unmasked.scale, i, 6);
+    copy(model.offset, unmasked.offset, i, 3 * static_cast<std::size_t>(model.offset_count));
   }
-  return live;
+  return unmasked;
 }
 
 /// A whole file: everything but the search for the bits of weights.
@@ -191,15 +192,15 @@ Case file_case(std::string group, std::string name, const CodecModel& model, std
 /// Files whose context network has weights of so many bits; symbols and steps are those of the finest, so that only the
 /// prediction differs.
 std::vector<Case> network_cases(const CodecModel& model, const GaussianTables& tables, std::size_t threads) {
-  CodecModel live = live_anchors(model);
+  CodecModel unmasked = unmasked_anchors(model);
   ThreadExecutor executor(threads);
   std::vector<ContextEvaluator::Steps> steps;
   std::vector<Case> cases;
   const auto bits_of = [&](const IntegerContext& context) {
     const IntegerNetwork::Packed packed = context.network.pack();
-    detail::HacPredictor predictor(context, packed, live.voxels);
+    detail::HacPredictor predictor(context, packed, unmasked.voxels);
     return detail::sample_bits({context.heads, tables, model.base_step, model.offset_count},
-                               detail::chunk_rows(live, 0, live.anchors()), predictor, steps);
+                               detail::chunk_rows(unmasked, 0, unmasked.anchors()), predictor, steps);
   };
   const auto context_of = [&](int bits) {
     Result<IntegerContext> context = detail::context_of(model, WeightBits::all(bits));
@@ -219,7 +220,7 @@ std::vector<Case> network_cases(const CodecModel& model, const GaussianTables& t
   };
   for (const int bits : {5, 6, 8, 10, 12, 14, 16})
     add(std::to_string(bits) + " bits a weight", context_of(bits), WeightBits::all(bits), false);
-  const Result<IntegerContext> chosen = detail::choose_context(model, live, tables, std::nullopt, executor);
+  const Result<IntegerContext> chosen = detail::choose_context(model, unmasked, tables, std::nullopt, executor);
   if (!chosen) stop(chosen.error().line());
   add("bits by part, as chosen", *chosen, std::nullopt, true);
   return cases;
@@ -331,7 +332,7 @@ int main(int argc, char** argv) {
   if (trained) {
     const Result<IntegerContext> finest = detail::context_of(model, WeightBits::all(16));
     if (!finest) stop(finest.error().line());
-    set = model_symbols(live_anchors(model), *finest, options->symbols);
+    set = model_symbols(unmasked_anchors(model), *finest, options->symbols);
   } else {
     set = synthetic_symbols(options->symbols);
   }

@@ -5,11 +5,11 @@
 // pipeline_iteration, and what HAC and ContextGS do in each part of a training: the noise of fixed steps, the rate (a twentieth of all anchors
 // counted), and rounding. Plain and coded iterations take turns, so that a machine that slows down slows both; `times_plain` is the ratio of their
 // medians. The goals are 1.5 for HAC and 2 for ContextGS. `held`: what holding the steps of ContextGS costs, once in the iterations between two holds of
-// a mark (codec/model/held_steps.hpp), beside a rounded iteration of the same model.
+// a mark (codec/model/step_bias_calibration.hpp), beside a rounded iteration of the same model.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
-#include <compmark/codec/model/held_steps.hpp>
+#include <compmark/codec/model/step_bias_calibration.hpp>
 #include <compmark/codec/rate/rate_phases.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/recipes/context_gs.hpp>
@@ -62,7 +62,7 @@ struct CodedScene : IterationScene<R> {
 template <class R>
 void iteration(benchmark::State& state, const Workload& work, Stage stage, std::size_t threads) {
   ThreadExecutor executor(threads);
-  IterationScene<typename R::Host> plain(work);
+  IterationScene<typename R::Base> plain(work);
   CodedScene<R> coded(work, stage);
   const auto seconds = [](const auto& body) {
     const auto begin = std::chrono::steady_clock::now();
@@ -98,23 +98,23 @@ void held(benchmark::State& state, const Workload& work, std::size_t threads) {
   Pipeline<Marked>::Context context;
   Pipeline<Marked>::Phases unmarked = coded.phases;
   unmarked.of<EmbedderStage>().embeds = false;
-  HeldSteps steps;
+  StepBiasCalibration steps;
   const auto seconds = [](const auto& body) {
     const auto begin = std::chrono::steady_clock::now();
     body();
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   };
-  const auto hold = [&] {
-    steps.hold(coded.pipeline, coded.phases, unmarked, numbers, coded.model, context, executor);
+  const auto calibrate = [&] {
+    steps.calibrate(coded.pipeline, coded.phases, unmarked, numbers, coded.model, context, executor);
   };
   for (int i = 0; i < 4; ++i) {
     coded.next(executor);
-    hold();
+    calibrate();
   }
   std::vector<double> iterations, holds;
   for (auto _ : state) {
     iterations.push_back(seconds([&] { coded.next(executor); }));
-    holds.push_back(seconds(hold));
+    holds.push_back(seconds(calibrate));
     state.SetIterationTime(holds.back());
   }
   state.counters["hold_ms"] = 1e3 * median(holds);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // One whole training iteration, without reading an image: visibility, heads, projection, binning, pixels, losses, the
-// way back and Adam.
+// backward pass and Adam.
 //   (a) 30,000 anchors x 10, 400 x 400, 150,000 Gaussians;  (b) 100,000 anchors x 10, 800 x 800, 500,000 Gaussians
 // where the sum of the floors is 22 and 77 ms and the sum of the best peers 547 and 1977 ms (two cores at 236 GFLOP/s
 // together). About 60 (Gaussian, pixel) pairs a pixel are blended; the counters say how many Gaussians there are.

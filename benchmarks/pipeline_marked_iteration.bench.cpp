@@ -57,7 +57,7 @@ void in_turns(benchmark::State& state, IterationScene<R>& marked) {
   state.counters["times_plain"] = median(with) / median(without);
 }
 
-/// Every render is read, as in a training that has no drawn views.
+/// Every render is read, as in a training that has no sampled novel views.
 template <class Decoder>
 void message(benchmark::State& state, Decoder decoder) {
   IterationScene<recipes::Marked<recipes::Scaffold, Decoder>> scene(workload_a);

@@ -127,7 +127,7 @@ void projection_both(benchmark::State& bench) {
     p.backward<native>();
   });
 }
-/// The same road with each effect; projection_forward and projection_backward are "off". The image hardly changes: the
+/// The same passes with each effect; projection_forward and projection_backward are "off". The image hardly changes: the
 /// lens bends it by a few pixels.
 template <class Effects>
 void effect_forward(benchmark::State& bench) {

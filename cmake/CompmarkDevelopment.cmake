@@ -32,7 +32,7 @@ if(CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
 endif()
 
 # Two thirds of the machine code of the tool's 37 objects were the same in several of them; a group of files compiles it once.
-option(COMPMARK_UNITY_BUILD "Compile the files of the tool in two groups and those of a test room in one: the whole in less than half the time, a change of one file in more" ON)
+option(COMPMARK_UNITY_BUILD "Compile the files of the tool in two groups and those of a test module in one: the whole in less than half the time, a change of one file in more" ON)
 
 # compmark_program(<target> <sources...>): an executable of our own.
 function(compmark_program target)

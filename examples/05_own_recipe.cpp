@@ -92,7 +92,7 @@ int main() {
   need(trainer.run(views));
   ModelInfo info{"mine", "hac", settings.iterations, settings.seed, {}, {}};
   info.base_step = {settings.rate.feature_step, settings.rate.scaling_step, settings.rate.offset_step};
-  need(write_cmk("own.cmk", need(coded_model(baked_host(trainer.model()), info)), CodecEncodeSettings{}, threads));
+  need(write_cmk("own.cmk", need(coded_model(baked_model(trainer.model()), info)), CodecEncodeSettings{}, threads));
   const auto decoded = need(need(ModelSource::open("own.cmk", threads)).load<Plain>()).model;
   const Verification mine = verify(decoded, views, key, threads), theirs = verify(decoded, views, other, threads);
   std::printf("own.cmk: p = %.2g, with another key %.2g\n", mine.evidence.p_value, theirs.evidence.p_value);

@@ -45,7 +45,7 @@ class Loop {
         mark_phases_(settings.mark, settings.iterations),
         rate_phases_(settings.rate, settings.iterations, settings.grow_until) {
     typename R::EntropyModel::Settings rate;
-    static_cast<typename Host::EntropyModel::Settings&>(rate) = compmark::entropy_model<R>(settings.rate).settings();
+    static_cast<typename Base::EntropyModel::Settings&>(rate) = compmark::entropy_model<R>(settings.rate).settings();
     rate.noise = row.noise;
     pipeline_.template stage<compmark::RateStage>() = compmark::RateStage(typename R::EntropyModel(rate));
     auto& message = pipeline_.template stage<compmark::MessageStage>();
@@ -148,7 +148,7 @@ class Loop {
     const auto edited = [&](const compmark::RowEdit& edit, const compmark::ArenaLayout& old_layout) {
       optimizer_.edit_rows(edit, old_layout, model_.arena.layout(), moments_);
     };
-    const compmark::AdaptContext context{settings_.seed, static_cast<std::uint64_t>(t), model_.voxel_size, {}};
+    const compmark::AdjustmentInputs context{settings_.seed, static_cast<std::uint64_t>(t), model_.voxel_size, {}};
     static_cast<void>(growth(t).adapt(model_.arena, model_.anchors, statistics_, context, edited));
   }
 

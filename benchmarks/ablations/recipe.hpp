@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The recipe of the ablations: HAC as the host, with everything that the method adds and every part of it switched at
-// run time, so that one type a target attribute is compiled. What remains of a training is a model of the host, which
-// the codec writes and reads.
+// The recipe of the ablations: HAC as the base, with everything that the method adds and every part of it switched at
+// run time, so that one type a target attribute is compiled. What remains of a training is a model of the base recipe,
+// which the codec writes and reads.
 #pragma once
 
 #include "ablations/switched_noise.hpp"
@@ -25,13 +25,13 @@ inline constexpr compmark::HashGridShape grid{.volume_levels = 8,
                                               .plane_cap_log2 = 13};
 
 using Plain = compmark::recipes::WithShape<compmark::recipes::Scaffold, compmark::recipes::coded_shape>;
-struct Host : compmark::recipes::Hac<Plain, grid> {};
+struct Base : compmark::recipes::Hac<Plain, grid> {};
 using Decoder = compmark::LatticeDecoder<float>;
 
 template <compmark::AnchorAttribute target>
-struct Ablated : Host {
-  using Host = ablation::Host;
-  using EntropyModel = SwitchedNoise<ablation::Host::EntropyModel>;
+struct Ablated : Base {
+  using Base = ablation::Base;
+  using EntropyModel = SwitchedNoise<ablation::Base::EntropyModel>;
   using DensityControl = compmark::FrequencyGrowth<float>;
   using Embedder = compmark::BoundedResidual<float, target>;
   using MessageDecoder = Decoder;

@@ -18,16 +18,16 @@ using namespace compmark;
 namespace {
 
 template <AnchorAttribute target>
-Result<Model<Host>> train_target(const Row& row, Scene& scene, const TrainSettings& settings, const Decoder& decoder,
+Result<Model<Base>> train_target(const Row& row, Scene& scene, const TrainSettings& settings, const Decoder& decoder,
                                  const std::vector<std::uint8_t>& bits, ThreadExecutor& executor) {
   auto trained = Loop<Ablated<target>>(row, scene, settings, decoder, bits, executor).run();
   if (!trained) return trained.error();
-  return baked_host(*trained);
+  return baked_model(*trained);
 }
 
 }  // namespace
 
-Result<Model<Host>> train_host(const Row& row, Scene& scene, const TrainSettings& settings, const Decoder& decoder,
+Result<Model<Base>> train_base(const Row& row, Scene& scene, const TrainSettings& settings, const Decoder& decoder,
                                const std::vector<std::uint8_t>& bits, ThreadExecutor& executor) {
   switch (row.target) {
     case AnchorAttribute::position:
@@ -42,12 +42,12 @@ Result<Model<Host>> train_host(const Row& row, Scene& scene, const TrainSettings
   return train_target<AnchorAttribute::feature>(row, scene, settings, decoder, bits, executor);
 }
 
-Result<Measured> measure(const Model<Host>& model, const Scene& scene, const Decoder* decoder,
+Result<Measured> measure(const Model<Base>& model, const Scene& scene, const Decoder* decoder,
                          const std::vector<std::uint8_t>& bits, ThreadExecutor& executor) {
   Measured sum;
   sum.worst = decoder == nullptr ? 0 : 1;
-  const Pipeline<Host> pipeline;
-  Pipeline<Host>::Context context;
+  const Pipeline<Base> pipeline;
+  Pipeline<Base>::Context context;
   Decoder::Context reading;
   std::vector<float> logits(bits.size());
   Buffer<float> storage;

@@ -111,12 +111,12 @@ namespace detail {
                               scene.name.c_str(), scene.width, scene.height, scene.train_views, scene.test_views);
   }
   return text + ". " + std::to_string(records.size()) +
-         " trainings with the host HAC; after compression means read from the file that its codec wrote.";
+         " trainings inside HAC; after compression means read from the file that its codec wrote.";
 }
 
 inline constexpr std::string_view note =
-    "Mean ± standard deviation over scenes and seeds; the worst view of all of them. Lost: PSNR of the unmarked twin "
-    "of the same scene, "
+    "Mean ± standard deviation over scenes and seeds; the worst view of all of them. Lost: PSNR of the unmarked "
+    "counterpart of the same scene, "
     "seed and schedule, minus that of the row. Differences are of pairs of the same scene and seed, ± standard error "
     "of their mean; one that is "
     "below twice its error is too close to say.";

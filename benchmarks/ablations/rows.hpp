@@ -26,7 +26,7 @@ struct Row {
   bool noise =
       true;  ///< QDL: attributes carry the noise of the quantizer's learned step; else the rate is a loss all the same
   bool hsv = true;      ///< the loss of saturated colours
-  bool message = true;  ///< false: the unmarked twin
+  bool message = true;  ///< false: the unmarked counterpart
 };
 
 /// Accuracy in percent and PSNR in dB as published.
@@ -48,15 +48,15 @@ struct TableOfPaper {
   std::vector<Line> lines;
 };
 
-inline constexpr std::string_view twin_name = "unmarked";
+inline constexpr std::string_view unmarked_name = "unmarked";
 inline constexpr std::string_view full_name = "full";
 
-/// Every configuration once, the twin first: what the others lose is told against it.
+/// Every configuration once, the unmarked one first: what the others lose is told against it.
 [[nodiscard]] inline std::vector<Row> all_rows() {
   using compmark::AnchorAttribute;
-  Row twin{.name = std::string(twin_name)}, full{.name = std::string(full_name)};
-  twin.message = false;
-  std::vector<Row> rows{twin, full};
+  Row unmarked{.name = std::string(unmarked_name)}, full{.name = std::string(full_name)};
+  unmarked.message = false;
+  std::vector<Row> rows{unmarked, full};
   const auto changed = [&](const char* name, auto&& change) {
     Row row = full;
     row.name = name;
@@ -76,7 +76,7 @@ inline constexpr std::string_view full_name = "full";
   return rows;
 }
 
-/// With HAC as the host where the paper has both hosts; T6 is of ContextGS and T3 the mean over both, as it has nothing
+/// Inside HAC where the paper has both codecs; T6 is of ContextGS and T3 the mean over both, as it has nothing
 /// else.
 [[nodiscard]] inline std::vector<TableOfPaper> tables_of_paper() {
   return {

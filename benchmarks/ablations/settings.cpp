@@ -57,7 +57,7 @@ nlohmann::ordered_json settings_json(const Scene& scene, std::int64_t iterations
           {"residual_rate", s.mark.residual.learning_rate}};
 }
 
-Decoder waves(int bits, std::uint64_t seed) {
+Decoder fourier_decoder(int bits, std::uint64_t seed) {
   LatticeSettings shape;
   shape.measure = LatticeMeasure::colour;
   shape.bits = shape.features = bits;

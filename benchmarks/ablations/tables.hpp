@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // From finished trainings to the paper's tables: means over scenes and seeds with their spread, what is lost against
-// the unmarked twin of the same scene and seed, and whether a row differs from the method in the direction that the
-// paper says. Differences are of pairs of the same scene and seed, so that what scenes differ by does not count; a mean
-// below twice its standard error says nothing, and is called so. Cost: none.
+// the unmarked counterpart of the same scene and seed, and whether a row differs from the method in the direction that
+// the paper says. Differences are of pairs of the same scene and seed, so that what scenes differ by does not count; a
+// mean below twice its standard error says nothing, and is called so. Cost: none.
 #pragma once
 
 #include <algorithm>
@@ -75,7 +75,7 @@ struct FilledLine {
   Line line;
   bool reference = false;
   Spread accuracy_before, accuracy_after, psnr_before, psnr_after, ssim_before, ssim_after;
-  Spread lost_before, lost_after;  ///< PSNR of the twin minus that of the row
+  Spread lost_before, lost_after;  ///< PSNR of the counterpart minus that of the row
   Spread bytes, anchors;
   double worst_before = 1, worst_after = 1;     ///< the worst view of all runs
   Spread accuracy_difference, psnr_difference;  ///< from the reference, where the paper measures
@@ -110,9 +110,9 @@ namespace detail {
       own.push_back(&record);
       out.worst_before = std::min(out.worst_before, record.before.worst);
       out.worst_after = std::min(out.worst_after, record.after.worst);
-      if (const Record* const twin = detail::partner(records, record, twin_name)) {
-        lost_before.push_back(twin->before.psnr - record.before.psnr);
-        lost_after.push_back(twin->after.psnr - record.after.psnr);
+      if (const Record* const counterpart = detail::partner(records, record, unmarked_name)) {
+        lost_before.push_back(counterpart->before.psnr - record.before.psnr);
+        lost_after.push_back(counterpart->after.psnr - record.after.psnr);
       }
       if (const Record* const other = detail::partner(records, record, table.reference); other && !out.reference) {
         const Measured& a = table.after_compression ? record.after : record.before;

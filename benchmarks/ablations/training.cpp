@@ -25,7 +25,7 @@ namespace {
 constexpr std::size_t first_points = 3000;  // few: scenes of 96 pixels a side
 
 /// A mark in the positions has moved anchors off the grid on which they are coded: the codec's rounding of positions.
-void round_positions(Model<Host>& model) {
+void round_positions(Model<Base>& model) {
   const MatrixView<float> position = anchor_values(model.arena, model.anchors).position;
   for (float& place : position.flat()) {
     place = static_cast<float>(std::round(static_cast<double>(place) / model.voxel_size) * model.voxel_size);
@@ -91,7 +91,7 @@ Result<Record> train_row(const Row& row, Scene& scene, std::int64_t iterations, 
     settings.voxel_size = 0;
     settings.init_factor = 16;
   }
-  const Decoder decoder = waves(row.bits, seed);
+  const Decoder decoder = fourier_decoder(row.bits, seed);
   const std::vector<std::uint8_t> bits = message_bits(row.bits, seed);
   Record record;
   record.scene = scene.name;
@@ -99,23 +99,23 @@ Result<Record> train_row(const Row& row, Scene& scene, std::int64_t iterations, 
   record.seed = seed;
   record.settings = settings_json(scene, iterations);
   const auto begin = std::chrono::steady_clock::now();
-  Result<Model<Host>> host = train_host(row, scene, settings, decoder, bits, executor);
-  if (!host) return host.error();
+  Result<Model<Base>> unmarked = train_base(row, scene, settings, decoder, bits, executor);
+  if (!unmarked) return unmarked.error();
   record.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  record.anchors = host->anchor_count();
+  record.anchors = unmarked->anchor_count();
   const Decoder* const reader = row.message ? &decoder : nullptr;
-  const Result<Measured> before = measure(*host, scene, reader, bits, executor);
+  const Result<Measured> before = measure(*unmarked, scene, reader, bits, executor);
   if (!before) return before.error();
   record.before = *before;
 
-  if (row.target == AnchorAttribute::position) round_positions(*host);
+  if (row.target == AnchorAttribute::position) round_positions(*unmarked);
   ModelInfo info;
   info.recipe = "hac";
   info.profile = settings.profile;
   info.iterations = settings.iterations;
   info.seed = settings.seed;
   info.base_step = {settings.rate.feature_step, settings.rate.scaling_step, settings.rate.offset_step};
-  const Result<CodecModel> coded = coded_model(*host, info);
+  const Result<CodecModel> coded = coded_model(*unmarked, info);
   if (!coded) return coded.error();
   const Result<CodecEncoded> encoded = encode_hac(*coded, CodecEncodeSettings{}, executor);
   if (!encoded) return encoded.error();
@@ -124,7 +124,7 @@ Result<Record> train_row(const Row& row, Scene& scene, std::int64_t iterations, 
   if (!bytes) return bytes.error();
   const Result<CodecDecoded> decoded = decode_hac(*bytes, scratch.string(), CodecDecodeSettings{}, executor);
   if (!decoded) return decoded.error();
-  const Result<LoadedModel<Host>> loaded = model_from<Host>(decoded->model);
+  const Result<LoadedModel<Base>> loaded = model_from<Base>(decoded->model);
   if (!loaded) return loaded.error();
   record.file_bytes = bytes->size();
   const Result<Measured> after = measure(loaded->model, scene, reader, bits, executor);

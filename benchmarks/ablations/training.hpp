@@ -63,8 +63,8 @@ compmark::TrainSettings row_settings(const Row& row, std::int64_t iterations, st
 /// What a record has to say to be the same run.
 nlohmann::ordered_json settings_json(const Scene& scene, std::int64_t iterations);
 
-/// Waves of colour as they are drawn, a bit a wave: nothing is trained, no file is read.
-Decoder waves(int bits, std::uint64_t seed);
+/// Fourier features of colour as they are drawn, a bit a feature: nothing is trained, no file is read.
+Decoder fourier_decoder(int bits, std::uint64_t seed);
 std::vector<std::uint8_t> message_bits(int bits, std::uint64_t seed);
 
 /// Trains one row and measures it, before compression and from the file that the codec wrote. The file is at `scratch`
@@ -74,12 +74,12 @@ compmark::Result<Record> train_row(const Row& row, Scene& scene, std::int64_t it
 
 /// The two halves of it that render, which are compiled apart: a training, its mark baked in; and what is read from a
 /// model.
-compmark::Result<compmark::Model<Host>> train_host(const Row& row, Scene& scene,
+compmark::Result<compmark::Model<Base>> train_base(const Row& row, Scene& scene,
                                                    const compmark::TrainSettings& settings, const Decoder& decoder,
                                                    const std::vector<std::uint8_t>& bits,
                                                    compmark::ThreadExecutor& executor);
 /// Over the test views, rounded to 8 bits. Without a decoder nothing is read.
-compmark::Result<Measured> measure(const compmark::Model<Host>& model, const Scene& scene, const Decoder* decoder,
+compmark::Result<Measured> measure(const compmark::Model<Base>& model, const Scene& scene, const Decoder* decoder,
                                    const std::vector<std::uint8_t>& bits, compmark::ThreadExecutor& executor);
 
 }  // namespace ablation

@@ -90,15 +90,15 @@ inline SymbolSet model_symbols(CodecModel model, const IntegerContext& context, 
       models.clear();
       detail::append_models(evaluator, context.heads, rows.mask[first + lane], lane, models);
       std::array<std::size_t, 3> column{};
-      std::vector<std::size_t> live;
+      std::vector<std::size_t> unmasked;
       for (std::size_t o = 0; o < static_cast<std::size_t>(model.offset_count); ++o) {
-        if ((rows.mask[first + lane] >> o & 1u) != 0) live.insert(live.end(), {3 * o, 3 * o + 1, 3 * o + 2});
+        if ((rows.mask[first + lane] >> o & 1u) != 0) unmasked.insert(unmasked.end(), {3 * o, 3 * o + 1, 3 * o + 2});
       }
       const SymbolModel* next = models.data();
       detail::visit_scalars(
           rows, first + lane, model.offset_count, evaluator, lane, [&](int group, std::size_t, int index, float value) {
             const auto g = static_cast<std::size_t>(group);
-            const std::size_t c = group == 2 ? live[column[g]++] : column[g]++;
+            const std::size_t c = group == 2 ? unmasked[column[g]++] : column[g]++;
             const double mean = evaluator.outputs()[(context.heads.mean_row(group) + c) * integer_panel + lane];
             const double sigma = evaluator.outputs()[(context.heads.sigma_row(group) + c) * integer_panel + lane];
             const double step = std::exp2(index / 16.0);

@@ -16,7 +16,7 @@ namespace compmark::benchmarks {
   std::fill(weights.head.begin(), weights.head.end(), 0.1f);  // a head of zeros has no gradient
   return {settings, weights};
 }
-/// The decoder that is shipped: 256 waves of local contrast.
+/// The decoder that is shipped: 256 Fourier features of local contrast.
 [[nodiscard]] inline LatticeDecoder<float> shipped_lattice() {
   LatticeSettings settings;
   settings.bits = 48;
@@ -25,7 +25,7 @@ namespace compmark::benchmarks {
   settings.stride = 4;
   return any_lattice(settings);
 }
-/// A decoder as compmark fit makes them but for the prediction: 320 waves of colour, every pixel.
+/// A decoder as compmark fit makes them but for the prediction: 320 Fourier features of colour, every pixel.
 [[nodiscard]] inline LatticeDecoder<float> fitted_lattice() {
   LatticeSettings settings;
   settings.measure = LatticeMeasure::colour;

@@ -3,7 +3,7 @@
 //
 // The rasterizer's workload: random splats on the screen with a given median size of the long axis, log-normal(0.6),
 // anisotropy 1 to 4, opacity sigmoid(1.5 n), random depths; built as Gaussians that face the camera, so that the whole
-// road from Gaussians to pixels is measured.
+// way from Gaussians to pixels is measured.
 #pragma once
 
 #include <cmath>

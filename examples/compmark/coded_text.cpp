@@ -21,7 +21,7 @@ std::string formatted(const char* format, Values... values) {
 
 std::string coded_text(const CodecReport& report) {
   std::string text = formatted("%llu bytes, %llu anchors with %llu unmasked offsets", report.total_bytes + 0ull,
-                               report.anchors + 0ull, report.live_offsets + 0ull);
+                               report.anchors + 0ull, report.unmasked_offsets + 0ull);
   if (report.dropped != 0) text += formatted(", %llu anchors without one are left out", report.dropped + 0ull);
   text += "\n";
   if (report.profile == ContainerProfile::context_gs) {
@@ -32,7 +32,7 @@ std::string coded_text(const CodecReport& report) {
     text += formatted("  %-30s %10llu  %5.1f %%\n", name.c_str(), bytes + 0ull,
                       100.0 * static_cast<double>(bytes) / static_cast<double>(report.total_bytes));
   }
-  static constexpr const char* groups[3] = {"feature", "extent", "offset"};
+  static constexpr const char* groups[3] = {"feature", "scale", "offset"};
   for (std::size_t group = 0; group < 3; ++group) {
     if (report.clamped[group] != 0) {
       text += formatted("  warning: %llu values of %s were outside of the coded range and are clipped to it\n",
@@ -65,7 +65,7 @@ nlohmann::ordered_json coded_json(const CodecReport& report) {
           {"estimated_bytes", report.estimated_bytes()},
           {"anchors", report.anchors},
           {"dropped_anchors", report.dropped},
-          {"live_offsets", report.live_offsets},
+          {"live_offsets", report.unmasked_offsets},
           {"bits_per_scalar", std::move(bits)},
           {"clamped", report.clamped},
           {"sections", std::move(sections)}};

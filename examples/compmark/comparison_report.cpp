@@ -44,17 +44,17 @@ ReportGrid comparison_grid(const Comparison& comparison) {
   ReportGrid grid;
   grid.heading = "Models";
   const bool reads = comparison.models.front().verification.has_value(),
-             twins = comparison.models.front().unmarked.has_value();
+             counterparts = comparison.models.front().unmarked.has_value();
   const std::vector<const Measure*> shown = measures_of(comparison);
   grid.columns = {"model", "codec", "bytes", "anchors"};
   for (const Measure* measure : shown) grid.columns.emplace_back(measure->heading);
-  if (twins) grid.columns.emplace_back("unmarked counterpart");
+  if (counterparts) grid.columns.emplace_back("unmarked counterpart");
   if (reads) grid.columns.insert(grid.columns.end(), {"bits a view", "worst view", "its p", "all views", "p"});
   for (const ComparedModel& model : comparison.models) {
     std::vector<std::string> row{title_of(model), model.codec.empty() ? "none" : model.codec,
                                  std::to_string(model.bytes), std::to_string(model.anchors)};
     for (const Measure* measure : shown) row.push_back(cell(*measure, mean_of(*measure, comparison, model)));
-    if (twins) row.push_back(model.unmarked ? comparison.models[*model.unmarked].name : std::string());
+    if (counterparts) row.push_back(model.unmarked ? comparison.models[*model.unmarked].name : std::string());
     if (reads) {
       const Verification& verification = *model.verification;
       const BitAccuracy accuracy = bit_accuracy(verification);

@@ -29,7 +29,7 @@ int fit(const FitOptions& options) {
   std::printf(
       "agreement between views %.3f (of a single feature %.3f), noise %.2g of a feature's, "
       "%.1f s\n",
-      fitted->agreement, fitted->wave_agreement, fitted->noise_ratio, fitted->seconds);
+      fitted->agreement, fitted->feature_agreement, fitted->noise_ratio, fitted->seconds);
   return success;
 }
 
@@ -47,7 +47,7 @@ Command add_fit(Options& app) {
              "decoder file to write (safetensors); keep it with the key")
       ->required();
   app.number("--bits", options->settings.fit.bits, WholeRange{1, 128}, "length of the message")->capture_default_str();
-  app.number("--features", options->settings.fit.waves, WholeRange{1, 1024},
+  app.number("--features", options->settings.fit.features, WholeRange{1, 1024},
              "number of Fourier features of the decoder (default: 20 for every 3 bits)");
   app.number("--period", options->settings.fit.period, RealRange{0.01, 2},
              "period of the Fourier features, in colours from 0 to 1; each has half to twice this."

@@ -52,8 +52,8 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
     error.file = path.string();
     return fail(error);
   }
-  std::size_t live = 0;
-  for (const std::uint32_t mask : model.mask) live += static_cast<std::size_t>(std::popcount(mask));
+  std::size_t unmasked = 0;
+  for (const std::uint32_t mask : model.mask) unmasked += static_cast<std::size_t>(std::popcount(mask));
   std::printf(
       "%s\n  sha256      %s\n  codec       %s, %zu bytes, every section and the decoded "
       "model verified\n  recipe      %s (profile %s, %lld iterations, seed %llu)\n  anchors"
@@ -61,7 +61,7 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
       "sections\n",
       path.string().c_str(), digest->c_str(), codec_name(model.profile()), bytes->size(), info->recipe.c_str(),
       info->profile.c_str(), static_cast<long long>(info->iterations), static_cast<unsigned long long>(info->seed),
-      model.anchors(), live, model.voxel_size, info->views.size());
+      model.anchors(), unmasked, model.voxel_size, info->views.size());
   std::map<std::string, std::pair<std::size_t, std::uint64_t>> sections;
   for (const SectionEntry& entry : container->sections) {
     auto& [count, size] = sections[section_name(entry.kind)];

@@ -53,7 +53,7 @@ struct PretrainOptions {
   std::filesystem::path images, out, json;
   std::string held_out = "0.2";
   int bits = 48;
-  std::string waves = "contrast";
+  std::string fourier = "contrast";
   int features = 0;  ///< 0: 256 of contrast, or one a bit of colour
   std::int64_t steps = 12000;
   std::uint64_t seed = 1;
@@ -230,7 +230,7 @@ LatticeSettings shape_of(const PretrainOptions& options) {
   shape.bits = options.bits;
   shape.features = options.features;
   shape.gate = 0.15;
-  if (options.waves == "colour") {
+  if (options.fourier == "colour") {
     shape.measure = LatticeMeasure::colour;
     shape.sigma = {0.5};
     shape.stride = 1;
@@ -263,7 +263,7 @@ Result<bool> is_finished(const PretrainOptions& options, const PretrainImages& t
     return false;
   Differences differences;
   for (const auto& [field, option, now] :
-       {std::tuple<const char*, const char*, nlohmann::json>("waves", "--fourier", options.waves),
+       {std::tuple<const char*, const char*, nlohmann::json>("waves", "--fourier", options.fourier),
         {"bits", "--bits", options.bits},
         {"features", "--features", options.features},
         {"steps", "--steps", options.steps},
@@ -282,7 +282,7 @@ Result<bool> is_finished(const PretrainOptions& options, const PretrainImages& t
 }
 
 int run(PretrainOptions& options) {
-  if (options.features == 0) options.features = options.waves == "colour" ? options.bits : 256;
+  if (options.features == 0) options.features = options.fourier == "colour" ? options.bits : 256;
   if (options.json.empty()) options.json = std::filesystem::path(options.out).replace_extension(".json");
   if (Result<Done> good = check(options); !good) return fail(good.error());
   const Result<std::shared_ptr<const void>> alone = hold_file(options.out);
@@ -310,10 +310,11 @@ int run(PretrainOptions& options) {
 
   const LatticeSettings shape = shape_of(options);
   const std::string digest = train.procedural() ? "dead leaves" : train.digest();
-  const std::string identity = (options.waves == "contrast" ? "lattice" : "lattice of " + options.waves) + ", bits " +
-                               std::to_string(options.bits) + ", features " + std::to_string(options.features) +
-                               ", steps " + std::to_string(options.steps) + ", seed " + std::to_string(options.seed) +
-                               ", crop " + std::to_string(options.crop) + ", images " + digest.substr(0, 16);
+  const std::string identity = (options.fourier == "contrast" ? "lattice" : "lattice of " + options.fourier) +
+                               ", bits " + std::to_string(options.bits) + ", features " +
+                               std::to_string(options.features) + ", steps " + std::to_string(options.steps) +
+                               ", seed " + std::to_string(options.seed) + ", crop " + std::to_string(options.crop) +
+                               ", images " + digest.substr(0, 16);
   if (!options.resume && std::filesystem::exists(checkpoint)) {
     return fail({ErrorKind::invalid,
                  checkpoint.string(),
@@ -415,7 +416,7 @@ int run(PretrainOptions& options) {
         {"mean", result.accuracy[d]}, {"standard_error", result.error[d]}, {"worst_image", result.worst[d]}};
   const nlohmann::ordered_json json{{"schema", 1},
                                     {"kind", "lattice"},
-                                    {"waves", options.waves},
+                                    {"waves", options.fourier},
                                     {"bits", options.bits},
                                     {"features", options.features},
                                     {"steps", options.steps},
@@ -460,7 +461,7 @@ Command add_pretrain(Options& app) {
   app.number("--seed", options->seed, any_seed, "seed of every random number")->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
-  app.word("--fourier", options->waves,
+  app.word("--fourier", options->fourier,
            "Fourier features of contrast (survive changes of brightness, noise, JPEG and "
            "scaling) or of colour (carry more bits in a scene, but survive little)")
       ->capture_default_str()

@@ -109,11 +109,11 @@ std::string view_row(const ReportView& view, const ReportInput& input) {
                      image_tag(difference(view.ground_truth, view.render, input.difference_gain),
                                "difference from the ground truth " + gain);
   if (view.unmarked) {  // under the marked one, with nothing under the ground truth
-    const UnmarkedView& twin = *view.unmarked;
+    const UnmarkedView& counterpart = *view.unmarked;
     text += "<div></div>" +
-            image_tag(twin.render,
-                      "unmarked, " + twin.file + ": " + format_text("%.2f dB, SSIM %.4f", twin.psnr, twin.ssim)) +
-            image_tag(difference(view.render, twin.render, input.difference_gain),
+            image_tag(counterpart.render, "unmarked, " + counterpart.file + ": " +
+                                              format_text("%.2f dB, SSIM %.4f", counterpart.psnr, counterpart.ssim)) +
+            image_tag(difference(view.render, counterpart.render, input.difference_gain),
                       "difference of marked and unmarked " + gain);
   }
   return text + "</div>\n";

@@ -52,7 +52,7 @@ struct ReportView {
 struct ReportCurve {
   std::string heading;
   std::vector<ProgressLine> lines;  ///< Progress::curve() or read_progress_log()
-  bool beside_host = false;         ///< post-hoc embedding: the PSNR is that against the unmarked renders
+  bool posthoc = false;             ///< post-hoc embedding: the PSNR is that against the unmarked renders
   std::string page{};               ///< address of the run's own page, relative to this one; empty: it is this one
 };
 

@@ -55,7 +55,7 @@ std::string curves_html(const ReportCurve& curve) {
   Plot loss{.title = "Loss", .x_label = "iteration", .y_label = "loss (log)", .series = {}, .log_y = true};
   loss.series.push_back(thinned(lines, 300, "total", 0, [](const ProgressLine& l) { return l.loss; }));
   Plot psnr{.title = "PSNR", .x_label = "iteration", .y_label = "dB", .series = {}};
-  if (curve.beside_host) {  // no photograph is looked at
+  if (curve.posthoc) {  // no photograph is looked at
     psnr.title = "PSNR of marked against unmarked renders";
     psnr.series.push_back(thinned(lines, 300, "sampled novel views", 0, [](const ProgressLine& l) { return l.psnr; }));
   } else {
@@ -82,7 +82,7 @@ std::string curves_html(const ReportCurve& curve) {
     text += svg(bits);
   }
   text += svg(psnr);
-  if (!curve.beside_host) text += growth(lines);
+  if (!curve.posthoc) text += growth(lines);
   return text + "</div>\n";
 }
 

@@ -40,7 +40,7 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
     key->required();
   }
   app.number("--bits", options.bits, WholeRange{0, OwnerKey::bits_limit}, "length of the message (default: the key's)");
-  app.reads("--unmarked", options.twin, InputKind::model,
+  app.reads("--unmarked", options.unmarked, InputKind::model,
             "the unmarked counterpart, to measure the cost of the mark (default of embed: the "
             "unmarked model, or its compressed file)");
   app.number("--message-weight", options.weight, RealRange{0, 1e9, true},
@@ -66,7 +66,7 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
   app.number("--sample-by-loss", options.by_cost, share_range,
              "share of the sampled novel views that go where the message loss was high lately, so "
              "that hard views are seen more often; 0: none (default: 0)");
-  app.number("--calibrate-steps", options.hold_steps, any_count,
+  app.number("--calibrate-steps", options.calibrate_steps, any_count,
              "iterations between step-bias calibrations of a context_gs model, without which a "
              "mark makes the file grow; 0: none (default: 50)");
   app.number("--message-every", options.message_every, run_length,
@@ -82,8 +82,8 @@ void add_run_files(FileUse& use, const RunFiles& run, const std::filesystem::pat
   if (run.json_log.empty() || out != run.out) use.write(out / "log.jsonl", "--out");
   if (run.marks && out == run.out) use.write_in(out, {"verification.json", "mark.json"}, "--out");
   if (run.model.empty()) return;
-  const std::filesystem::path host = run.model.parent_path();  // its page's curves are shown again
-  for (const char* name : {"results.json", "log.jsonl"}) use.read(host / name, "--model (the run that it is of)");
+  const std::filesystem::path source = run.model.parent_path();  // its page's curves are shown again
+  for (const char* name : {"results.json", "log.jsonl"}) use.read(source / name, "--model (the run that it is of)");
 }
 
 }  // namespace tool

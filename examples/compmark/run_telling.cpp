@@ -89,9 +89,10 @@ void RunTelling::on_view(const SeenView& view) { shown_->keep(view); }
 Result<Done> RunTelling::on_findings(const RunFindings& findings, ThreadExecutor& executor) {
   if (findings.mark != nullptr) {
     const RunMark& mark = *findings.mark;
-    const std::filesystem::path& twin = findings.coded && !mark.coded_twin.empty() ? mark.coded_twin : mark.twin;
-    if (!twin.empty()) {
-      if (Result<Done> added = shown_->add_unmarked(twin, executor); !added) return added;
+    const std::filesystem::path& counterpart =
+        findings.coded && !mark.coded_unmarked.empty() ? mark.coded_unmarked : mark.unmarked;
+    if (!counterpart.empty()) {
+      if (Result<Done> added = shown_->add_unmarked(counterpart, executor); !added) return added;
     }
   }
   return write_report(findings.out / "report.html", run_page(findings, progress_->curve(), shown_->pictures));

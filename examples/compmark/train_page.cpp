@@ -49,38 +49,38 @@ std::string address(const std::filesystem::path& path) {
 }
 
 /// The run whose finished model this one began with.
-struct HostRun {
+struct SourceRun {
   RunResults results;
   std::vector<ProgressLine> lines;
   std::string page;  ///< its address, from the folder of this run
 };
 /// Nothing where the model's folder is not that of its run: a log of something else would be worse than none.
-std::optional<HostRun> host_run(const RunFindings& f) {
+std::optional<SourceRun> source_run(const RunFindings& f) {
   if (f.source.empty()) return std::nullopt;
   const std::filesystem::path folder = f.source.parent_path();
   Result<RunResults> results = read_results(folder / "results.json");
   const Result<std::string> digest = file_sha256(f.source);
   if (!results || !digest || results->model_sha256 != *digest) return std::nullopt;
-  HostRun host;
-  host.results = std::move(*results);
+  SourceRun source;
+  source.results = std::move(*results);
   Result<std::vector<ProgressLine>> log = read_progress_log(folder / "log.jsonl");
-  if (log && !log->empty() && log->back().iteration == host.results.iterations) host.lines = std::move(*log);
+  if (log && !log->empty() && log->back().iteration == source.results.iterations) source.lines = std::move(*log);
   std::error_code none;
   const std::filesystem::path page = folder / "report.html";
-  if (std::filesystem::exists(page, none)) host.page = address(std::filesystem::proximate(page, f.out, none));
-  return host;
+  if (std::filesystem::exists(page, none)) source.page = address(std::filesystem::proximate(page, f.out, none));
+  return source;
 }
 
 bool marks(const RunFindings& f) { return f.mark != nullptr && !f.mark->read_only; }
 
 /// The training of the source model, if this run began with one, and this run.
 std::vector<ReportCurve> run_curves(const RunFindings& f, const std::vector<ProgressLine>& curve,
-                                    std::optional<HostRun>& host) {
+                                    std::optional<SourceRun>& source) {
   std::vector<ReportCurve> curves;
   const bool from_model = !f.source.empty();
-  if (host)
+  if (source)
     curves.push_back({marks(f) ? "Training of the unmarked model" : "Training of the model that was compressed",
-                      std::move(host->lines), false, host->page});
+                      std::move(source->lines), false, source->page});
   const char* const heading = !from_model ? (marks(f) ? "Training, with the message" : "Training")
                               : marks(f)  ? "Hiding the message"
                                           : "Fitting the codec";
@@ -154,13 +154,13 @@ void ShownViews::keep(const SeenView& view) {
                       view.result.psnr, view.result.ssim, view.result.lpips_alex});
 }
 
-Result<Done> ShownViews::add_unmarked(const std::filesystem::path& twin, ThreadExecutor& executor) {
-  Result<AnyModel> model = AnyModel::open(twin, executor);
+Result<Done> ShownViews::add_unmarked(const std::filesystem::path& counterpart, ThreadExecutor& executor) {
+  Result<AnyModel> model = AnyModel::open(counterpart, executor);
   if (!model) return model.error();
   const Result<Evaluation> seen =
       evaluate_views(*model, views_, evaluation_settings(), executor, [&](const SeenView& view) -> Result<Done> {
-        pictures[view.index].unmarked = {twin.filename().string(), make_report_image(view.measured), view.result.psnr,
-                                         view.result.ssim};
+        pictures[view.index].unmarked = {counterpart.filename().string(), make_report_image(view.measured),
+                                         view.result.psnr, view.result.ssim};
         return Done{};
       });
   if (!seen) return seen.error();
@@ -176,7 +176,7 @@ ReportInput run_page(const RunFindings& f, const std::vector<ProgressLine>& curv
   const auto mean = [](const Evaluation& of, double ViewResult::*figure) {
     return of.mean([&](const ViewResult& view) { return view.*figure; });
   };
-  std::optional<HostRun> host = host_run(f);
+  std::optional<SourceRun> source = source_run(f);
 
   ReportInput page;
   page.title = results.dataset;
@@ -190,11 +190,11 @@ ReportInput run_page(const RunFindings& f, const std::vector<ProgressLine>& curv
   std::optional<CodedFile> unmarked;
   if (f.coded) {
     page.headline.emplace_back(kibibytes(f.coded->metrics.bytes), "model.cmk");
-    if (f.mark != nullptr && !f.mark->coded_twin.empty()) {
-      if (Result<CodedFile> twin = coded_file(f.mark->coded_twin); twin) {
+    if (f.mark != nullptr && !f.mark->coded_unmarked.empty()) {
+      if (Result<CodedFile> counterpart = coded_file(f.mark->coded_unmarked); counterpart) {
         std::error_code none;
-        unmarked = std::move(*twin);
-        page.headline.emplace_back(kibibytes(std::filesystem::file_size(f.mark->coded_twin, none)), "unmarked.cmk");
+        unmarked = std::move(*counterpart);
+        page.headline.emplace_back(kibibytes(std::filesystem::file_size(f.mark->coded_unmarked, none)), "unmarked.cmk");
       }
     }
   }
@@ -206,13 +206,13 @@ ReportInput run_page(const RunFindings& f, const std::vector<ProgressLine>& curv
     page.words.push_back({"Read from the renders of " + file, report_text(verification)});
   }
   page.headline.emplace_back(std::to_string(f.coded ? f.coded->metrics.anchors : results.anchors), "anchors");
-  if (host) page.headline.emplace_back(format_duration(host->results.train_seconds), "training time");
-  page.headline.emplace_back(format_duration(results.train_seconds), !host      ? "training time"
+  if (source) page.headline.emplace_back(format_duration(source->results.train_seconds), "training time");
+  page.headline.emplace_back(format_duration(results.train_seconds), !source    ? "training time"
                                                                      : marks(f) ? "hiding the message"
                                                                                 : "fitting the codec");
   page.headline.emplace_back(decimals(mean(evaluation, &ViewResult::milliseconds), 1) + " ms", "render of a view");
 
-  page.curves = run_curves(f, curve, host);
+  page.curves = run_curves(f, curve, source);
   page.renders = f.coded ? "decoded model.cmk" : "render";
   page.views = std::move(pictures);
   if (f.coded && f.coded->mark)

@@ -22,7 +22,8 @@ class ShownViews {
   /// Keeps the pictures of a view that is shown.
   void keep(const compmark::SeenView& view);
   /// Adds renders of the unmarked model at the same cameras.
-  compmark::Result<compmark::Done> add_unmarked(const std::filesystem::path& twin, compmark::ThreadExecutor& executor);
+  compmark::Result<compmark::Done> add_unmarked(const std::filesystem::path& counterpart,
+                                                compmark::ThreadExecutor& executor);
   std::vector<ReportView> pictures;
 
  private:

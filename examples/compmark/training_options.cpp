@@ -153,7 +153,7 @@ void bind_options(Options& app, EmbedOptions& options) {
     add_run_files(use, {settings.out, options.run.json_log, settings.model, settings.mark.wanted()}, settings.out);
     add_record_written(use, settings.mark.key);
     if (settings.mark.decoder.empty()) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
-    if (settings.mark.twin.empty()) use.write(settings.out / "unmarked.cmk", "--out");
+    if (settings.mark.unmarked.empty()) use.write(settings.out / "unmarked.cmk", "--out");
   });
 }
 
@@ -184,7 +184,7 @@ void bind_options(Options& app, FitCodecOptions& options) {
             "owner's key of a marked model; its message is read from the fitted model and from "
             "its file (with --decoder)");
   app.reads("--decoder", options.settings.mark.decoder, InputKind::decoder, "message decoder that reads it");
-  app.reads("--unmarked", options.settings.mark.twin, InputKind::model,
+  app.reads("--unmarked", options.settings.mark.unmarked, InputKind::model,
             "the unmarked counterpart, a model or its .cmk, to measure the cost of the mark and "
             "of the file");
   add_finished_model_options(app, options.settings, options.run);

@@ -161,13 +161,13 @@ struct SecretWaves {
   }
 };
 
-// 4. A recipe: five policies by position, and what carries the mark. The host is what a file of the finished model
+// 4. A recipe: five policies by position, and what carries the mark. Base is what a file of the finished model
 // holds.
 constexpr DecoderShape shape{.feature_dim = 16, .offsets = 5};
 using Anchors = ScaffoldAnchors<float, shape>;
 using Raster = TrainingRasterizer<float, accuracy::fast>;
 struct MyRecipe : Policies<Anchors, Raster, QuantizationNoise<float, 16>, AdaptiveQuantizer<float>, SecretWaves> {
-  using Host = Policies<Anchors, Raster>;
+  using Base = Policies<Anchors, Raster>;
   using Embedder = ResidualFeature<float>;
 };
 
@@ -184,10 +184,10 @@ struct Progress {
 };
 
 /// Reads the message of a key from the renders of a model, as whoever checks a claim does.
-Result<Verification> verify(const Model<MyRecipe::Host>& model, const Memory& views, const OwnerKey& key, Team& team) {
+Result<Verification> verify(const Model<MyRecipe::Base>& model, const Memory& views, const OwnerKey& key, Team& team) {
   const SecretWaves decoder(key);
-  const Pipeline<MyRecipe::Host> pipeline;
-  Pipeline<MyRecipe::Host>::Context context;
+  const Pipeline<MyRecipe::Base> pipeline;
+  Pipeline<MyRecipe::Base>::Context context;
   SecretWaves::Context none;
   std::vector<ViewLogits> read;
   std::vector<float> logits(SecretWaves::count);
@@ -242,7 +242,7 @@ int main() {
   Memory source = views;
   if (const auto done = trainer.run(source, Progress{}); !done) return fail(done.error());
 
-  const Model<MyRecipe::Host> model = baked_host(trainer.model());
+  const Model<MyRecipe::Base> model = baked_model(trainer.model());
   const auto mine = verify(model, views, key, team), theirs = verify(model, views, other, team);
   if (!mine) return fail(mine.error());
   if (!theirs) return fail(theirs.error());

@@ -24,10 +24,10 @@ int main(int argc, char** argv) {
     return 1;
   }
   const compmark::CodecModel& model = decoded->model;
-  std::size_t live = 0;
+  std::size_t unmasked = 0;
   std::array<double, 3> low{}, high{};
   for (std::size_t i = 0; i < model.anchors(); ++i) {
-    for (std::uint32_t bits = model.mask[i]; bits != 0; bits &= bits - 1) ++live;
+    for (std::uint32_t bits = model.mask[i]; bits != 0; bits &= bits - 1) ++unmasked;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const double x = model.voxel_size * model.voxels[i][axis];
       low[axis] = i == 0 ? x : std::min(low[axis], x);
@@ -35,7 +35,7 @@ int main(int argc, char** argv) {
     }
   }
   std::printf("%s, %s\n", compmark::codec_name(model.profile()), decoded->verified ? "digest right" : "incomplete");
-  std::printf("%zu anchors with %zu live offsets and %d features\n", model.anchors(), live, model.feature_dim);
+  std::printf("%zu anchors with %zu unmasked offsets and %d features\n", model.anchors(), unmasked, model.feature_dim);
   std::printf("within (%.3f %.3f %.3f) to (%.3f %.3f %.3f)\n", low[0], low[1], low[2], high[0], high[1], high[2]);
   return decoded->verified ? 0 : 1;
 }

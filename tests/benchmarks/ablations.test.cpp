@@ -64,7 +64,7 @@ TableOfPaper table_named(const std::string& name) {
 TEST_CASE("ablations: rows are told apart by their names, and every line of a table is one of them") {
   std::set<std::string> names;
   for (const Row& row : all_rows()) CHECK(names.insert(row.name).second);
-  CHECK(all_rows()[0].name == twin_name);
+  CHECK(all_rows()[0].name == unmarked_name);
   CHECK_FALSE(all_rows()[0].message);
   for (const TableOfPaper& table : tables_of_paper()) {
     CAPTURE(table.name);
@@ -151,7 +151,7 @@ TEST_CASE("ablations: tables are means over scenes and seeds, differences of pai
   CHECK(line_of(capacity, "bits_32").accuracy_direction == Direction::agrees);
   CHECK(line_of(capacity, "bits_32").psnr_direction == Direction::no_paper);
 
-  // A row without its twin or its partner counts for the means alone.
+  // A row without its counterpart or its partner counts for the means alone.
   records.push_back(record("c", "position", 0, 0.5, 10));
   const FilledLine alone = line_of(fill(table_named("T4"), records), "position");
   CHECK(alone.accuracy_after.count == 5);

@@ -193,8 +193,8 @@ must keygen --bits 8 --out inputs/short.key
 must train --data inputs/scene --out inputs/run --iterations 60 --voxel-size 0.5
 must train --data inputs/scene --out inputs/hac --iterations 20 --voxel-size 0.5 --codec hac
 must fit --model inputs/run/model.safetensors --data inputs/scene --bits 16 --features 24 --views 64 --gradient-views 2 --coordinates 4 --out inputs/dec.safetensors
-for host in run:marked hac:marked_hac; do
-  must embed --model "inputs/${host%:*}/model.safetensors" --data inputs/scene --key inputs/owner.key --decoder inputs/dec.safetensors --out "inputs/${host#*:}" --iterations 10
+for pair in run:marked hac:marked_hac; do
+  must embed --model "inputs/${pair%:*}/model.safetensors" --data inputs/scene --key inputs/owner.key --decoder inputs/dec.safetensors --out "inputs/${pair#*:}" --iterations 10
 done
 all=(train train_hac embed embed_hac mark fit fit_codec compress decompress export render verify)
 [ -z "$only" ] || IFS=, read -r -a all <<<"$only"

@@ -51,7 +51,7 @@ DecoderWeights carrier() {
   return weights;
 }
 
-LooseTensors lattice(bool colour, bool host, bool limited) {
+LooseTensors lattice(bool colour, bool cover, bool limited) {
   LatticeSettings settings;
   settings.measure = colour ? LatticeMeasure::colour : LatticeMeasure::contrast;
   settings.bits = 4;
@@ -69,11 +69,11 @@ LooseTensors lattice(bool colour, bool host, bool limited) {
   };
   for (std::vector<float>* part : {&weights.frequency, &weights.phase, &weights.head, &weights.bias})
     fill(*part, part->size());
-  if (host) {
-    fill(weights.host.direction, 2 * 5);
-    fill(weights.host.offset, 2);
-    fill(weights.host.centre, 3 * 2);
-    fill(weights.host.coefficient, 3 * 4);
+  if (cover) {
+    fill(weights.cover.direction, 2 * 5);
+    fill(weights.cover.offset, 2);
+    fill(weights.cover.centre, 3 * 2);
+    fill(weights.cover.coefficient, 3 * 4);
   }
   Collected writer;
   add_lattice(LatticeDecoder<float>(settings, weights), "", writer);

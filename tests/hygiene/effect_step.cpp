@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One training iteration of a recipe, for effects_free.sh. EFFECT_RECIPE is the recipe; with EFFECT_BY_HAND the road is
+// One training iteration of a recipe, for effects_free.sh. EFFECT_RECIPE is the recipe; with EFFECT_BY_HAND the pass is
 // written out here stage by stage, as it is without effects, and the recipe is plain. One thread; as many iterations as
 // the argument says.
 #include <array>
@@ -42,9 +42,9 @@ struct R : EFFECT_RECIPE {};
 constexpr int width = 96, height = 64;
 
 #ifdef EFFECT_BY_HAND
-/// The road as it is without effects, cut into the same three functions as Pipeline, so that a compiler inlines the
+/// The passes as they are without effects, cut into the same three functions as Pipeline, so that a compiler inlines the
 /// same.
-struct Road {
+struct Passes {
   using Context = Pipeline<R>::Context;
   template <Executor E>
   ForwardReport forward(const Model<R>& model, const Camera<double>& camera, std::size_t view, Context& c,
@@ -104,19 +104,19 @@ struct Road {
   R::GaussianDecoder decoder;
 };
 #else
-using Road = Pipeline<R>;
+using Passes = Pipeline<R>;
 #endif
 
 void iterate(Model<R>& model, const Camera<double>& camera, ImageView<const float> target,
              [[maybe_unused]] const std::vector<float>& ones, Pipeline<R>::Context& context, SerialExecutor& executor) {
-  const Road road;
-  static_cast<void>(road.forward(model, camera, 0, context, executor));
+  const Passes passes;
+  static_cast<void>(passes.forward(model, camera, 0, context, executor));
   if constexpr (present<R::AlphaLoss> || present<R::PixelWeights>) {
     static_cast<void>(Pipeline<R>{}.loss(TargetView<float>(target, ones.data(), ones.data()), {}, context, executor));
   } else {
-    static_cast<void>(road.loss(target, {}, context, executor));
+    static_cast<void>(passes.loss(target, {}, context, executor));
   }
-  road.backward(model, camera, 0, context, executor);
+  passes.backward(model, camera, 0, context, executor);
 }
 
 }  // namespace

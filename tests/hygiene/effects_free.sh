@@ -61,7 +61,7 @@ WithFrequencies FrequencyLoss
 WithNoise QuantizationNoise
 HacScaffold HacModel
 ContextGsScaffold ContextGsModel
-WithMark DrawnReading trainer
+WithMark NovelViewReading trainer
 ScaffoldAlpha RandomBackground trainer
 ScaffoldFarField ContractedSpace trainer
 LIST

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # The layer law, by the include graph: core <- math <- {scene, io, metric} <- splat <- {watermark | codec} <- recipes <- app. The two wings,
-# watermark and codec, never include one another; testing may include all but app. A concept.hpp includes only core, so that any room may include
+# watermark and codec, never include one another; testing may include all but app. A concept.hpp includes only core, so that any module may include
 # it; no header reaches itself. And what may be missing stays missing: a header that needs a library of its own (an optional component) is included
 # by no other header, and by tests and examples named after the component alone, which are left out where it is not installed.   layers.sh <project root>
 set -eu
@@ -29,13 +29,13 @@ law() {
     allow("testing", below "watermark codec recipes testing")
     allow("app", below "watermark codec recipes app")
   }
-  function allow(room, list,    k, part, m) { m = split(list, part, " "); for (k = 1; k <= m; k++) ok[room, part[k]] = 1; known[room] = 1 }
-  function room_of(path,    part) { return split(path, part, "/") > 2 ? part[2] : "" }
+  function allow(module, list,    k, part, m) { m = split(list, part, " "); for (k = 1; k <= m; k++) ok[module, part[k]] = 1; known[module] = 1 }
+  function module_of(path,    part) { return split(path, part, "/") > 2 ? part[2] : "" }
   {
-    from = room_of($1); to = room_of($2)
-    if (from == "") next                          # compmark.hpp, fwd.hpp, version.hpp stand above all rooms
-    if (!(from in known)) { print $1 ": room \"" from "\" is not in the layer law (tests/hygiene/layers.sh)"; bad = 1; next }
-    if (to == "") { if ($2 !~ /(fwd|version)\.hpp$/) { print $1 " includes " $2 ": rooms do not include the umbrella"; bad = 1 }; next }
+    from = module_of($1); to = module_of($2)
+    if (from == "") next                          # compmark.hpp, fwd.hpp, version.hpp stand above all modules
+    if (!(from in known)) { print $1 ": module \"" from "\" is not in the layer law (tests/hygiene/layers.sh)"; bad = 1; next }
+    if (to == "") { if ($2 !~ /(fwd|version)\.hpp$/) { print $1 " includes " $2 ": modules do not include the umbrella"; bad = 1 }; next }
     if ($2 !~ /\/concept\.hpp$/ && !((from, to) in ok)) { print $1 " includes " $2 ": " from " may not include " to; bad = 1 }
     if ($1 ~ /\/concept\.hpp$/ && to != "core") { print $1 " includes " $2 ": a concept includes only core"; bad = 1 }
   }

@@ -127,7 +127,7 @@ TEST_CASE(
   CHECK(error < 1e-15);
   CHECK(identity < 1e-15);
   CHECK(change > 0.1);
-  // Negative control: with 1 / n left to the way back alone, <A x, y> and <x, A^T y> differ by the factor n.
+  // Negative control: with 1 / n left to the backward pass alone, <A x, y> and <x, A^T y> differ by the factor n.
   double forward = 0, back = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {
     forward += once[i] * once[i];

@@ -29,7 +29,7 @@ namespace compmark::testing {
 [[nodiscard]] inline bool same(const CodecModel& a, const CodecModel& b) {
   return a.voxel_size == b.voxel_size && a.feature_dim == b.feature_dim && a.offset_count == b.offset_count &&
          a.base_step == b.base_step && a.chunk_anchors == b.chunk_anchors && a.voxels == b.voxels && a.mask == b.mask &&
-         same(a.feature, b.feature) && same(a.extent, b.extent) && same(a.offset, b.offset) &&
+         same(a.feature, b.feature) && same(a.scale, b.scale) && same(a.offset, b.offset) &&
          a.hyperprior == b.hyperprior && a.networks == b.networks && a.metadata == b.metadata &&
          a.context.has_value() == b.context.has_value() && (!a.context || a.context->network == b.context->network) &&
          a.context_gs == b.context_gs;

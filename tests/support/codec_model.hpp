@@ -76,13 +76,13 @@ struct CodecModelShape {
     }
     model.voxels.push_back(voxel);
     std::uint32_t mask = 0;
-    const double live = 0.2 + 0.5 * std::abs(direction[0]) / std::sqrt(length);
+    const double unmasked = 0.2 + 0.5 * std::abs(direction[0]) / std::sqrt(length);
     for (std::size_t o = 0; o < k; ++o)
-      mask |= (random.uniform((std::uint64_t{1} << 40) + i * 32 + o) < live ? 1u : 0u) << o;
+      mask |= (random.uniform((std::uint64_t{1} << 40) + i * 32 + o) < unmasked ? 1u : 0u) << o;
     model.mask.push_back(mask);
   }
   model.feature.resize(n * d);
-  model.extent.resize(n * 6);
+  model.scale.resize(n * 6);
   model.offset.resize(n * 3 * k);
   const auto context = detail::context_of(model, WeightBits{});
   if (!context) return {};
@@ -100,7 +100,7 @@ struct CodecModelShape {
         const double q =
             model.base_step[static_cast<std::size_t>(group)] * std::exp2(evaluator.step(group, lane) / 16.0);
         float* const out = group == 0   ? model.feature.data() + row * d
-                           : group == 1 ? model.extent.data() + row * 6
+                           : group == 1 ? model.scale.data() + row * 6
                                         : model.offset.data() + row * 3 * k;
         for (std::size_t c = 0; c < width; ++c) {
           const double sigma = std::exp2((models[c].sigma_index + GaussianTables::least_level) / 8.0);

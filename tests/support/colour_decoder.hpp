@@ -11,7 +11,7 @@
 
 namespace compmark::testing {
 
-/// Eight waves of colour, a bit a wave: what a surface keeps from wherever it is seen (watermark/decoder/lattice_decoder.hpp).
+/// Eight Fourier features of colour, a bit a feature: what a surface keeps from wherever it is seen (watermark/decoder/lattice_decoder.hpp).
 inline LatticeDecoder<float> colours() {
   LatticeSettings settings;
   settings.measure = LatticeMeasure::colour;

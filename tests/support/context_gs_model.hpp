@@ -55,11 +55,11 @@ namespace compmark::testing {
   trained.statistics = model.trained->statistics;
   trained.box = model.trained->box;
   model.trained.reset();
-  std::vector<Voxel> live;
+  std::vector<Voxel> unmasked;
   for (std::size_t i = 0; i < model.anchors(); ++i) {
-    if (model.mask[i] != 0) live.push_back(model.voxels[i]);
+    if (model.mask[i] != 0) unmasked.push_back(model.voxels[i]);
   }
-  trained.cells = choose_anchor_cells(live);
+  trained.cells = choose_anchor_cells(unmasked);
   trained.hidden = shape.hidden;
   for (std::size_t level = 0; level < 3; ++level) {
     trained.network[level] = make_context_gs_network(
@@ -109,7 +109,7 @@ namespace compmark::testing {
         const int index = evaluator.step(group, lane);
         const double base = model.base_step[static_cast<std::size_t>(group)], q = base * std::exp2(index / 16.0);
         float* const out = group == 0   ? model.feature.data() + row * d
-                           : group == 1 ? model.extent.data() + row * 6
+                           : group == 1 ? model.scale.data() + row * 6
                                         : model.offset.data() + row * k3;
         for (std::size_t c = 0; c < width; ++c) {
           const double sigma = std::exp2((models[c].sigma_index + GaussianTables::least_level) / 8.0);

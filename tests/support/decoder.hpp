@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Small message decoders with random weights of a sensible size, for the tests of the mark room.
+// Small message decoders with random weights of a sensible size, for the tests of the module watermark.
 #pragma once
 
 #include <cmath>

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The whole road against central differences: a small model in double whose every parameter carries gradient, and the check of its
+// The whole pass against central differences: a small model in double whose every parameter carries gradient, and the check of its
 // directional derivative.
 #pragma once
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Stages that change anchors, on a table of anchors alone: the part of a pass before the decoder and its way back, in the order of Pipeline.
+// Stages that change anchors, on a table of anchors alone: the part of a pass before the decoder, forward and backward, in the order of Pipeline.
 #pragma once
 
 #include <cstdint>

@@ -224,7 +224,7 @@ TEST_CASE(
   CHECK(verdict(out + "/model.cmk", other) != 0);  // negative controls
   CHECK(verdict(out + "/unmarked.cmk", key) != 0);
 
-  // Stopped, it ends in the same file; begun anew or with another host, it says so.
+  // Stopped, it ends in the same file; begun anew or with another model, it says so.
   const std::string again = "embed --iterations 100 --model " + at("run/model.safetensors") + data + " --key " + key +
                             " --decoder " + decoder;
   testing::killed(again, at("stopped"));
@@ -234,7 +234,7 @@ TEST_CASE(
   CHECK(file_bytes(at("stopped/model.cmk")) == file_bytes(at("straight/model.cmk")));
   check_refused(tool(again + " --out " + at("straight") + " --unmarked " + at("straight/model.cmk")), {"--unmarked"});
 
-  // What a reading does to features: the loss of the first, held hard to the host before rounding, is what rounding does to the image (38.5 here),
+  // What a reading does to features: the loss of the first, held hard to the unmarked render before rounding, is what rounding does to the image (38.5 here),
   // and next to nothing without it (0.9) or where both have the same noise (0.9).
   const auto distorted = [&](const std::string& how) {
     done("embed --iterations 20 --fidelity 1e6 --model " + at("run/model.safetensors") + data + " --key " + key +

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark evaluate: marked models of both codecs before and after them, each against its own twin: every figure is in JSON, CSV and the page, and is
+// compmark evaluate: marked models of both codecs before and after them, each against its own counterpart: every figure is in JSON, CSV and the page, and is
 // the one that the library finds in the pictures that anybody can render.
 #include <doctest/doctest.h>
 
@@ -172,7 +172,7 @@ std::string text(const char* format, double value) {
 /// How the measures are called in JSON and CSV, and in the tables of the page.
 struct Named {
   const char *name, *heading, *format;
-  bool of_twin;
+  bool of_unmarked;
 };
 constexpr Named named[] = {{"psnr", "PSNR, dB", "%.3f", false},
                            {"ssim", "SSIM", "%.4f", false},
@@ -185,10 +185,10 @@ constexpr Named named[] = {{"psnr", "PSNR, dB", "%.3f", false},
 
 /// Figures of one view or model in the three files.
 void check_same(const nlohmann::json& json, std::map<std::string, std::string>& csv,
-                std::map<std::string, std::string>& page, bool has_twin) {
+                std::map<std::string, std::string>& page, bool has_unmarked) {
   for (const Named& measure : named) {
     INFO(measure.name);
-    if (measure.of_twin && !has_twin) {
+    if (measure.of_unmarked && !has_unmarked) {
       CHECK_FALSE(json.contains(measure.name));
       CHECK(csv.at(measure.name).empty());
       CHECK(page.at(measure.heading).empty());
@@ -220,19 +220,20 @@ std::vector<float> picture(const fs::path& path, int& width, int& height) {
 
 }  // namespace
 
-TEST_CASE("evaluate: marked models of both codecs against their own twins, the same figures in JSON, CSV and page") {
+TEST_CASE(
+    "evaluate: marked models of both codecs against their own counterparts, the same figures in JSON, CSV and page") {
   const Fixture& all = fixture();
-  // Before and after HAC, after ContextGS, and a control: an unmarked model that is its own twin.
+  // Before and after HAC, after ContextGS, and a control: an unmarked model that is its own counterpart.
   const std::vector<std::string> models = {"hac_marked/model.safetensors", "hac_marked/model.cmk",
                                            "context_gs_marked/model.cmk", "hac/model.safetensors"},
-                                 twins = {"hac/model.safetensors", "hac_marked/unmarked.cmk",
-                                          "context_gs_marked/unmarked.cmk", "hac/model.safetensors"};
+                                 counterparts = {"hac/model.safetensors", "hac_marked/unmarked.cmk",
+                                                 "context_gs_marked/unmarked.cmk", "hac/model.safetensors"};
   std::string command = "evaluate --threads 1 --data " + at("scene") + all.mark() + " --lpips-squeeze " + all.lpips +
                         " --json " + at("all.json") + " --csv " + at("all.csv") + " --html " + at("all.html") +
                         " --model";
   for (const std::string& model : models) command += " " + at(model);
   command += " --unmarked";
-  for (const std::string& twin : twins) command += " " + at(twin);
+  for (const std::string& counterpart : counterparts) command += " " + at(counterpart);
   const Outcome outcome = done(command);
   CHECK(outcome.text.find("its p") != std::string::npos);  // the terminal has the worst view's too
   const nlohmann::json json = json_of(at("all.json"));
@@ -241,27 +242,27 @@ TEST_CASE("evaluate: marked models of both codecs against their own twins, the s
   auto table = table_of(page, "Models");
   const auto sections = table_of(page, "Bytes by section");
 
-  // Six files: the control's twin is there already.
+  // Six files: the control's counterpart is there already.
   REQUIRE(json["models"].size() == 6);
   REQUIRE(table.size() == 6);
   REQUIRE(csv.size() == 6 * (views + 1));
   for (std::size_t m = 0; m < 6; ++m) {
     const nlohmann::json& model = json["models"][m];
-    const std::string name = m < 4 ? models[m] : twins[m - 3], shown = name + (m < 3 ? "" : " (unmarked)");
+    const std::string name = m < 4 ? models[m] : counterparts[m - 3], shown = name + (m < 3 ? "" : " (unmarked)");
     INFO(name);
     CHECK(model["name"] == name);  // three are called model.cmk or model.safetensors: with their folder
     CHECK(model["unmarked"] == (m >= 3));
     REQUIRE(model.contains("twin") == (m < 4));
-    if (m < 4) CHECK(json["models"][model["twin"].get<std::size_t>()]["name"] == twins[m]);
+    if (m < 4) CHECK(json["models"][model["twin"].get<std::size_t>()]["name"] == counterparts[m]);
 
     // All views.
     auto& whole = csv[m * (views + 1) + views];
     CHECK(whole.at("scope") == "model");
     CHECK(whole.at("model") == name);
     CHECK(whole.at("view").empty());
-    CHECK(whole.at("unmarked") == (m < 4 ? twins[m] : ""));
+    CHECK(whole.at("unmarked") == (m < 4 ? counterparts[m] : ""));
     CHECK(table[m].at("model") == shown);
-    CHECK(table[m].at("unmarked counterpart") == (m < 4 ? twins[m] : ""));
+    CHECK(table[m].at("unmarked counterpart") == (m < 4 ? counterparts[m] : ""));
     if (m < 3) CHECK(page.find("./test/r_000, " + name) != std::string::npos);  // under its picture
     check_same(model, whole, table[m], m < 4);
     const double accuracy = model["bit_accuracy"]["mean"].get<double>(),
@@ -351,7 +352,7 @@ TEST_CASE("evaluate: marked models of both codecs against their own twins, the s
     CHECK(json["models"][m]["ssim_vs_unmarked"].get<double>() < 0.9999);
     CHECK(json["models"][m]["lpips_squeeze_vs_unmarked"].get<double>() > 0);
   }
-  // After the codec, a model is compared with what the codec made of the twin, as embed does.
+  // After the codec, a model is compared with what the codec made of the counterpart, as embed does.
   for (const auto& [m, run] :
        {std::pair(std::size_t{1}, "hac_marked"), std::pair(std::size_t{2}, "context_gs_marked")}) {
     const nlohmann::json said = json_of(at(std::string(run) + "/results.json"))["compressed"];
@@ -388,14 +389,14 @@ TEST_CASE("evaluate: what it says of two renders is what the library finds in th
   static_cast<void>(all);
 }
 
-TEST_CASE("evaluate: one twin for all models, or one for each; other counts are refused") {
+TEST_CASE("evaluate: one counterpart for all models, or one for each; other counts are refused") {
   static_cast<void>(fixture());
   const std::string models = "evaluate --threads 1 --data " + at("scene") + " --model " +
                              at("hac_marked/model.safetensors") + " " + at("hac_marked/model.cmk") + " " +
                              at("hac/model.safetensors");
   done(models + " --unmarked " + at("hac/model.safetensors") + " --json " + at("one.json"));
   const nlohmann::json one = json_of(at("one.json"))["models"];
-  REQUIRE(one.size() == 3);  // the twin is the last of them
+  REQUIRE(one.size() == 3);  // the counterpart is the last of them
   for (std::size_t m = 0; m < 3; ++m) {
     CHECK(one[m]["twin"] == 2);
     CHECK(one[m]["psnr_cost_vs_unmarked"].get<double>() ==
@@ -407,7 +408,7 @@ TEST_CASE("evaluate: one twin for all models, or one for each; other counts are 
   check_refused(tool(models + " --unmarked" + unmarked + unmarked + unmarked + unmarked + json),
                 {"4 files for 3 models"});
   CHECK_FALSE(fs::exists(at("none.json")));
-  // What is read is not written over, the second twin neither.
+  // What is read is not written over, the second counterpart neither.
   check_refused(tool(models + " --unmarked" + unmarked + " " + at("hac/model.safetensors") + unmarked + " --csv " +
                      at("hac/model.safetensors")),
                 {"--csv"});

@@ -143,26 +143,26 @@ TEST_CASE("tool: a model for fit-codec is trained without the effects that it do
 
 TEST_CASE("tool: fit-codec keeps the exposures of a model that has them, and a mark is hidden in it without them") {
   static_cast<void>(plain());
-  const std::string data = " --data " + at("scene"), host = at("exposed/model.safetensors"),
+  const std::string data = " --data " + at("scene"), plain = at("exposed/model.safetensors"),
                     fitted = at("exposed_fitted/model.safetensors");
   done("train --recipe scaffold+exposure --voxel-size 0.2 --iterations 60" + data + " --out " + at("exposed"));
   REQUIRE(write_key(at("exposed.key"), testing::fixed_key(1, 24)).ok());
   const std::string decoder = at("colours.safetensors");
   REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
   for (const std::string codec : {"context_gs", "hac"}) {
-    done("fit-codec --codec " + codec + " --model " + host + data + " --iterations 20 --force --out " +
+    done("fit-codec --codec " + codec + " --model " + plain + data + " --iterations 20 --force --out " +
          at("exposed_fitted"));
     CHECK(json_of(at("exposed_fitted/results.json"))["recipe"] == codec + "+fitted+exposure");
-    CHECK(same_model(host, fitted));
-    CHECK(block(host, "exposure") == block(fitted, "exposure"));
+    CHECK(same_model(plain, fitted));
+    CHECK(block(plain, "exposure") == block(fitted, "exposure"));
     done("embed --iterations 20 --model " + fitted + data + " --key " + at("exposed.key") + " --decoder " + decoder +
          " --out " + at(codec + "_exposed_marked"));
     CHECK(json_of(at(codec + "_exposed_marked/results.json"))["recipe"] == codec + "+fitted");
     CHECK(testing::file_bytes(at(codec + "_exposed_marked/unmarked.cmk")) ==
           testing::file_bytes(at("exposed_fitted/model.cmk")));
   }
-  done("fit-codec --touch-up --model " + host + data + " --iterations 20 --out " + at("exposed_touched"));
-  CHECK(block(host, "exposure") != block(at("exposed_touched/model.safetensors"), "exposure"));
+  done("fit-codec --touch-up --model " + plain + data + " --iterations 20 --out " + at("exposed_touched"));
+  CHECK(block(plain, "exposure") != block(at("exposed_touched/model.safetensors"), "exposure"));
 }
 
 TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as its file is read") {
@@ -171,8 +171,9 @@ TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as i
   const std::string data = " --data " + at("scene"), decoder = at("of_fitted.safetensors");
   for (const std::string codec : {"hac", "context_gs"}) {
     CAPTURE(codec);
-    const std::string host = at(codec + "_host"), model = host + "/model.safetensors", out = at(codec + "_marked");
-    done(command(codec + "_host", "--codec " + codec));
+    const std::string plain = at(codec + "_unmarked"), model = plain + "/model.safetensors",
+                      out = at(codec + "_marked");
+    done(command(codec + "_unmarked", "--codec " + codec));
     done("fit --force --bits 24 --features 72 --views 200 --gradient-views 6" + data + " --model " + model + " --out " +
          decoder);
     done("embed --iterations 600 --fidelity 60 --message-rate 0.01 --model " + model + data + " --key " +
@@ -180,10 +181,10 @@ TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as i
     const nlohmann::json results = json_of(out + "/results.json"), &compressed = results["compressed"];
     MESSAGE(codec, ": ", compressed["bit_accuracy"].dump(), " of the file, ", results["bit_accuracy"].dump(),
             " of the model, cost ", compressed["psnr_cost_vs_unmarked"].dump(), " dB, ", compressed["bytes"].dump(),
-            " bytes of ", fs::file_size(host + "/model.cmk"));
+            " bytes of ", fs::file_size(plain + "/model.cmk"));
     CHECK(results["recipe"] == codec + "+fitted");
-    CHECK(testing::file_bytes(out + "/unmarked.cmk") == testing::file_bytes(host + "/model.cmk"));
-    CHECK(compressed["bytes"].get<double>() < 1.1 * static_cast<double>(fs::file_size(host + "/model.cmk")));
+    CHECK(testing::file_bytes(out + "/unmarked.cmk") == testing::file_bytes(plain + "/model.cmk"));
+    CHECK(compressed["bytes"].get<double>() < 1.1 * static_cast<double>(fs::file_size(plain + "/model.cmk")));
     const auto verdict = [&](const std::string& file, const std::string& key) {
       return tool("verify --alpha 1e-3 --split all --model " + file + " --key " + at(key) + " --decoder " + decoder)
           .code;

@@ -72,8 +72,8 @@ TEST_CASE(
   REQUIRE(write_key(key, testing::fixed_key(1, 48)).ok());
   done("scene --out " + at("scene") + " --width 64 --height 64 --train 12 --test 3");
   done("train --codec hac --voxel-size 0.2 --effects none --iterations 200 --data " + at("scene") + " --out " +
-       at("host"));
-  done("embed --iterations 60 --model " + at("host/model.safetensors") + " --data " + at("scene") + " --key " + key +
+       at("plain"));
+  done("embed --iterations 60 --model " + at("plain/model.safetensors") + " --data " + at("scene") + " --key " + key +
        " --decoder " + decoder + " --out " + out);
   const std::string page = text_of(out + "/report.html");
 
@@ -119,21 +119,21 @@ TEST_CASE(
   }
   CHECK(sentences == 5);
 
-  for (const char* part : {"<h2>Training of the unmarked model</h2>", "href=\"../host/report.html\"",
+  for (const char* part : {"<h2>Training of the unmarked model</h2>", "href=\"../plain/report.html\"",
                            "<h2>Hiding the message</h2>", "<h2>Bytes by section</h2>", ">unmarked.cmk<"}) {
     INFO(part);
     CHECK(page.find(part) != std::string::npos);
   }
-  // The host's own page has one training, and no message.
-  const std::string host = text_of(at("host/report.html"));
-  CHECK(testing::times_in(host, "<h2>Training</h2>") == 1);
-  CHECK(host.find("Is the message there?") == std::string::npos);
-  CHECK(pictures_of(host).size() == 9);
+  // The unmarked model's own page has one training, and no message.
+  const std::string plain = text_of(at("plain/report.html"));
+  CHECK(testing::times_in(plain, "<h2>Training</h2>") == 1);
+  CHECK(plain.find("Is the message there?") == std::string::npos);
+  CHECK(pictures_of(plain).size() == 9);
 
-  // A log that is not the host's is not shown as its training.
-  const std::string log = at("host/log.jsonl");
+  // A log that is not that model's is not shown as its training.
+  const std::string log = at("plain/log.jsonl");
   REQUIRE(write_file(log, text_of(log).substr(0, text_of(log).size() / 2)).ok());
-  done("embed --iterations 1 --model " + at("host/model.safetensors") + " --data " + at("scene") + " --key " + key +
+  done("embed --iterations 1 --model " + at("plain/model.safetensors") + " --data " + at("scene") + " --key " + key +
        " --decoder " + decoder + " --out " + at("again"));
   CHECK(text_of(at("again/report.html")).find("<h2>Training of the unmarked model</h2>") == std::string::npos);
 }

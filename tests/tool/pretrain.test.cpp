@@ -106,7 +106,7 @@ TEST_CASE("tool/pretrain: the same file for any number of threads and after an i
   CHECK(file_bytes(at("killed.safetensors")) == one);
 }
 
-TEST_CASE("tool/pretrain: waves of colour as they are drawn, and the same file again") {
+TEST_CASE("tool/pretrain: Fourier features of colour as they are drawn, and the same file again") {
   const std::string drawn =
       "--bits 8 --fourier colour --steps 0 --crop 32 --measure 1 --measure-steps 2 --threads 1 --out " +
       at("colour.safetensors");

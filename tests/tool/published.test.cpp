@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The published method as a whole, by its profiles: the message, the loss and the growing that look at frequencies, and the saturated colours train
-// with the scene, alone and inside the hosts of the codecs.
+// with the scene, alone and inside the codecs.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -72,7 +72,7 @@ TEST_CASE("tool: a published profile marks the scene while it trains, in either 
     const int other = verdict(at(codec) + "/model.cmk", setting().other);
     CHECK((other == 1 || other == 3));
   }
-  // Without a codec it is the published host with the published noise.
+  // Without a codec it is the published recipe with the published noise.
   for (const auto& run : {std::pair("compmark-host", "official"), std::pair("compmark-paper-host", "paper")}) {
     const std::string recipe = run.first, profile = run.second;
     CAPTURE(profile);

@@ -119,28 +119,28 @@ TEST_CASE("tool: a finished training that is resumed is left alone, and says whi
 }
 
 TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are left alone") {
-  done(train("host") + " --recipe scaffold");
-  done(train("other_host") + " --recipe scaffold --seed 9");
+  done(train("plain") + " --recipe scaffold");
+  done(train("other_plain") + " --recipe scaffold --seed 9");
   REQUIRE(write_key(at("owner.key"), testing::fixed_key(1, 16)).ok());
   REQUIRE(write_key(at("other.key"), testing::fixed_key(2, 16)).ok());
   const fs::path decoder = at("decoder.safetensors"), other = at("other.safetensors");
   REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_lattice(16, 32, 2), "a test", decoder).ok());
   REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_lattice(16, 32, 3), "a test", other).ok());
-  const std::string from = " --threads 1 --iterations 3 --data " + at("scene"), host = at("host/model.safetensors"),
-                    other_host = at("other_host/model.safetensors");
+  const std::string from = " --threads 1 --iterations 3 --data " + at("scene"), plain = at("plain/model.safetensors"),
+                    other_plain = at("other_plain/model.safetensors");
   // Their last word is one that can be said once more, or otherwise.
   const auto embed = [&](const std::string& model, const std::string& key, const fs::path& reader) {
     return "embed" + from + " --out " + at("marked") + " --model " + model + " --key " + key + " --decoder " +
            reader.string();
   };
-  const std::string marked = embed(host, at("owner.key"), decoder);
+  const std::string marked = embed(plain, at("owner.key"), decoder);
   done(marked);
   check_finished(marked, at("marked"),
                  {{"--seed 3", "--seed was 0 and is 3"},
                   {"--fidelity 7", "--fidelity was"},
                   {"--message-weight 3", "--message-weight was"},
                   {"--for-compression", "--for-compression"},
-                  {"--unmarked " + other_host, "--unmarked differs"}});
+                  {"--unmarked " + other_plain, "--unmarked differs"}});
   {  // results.json of a version that called the unmarked model otherwise
     const fs::path results = at("marked/results.json");
     const std::vector<std::byte> bytes = testing::file_bytes(results);
@@ -153,12 +153,12 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
     REQUIRE(write_file(results, now).ok());
   }
   const auto before = all_of(at("marked"));
-  check_refused(tool(embed(other_host, at("owner.key"), decoder) + " --resume"), {"--model differs"});
-  check_refused(tool(embed(host, at("other.key"), decoder) + " --resume"), {"--key differs"});
-  check_refused(tool(embed(host, at("owner.key"), other) + " --resume"), {"--decoder differs"});
+  check_refused(tool(embed(other_plain, at("owner.key"), decoder) + " --resume"), {"--model differs"});
+  check_refused(tool(embed(plain, at("other.key"), decoder) + " --resume"), {"--key differs"});
+  check_refused(tool(embed(plain, at("owner.key"), other) + " --resume"), {"--decoder differs"});
   CHECK(all_of(at("marked")) == before);
 
-  const std::string fitted = "fit-codec" + from + " --out " + at("fitted") + " --model " + host;
+  const std::string fitted = "fit-codec" + from + " --out " + at("fitted") + " --model " + plain;
   done(fitted);
   check_finished(fitted, at("fitted"),
                  {{"--lambda 0.002", "--lambda was 0.001 and is 0.002"},
@@ -173,7 +173,7 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
   check_finished(small + at("fitted/model.safetensors"), at("small"),
                  {{"--seed 3", "--seed was 0 and is 3"}, {"--distortion none", "--distortion was"}});
   fs::copy(at("small/unmarked.cmk"), at("unmarked.cmk"));
-  done("fit-codec" + from + " --seed 5 --out " + at("other_fitted") + " --model " + host);
+  done("fit-codec" + from + " --seed 5 --out " + at("other_fitted") + " --model " + plain);
   check_refused(tool(small + at("other_fitted/model.safetensors") + " --resume"), {"--model differs"});
   CHECK(testing::file_bytes(at("small/unmarked.cmk")) == testing::file_bytes(at("unmarked.cmk")));
 }
@@ -243,25 +243,25 @@ TEST_CASE("tool: who comes second is told before anything of the first is moved,
   const fs::path decoder = at("held/decoder.safetensors");
   REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_lattice(16, 32, 2), "a test", decoder).ok());
   const auto before = all_of(at("held"));
-  const std::string host = at("held_host.safetensors");
-  fs::copy(at("held/model.safetensors"), host);
+  const std::string plain = at("held_plain.safetensors");
+  fs::copy(at("held/model.safetensors"), plain);
   {
     const Result<FolderLock> other = FolderLock::acquire(at("held"));
     REQUIRE(other.ok());
     for (const std::string& command : {run + " --force", run + " --resume", run + " --force --key " + at("held.key"),
                                        "embed --threads 1 --force --data " + at("scene") + " --out " + at("held") +
-                                           " --key " + at("held.key") + " --model " + host}) {
+                                           " --key " + at("held.key") + " --model " + plain}) {
       INFO(command);
       check_refused(tool(command), {at("held"), "another run writes into this folder"});
     }
   }
   CHECK(all_of(at("held")) == before);
-  done("fit-codec --threads 1 --iterations 3 --data " + at("scene") + " --out " + at("coded") + " --model " + host);
+  done("fit-codec --threads 1 --iterations 3 --data " + at("scene") + " --out " + at("coded") + " --model " + plain);
   for (const auto& written :
        std::map<std::string, std::string>{{"m.cmk", "compress --model " + at("coded/model.safetensors")},
                                           {"m.safetensors", "decompress --model " + at("coded/model.cmk")},
-                                          {"m.ply", "export --refine 0 --compare 0 --model " + host},
-                                          {"rounded.safetensors", "attack --int8 tensor --model " + host}}) {
+                                          {"m.ply", "export --refine 0 --compare 0 --model " + plain},
+                                          {"rounded.safetensors", "attack --int8 tensor --model " + plain}}) {
     const std::string name = written.first, words = written.second + " --out " + at(name);
     INFO(name);
     {

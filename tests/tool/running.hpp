@@ -71,7 +71,7 @@ inline OwnerKey fixed_key(int number, std::size_t bits) {
   return *key;
 }
 
-/// A lattice that nobody trained, so that seconds do; `frequency` is the deviation of its waves' phases over the range of a colour.
+/// A lattice that nobody trained, so that seconds do; `frequency` is the deviation of its features' phases over the range of a colour.
 inline LatticeDecoder<float> untrained_lattice(int bits, int features, double frequency) {
   LatticeSettings settings;
   settings.bits = bits;
@@ -86,7 +86,7 @@ inline LatticeDecoder<float> untrained_lattice(int bits, int features, double fr
   return {settings, weights};
 }
 
-/// Waves of colour as they are drawn, one a bit: a mark that a small scene takes in seconds. A logit of 1 is about a deviation of the unmarked.
+/// Fourier features of colour as they are drawn, one a bit: a mark that a small scene takes in seconds. A logit of 1 is about a deviation of the unmarked.
 inline LatticeDecoder<float> untrained_colours(int bits) {
   LatticeSettings settings;
   settings.measure = LatticeMeasure::colour;

@@ -49,7 +49,7 @@ std::string at(const std::string& name) { return (scratch() / name).string(); }
 
 constexpr int side = 96;
 
-/// A lattice that nobody trained, of 48 bits, whose waves are short against the picture below.
+/// A lattice that nobody trained, of 48 bits, whose periods are short against the picture below.
 LatticeDecoder<float> lattice(int bits = 48) { return testing::untrained_lattice(bits, 96, 14); }
 
 std::vector<float> picture(std::uint64_t seed) { return testing::textured_picture(side, seed); }

@@ -109,11 +109,11 @@ TEST_CASE(
   CHECK(json_of(at("report.json"))["p_value"] == marked["p_value"]);
   CHECK(json_of(at("marked/verification.json"))["model"]["sha256"] == marked["model_sha256"]);
 
-  // evaluate says the same of the files, and of the twin beside it.
+  // evaluate says the same of the files, and of the counterpart beside it.
   const std::string evaluate = "evaluate --model " + at("marked/model.safetensors") + " --data " + setting().scene,
-                    twin = " --unmarked " + at("unmarked/model.safetensors");
-  const Outcome outcome = tool(evaluate + twin + setting().mark() + " --json " + at("evaluate.json") + " --csv " +
-                               at("evaluate.csv") + " --html " + at("evaluate.html"));
+                    counterpart = " --unmarked " + at("unmarked/model.safetensors");
+  const Outcome outcome = tool(evaluate + counterpart + setting().mark() + " --json " + at("evaluate.json") +
+                               " --csv " + at("evaluate.csv") + " --html " + at("evaluate.html"));
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
   const nlohmann::json found = json_of(at("evaluate.json"));
@@ -144,7 +144,7 @@ TEST_CASE(
   ImageBytes mask{96, 80, 1, std::vector<std::uint8_t>(96 * 80)};
   for (std::size_t i = 0; i < mask.pixels.size(); ++i) mask.pixels[i] = i % 96 < 48 ? 255 : 0;
   REQUIRE(write_png(at("masked/mask.png"), mask).ok());
-  REQUIRE(tool("evaluate --model " + at("marked/model.safetensors") + " --data " + at("masked") + twin +
+  REQUIRE(tool("evaluate --model " + at("marked/model.safetensors") + " --data " + at("masked") + counterpart +
                setting().mark() + " --json " + at("masked.json"))
               .code == 0);
   const nlohmann::json masked = json_of(at("masked.json"));
@@ -153,7 +153,7 @@ TEST_CASE(
   CHECK(masked["psnr_vs_unmarked"] == found["psnr_vs_unmarked"]);
 
   check_refused(tool(evaluate + " --key " + setting().key), {"--decoder", "is missing"});
-  check_refused(tool(evaluate + twin + " --json " + at("unmarked/model.safetensors")), {"--json"});
+  check_refused(tool(evaluate + counterpart + " --json " + at("unmarked/model.safetensors")), {"--json"});
   check_refused(tool(evaluate + " --json " + at("same.txt") + " --csv " + at("same.txt")), {"same.txt"});
   CHECK_FALSE(fs::exists(at("same.txt")));
 }
@@ -181,16 +181,16 @@ TEST_CASE("tool: embed marks a finished model and leaves the file it read as it 
                                  " --data " + setting().scene + " --out " + at("touched") + setting().mark());
   INFO(published.text);
   CHECK(published.code == 0);
-  const Result<SafetensorsFile> host = read_safetensors(at("dense/model.safetensors")),
+  const Result<SafetensorsFile> plain = read_safetensors(at("dense/model.safetensors")),
                                 beside = read_safetensors(at("embedded/model.safetensors")),
                                 touched = read_safetensors(at("touched/model.safetensors"));
-  REQUIRE((host.ok() && beside.ok() && touched.ok()));
+  REQUIRE((plain.ok() && beside.ok() && touched.ok()));
   for (const char* name : {"anchor.offset", "anchor.scaling", "mlp_color.0.weight"}) {
     CAPTURE(name);
-    CHECK(*beside->values<float>(name) == *host->values<float>(name));
-    CHECK(*touched->values<float>(name) != *host->values<float>(name));
+    CHECK(*beside->values<float>(name) == *plain->values<float>(name));
+    CHECK(*touched->values<float>(name) != *plain->values<float>(name));
   }
-  CHECK(*beside->values<float>("anchor.feature") != *host->values<float>("anchor.feature"));
+  CHECK(*beside->values<float>("anchor.feature") != *plain->values<float>("anchor.feature"));
   CHECK(json_of(at("dense/results.json"))["model_sha256"] == before);
   CHECK(tool("info " + at("dense/model.safetensors")).text.find(before) != std::string::npos);
 }
@@ -214,21 +214,21 @@ TEST_CASE("tool: a model that was trained with exposures is marked as what its r
   const nlohmann::json results = json_of(at("exposed-marked/results.json"));
   CHECK(results["recipe"] == "scaffold");
   CHECK(results["psnr_marked_vs_unmarked"].get<double>() >
-        30);  // the twin is the model with exposures: its renders are compared
-  const Result<SafetensorsFile> host = read_safetensors(exposed),
+        30);  // the counterpart is the model with exposures: its renders are compared
+  const Result<SafetensorsFile> plain = read_safetensors(exposed),
                                 beside = read_safetensors(at("exposed-marked/model.safetensors"));
-  REQUIRE((host.ok() && beside.ok()));
+  REQUIRE((plain.ok() && beside.ok()));
   const auto exposures = [](const SafetensorsFile& file) {
     return std::count_if(file.tensors.begin(), file.tensors.end(),
                          [](const auto& tensor) { return tensor.first.find("exposure") != std::string::npos; });
   };
-  CHECK(exposures(*host) > 0);
+  CHECK(exposures(*plain) > 0);
   CHECK(exposures(*beside) == 0);
   for (const char* name : {"anchor.position", "anchor.scaling", "mlp_color.0.weight"}) {
     CAPTURE(name);
-    CHECK(*beside->values<float>(name) == *host->values<float>(name));
+    CHECK(*beside->values<float>(name) == *plain->values<float>(name));
   }
-  CHECK(*beside->values<float>("anchor.feature") != *host->values<float>("anchor.feature"));
+  CHECK(*beside->values<float>("anchor.feature") != *plain->values<float>("anchor.feature"));
   // In the loss of the photographs they would have to train on, which no recipe with a message does.
   check_refused(tool(embed + at("exposed-loss") + " --fidelity 0"), {"scaffold+exposure"});
 }
@@ -251,13 +251,15 @@ TEST_CASE("tool: a model for a codec that was trained with exposures is marked i
   const nlohmann::json results = json_of(out + "/results.json");
   CHECK(results["recipe"] == "hac");
   CHECK(json_of(at("exposed-hac/results.json"))["rate_lambda"] == 0.004);
-  CHECK_FALSE(results.contains("rate_lambda"));  // no bit is a loss of the mark: a default is not the host's lambda
-  // The twin is the file of the model with exposures: their renders are compared.
+  CHECK_FALSE(
+      results.contains("rate_lambda"));  // no bit is a loss of the mark: a default is not the unmarked model's lambda
+  // The counterpart is the file of the model with exposures: their renders are compared.
   CHECK(results["compressed"]["psnr_marked_vs_unmarked"].get<double>() > 30);
-  const Result<SafetensorsFile> host = read_safetensors(exposed), beside = read_safetensors(out + "/model.safetensors");
-  REQUIRE((host.ok() && beside.ok()));
-  CHECK(*beside->values<float>("anchor.position") == *host->values<float>("anchor.position"));
-  CHECK(*beside->values<float>("anchor.feature") != *host->values<float>("anchor.feature"));
+  const Result<SafetensorsFile> plain = read_safetensors(exposed),
+                                beside = read_safetensors(out + "/model.safetensors");
+  REQUIRE((plain.ok() && beside.ok()));
+  CHECK(*beside->values<float>("anchor.position") == *plain->values<float>("anchor.position"));
+  CHECK(*beside->values<float>("anchor.feature") != *plain->values<float>("anchor.feature"));
   for (const char* name : {"/unmarked.cmk", "/model.cmk"}) {
     CAPTURE(name);
     const Outcome read = tool("extract --model " + out + name + " --decoder " + decoder);
@@ -416,7 +418,7 @@ TEST_CASE(
   CHECK(verdict("whole", key, "--split all", decoder) == 0);
   CHECK(not_detected(verdict("whole", other, "--split all", decoder)));
   CHECK(not_detected(verdict("unmarked", key, "--split all", decoder)));
-  // Resumed, it neither trains the host nor fits again.
+  // Resumed, it neither trains the unmarked model nor fits again.
   const fs::file_time_type before = fs::last_write_time(at("whole/unmarked/model.safetensors"));
   const fs::file_time_type fitted = fs::last_write_time(at("whole/decoder.safetensors"));
   const Outcome again = tool(run + " --resume");
@@ -424,7 +426,7 @@ TEST_CASE(
   REQUIRE(again.code == 0);
   CHECK(fs::last_write_time(at("whole/unmarked/model.safetensors")) == before);
   CHECK(fs::last_write_time(at("whole/decoder.safetensors")) == fitted);
-  // A decoder is kept, and a host of other options is not taken for this one.
+  // A decoder is kept, and an unmarked model of other options is not taken for this one.
   check_refused(tool(run), {at("whole"), "--out", "finished run"});
   fs::rename(at("whole/results.json"), at("whole/aside.json"));
   check_refused(tool(run), {"decoder.safetensors", "--out"});
@@ -449,7 +451,7 @@ TEST_CASE(
 }
 
 TEST_CASE("tool: a scene that is marked when it is finished keeps the exposures that it calls for") {
-  // What is asked for and the recipe of the host. In the loss of the photographs the mark would have to train with them.
+  // What is asked for and the recipe of the unmarked model. In the loss of the photographs the mark would have to train with them.
   const std::vector<std::array<std::string, 3>> cases = {{"", "plain", "scaffold+exposure"},
                                                          {"--codec hac --lambda 0.004 ", "coded", "hac+exposure"},
                                                          {"--fidelity 0 ", "in-the-loss", "scaffold"}};
@@ -457,7 +459,7 @@ TEST_CASE("tool: a scene that is marked when it is finished keeps the exposures 
     const std::string& name = called;
     CAPTURE(name);
     const std::string out = at("exposed-then-marked-" + name);
-    // Of the host alone: ended when it is there.
+    // Of the unmarked model alone: ended when it is there.
     const Outcome ended =
         tool("train --voxel-size 0.2 --effects exposure --iterations 60 " + options + "--data " + setting().scene +
              " --key " + setting().key + " --out " + out + " 2>&1 & pid=$!; while [ ! -f " + out +
@@ -475,12 +477,12 @@ TEST_CASE("tool: train --fidelity marks the finished model, and keeps the unmark
   CHECK(held["psnr_cost_vs_unmarked"].is_number());
   const Result<SafetensorsFile> plain =
                                     read_safetensors((static_cast<void>(unmarked()), at("unmarked/model.safetensors"))),
-                                twin = read_safetensors(at("held/unmarked/model.safetensors")),
+                                counterpart = read_safetensors(at("held/unmarked/model.safetensors")),
                                 marked = read_safetensors(at("held/model.safetensors"));
-  REQUIRE((plain.ok() && twin.ok() && marked.ok()));
+  REQUIRE((plain.ok() && counterpart.ok() && marked.ok()));
   for (const char* name : {"anchor.offset", "anchor.scaling", "anchor.feature", "mlp_color.0.weight"}) {
     CAPTURE(name);
-    CHECK(*twin->values<float>(name) == *plain->values<float>(name));
+    CHECK(*counterpart->values<float>(name) == *plain->values<float>(name));
   }
   CHECK(*marked->values<float>("anchor.feature") != *plain->values<float>("anchor.feature"));
 }
@@ -566,7 +568,7 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
                 {"--fidelity", "leave out --for-compression"});
   check_refused(tool(common + setting().mark() + " --fidelity 3000 --unmarked " + at("unmarked/model.safetensors")),
                 {"--fidelity", "leave out --unmarked"});
-  // Before the host is trained, not after.
+  // Before the unmarked model is trained, not after.
   check_refused(tool(common + " --key " + setting().key + " --fidelity 0 --sample-by-loss 1"),
                 {"--sample-by-loss", "needs post-hoc embedding"});
   check_refused(tool(common + " --key " + setting().key + " --codec hac --calibrate-steps 50"),

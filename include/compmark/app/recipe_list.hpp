@@ -57,8 +57,8 @@ auto with_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTag<recipes::
   if (name == "scaffold+exposure+mask") return f(RecipeTag<recipes::ScaffoldExposureMasked>{});
   if (name == "scaffold+farfield") return f(RecipeTag<recipes::ScaffoldFarField>{});
   if (name == "scaffold+exposure+farfield") return f(RecipeTag<recipes::ScaffoldFarFieldExposure>{});
-  if (name == "compmark-host") return f(RecipeTag<recipes::CompMarkHost>{});
-  if (name == "compmark-paper-host") return f(RecipeTag<recipes::CompMarkPaperHost>{});
+  if (name == "compmark-host") return f(RecipeTag<recipes::CompMarkBase>{});
+  if (name == "compmark-paper-host") return f(RecipeTag<recipes::CompMarkPaperBase>{});
   return f.unknown(unknown_recipe(name));
 }
 
@@ -110,8 +110,8 @@ auto with_reading_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTag<r
   if (plain == "scaffold+exposure") return f(RecipeTag<recipes::ScaffoldExposure>{});
   if (plain == "scaffold+farfield") return f(RecipeTag<recipes::ScaffoldFarField>{});
   if (plain == "scaffold+exposure+farfield") return f(RecipeTag<recipes::ScaffoldFarFieldExposure>{});
-  if (plain == "compmark-host") return f(RecipeTag<recipes::CompMarkHost>{});
-  if (plain == "compmark-paper-host") return f(RecipeTag<recipes::CompMarkPaperHost>{});
+  if (plain == "compmark-host") return f(RecipeTag<recipes::CompMarkBase>{});
+  if (plain == "compmark-paper-host") return f(RecipeTag<recipes::CompMarkPaperBase>{});
   return f.unknown(unknown_recipe(name));
 }
 

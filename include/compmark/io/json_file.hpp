@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JSON files: reading with the line of the mistake, fields with their path in the message, writing whole or not at all.
-// Whatever uses JSON, here and in other rooms, is a template on its class with one default: a program pays for the
+// Whatever uses JSON, here and in other modules, is a template on its class with one default: a program pays for the
 // instantiation of a JSON library (an eighth of the umbrella header's parse time) where it reads or writes JSON, not
 // where it includes a header.
 #pragma once

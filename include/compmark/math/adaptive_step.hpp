@@ -3,7 +3,7 @@
 //
 // The step of adaptive quantization, q = Q0 (1 + tanh r) (HAC eq. 5; docs/spec/method.md, 5.2), in the form that keeps
 // its digits: 2 Q0 sigmoid(2 r). The published form is exactly 0 in float from r = -9.01 on, and a division by it
-// follows (docs/spec/numerics.md, QD1). Rooms quant and entropy share it.
+// follows (docs/spec/numerics.md, QD1). The quantizers and the codecs share it.
 #pragma once
 
 #include <algorithm>

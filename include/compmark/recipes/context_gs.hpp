@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Recipes that train for compression with ContextGS (Wang et al., NeurIPS 2024): any host, and the entropy model in
+// Recipes that train for compression with ContextGS (Wang et al., NeurIPS 2024): any recipe, and the entropy model in
 // which anchors predict anchors. Published numbers that differ from HAC's: a rate sample of 15 % (RateNumbers::sample),
 // z at 0.0075, its prior at 0.005 to 0.00001.
 //
-//   ContextGs<Host>                       Host with anchor levels, hyperprior, adaptive steps and offset masks
+//   ContextGs<Base>                       Base with anchor levels, hyperprior, adaptive steps and offset masks
 //   ContextGsScaffold, ContextGsAlpha …   recipes of captures with the paper's anchors: D = 50, K = 10, distance input
 //   ContextGsFitted, ContextGsFittedMasked …   a codec for a finished model of Scaffold, whose anchors stay as they are
 #pragma once
@@ -17,11 +17,11 @@
 
 namespace compmark::recipes {
 
-template <class HostRecipe>
-struct ContextGs : HostRecipe {
-  using Host = HostRecipe;
-  using EntropyModel = ContextGsModel<typename HostRecipe::Scalar, HostRecipe::AnchorModel::shape.feature_dim,
-                                      HostRecipe::AnchorModel::shape.offsets>;
+template <class BaseRecipe>
+struct ContextGs : BaseRecipe {
+  using Base = BaseRecipe;
+  using EntropyModel = ContextGsModel<typename BaseRecipe::Scalar, BaseRecipe::AnchorModel::shape.feature_dim,
+                                      BaseRecipe::AnchorModel::shape.offsets>;
 };
 
 struct ContextGsScaffold : ContextGs<WithShape<Scaffold, coded_shape>> {};

@@ -8,7 +8,7 @@
 
 #include <type_traits>
 
-#include "compmark/codec/model/held_steps.hpp"  // with each list: a recipe must not lack it
+#include "compmark/codec/model/step_bias_calibration.hpp"  // with each list: a recipe must not lack it
 #include "compmark/codec/rate/stages/rate.hpp"
 #include "compmark/core/absent.hpp"
 #include "compmark/splat/training/recipe.hpp"

@@ -72,11 +72,11 @@ struct WithDetail : Complete {
 /// Scaffold-GS as its authors run it: D = 32, K = 10, no distance input (profile "scaffold").
 struct Scaffold : DefaultRecipe<float> {};
 
-/// The host of the published CompMarkGS code: D = 50 (profile "official").
-struct CompMarkHost : DefaultRecipe<float, DecoderShape{.feature_dim = 50}> {};
+/// The model of the published CompMarkGS code: D = 50 (profile "official").
+struct CompMarkBase : DefaultRecipe<float, DecoderShape{.feature_dim = 50}> {};
 
 /// The same with the distance input that its paper describes (profile "paper").
-struct CompMarkPaperHost : DefaultRecipe<float, DecoderShape{.feature_dim = 50, .distance = true}> {};
+struct CompMarkPaperBase : DefaultRecipe<float, DecoderShape{.feature_dim = 50, .distance = true}> {};
 
 }  // namespace recipes
 

@@ -118,7 +118,7 @@ struct DensityControlArchetype {
                std::span<const T> /*gradient_norm*/, State& /*state*/, E& /*executor*/) const {}
   template <class OnEdit>
   GrowthReport adapt(ParameterArena<T>& /*arena*/, const AnchorHandles& /*handles*/, State& /*state*/,
-                     const AdaptContext& /*context*/, OnEdit&& /*on_edit*/) const {
+                     const AdjustmentInputs& /*inputs*/, OnEdit&& /*on_edit*/) const {
     return {};
   }
 };

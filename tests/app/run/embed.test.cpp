@@ -35,7 +35,7 @@ struct Unmarked {
     fit.data = scene.data;
     fit.out = decoder;
     fit.fit.bits = 8;
-    fit.fit.waves = 24;
+    fit.fit.features = 24;
     fit.fit.statistics_views = 96;
     fit.fit.gradient_views = 2;
     REQUIRE(fit_decoder_file(fit, executor, told).ok());
@@ -105,7 +105,7 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
   };
   CHECK(field_of([](EmbedSettings& s) { s.distortion = EmbedDistortion::noise; }) == "--distortion");
   CHECK(field_of([](EmbedSettings& s) { s.mark.period = 0.2; }) == "--period");
-  CHECK(field_of([](EmbedSettings& s) { s.mark.hold_steps = 20; }) == "--calibrate-steps");
+  CHECK(field_of([](EmbedSettings& s) { s.mark.calibrate_steps = 20; }) == "--calibrate-steps");
   CHECK(field_of([](EmbedSettings& s) { s.mark.bits = 16; }) == "bits");
   CHECK(field_of([](EmbedSettings& s) {
           s.mark.fidelity = 0;

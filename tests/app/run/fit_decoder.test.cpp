@@ -28,7 +28,7 @@ TEST_CASE("app/run/fit_decoder: a decoder for a scene, and what its file says of
   settings.data = scene.data;
   settings.out = scene.folder.path / "decoder.safetensors";
   settings.fit.bits = 8;
-  settings.fit.waves = 24;
+  settings.fit.features = 24;
   settings.fit.statistics_views = 96;
   settings.fit.gradient_views = 2;
   settings.fit.tone = 0.05;
@@ -43,7 +43,7 @@ TEST_CASE("app/run/fit_decoder: a decoder for a scene, and what its file says of
   const auto record = detail::read_fit_record(file->metadata.at("note"));
   REQUIRE(record.has_value());
   CHECK(record->model_sha256 == *file_sha256(settings.model));
-  CHECK(record->waves == 24);
+  CHECK(record->features == 24);
   CHECK(record->statistics_views == 96);
   CHECK(record->tone == 0.05);
   CHECK(detail::fit_note(*record) == file->metadata.at("note"));
@@ -63,9 +63,9 @@ TEST_CASE("app/run/fit_decoder: a decoder for a scene, and what its file says of
   CHECK(fit_decoder_file(settings, executor, told).error().kind == ErrorKind::cancelled);
   CHECK_FALSE(std::filesystem::exists(settings.out));
   told.stop_fit = false;
-  settings.fit.waves = 4;
+  settings.fit.features = 4;
   CHECK(fit_decoder_file(settings, executor, told).error().field == "--features");
-  settings.fit.waves = 24;
+  settings.fit.features = 24;
   settings.fit.coordinates = 20;
   CHECK(fit_decoder_file(settings, executor, told).error().field == "--coordinates");
 }

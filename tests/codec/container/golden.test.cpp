@@ -60,7 +60,7 @@ std::vector<Golden> golden_files() {
 std::string digest(const CodecModel& model) {
   Sha256 hash;
   hash.update(std::as_bytes(std::span(model.voxels))).update(std::as_bytes(std::span(model.mask)));
-  hash.update(std::as_bytes(std::span(model.feature))).update(std::as_bytes(std::span(model.extent)));
+  hash.update(std::as_bytes(std::span(model.feature))).update(std::as_bytes(std::span(model.scale)));
   hash.update(std::as_bytes(std::span(model.offset)));
   hash.update(std::as_bytes(std::span(model.hyperprior)));
   for (const CodecTensor& tensor : model.networks) {

@@ -47,7 +47,7 @@ struct PlainCodec {
       for (auto& cell : model.voxels[i]) use(cell, 1.0);
       use(model.mask[i], 1.0);
       for (std::size_t c = 0; c < d; ++c) use(model.feature[d * i + c], model.base_step[0]);
-      for (std::size_t c = 0; c < 6; ++c) use(model.extent[6 * i + c], model.base_step[1]);
+      for (std::size_t c = 0; c < 6; ++c) use(model.scale[6 * i + c], model.base_step[1]);
       for (std::size_t c = 0; c < 3 * k; ++c) use(model.offset[3 * k * i + c], model.base_step[2]);
     }
   }
@@ -112,7 +112,7 @@ struct PlainCodec {
     model.voxels.resize(n);
     model.mask.resize(n);
     model.feature.resize(n * static_cast<std::size_t>(model.feature_dim));
-    model.extent.resize(n * 6);
+    model.scale.resize(n * 6);
     model.offset.resize(n * 3 * static_cast<std::size_t>(model.offset_count));
     ByteReader reader(parts[2]);
     each(model, [&](auto& value, double step) {
@@ -140,7 +140,7 @@ CodecModel plain_model() {
   return model;
 }
 bool same(const CodecModel& a, const CodecModel& b) {
-  return a.voxels == b.voxels && a.mask == b.mask && a.feature == b.feature && a.extent == b.extent &&
+  return a.voxels == b.voxels && a.mask == b.mask && a.feature == b.feature && a.scale == b.scale &&
          a.offset == b.offset && a.networks == b.networks && a.metadata == b.metadata && a.base_step == b.base_step;
 }
 

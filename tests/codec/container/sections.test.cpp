@@ -107,7 +107,7 @@ TEST_CASE("container/network_coding: weights take less than their bits") {
   CHECK(encode_networks(std::span(&tensor, 1)).size() < 9600 * 10 / 8 * 0.95);
 }
 
-TEST_CASE("container/mask_coding: masks come back; all live, or each like its neighbours, costs little") {
+TEST_CASE("container/mask_coding: masks come back; all unmasked, or each like its neighbours, costs little") {
   const Random random(4, 0, random_stage("sections"));
   for (const int k : {1, 2, 10, 32}) {
     const std::uint32_t all = k == 32 ? ~0u : (1u << k) - 1;
@@ -124,9 +124,9 @@ TEST_CASE("container/mask_coding: masks come back; all live, or each like its ne
     std::fill(masks.begin(), masks.end(), all);
     CHECK(encode_masks(masks, k).size() < 100);
   }
-  const double dead = 0,
-               share =
-                   dead / 4096;  // negative control (AN9): the bits of an offset that is masked, were its share counted
+  const double masked = 0,
+               share = masked /
+                       4096;  // negative control (AN9): the bits of an offset that is masked, were its share counted
   CHECK_FALSE(std::isfinite(-std::log2(share)));
   CHECK(encode_masks({}, 10).empty());
   CHECK(decode_masks({}, 10, {}).ok());
@@ -183,7 +183,7 @@ TEST_CASE("container/codec_model: a hyperprior without anchors is refused, not d
   CHECK(detail::check_codec_model(model).ok());
   model.voxels.clear();
   model.mask.clear();
-  for (std::vector<float>* part : {&model.feature, &model.extent, &model.offset}) part->clear();
+  for (std::vector<float>* part : {&model.feature, &model.scale, &model.offset}) part->clear();
   CHECK(detail::check_codec_model(model).ok());
   model.hyperprior = {1};
   CHECK_FALSE(detail::check_codec_model(model).ok());

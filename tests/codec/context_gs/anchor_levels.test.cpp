@@ -36,21 +36,21 @@ std::vector<Voxel> surface(std::size_t n, std::int32_t radius, std::int32_t shif
   }
   return voxels;
 }
-std::vector<std::uint8_t> some_live(std::size_t n) {
+std::vector<std::uint8_t> some_unmasked(std::size_t n) {
   const Random random(4, 0, random_stage("anchor levels test"));
-  std::vector<std::uint8_t> live(n);
-  for (std::size_t i = 0; i < n; ++i) live[i] = random.uniform(i) < 0.8 ? 1 : 0;
-  return live;
+  std::vector<std::uint8_t> unmasked(n);
+  for (std::size_t i = 0; i < n; ++i) unmasked[i] = random.uniform(i) < 0.8 ? 1 : 0;
+  return unmasked;
 }
 Voxel cell(const Voxel& v, std::int32_t kappa) {
   Voxel c{};
-  for (std::size_t axis = 0; axis < 3; ++axis) {  // floor, by another road than the header's
+  for (std::size_t axis = 0; axis < 3; ++axis) {  // floor, in another way than the header's
     c[axis] = static_cast<std::int32_t>(std::floor(static_cast<long double>(v[axis]) / kappa));
   }
   return c;
 }
 /// The definition, word by word.
-void reference(const std::vector<Voxel>& voxels, const std::vector<std::uint8_t>& live, AnchorCells cells,
+void reference(const std::vector<Voxel>& voxels, const std::vector<std::uint8_t>& unmasked, AnchorCells cells,
                std::vector<int>& level, std::vector<std::uint32_t>& parent) {
   const auto code = [&](std::size_t i) {
     const auto biased = [&](std::size_t axis) { return static_cast<std::uint32_t>(voxels[i][axis]) ^ 0x80000000u; };
@@ -63,13 +63,13 @@ void reference(const std::vector<Voxel>& voxels, const std::vector<std::uint8_t>
     if (!fresh && code(i) < code(at->second)) at->second = static_cast<std::uint32_t>(i);
   };
   for (std::size_t i = 0; i < voxels.size(); ++i) {
-    if (live[i] != 0) head(fine, cell(voxels[i], cells.fine), i);
+    if (unmasked[i] != 0) head(fine, cell(voxels[i], cells.fine), i);
   }
   for (const auto& [c, i] : fine) head(coarse, cell(voxels[i], cells.coarse), i);
-  level.assign(voxels.size(), AnchorLevels::dead);
+  level.assign(voxels.size(), AnchorLevels::masked);
   parent.assign(voxels.size(), AnchorLevels::none);
   for (std::size_t i = 0; i < voxels.size(); ++i) {
-    if (live[i] == 0) continue;
+    if (unmasked[i] == 0) continue;
     const std::uint32_t first = fine.at(cell(voxels[i], cells.fine));
     level[i] = 0;
     if (first != i) parent[i] = first;
@@ -90,18 +90,18 @@ TEST_CASE("context_gs/anchor_levels: a coordinate's cell is rounded down, at the
   CHECK(cell_coordinate(INT32_MAX, INT32_MAX) == 1);
 }
 
-TEST_CASE("context_gs/anchor_levels: the split is the definition's, dead anchors or none, far from the origin too") {
+TEST_CASE("context_gs/anchor_levels: the split is the definition's, masked anchors or none, far from the origin too") {
   for (const std::int32_t shift : {0, -1000, 2147483000}) {
     const std::vector<Voxel> voxels = surface(3000, 60, shift);
     const AnchorCells cells{7, 19};
     AnchorLevels levels;
     levels.sort(voxels, cells);
-    for (const bool dead : {true, false}) {
-      const std::vector<std::uint8_t> live = dead ? some_live(3000) : std::vector<std::uint8_t>(3000, 1);
-      dead ? levels.assign(live) : levels.assign();
+    for (const bool masked : {true, false}) {
+      const std::vector<std::uint8_t> unmasked = masked ? some_unmasked(3000) : std::vector<std::uint8_t>(3000, 1);
+      masked ? levels.assign(unmasked) : levels.assign();
       std::vector<int> level;
       std::vector<std::uint32_t> parent;
-      reference(voxels, live, cells, level, parent);
+      reference(voxels, unmasked, cells, level, parent);
       CHECK(std::equal(level.begin(), level.end(), levels.level().begin()));
       CHECK(std::equal(parent.begin(), parent.end(), levels.parent().begin()));
       for (std::size_t l = 0; l < 3; ++l) {
@@ -142,17 +142,17 @@ TEST_CASE(
   CHECK(static_cast<double>(levels.counts()[2]) / heads == doctest::Approx(0.2).epsilon(0.3));
 }
 
-TEST_CASE("context_gs/anchor_levels: dead anchors do not exist, and the order of the rows does not matter") {
+TEST_CASE("context_gs/anchor_levels: masked anchors do not exist, and the order of the rows does not matter") {
   const std::vector<Voxel> voxels = surface(2000, 40);
-  const std::vector<std::uint8_t> live = some_live(2000);
+  const std::vector<std::uint8_t> unmasked = some_unmasked(2000);
   const AnchorCells cells{6, 14};
   AnchorLevels all, kept;
   all.sort(voxels, cells);
-  all.assign(live);
-  // Only the live ones, and of those whose voxels are alike the order among themselves alone is kept.
+  all.assign(unmasked);
+  // Only the unmasked ones, and of those whose voxels are alike the order among themselves alone is kept.
   std::vector<std::uint32_t> order;
   for (std::uint32_t i = 0; i < 2000; ++i) {
-    if (live[i] != 0) order.push_back(i);
+    if (unmasked[i] != 0) order.push_back(i);
   }
   std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
     const auto mixed = [&](std::uint32_t i) {
@@ -237,15 +237,15 @@ TEST_CASE("context_gs/anchor_levels: while training, sorted when anchors change,
   CHECK(update(700, {4, 11}) == 0);
   mask[7] = -9;
   CHECK(update(700, {4, 11}) == 1);
-  CHECK(levels.levels().level()[3] == AnchorLevels::dead);
+  CHECK(levels.levels().level()[3] == AnchorLevels::masked);
   CHECK(update(600, {4, 11}) == 2);
   CHECK(update(600, {5, 11}) == 2);
   position[0] += 0.013f;
   CHECK(update(600, {5, 11}) == 2);
   AnchorLevels fresh;
-  std::vector<std::uint8_t> live(600, 1);
-  live[3] = 0;
+  std::vector<std::uint8_t> unmasked(600, 1);
+  unmasked[3] = 0;
   fresh.sort(levels.voxels(), {5, 11});
-  fresh.assign(live);
+  fresh.assign(unmasked);
   CHECK(std::equal(fresh.parent().begin(), fresh.parent().end(), levels.levels().parent().begin()));
 }

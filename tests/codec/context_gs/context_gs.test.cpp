@@ -57,7 +57,7 @@ TEST_CASE("context_gs/context_gs: a file decodes to the encoder's own quantised 
       for (std::size_t c = 0; c < 12; ++c) REQUIRE(back.model.hyperprior[12 * i + c] == model.hyperprior[12 * row + c]);
       for (std::size_t c = 0; c < 6; ++c) {
         REQUIRE(std::abs(back.model.feature[6 * i + c] - model.feature[6 * row + c]) <= 1.0f);
-        REQUIRE(std::abs(back.model.extent[6 * i + c] - model.extent[6 * row + c]) <= 0.001f);
+        REQUIRE(std::abs(back.model.scale[6 * i + c] - model.scale[6 * row + c]) <= 0.001f);
       }
       for (std::size_t c = 0; c < 9; ++c) {
         if ((model.mask[row] >> (c / 3) & 1u) == 0) {
@@ -130,7 +130,7 @@ TEST_CASE(
   CHECK(found.report.bytes_of(CodecFormat::context) < fine.report.bytes_of(CodecFormat::context) * 6 / 10);
 }
 
-TEST_CASE("context_gs/context_gs: no anchors, one anchor, anchors without live offsets, all in one voxel") {
+TEST_CASE("context_gs/context_gs: no anchors, one anchor, anchors without unmasked offsets, all in one voxel") {
   CodecModel none = make_context_gs_model(7, {.anchors = 0});
   CHECK(decoded(encoded(none).bytes).model.anchors() == 0);
   CHECK(encoded(decoded(encoded(none).bytes).model).bytes == encoded(none).bytes);
@@ -138,9 +138,9 @@ TEST_CASE("context_gs/context_gs: no anchors, one anchor, anchors without live o
   REQUIRE(one.mask[0] != 0);
   CHECK(same(decoded(encoded(one).bytes).model, encoded(one).model));
   CHECK(encoded(one).report.level_anchors == std::array<std::uint64_t, 3>{0, 0, 1});
-  CodecModel dead = make_context_gs_model(7, {.anchors = 20});
-  std::fill(dead.mask.begin(), dead.mask.end(), 0u);
-  const CodecEncoded file = encoded(dead);
+  CodecModel masked = make_context_gs_model(7, {.anchors = 20});
+  std::fill(masked.mask.begin(), masked.mask.end(), 0u);
+  const CodecEncoded file = encoded(masked);
   CHECK(file.report.dropped == 20);
   CHECK(decoded(file.bytes).model.anchors() == 0);
   CodecModel heap = make_context_gs_model(8, {.anchors = 50});
@@ -177,19 +177,19 @@ TEST_CASE("context_gs/context_gs: what cannot be coded is refused in a sentence"
     return !result.ok() && !result.error().problem.empty() && !result.error().remedy.empty();
   };
   REQUIRE(!refused(good));
-  std::size_t live = 0;
-  while (good.mask[live] == 0) ++live;
+  std::size_t unmasked = 0;
+  while (good.mask[unmasked] == 0) ++unmasked;
   const auto changed = [&](const auto& change) {
     CodecModel model = good;
     change(model);
     return refused(model);
   };
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  CHECK(changed([&](CodecModel& m) { m.feature[6 * live] = nan; }));
-  CHECK(changed([&](CodecModel& m) { m.extent[6 * live] = -0.001f; }));
+  CHECK(changed([&](CodecModel& m) { m.feature[6 * unmasked] = nan; }));
+  CHECK(changed([&](CodecModel& m) { m.scale[6 * unmasked] = -0.001f; }));
   CHECK(changed([&](CodecModel& m) { m.hyperprior.pop_back(); }));
   CHECK(changed([&](CodecModel& m) { m.hyperprior.clear(); }));
-  CHECK(changed([&](CodecModel& m) { m.hyperprior[12 * live] = HyperpriorFormat::greatest + 1; }));
+  CHECK(changed([&](CodecModel& m) { m.hyperprior[12 * unmasked] = HyperpriorFormat::greatest + 1; }));
   CHECK(changed([&](CodecModel& m) { m.trained_gs.reset(); }));
   CHECK(changed([&](CodecModel& m) { m.trained_gs->cells.fine = 0; }));
   CHECK(changed([&](CodecModel& m) { m.trained_gs->network[1].weight1[0] = nan; }));

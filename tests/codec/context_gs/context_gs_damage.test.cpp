@@ -87,7 +87,7 @@ TEST_CASE(
     REQUIRE(std::equal(cut->model.voxels.begin(), cut->model.voxels.end(), whole->model.voxels.begin()));
     REQUIRE(std::equal(cut->model.mask.begin(), cut->model.mask.end(), whole->model.mask.begin()));
     REQUIRE(std::equal(cut->model.feature.begin(), cut->model.feature.end(), whole->model.feature.begin()));
-    REQUIRE(std::equal(cut->model.extent.begin(), cut->model.extent.end(), whole->model.extent.begin()));
+    REQUIRE(std::equal(cut->model.scale.begin(), cut->model.scale.end(), whole->model.scale.begin()));
     REQUIRE(std::equal(cut->model.offset.begin(), cut->model.offset.end(), whole->model.offset.begin()));
     REQUIRE(std::equal(cut->model.hyperprior.begin(), cut->model.hyperprior.end(), whole->model.hyperprior.begin()));
     REQUIRE(cut->model.hyperprior.size() == anchors * 3);

@@ -91,7 +91,7 @@ TEST_CASE(
     }
     gradients.assign(kept.begin(), kept.end());
     const auto loss = [&] { return scene.loss(); };
-    // Measured 7e-7; steps ten times as long meet kinks of hidden units and of held extents, shorter ones rounding.
+    // Measured 7e-7; steps ten times as long meet kinks of hidden units and of held scales, shorter ones rounding.
     CHECK(testing::directional_error(loss, values, gradients, 1e-6) < 5e-6);
     for (std::size_t i = 0; i < blocks.size() && sample == 0.3; ++i) {
       CAPTURE(i);
@@ -199,7 +199,7 @@ TEST_CASE("context_gs/context_gs_model: who else is listed or sampled changes no
       }
     }
   }
-  // Dead rows pass as they are.
+  // Masked rows pass as they are.
   for (std::size_t c = 0; c < D; ++c) CHECK(scene.view(scene.out[0], 0)(11, c) == scene.table(0)(11, c));
 }
 
@@ -209,16 +209,16 @@ TEST_CASE("context_gs/context_gs_model: loss, sample and report fit together; ma
   SerialExecutor serial;
   const RateReport report = scene.forward(serial);
   CHECK(report.sampled == context_gs_anchors);
-  CHECK(report.live_share == doctest::Approx(1 - 37.0 / context_gs_anchors).epsilon(0.02));
+  CHECK(report.unmasked_share == doctest::Approx(1 - 37.0 / context_gs_anchors).epsilon(0.02));
   const double scalars = D + 6 + 3 * K;
   CHECK(report.bits_per_scalar ==
         doctest::Approx((D * report.bits_feature + 6 * report.bits_scaling + 3 * K * report.bits_offset) / scalars));
-  double masks = 0, live = 0;
+  double masks = 0, unmasked = 0;
   for (const double stored : scene.arena.values(scene.handles.mask).flat()) {
     masks += mask_probability(stored);
-    live += mask_live(stored) ? 1 : 0;
+    unmasked += is_unmasked(stored) ? 1 : 0;
   }
-  CHECK(report.live_offsets == doctest::Approx(live / (context_gs_anchors * K)));
+  CHECK(report.unmasked_offsets == doctest::Approx(unmasked / (context_gs_anchors * K)));
   const double rate =
       scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (context_gs_anchors * scalars));
   CHECK(report.loss == doctest::Approx(rate + scene.settings.mask_weight * masks / (context_gs_anchors * K)));
@@ -226,12 +226,12 @@ TEST_CASE("context_gs/context_gs_model: loss, sample and report fit together; ma
   CHECK(report.step_feature > 0.3);
   CHECK(report.step_feature < 2);
   scene.backward(serial);
-  // One offset of an anchor of level 0 less, that stays alive: its bits, and the share of what the last would take
+  // One offset of an anchor of level 0 less, that stays coded: its bits, and the share of what the last would take
   // along.
   const MatrixView<double> mask = scene.arena.values(scene.handles.mask), d = scene.arena.gradients(scene.handles.mask);
   std::size_t tested = 0;
   for (std::size_t row = 0; row < context_gs_anchors && tested < 12; ++row) {
-    if (scene.context.levels.levels().level()[row] != 0 || !mask_live(mask(row, 0)) || !mask_live(mask(row, 1)))
+    if (scene.context.levels.levels().level()[row] != 0 || !is_unmasked(mask(row, 0)) || !is_unmasked(mask(row, 1)))
       continue;
     const std::array<double, 3> kept{mask(row, 0), mask(row, 1), mask(row, 2)};
     const auto loss_of = [&](double a, double b, double c) {
@@ -247,7 +247,7 @@ TEST_CASE("context_gs/context_gs_model: loss, sample and report fit together; ma
     const double p = mask_probability(kept[0]), slope = mask_slope(kept[0]), gone = mask_probability(-20.0),
                  weight = scene.settings.mask_weight / (context_gs_anchors * K);
     const auto save = [&](double with, double without) { return with - without - weight * (p - gone); };
-    // Without the slopes' part: a dead anchor that is rendered passes without noise.
+    // Without the slopes' part: a masked anchor that is rendered passes without noise.
     const std::vector<std::uint32_t> rows = scene.rows;
     scene.rows.clear();
     const double own = save(loss_of(kept[0], kept[1], kept[2]), loss_of(-20, kept[1], kept[2]));
@@ -337,7 +337,8 @@ TEST_CASE("context_gs/context_gs_model: same bits at any thread count, in iterat
 }
 
 TEST_CASE(
-    "context_gs/context_gs_model: cells are kept with the voxel size; nobody visible, nobody alive, and one anchor are "
+    "context_gs/context_gs_model: cells are kept with the voxel size; nobody visible, nobody unmasked, and one anchor "
+    "are "
     "legal") {
   ContextGsScene<float> scene;
   const MatrixView<float> cells = scene.arena.values(scene.handles.cells);
@@ -356,7 +357,7 @@ TEST_CASE(
   scene.rows = {0, 5};
   const RateReport report = scene.forward(serial);
   CHECK(report.bits_per_scalar == 0);
-  CHECK(report.live_share == 0);
+  CHECK(report.unmasked_share == 0);
   scene.backward(serial);
   scene.arena.values(scene.handles.mask)(5, 1) = 0;
   scene.begin();

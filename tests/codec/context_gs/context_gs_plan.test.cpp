@@ -17,16 +17,16 @@ constexpr std::size_t planned_anchors = 3000;
 AnchorLevels some_levels() {
   const Random random(3, 0, random_stage("context gs plan test"));
   std::vector<Voxel> voxels(planned_anchors);
-  std::vector<std::uint8_t> live(planned_anchors);
+  std::vector<std::uint8_t> unmasked(planned_anchors);
   for (std::size_t i = 0; i < planned_anchors; ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       voxels[i][axis] = static_cast<std::int32_t>(random.below(4 * i + axis, 50)) - 20;
     }
-    live[i] = random.uniform(4 * i + 3) < 0.9 ? 1 : 0;
+    unmasked[i] = random.uniform(4 * i + 3) < 0.9 ? 1 : 0;
   }
   AnchorLevels levels;
   levels.sort(voxels, {6, 17});
-  levels.assign(live);
+  levels.assign(unmasked);
   return levels;
 }
 
@@ -53,13 +53,13 @@ TEST_CASE(
       }
       CHECK(plan.drawn == drawn.size());
       for (const std::uint32_t row : rows) {
-        visible += levels.level()[row] != AnchorLevels::dead ? 1 : 0;
+        visible += levels.level()[row] != AnchorLevels::masked ? 1 : 0;
         wanted.insert(row);
       }
-      CHECK(plan.visible_live == visible);
+      CHECK(plan.visible_unmasked == visible);
       wanted.insert(drawn.begin(), drawn.end());
       for (auto at = wanted.begin(); at != wanted.end();)
-        at = levels.level()[*at] == AnchorLevels::dead ? wanted.erase(at) : std::next(at);
+        at = levels.level()[*at] == AnchorLevels::masked ? wanted.erase(at) : std::next(at);
       const std::set<std::uint32_t> asked = wanted;
       for (std::uint32_t row : asked) {
         for (; row != AnchorLevels::none; row = levels.parent()[row]) wanted.insert(row);
@@ -112,7 +112,7 @@ TEST_CASE(
         }
       }
       CHECK(covered == met.size());
-      CHECK(rates == plan.drawn_live);
+      CHECK(rates == plan.drawn_unmasked);
     }
   }
 }

@@ -30,21 +30,21 @@ TEST_CASE("hac/hac: a file decodes to the encoder's own quantised model, to the 
   CHECK(file.report.clamped == std::array<std::uint64_t, 3>{});
   // Every coded value is within half a step of what it was; the step is at most 2 Q0.
   const VoxelRange range = voxel_range(back.model.voxels);
-  std::vector<std::uint32_t> live;
-  std::vector<Voxel> live_voxels;
+  std::vector<std::uint32_t> unmasked;
+  std::vector<Voxel> unmasked_voxels;
   for (std::uint32_t i = 0; i < model.anchors(); ++i) {
     if (model.mask[i] == 0) continue;
-    live.push_back(i);
-    live_voxels.push_back(model.voxels[i]);
+    unmasked.push_back(i);
+    unmasked_voxels.push_back(model.voxels[i]);
   }
-  const std::vector<std::uint32_t> order = morton_order(live_voxels, range);
+  const std::vector<std::uint32_t> order = morton_order(unmasked_voxels, range);
   for (std::size_t i = 0; i < order.size(); ++i) {
-    const std::size_t row = live[order[i]];
+    const std::size_t row = unmasked[order[i]];
     REQUIRE(back.model.voxels[i] == model.voxels[row]);
     REQUIRE(back.model.mask[i] == model.mask[row]);
     for (std::size_t c = 0; c < 6; ++c) {
       REQUIRE(std::abs(back.model.feature[6 * i + c] - model.feature[6 * row + c]) <= 1.0f);
-      REQUIRE(std::abs(back.model.extent[6 * i + c] - model.extent[6 * row + c]) <= 0.001f);
+      REQUIRE(std::abs(back.model.scale[6 * i + c] - model.scale[6 * row + c]) <= 0.001f);
     }
     for (std::size_t c = 0; c < 9; ++c) {
       if ((model.mask[row] >> (c / 3) & 1u) == 0) {
@@ -98,14 +98,14 @@ TEST_CASE(
   // Fewer bits must not be bought with larger steps: errors are the same on average.
   const auto error_of = [&](const CodecModel& coded) {
     double sum = 0;
-    std::vector<Voxel> live;
+    std::vector<Voxel> unmasked;
     std::vector<std::size_t> rows;
     for (std::size_t i = 0; i < model.anchors(); ++i) {
       if (model.mask[i] == 0) continue;
-      live.push_back(model.voxels[i]);
+      unmasked.push_back(model.voxels[i]);
       rows.push_back(i);
     }
-    const std::vector<std::uint32_t> order = morton_order(live, voxel_range(live));
+    const std::vector<std::uint32_t> order = morton_order(unmasked, voxel_range(unmasked));
     for (std::size_t i = 0; i < order.size(); ++i) {
       for (std::size_t c = 0; c < 12; ++c) {
         const double error = static_cast<double>(coded.feature[12 * i + c]) - model.feature[12 * rows[order[i]] + c];
@@ -119,16 +119,16 @@ TEST_CASE(
   CHECK(ratio > 0.97);
 }
 
-TEST_CASE("hac/hac: no anchors, one anchor, anchors without live offsets") {
+TEST_CASE("hac/hac: no anchors, one anchor, anchors without unmasked offsets") {
   CodecModel none = make_codec_model(7, {.anchors = 0});
   CHECK(decoded(encoded(none).bytes).model.anchors() == 0);
   CHECK(encoded(decoded(encoded(none).bytes).model).bytes == encoded(none).bytes);
   const CodecModel one = make_codec_model(10, {.anchors = 1});
   REQUIRE(one.mask[0] != 0);
   CHECK(same(decoded(encoded(one).bytes).model, encoded(one).model));
-  CodecModel dead = make_codec_model(7, {.anchors = 20});
-  std::fill(dead.mask.begin(), dead.mask.end(), 0u);
-  const CodecEncoded file = encoded(dead);
+  CodecModel masked = make_codec_model(7, {.anchors = 20});
+  std::fill(masked.mask.begin(), masked.mask.end(), 0u);
+  const CodecEncoded file = encoded(masked);
   CHECK(file.report.dropped == 20);
   CHECK(decoded(file.bytes).model.anchors() == 0);
 }
@@ -157,18 +157,18 @@ TEST_CASE("hac/hac: what cannot be coded is refused in a sentence") {
     return !result.ok() && !result.error().problem.empty() && !result.error().remedy.empty();
   };
   REQUIRE(!refused(good));
-  std::size_t live = 0;
-  while (good.mask[live] == 0) ++live;
+  std::size_t unmasked = 0;
+  while (good.mask[unmasked] == 0) ++unmasked;
   const auto changed = [&](const auto& change) {
     CodecModel model = good;
     change(model);
     return refused(model);
   };
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
-  CHECK(changed([&](CodecModel& m) { m.feature[6 * live] = nan; }));
-  CHECK(changed([&](CodecModel& m) { m.extent[6 * live] = infinity; }));
-  CHECK(changed([&](CodecModel& m) { m.extent[6 * live] = -0.001f; }));
-  CHECK(changed([&](CodecModel& m) { m.mask[live] = 8; }));
+  CHECK(changed([&](CodecModel& m) { m.feature[6 * unmasked] = nan; }));
+  CHECK(changed([&](CodecModel& m) { m.scale[6 * unmasked] = infinity; }));
+  CHECK(changed([&](CodecModel& m) { m.scale[6 * unmasked] = -0.001f; }));
+  CHECK(changed([&](CodecModel& m) { m.mask[unmasked] = 8; }));
   CHECK(changed([&](CodecModel& m) { m.offset.pop_back(); }));
   CHECK(changed([&](CodecModel& m) { m.voxel_size = 0; }));
   CHECK(changed([&](CodecModel& m) { m.voxel_size = nan; }));
@@ -186,10 +186,10 @@ TEST_CASE("hac/hac: what cannot be coded is refused in a sentence") {
     m.networks[0].shape = {0};
     m.networks[0].values.clear();
   }));
-  // An offset that is not live may be anything.
+  // An offset that is not unmasked may be anything.
   CodecModel model = good;
-  model.mask[live] = 1;
-  model.offset[9 * live + 8] = nan;
+  model.mask[unmasked] = 1;
+  model.offset[9 * unmasked + 8] = nan;
   CHECK(!refused(model));
 }
 

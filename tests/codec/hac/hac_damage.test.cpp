@@ -228,7 +228,7 @@ TEST_CASE("hac/hac_damage: networks that could overflow, have no units or are no
   });
 }
 
-TEST_CASE("hac/hac_damage: a symbol that would make an extent negative is refused, and so is one beyond the greatest") {
+TEST_CASE("hac/hac_damage: a symbol that would make a scale negative is refused, and so is one beyond the greatest") {
   // Encode such symbols by hand, with the model's own context.
   File file(good_hac());
   const auto whole = decode(good_hac());

@@ -15,7 +15,7 @@ using namespace compmark;
 
 constexpr std::size_t entry_anchors = 1000, entry_offsets = 3;
 
-/// A seventh of the anchors is dead, two of three are listed, in an order of their own.
+/// A seventh of the anchors is masked, two of three are listed, in an order of their own.
 struct EntriesScene {
   std::vector<float> mask;
   std::vector<std::uint32_t> rows;
@@ -32,7 +32,7 @@ struct EntriesScene {
 /// The rule, row by row.
 struct PlainEntries {
   std::vector<std::uint32_t> light, full;
-  std::size_t live = 0, candidates = 0;
+  std::size_t unmasked = 0, candidates = 0;
   PlainEntries(const EntriesScene& scene, const HacSample& sample, const RatePhase& phase) {
     const Random random(phase.seed, phase.iteration, random_stage("hac sample"));
     std::vector<bool> listed(entry_anchors), sampled(entry_anchors);
@@ -40,9 +40,9 @@ struct PlainEntries {
     for (std::size_t r = 0; r < entry_anchors; ++r) {
       if (sample.share <= 0 || (!sample.everywhere && !listed[r])) continue;
       ++candidates;
-      const bool drawn = random.uniform(r) < sample.share, alive = r % 7 != 0;
-      if (sample.dead ? drawn && alive : alive) ++live;
-      sampled[r] = drawn && (alive || sample.dead);
+      const bool drawn = random.uniform(r) < sample.share, coded = r % 7 != 0;
+      if (sample.masked ? drawn && coded : coded) ++unmasked;
+      sampled[r] = drawn && (coded || sample.masked);
     }
     for (const std::uint32_t r : scene.rows) (sampled[r] ? full : light).push_back(r);
     for (std::uint32_t r = 0; r < entry_anchors; ++r) {
@@ -53,15 +53,15 @@ struct PlainEntries {
 
 }  // namespace
 
-TEST_CASE("hac/hac_entries: light and full entries, of all anchors or of the listed, with the dead or without") {
+TEST_CASE("hac/hac_entries: light and full entries, of all anchors or of the listed, with the masked or without") {
   const EntriesScene scene;
   const MatrixView<const float> mask{scene.mask.data(), entry_anchors, entry_offsets};
   HacEntries entries;
   std::size_t most_full = 0, outside = 0;
   for (const double share : {0.0, 0.05, 0.4, 1.0}) {
     for (const bool everywhere : {false, true}) {
-      for (const bool dead : {false, true}) {
-        const HacSample sample{share, everywhere, dead};
+      for (const bool masked : {false, true}) {
+        const HacSample sample{share, everywhere, masked};
         const RatePhase phase{.context = true, .seed = 3, .iteration = 11};
         RateReport report;
         entries.draw<float>(scene.rows, sample, phase, mask, report);
@@ -83,9 +83,9 @@ TEST_CASE("hac/hac_entries: light and full entries, of all anchors or of the lis
         }
         CHECK(wrong == 0);
         CHECK(report.sampled == plain.full.size());
-        const std::size_t among = dead ? plain.full.size() : plain.candidates;
-        const double live_share = among == 0 ? 0 : static_cast<double>(plain.live) / static_cast<double>(among);
-        CHECK(report.live_share == live_share);
+        const std::size_t among = masked ? plain.full.size() : plain.candidates;
+        const double unmasked_share = among == 0 ? 0 : static_cast<double>(plain.unmasked) / static_cast<double>(among);
+        CHECK(report.unmasked_share == unmasked_share);
         most_full = std::max(most_full, entries.full);
       }
     }

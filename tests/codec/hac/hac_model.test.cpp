@@ -48,7 +48,7 @@ struct HacScene : testing::AnchorScene<T, HacModel<T, D, K, small_hac_grid>, hac
     this->fill(offset, 0.8, 0);
     this->fill(handles.mask, 2, 0);
     this->fill(handles.weight2, 0.15, 0);  // something to learn from at once
-    for (std::size_t i = 3; i < hac_anchors; i += 7) arena.values(handles.mask)(i, 1) = T(-8);  // dead offsets
+    for (std::size_t i = 3; i < hac_anchors; i += 7) arena.values(handles.mask)(i, 1) = T(-8);  // masked offsets
     this->kill_every_eleventh_anchor();
     Model::begin_context(arena, handles, std::as_const(arena).values(position), std::as_const(arena).values(feature),
                          std::as_const(arena).values(scaling), std::as_const(arena).values(offset));
@@ -144,8 +144,8 @@ TEST_CASE(
     const double cells = static_cast<double>(mask.size());
     std::size_t tested = 0;
     for (std::size_t row = 0; row < hac_anchors; row += short_run ? 20 : 3) {
-      if (!mask_live(mask(row, 0)) || !mask_live(mask(row, 1)))
-        continue;  // the anchor stays alive, so that only offset 0 changes
+      if (!is_unmasked(mask(row, 0)) || !is_unmasked(mask(row, 1)))
+        continue;  // the anchor stays coded, so that only offset 0 changes
       const double kept = mask(row, 0), p = mask_probability(kept), slope = mask_slope(kept);
       const double with = scene.loss();
       mask(row, 0) = -20;
@@ -155,16 +155,16 @@ TEST_CASE(
       double expected =
           (with - without - weight * (p - mask_probability(-20.0)) + weight) * slope;  // its bits, and the regulariser
       if (anchor_mask) {
-        // ... and a third of all bits of feature and extents: what the last live offset of an anchor would take along.
+        // ... and a third of all bits of feature and scales: what the last unmasked offset of an anchor would take along.
         const double rest[2] = {mask(row, 1), mask(row, 2)};
         mask(row, 1) = mask(row, 2) = -20;
         const double alone = scene.loss();
         mask(row, 0) = -20;
-        const double dead = scene.loss();
+        const double masked = scene.loss();
         mask(row, 0) = kept;
         mask(row, 1) = rest[0];
         mask(row, 2) = rest[1];
-        const double geometry = (alone - dead - weight * (p - mask_probability(-20.0))) -
+        const double geometry = (alone - masked - weight * (p - mask_probability(-20.0))) -
                                 (with - without - weight * (p - mask_probability(-20.0)));
         expected += geometry / K * slope;
       }
@@ -181,7 +181,7 @@ TEST_CASE("hac/hac_model: loss, sample and report fit together; bits are those o
   SerialExecutor serial;
   const RateReport report = scene.forward(serial);
   CHECK(report.sampled == hac_anchors);
-  CHECK(report.live_share == doctest::Approx(1 - 21.0 / hac_anchors).epsilon(0.02));
+  CHECK(report.unmasked_share == doctest::Approx(1 - 21.0 / hac_anchors).epsilon(0.02));
   const double scalars = D + 6 + 3 * K;
   CHECK(report.bits_per_scalar ==
         doctest::Approx((D * report.bits_feature + 6 * report.bits_scaling + 3 * K * report.bits_offset) / scalars));
@@ -190,22 +190,22 @@ TEST_CASE("hac/hac_model: loss, sample and report fit together; bits are those o
   CHECK(report.loss ==
         doctest::Approx(scene.settings.lambda * (report.bits_per_scalar + report.hash_bits / (hac_anchors * scalars)) +
                         scene.settings.mask_weight * masks / (hac_anchors * K)));
-  CHECK(report.live_offsets > 0.8);
-  CHECK(report.live_offsets < report.live_share);
+  CHECK(report.unmasked_offsets > 0.8);
+  CHECK(report.unmasked_offsets < report.unmasked_share);
   CHECK(report.step_feature > 0.3);
   CHECK(report.step_feature < 2);
   CHECK(report.step_scaling == doctest::Approx(0.001).epsilon(0.7));
-  scene.settings.anchor_mask = false;  // HAC: live ones alone, times their share
-  const RateReport live = scene.forward(serial);
-  CHECK(live.sampled < hac_anchors);
-  CHECK(live.sampled == static_cast<std::size_t>(std::lround(live.live_share * hac_anchors)));
-  CHECK(live.live_share * live.bits_per_scalar == doctest::Approx(report.bits_per_scalar));
+  scene.settings.anchor_mask = false;  // HAC: unmasked ones alone, times their share
+  const RateReport unmasked = scene.forward(serial);
+  CHECK(unmasked.sampled < hac_anchors);
+  CHECK(unmasked.sampled == static_cast<std::size_t>(std::lround(unmasked.unmasked_share * hac_anchors)));
+  CHECK(unmasked.unmasked_share * unmasked.bits_per_scalar == doctest::Approx(report.bits_per_scalar));
   scene.phase.counts = false;
   CHECK(scene.forward(serial).loss == 0);
   CHECK(scene.context.entries.full == 0);
 }
 
-TEST_CASE("hac/hac_model: noise of the base steps; extents stay positive; nothing else is touched") {
+TEST_CASE("hac/hac_model: noise of the base steps; scales stay positive; nothing else is touched") {
   HacScene<float> scene;
   scene.phase = {.noise = true, .seed = 1, .iteration = 2};
   for (float& s : scene.table(1).flat()) s = std::log(2e-4f);  // smaller than the noise on them
@@ -239,7 +239,7 @@ TEST_CASE("hac/hac_model: noise of the base steps; extents stay positive; nothin
     CHECK(std::abs(sums[which] / n[which]) < 4 / std::sqrt(12 * n[which]));
     CHECK(squares[which] / n[which] == doctest::Approx(1.0 / 12).epsilon(0.1));
   }
-  CHECK(naive_fails);  // extents that the noise would have made negative were held
+  CHECK(naive_fails);  // scales that the noise would have made negative were held
   scene.backward(serial);
   bool held_is_zero = true;
   for (const std::uint32_t row : scene.rows) {
@@ -351,7 +351,7 @@ TEST_CASE("hac/hac_model: same bits at any thread count") {
                     one.arena.all_gradients().size_bytes()) == 0);
 }
 
-TEST_CASE("hac/hac_model: box and statistics of the published rule, of live anchors") {
+TEST_CASE("hac/hac_model: box and statistics of the published rule, of unmasked anchors") {
   HacScene<double> scene;
   const MatrixView<double> box = scene.arena.values(scene.handles.box),
                            statistics = scene.arena.values(scene.handles.statistics);
@@ -360,7 +360,7 @@ TEST_CASE("hac/hac_model: box and statistics of the published rule, of live anch
   for (std::size_t row = 0; row < hac_anchors; ++row) {
     least = std::min(least, position(row, 1));
     most = std::max(most, position(row, 1));
-    if (!anchor_live(mask.row(row), K)) continue;
+    if (!any_unmasked(mask.row(row), K)) continue;
     const double l = std::exp(scene.table(1)(row, 2));
     sum += l;
     squares += l * l;
@@ -493,7 +493,7 @@ TEST_CASE("hac/hac_model: a NaN or infinity in one anchor, mask or grid entry st
   }
 }
 
-TEST_CASE("hac/hac_model: no rows, no sample, nobody alive") {
+TEST_CASE("hac/hac_model: no rows, no sample, nobody unmasked") {
   HacScene<float> scene;
   SerialExecutor serial;
   scene.rows.clear();
@@ -516,7 +516,7 @@ TEST_CASE("hac/hac_model: no rows, no sample, nobody alive") {
     scene.settings.anchor_mask = anchor_mask;
     report = scene.forward(serial);
     scene.backward(serial);
-    CHECK(report.live_share == 0);
+    CHECK(report.unmasked_share == 0);
     CHECK(report.bits_per_scalar == 0);
     for (const float d : scene.arena.all_gradients()) REQUIRE(std::isfinite(d));
   }

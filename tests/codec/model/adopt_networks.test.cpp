@@ -84,12 +84,12 @@ void check_adopted(const char* recipe) {
   const std::vector<float> says = bench.plain(decoded->model);
   Model<R> adopted = bench.model;
   REQUIRE(adopt_networks(file, adopted).ok());
-  const double host = rms(says, bench.plain(bench.model)), own = rms(says, bench.rounded(bench.model)),
+  const double unmarked = rms(says, bench.plain(bench.model)), own = rms(says, bench.rounded(bench.model)),
                with_file = rms(says, bench.rounded(adopted));
-  MESSAGE("from the file's render: unrounded ", host, ", rounded by the model's networks ", own, ", by the file's ",
+  MESSAGE("from the file's render: unrounded ", unmarked, ", rounded by the model's networks ", own, ", by the file's ",
           with_file);
   // Measured .008 to .081 of it, by codec and flags: an anchor or two whose r lies so near a border that the rounding of hidden units decides.
-  CHECK(with_file < 0.2 * host);
+  CHECK(with_file < 0.2 * unmarked);
   CHECK(own > 3 * with_file);  // negative control; measured 8 to 93 times
   // So it is of features that were changed afterwards, in a file with the context of the first. Without that the bits of the networks, and so the
   // steps, are chosen anew.
@@ -101,8 +101,8 @@ void check_adopted(const char* recipe) {
   REQUIRE(kept.ok());
   const double with_context = rms(changed, bench.plain(kept->model));
   MESSAGE("changed, with the first file's context ", with_context);
-  CHECK(with_context < 0.15 * host);       // measured .006 to .075
-  CHECK(rms(changed, says) > 0.5 * host);  // negative control: it did change
+  CHECK(with_context < 0.15 * unmarked);       // measured .006 to .075
+  CHECK(rms(changed, says) > 0.5 * unmarked);  // negative control: it did change
 
   CodecModel stranger = file;
   stranger.context.reset();

@@ -4,7 +4,7 @@
 
 #include <doctest/doctest.h>
 
-#include <compmark/watermark/embed/finished_host.hpp>
+#include <compmark/watermark/embed/base_model.hpp>
 
 #include "support/coded_training.hpp"
 
@@ -32,9 +32,9 @@ TEST_CASE("model/codec_fit_settings: the context learns, and no number of the fi
   settings.rate.noise_after = settings.rate.context_after = 0;
   const auto before = with_room_for_stages<AllNetworksHac>(first.model(), 1),
              after = fitted(codec_fit_settings(settings));
-  CHECK(testing::same_bits(host_alone(after), first.model()));
+  CHECK(testing::same_bits(base_model(after), first.model()));
   CHECK_FALSE(testing::same_bits(after, before));                                // the context did learn
-  CHECK_FALSE(testing::same_bits(host_alone(fitted(settings)), first.model()));  // the control
+  CHECK_FALSE(testing::same_bits(base_model(fitted(settings)), first.model()));  // the control
 }
 
 }  // namespace codec_fit_settings_test

@@ -65,7 +65,7 @@ double off_grid(const testing::Trained<R>& trained) {
     }
   };
   look(decoded->model.feature, feature_step);
-  look(decoded->model.extent, scaling_step);
+  look(decoded->model.scale, scaling_step);
   look(decoded->model.offset, offset_step);
   return worst;
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Readings of a model for a codec beside its host: what is read is rounded as the file is, what it is held to is the host before rounding.
+// Readings of a model for a codec in post-hoc embedding: what is read is rounded as the file is, what it is held to is the unmarked model before rounding.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #include <compmark/recipes/marked.hpp>
 #include <compmark/splat/export/bake.hpp>
 #include <compmark/watermark/decoder/lattice_decoder.hpp>
-#include <compmark/watermark/embed/drawn_reading.hpp>
+#include <compmark/watermark/embed/novel_view_reading.hpp>
 #include <compmark/watermark/pretrain/lattice_network.hpp>
 #include <vector>
 
@@ -52,15 +52,15 @@ struct CodedReadingBench {
     MarkNumbers numbers = posthoc_mark();
     numbers.message.after = numbers.residual.after = numbers.message.ramp = 0;
     numbers.message.lambda = 1;
-    numbers.message.between_every = 1;
+    numbers.message.novel_view_every = 1;
     numbers.posthoc.fidelity = 40;
     return {numbers, 100};
   }
-  void read(DrawnReading<MarkedSmallHac>& drawn) {
+  void read(NovelViewReading<MarkedSmallHac>& novel) {
     Pipeline<MarkedSmallHac>::Phases photographed;
     photographed.of<RateStage>() = rounded;
     std::fill(model.arena.all_gradients().begin(), model.arena.all_gradients().end(), 0.0f);
-    static_cast<void>(drawn.read_held(pipeline, model, views, view, seed, iteration, phases(), photographed, executor));
+    static_cast<void>(novel.read_held(pipeline, model, views, view, seed, iteration, phases(), photographed, executor));
   }
   /// The render of the same camera.
   std::vector<float> render(bool marked, const RatePhase& phase) {
@@ -70,9 +70,9 @@ struct CodedReadingBench {
     Pipeline<MarkedSmallHac>::Phases plain;
     plain.of<EmbedderStage>().embeds = marked;
     plain.of<RateStage>() = phase;
-    static_cast<void>(
-        pipeline.forward(model, drawn_camera(cameras, views.size(), view, random, DrawnReading<MarkedSmallHac>::reach),
-                         view, context, executor, plain));
+    static_cast<void>(pipeline.forward(
+        model, novel_view_camera(cameras, views.size(), view, random, NovelViewReading<MarkedSmallHac>::reach), view,
+        context, executor, plain));
     return {context.image.data, context.image.data + context.image.size()};
   }
   [[nodiscard]] double residual_gradient() const {
@@ -91,24 +91,24 @@ struct CodedReadingBench {
 
 }  // namespace
 
-TEST_CASE("model/coded_reading: the marked render is rounded, the host that it is held to is not, to the bit") {
+TEST_CASE("model/coded_reading: the marked render is rounded, the unmarked one that it is held to is not, to the bit") {
   CodedReadingBench bench;
-  DrawnReading<MarkedSmallHac> drawn;
-  bench.read(drawn);
-  const std::vector<float> host(drawn.host().data, drawn.host().data + drawn.host().size());
-  const std::vector<float> image(drawn.image().data, drawn.image().data + drawn.image().size());
+  NovelViewReading<MarkedSmallHac> novel;
+  bench.read(novel);
+  const std::vector<float> unmarked(novel.unmarked().data, novel.unmarked().data + novel.unmarked().size());
+  const std::vector<float> image(novel.image().data, novel.image().data + novel.image().size());
   RatePhase silent = bench.rounded;
   silent.counts = false;
   CHECK(image == bench.render(true, silent));
-  CHECK(host == bench.render(false, {}));
-  CHECK(host != bench.render(false, silent));  // negative control: rounding shows
+  CHECK(unmarked == bench.render(false, {}));
+  CHECK(unmarked != bench.render(false, silent));  // negative control: rounding shows
 }
 
 TEST_CASE("model/coded_reading: the rate does not count: what is learned is the message alone") {
   const auto gradient = [](double lambda) {
     CodedReadingBench bench(lambda);
-    DrawnReading<MarkedSmallHac> drawn;
-    bench.read(drawn);
+    NovelViewReading<MarkedSmallHac> novel;
+    bench.read(novel);
     return bench.residual_gradient();
   };
   const double message = gradient(0);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Training for compression as a whole: gradients through the noise of predicted steps and the rate, phases, the same bits at any thread count
-// and after a stop, and the road from a trained model to a file and back to the same render.
+// and after a stop, and the way from a trained model to a file and back to the same render.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -46,7 +46,7 @@ const Trained<SmallGridHac>& trained_hac() {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("model/hac: the directional derivative of the road with noise and rate equals central differences",
+TEST_CASE_TEMPLATE("model/hac: the directional derivative of the pass with noise and rate equals central differences",
                    R, SmoothHac, SmoothMarkedHac) {
   Model<R> model = compmark::testing::random_model<R>(24);
   model.initialise_stages(4);
@@ -203,7 +203,7 @@ TEST_CASE("model/hac: a trained model goes through a file and renders the same b
   CHECK(rms < 0.05);
 }
 
-TEST_CASE("model/hac: dead offsets are not rendered and not stored; a model off the grid is refused") {
+TEST_CASE("model/hac: masked offsets are not rendered and not stored; a model off the grid is refused") {
   Model<SmallGridHac> model = trained_hac().model;
   const MatrixView<float> mask = model.arena.values(model.template blocks<RateStage>().mask);
   Pipeline<SmallGridHac> pipeline;
@@ -227,7 +227,7 @@ TEST_CASE("model/hac: dead offsets are not rendered and not stored; a model off 
   const Result<CodecEncoded> file = encode_hac(*coded, CodecEncodeSettings{}, executor);
   REQUIRE(file.ok());
   CHECK(file->report.dropped == (mask.rows + 1) / 2);
-  CHECK(file->report.live_offsets == 2 * (mask.rows / 2));
+  CHECK(file->report.unmasked_offsets == 2 * (mask.rows / 2));
 
   model.arena.values(model.anchors.position)(3, 1) += 0.013f;
   const Result<CodecModel> refused = coded_model(model, ModelInfo{});

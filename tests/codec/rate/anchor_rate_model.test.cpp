@@ -77,7 +77,7 @@ TEST_CASE(
   CHECK(std::equal(there.scaling, there.scaling + 6, in_place.view().scaling.row(3)));
   CHECK(std::equal(there.offset, there.offset + 3 * offsets, in_place.view().offset.row(3)));
 
-  // The way back: what a listed row turns in place, an unlisted one adds to the arena's, where others have added
+  // The backward pass: what a listed row turns in place, an unlisted one adds to the arena's, where others have added
   // before.
   Table d_in_place(0), d_outside(2);
   const std::vector<double> rate(static_cast<std::size_t>(Parts::Attributes::row), 0.25);

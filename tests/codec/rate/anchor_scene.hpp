@@ -69,7 +69,7 @@ struct AnchorScene {
     }
     return sum;
   }
-  /// Gradients by the table: those of listed rows as the road carries them on, and what the model wrote itself.
+  /// Gradients by the table: those of listed rows as the backward pass carries them on, and what the model wrote itself.
   template <Executor E>
   void backward(E& executor) {
     std::fill(arena.all_gradients().begin(), arena.all_gradients().end(), T(0));

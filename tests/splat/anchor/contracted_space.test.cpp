@@ -196,7 +196,7 @@ TEST_CASE("anchor/contracted_space: a far field in few cells of the size that it
   CHECK((!far_world.ok() || far_world->skipped_points > 100));  // the control: 2^31 voxels are 8.6e6 radii
   for (const float x : far_contracted->position) CHECK(std::isfinite(x));
 
-  // As large as seen from the cameras, wherever they are: a newborn is 1/2 to 1 voxel / radius wide, in radians. In the
+  // As large as seen from the cameras, wherever they are: a new anchor is 1/2 to 1 voxel / radius wide, in radians. In the
   // world it vanishes.
   for (const double radii : {1.0, 2.0, 10.0, 100.0, 1000.0}) {
     const Point p = at(space, {0, 0, 1}, radii);
@@ -268,8 +268,8 @@ TEST_CASE("anchor/growth: in contracted space the far field grows as coarsely as
     for (int j = 0; j < 60; ++j) wall.push_back(rounded(at(space, {1, 0.002 * (i - 30), 0.002 * (j - 30)}, 40)));
   }
   Growing contracted(wall), world(wall);
-  const SpaceAdaptContext<ContractedSpace> context{{1, 100, voxel, {}}, space};
-  const GrowthReport few = contracted.adapt(context), many = world.adapt(AdaptContext{1, 100, voxel, {}});
+  const SpaceAdjustmentInputs<ContractedSpace> context{{1, 100, voxel, {}}, space};
+  const GrowthReport few = contracted.adapt(context), many = world.adapt(AdjustmentInputs{1, 100, voxel, {}});
   MESSAGE("born at a wall of 60 x 60 Gaussians 40 radii away: ", few.grown, " contracted, ", many.grown,
           " in the world");
   CHECK(many.grown > 1600);  // half of 3,600 win the draw, and each has a cell of its own
@@ -294,7 +294,7 @@ TEST_CASE("anchor/growth: in contracted space the far field grows as coarsely as
     near.push_back(rounded(at(space, direction(random, i), 0.3 * random.uniform(90000 + i))));
   const ContractedSpace wide{space.origin, 20};  // all Gaussians are inside
   Growing a(near), b(near);
-  CHECK(a.adapt(SpaceAdaptContext<ContractedSpace>{{1, 100, voxel, {}}, wide}).grown > 100);
-  b.adapt(AdaptContext{1, 100, voxel, {}});
+  CHECK(a.adapt(SpaceAdjustmentInputs<ContractedSpace>{{1, 100, voxel, {}}, wide}).grown > 100);
+  b.adapt(AdjustmentInputs{1, 100, voxel, {}});
   CHECK(a.bits() == b.bits());
 }

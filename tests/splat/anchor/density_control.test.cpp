@@ -28,7 +28,7 @@ struct ObservesNothing : Archetype {
 };
 struct ReportsNothing : Archetype {
   template <class OnEdit>
-  void adapt(ParameterArena<float>&, const AnchorHandles&, State&, const AdaptContext&, OnEdit&&) const {}
+  void adapt(ParameterArena<float>&, const AnchorHandles&, State&, const AdjustmentInputs&, OnEdit&&) const {}
 };
 struct ChangesItself : Archetype {  // a policy is its settings: what it gathers belongs into State
   void observe(const DecodedStatistics<float>&, std::span<const std::uint8_t>, std::span<const float>, State&,

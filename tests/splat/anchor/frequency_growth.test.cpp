@@ -58,7 +58,7 @@ struct FrequencyWorld {
     }
   }
   GrowthReport adapt() {
-    return FrequencyGrowth<double>(settings).adapt(arena, handles, state, AdaptContext{1, 100, 0.01, {}},
+    return FrequencyGrowth<double>(settings).adapt(arena, handles, state, AdjustmentInputs{1, 100, 0.01, {}},
                                                    [](const RowEdit&, const ArenaLayout&) {});
   }
 };
@@ -100,7 +100,7 @@ TEST_CASE(
     FrequencyWorld world;
     world.observe(31, true, 0.00016, 1.0);
     candidates += FrequencyGrowth<double>(world.settings)
-                      .adapt(world.arena, world.handles, world.state, AdaptContext{seed, 100, 0.01, {}},
+                      .adapt(world.arena, world.handles, world.state, AdjustmentInputs{seed, 100, 0.01, {}},
                              [](const RowEdit&, const ArenaLayout&) {})
                       .candidates;
   }

@@ -44,7 +44,7 @@ struct World {
   BlockHandle extra, network;
   typename GradientGrowth<T>::Settings settings;
   typename GradientGrowth<T>::State state;
-  AdaptContext context{11, 1600, 0.01, {}};
+  AdjustmentInputs context{11, 1600, 0.01, {}};
   std::vector<std::vector<std::uint32_t>> edits;
 
   explicit World(std::size_t anchors) {

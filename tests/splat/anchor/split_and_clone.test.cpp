@@ -27,7 +27,7 @@ struct SplitScene {
   BlockHandle residual;
   Control::State state;
   Control control;
-  AdaptContext context;
+  AdjustmentInputs context;
 
   explicit SplitScene(std::size_t rows, const Control::Settings& settings = {}) : control(settings) {
     anchors = add_anchor_blocks(arena, rows, ExplicitDecoder<float, 0>::shape);

@@ -321,8 +321,7 @@ TEST_CASE("anchor/visibility: through a lens nothing that is drawn is left out")
   CHECK(static_cast<double>(zero.size()) < 1.02 * static_cast<double>(pinhole.size()));
 }
 
-TEST_CASE(
-    "anchor/visibility: beyond the rays of a lens an anchor is seen by its extent only, and poisoned rows never") {
+TEST_CASE("anchor/visibility: beyond the rays of a lens an anchor is seen by its size only, and poisoned rows never") {
   RadialTangentialLens<float> lens = *radial_tangential_lens<float>({LensModel::simple_radial, {-0.3f}});
   CHECK(std::sqrt(lens.limit2) == doctest::Approx(1.054).epsilon(1e-3));
   Camera<float> camera;

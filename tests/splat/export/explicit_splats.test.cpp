@@ -15,7 +15,7 @@
 #include <compmark/recipes/marked.hpp>
 #include <compmark/splat/export/bake.hpp>
 #include <compmark/splat/training/trainer.hpp>
-#include <compmark/watermark/embed/finished_host.hpp>
+#include <compmark/watermark/embed/base_model.hpp>
 #include <compmark/watermark/embed/posthoc_embedding.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -140,7 +140,7 @@ TEST_CASE("export/explicit_splats: a splat that came from a file carries a mark,
   settings.mark.message.ramp = 0;
   settings.mark.message.logit_scale = 1;
   settings.mark.message.hinge_margin = 0.2;
-  settings.mark.message.between_every = 1;
+  settings.mark.message.novel_view_every = 1;
   settings.mark.message.lambda = 1;
   settings.mark.residual.learning_rate = 0.1;
   settings.mark.residual.decay = 0.1;
@@ -166,7 +166,7 @@ TEST_CASE("export/explicit_splats: a splat that came from a file carries a mark,
     }
     return static_cast<double>(right) / (24 * 8);
   };
-  const double without = read(table), with = read(explicit_splats(baked_host(embedding.model())));
+  const double without = read(table), with = read(explicit_splats(baked_model(embedding.model())));
   MESSAGE("bits in the file's pictures: ", without, " without the mark, ", with, " with it");
   if (compmark::testing::short_trainings) return;
   CHECK(without < 0.75);  // negative control

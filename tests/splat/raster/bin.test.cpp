@@ -217,7 +217,7 @@ TEST_CASE("raster/bin: the published square in whole tiles (docs/spec/method.md,
   std::size_t expected = 0;
   for (std::size_t i = 0; i < got.projected.count; ++i) {
     const Splat<double>& s = got.projected.splats[i];
-    const double x = s.u - 0.5, y = s.v - 0.5, r = s.extent_x;
+    const double x = s.u - 0.5, y = s.v - 0.5, r = s.half_width;
     const auto clamp = [](double t, int high) { return std::min(std::max(static_cast<int>(t), 0), high); };
     const int width = clamp((x + r + 15) / 16, 13) - clamp((x - r) / 16, 13),
               height = clamp((y + r + 15) / 16, 8) - clamp((y - r) / 16, 8);

@@ -94,7 +94,7 @@ RasterScene<double> one_gaussian(const Camera<double>& camera, const std::array<
 }
 
 /// Position and covariance of the image of a small Gaussian against distort() and central differences of it: an
-/// independent road. The sum over pixels of a Gaussian of variance above 1 is its integral to 1e-8.
+/// independent way. The sum over pixels of a Gaussian of variance above 1 is its integral to 1e-8.
 template <class Effects>
 void check_image(const Lens& lens, const Camera<double>& camera, const std::array<double, 3>& p, double s) {
   using R = TileWith<double, testing::uncut, Effects>;

@@ -53,8 +53,8 @@ bool same_splats(const Projected<T>& a, const Projected<T>& b) {
 
 template <class T>
 std::array<T, 14> values(const Splat<T>& s) {
-  return {s.u,   s.v,     s.slope, s.major, s.minor,     s.pivot_x,  s.opacity,
-          s.red, s.green, s.blue,  s.depth, s.sigma_max, s.extent_x, s.extent_y};
+  return {s.u,   s.v,     s.slope, s.major, s.minor,     s.pivot_x,    s.opacity,
+          s.red, s.green, s.blue,  s.depth, s.sigma_max, s.half_width, s.half_height};
 }
 
 template <class T>
@@ -311,7 +311,7 @@ TEST_CASE("raster/project: opacities at and above the cut-off survive, those bel
        {0.0f, -0.0f, -0.5f, std::nextafter(cut, 0.0f), std::nanf(""), std::numeric_limits<float>::denorm_min()}) {
     CHECK(visible(opacity) == 0);
   }
-  // Negative controls: the extent of an opacity below the cut-off is no number (TB8), and other ways to ask for "above
+  // Negative controls: the half-width of an opacity below the cut-off is no number (TB8), and other ways to ask for "above
   // 0" let through what is not (TB9).
   CHECK(std::isnan(std::sqrt(2 * std::log(255 * std::nextafter(cut, 0.0f)))));
   for (const float opacity : {0.0f, -0.0f}) CHECK(opacity >= 0);
@@ -394,8 +394,8 @@ TEST_CASE("raster/project: the published radius (docs/spec/method.md, 2.1, step 
                  other = (det + b * b) / pivot;
     const double middle = (pivot + other) / 2,
                  radius = std::ceil(3 * std::sqrt(middle + std::sqrt(std::max(0.1, middle * middle - det))));
-    CHECK(std::abs(s.extent_x - radius) <= 1);  // ceil of a value that may sit on an integer
-    CHECK(s.extent_x == std::round(s.extent_x));
-    CHECK(s.extent_y == s.extent_x);
+    CHECK(std::abs(s.half_width - radius) <= 1);  // ceil of a value that may sit on an integer
+    CHECK(s.half_width == std::round(s.half_width));
+    CHECK(s.half_height == s.half_width);
   }
 }

@@ -118,7 +118,7 @@ TEST_CASE("raster/tile: the size of a tile changes no bit of the image (K5)") {
   CHECK_MESSAGE(broken.empty(), broken);
 }
 
-TEST_CASE("raster/tile: gradient law of the whole road in double, alpha and depth planes included (R2, BF4)") {
+TEST_CASE("raster/tile: gradient law of the whole pass in double, alpha and depth planes included (R2, BF4)") {
   testing::check_gradient_law<TileRasterizer<double, testing::smooth, planes>>();
 }
 

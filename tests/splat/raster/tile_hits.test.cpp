@@ -50,7 +50,7 @@ Differences compare(std::uint64_t seed, int width, int height) {
       const int lane = static_cast<int>(k);
       const Splat<T>& s = projected.splats[i + k];
       const detail::TileRectangle r = detail::tile_rectangle<FootprintRule::exact_tiles, tile_size>(
-          s.u, s.v, s.extent_x, s.extent_y, width, height);
+          s.u, s.v, s.half_width, s.half_height, width, height);
       const std::array<int, 4> expected{r.x_begin, r.y_begin, r.x_end - r.x_begin, r.y_end - r.y_begin};
       const std::array<int, 4> got{static_cast<int>(box.x.lane(lane)), static_cast<int>(box.y.lane(lane)),
                                    static_cast<int>(box.width.lane(lane)), static_cast<int>(box.height.lane(lane))};
@@ -112,7 +112,7 @@ TEST_CASE(
   CHECK(reached == 1000);
 }
 
-TEST_CASE("raster/tile_hits: NaN and infinite extents give a box inside the image (TB1)") {
+TEST_CASE("raster/tile_hits: NaN and infinite sizes give a box inside the image (TB1)") {
   using P = Pack<float, 16>;
   const float infinite = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
   detail::PackedSplats<P> splats;

@@ -60,7 +60,7 @@ struct WithAll : SmoothRecipe {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("training/effects: the directional derivative of the whole road equals central differences", R,
+TEST_CASE_TEMPLATE("training/effects: the directional derivative of the whole pass equals central differences", R,
                    WithExposure, WithWeights, WithAlpha, WithFilteredAlpha, WithAll) {
   constexpr int width = 37, height = 29;
   constexpr std::size_t pixels = width * height;
@@ -97,7 +97,7 @@ TEST_CASE_TEMPLATE("training/effects: the directional derivative of the whole ro
 
 TEST_CASE("training/effects: absent effects leave no member, no parameter and no byte") {
   using Plain = DefaultRecipe<float>;
-  struct Host : Plain {};
+  struct Base : Plain {};
   struct Exposed : Plain {
     using Exposure = AffineExposure<float>;
   };
@@ -105,26 +105,26 @@ TEST_CASE("training/effects: absent effects leave no member, no parameter and no
   struct PlainModel {
     ParameterArena<float> arena;
     AnchorHandles anchors;
-    Host::GaussianDecoder::Handles decoder;
+    Base::GaussianDecoder::Handles decoder;
     RenderSettings render;
     double voxel_size;
     std::size_t train_views;
   };
-  CHECK(sizeof(Model<Host>) == sizeof(PlainModel));
+  CHECK(sizeof(Model<Base>) == sizeof(PlainModel));
   struct PlainContext {
     Buffer<std::uint32_t> visible;
     VisibilityWorkspace visibility;
     GaussianBatch<float> gaussians, d_gaussians;
-    Host::GaussianDecoder::Context decoder;
-    Host::Rasterizer::Context raster;
+    Base::GaussianDecoder::Context decoder;
+    Base::Rasterizer::Context raster;
     PhotometricLoss<float>::Context photometric;
     Buffer<float> image_storage, d_image_storage;
     ScaleVolumeLoss<float>::Context volume;
     float volume_weight;
     ImageView<float> image, d_image;
   };
-  CHECK(sizeof(Pipeline<Host>::Context) == sizeof(PlainContext));
-  CHECK(sizeof(Pipeline<Host>) == sizeof(Pipeline<Exposed>));
+  CHECK(sizeof(Pipeline<Base>::Context) == sizeof(PlainContext));
+  CHECK(sizeof(Pipeline<Base>) == sizeof(Pipeline<Exposed>));
   // The controls: what an effect keeps between its stages is in the context of a recipe that has it.
   struct Masked : Plain {
     using PixelWeights = MaskedPixels<float>;
@@ -145,11 +145,11 @@ TEST_CASE("training/effects: absent effects leave no member, no parameter and no
   CHECK(sizeof(Pipeline<Covered>::Context) > sizeof(PlainContext));
   CHECK(sizeof(Pipeline<Contracted>::Context) > sizeof(PlainContext));
 
-  Model<Host> host;
-  host.create(10, 4);
+  Model<Base> unmarked;
+  unmarked.create(10, 4);
   Model<Exposed> exposed;
   exposed.create(10, 4);
-  CHECK(exposed.arena.layout().blocks().size() == host.arena.layout().blocks().size() + 1);
+  CHECK(exposed.arena.layout().blocks().size() == unmarked.arena.layout().blocks().size() + 1);
   CHECK(!settings_json({}).contains("effects"));
 }
 

@@ -31,9 +31,9 @@ static_assert(Recipe<recipes::MarkedHac<Decoder>> && Recipe<recipes::MarkedConte
 static_assert(grows_by_frequency<recipes::MarkedHac<Decoder>::DensityControl>);
 static_assert(!grows_by_frequency<recipes::Scaffold::DensityControl>);
 
-using Host = compmark::testing::SmallRecipe;
+using Base = compmark::testing::SmallRecipe;
 /// The loss alone, and with the growing that looks at it.
-struct WithFrequencyLoss : Host {
+struct WithFrequencyLoss : Base {
   using FrequencyLoss = compmark::FrequencyLoss<float>;
 };
 struct Growing : WithFrequencyLoss {
@@ -139,7 +139,7 @@ TEST_CASE("training/frequency_growing: a run with another window is not resumed"
   }
 }
 
-TEST_CASE_TEMPLATE("training/frequency_growing: the whole method inside the codecs' hosts trains through its window", R,
+TEST_CASE_TEMPLATE("training/frequency_growing: the whole method inside the codecs trains through its window", R,
                    recipes::MarkedHac<Decoder, SmallHac>, recipes::MarkedContextGs<Decoder, SmallContextGs>) {
   TrainSettings s = testing::short_settings(60);
   s.statistics_after = 1000;

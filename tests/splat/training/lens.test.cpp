@@ -48,7 +48,7 @@ const Lens& lens_of() {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("training/lens: the directional derivative of the whole road through a lens equals differences", R,
+TEST_CASE_TEMPLATE("training/lens: the directional derivative of the whole pass through a lens equals differences", R,
                    ThroughPhone, ThroughWide) {
   constexpr int width = 37, height = 29;
   Model<R> model = compmark::testing::random_model<R>(24);

@@ -112,10 +112,10 @@ struct CellSigns {
 };
 
 struct Mine : Policies<Everywhere, GreyGlass, Rounding<HalfSteps>, HalfSteps, CellSigns> {
-  using Host = Policies<Everywhere, GreyGlass>;
+  using Base = Policies<Everywhere, GreyGlass>;
   using Embedder = ResidualFeature<float>;
 };
-struct Coded : recipes::Hac<Mine::Host> {};
+struct Coded : recipes::Hac<Mine::Base> {};
 
 TEST_CASE("training/own_policies: five policies of one's own train, are compressed, decoded and verified") {
   testing::BlobViews views;
@@ -133,7 +133,7 @@ TEST_CASE("training/own_policies: five policies of one's own train, are compress
     CHECK(*calls >= 399);
   CHECK(Calls::roundings > 10000);
   Trainer<Coded, ThreadExecutor> fitted(codec_fit_settings(settings), views.size(), 1.0, executor);
-  fitted.start_from(with_room_for_stages<Coded>(baked_host(trainer.model()), 1));
+  fitted.start_from(with_room_for_stages<Coded>(baked_model(trainer.model()), 1));
   REQUIRE(fitted.run(views).ok());
   const auto file = encode_cmk(*coded_model(fitted.model(), ModelInfo{}), CodecEncodeSettings{}, executor);
   const auto decoded = decode_cmk(file->bytes, "mine.cmk", CodecDecodeSettings{}, executor);

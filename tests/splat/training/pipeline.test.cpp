@@ -36,7 +36,7 @@ double loss_of(const Model<R>& model, const Camera<double>& camera, ImageView<co
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("pipeline: the directional derivative of the whole road equals central differences", R, SmoothRecipe,
+TEST_CASE_TEMPLATE("pipeline: the directional derivative of the whole pass equals central differences", R, SmoothRecipe,
                    SmallDistance, SmallAppearance) {
   Model<R> model = compmark::testing::random_model<R>(24);
   const Camera<double> camera = ring_camera(1, 5, 37, 29);

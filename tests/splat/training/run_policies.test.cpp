@@ -68,7 +68,7 @@ TEST_CASE("training/run_policies: the phases of each profile are the published o
     CHECK(same(phases("hac"), DensityPhases::hac(iterations)));
     CHECK(same(phases("official"), DensityPhases::official(iterations)));
     CHECK_FALSE(same(phases("scaffold"), DensityPhases::hac(iterations)));  // the comparison can tell
-    // Inside a codec's host the profiles of CompMarkGS have its pause, too.
+    // Inside a codec the profiles of CompMarkGS have its pause, too.
     for (const char* profile : {"official", "paper"}) {
       CAPTURE(profile);
       TrainSettings settings = for_codec(*profile_settings(profile));

@@ -139,7 +139,7 @@ struct SmoothContracted : SmoothRecipe {
 
 }  // namespace
 
-TEST_CASE("training/space_volume: the directional derivative of the whole road equals central differences") {
+TEST_CASE("training/space_volume: the directional derivative of the whole pass equals central differences") {
   constexpr int width = 37, height = 29;
   Model<SmoothContracted> model = compmark::testing::random_model<SmoothContracted>(24);
   const Camera<double> camera = compmark::testing::ring_camera(1, 5, width, height);

@@ -33,7 +33,7 @@ DecoderWeights carrier_weights() {
   return weights;
 }
 
-LatticeDecoder<float> lattice(LatticeMeasure measure, bool host, bool limited) {
+LatticeDecoder<float> lattice(LatticeMeasure measure, bool cover, bool limited) {
   LatticeSettings settings;
   settings.measure = measure;
   settings.bits = 6;
@@ -44,17 +44,17 @@ LatticeDecoder<float> lattice(LatticeMeasure measure, bool host, bool limited) {
     settings.region_limit = 0.5;
   }
   LatticeWeights<float> weights(settings);
-  if (host) {
-    weights.host.direction.resize(2 * 9);
-    weights.host.offset.resize(2);
-    weights.host.centre.resize(5 * 2);
-    weights.host.coefficient.resize(5 * 6);
+  if (cover) {
+    weights.cover.direction.resize(2 * 9);
+    weights.cover.offset.resize(2);
+    weights.cover.centre.resize(5 * 2);
+    weights.cover.coefficient.resize(5 * 6);
   }
   const Random random(5, 0, random_stage("decoder damage"));
   std::uint64_t at = 0;
   for (std::vector<float>* part :
-       {&weights.frequency, &weights.phase, &weights.head, &weights.bias, &weights.host.direction, &weights.host.offset,
-        &weights.host.centre, &weights.host.coefficient}) {
+       {&weights.frequency, &weights.phase, &weights.head, &weights.bias, &weights.cover.direction,
+        &weights.cover.offset, &weights.cover.centre, &weights.cover.coefficient}) {
     for (float& value : *part) value = static_cast<float>(random.normal(at++));
   }
   return {settings, weights};
@@ -75,7 +75,7 @@ TEST_CASE("decoder/decoder_damage: of decoder files of every kind no damage is a
   check("a carrier decoder", write_decoder<SafetensorsWriter>(carrier_weights(), path));
   check("a lattice of contrast",
         write_lattice<SafetensorsWriter>(lattice(LatticeMeasure::contrast, false, false), "", path));
-  check("a lattice of colour with a host prediction",
+  check("a lattice of colour with a cover prediction",
         write_lattice<SafetensorsWriter>(lattice(LatticeMeasure::colour, true, false), "a note", path));
   check("a lattice with limited regions",
         write_lattice<SafetensorsWriter>(lattice(LatticeMeasure::colour, true, true), "a note", path));

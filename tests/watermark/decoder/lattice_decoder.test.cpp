@@ -100,7 +100,7 @@ TEST_CASE("decoder/lattice_decoder: gradients of every weight against central di
   check_weight_gradients(small_decoder<double>());
 }
 
-TEST_CASE("decoder/lattice_decoder: waves of colour hold the laws, of one blur and of three") {
+TEST_CASE("decoder/lattice_decoder: Fourier features of colour hold the laws, of one blur and of three") {
   for (const std::vector<double>& sigma : {std::vector<double>{0.5}, std::vector<double>{1, 2, 4}}) {
     CAPTURE(sigma.size());
     const LatticeDecoder<double> decoder = small_colour_decoder<double>(sigma);
@@ -111,7 +111,8 @@ TEST_CASE("decoder/lattice_decoder: waves of colour hold the laws, of one blur a
 }
 
 TEST_CASE(
-    "decoder/lattice_decoder: a wave of colour is the same at twice the size; contrast is not, and brightness is not") {
+    "decoder/lattice_decoder: a feature of colour is the same at twice the size; contrast is not, and brightness is "
+    "not") {
   // Blocks of colour, each pixel and then each pixel four times: a surface from afar and from near.
   constexpr int side = 24;
   std::vector<double> coarse = noise(3 * side * side), fine(3 * 4 * side * side);
@@ -250,14 +251,14 @@ TEST_CASE("decoder/lattice_decoder: float agrees with double") {
   for (std::size_t i = 0; i < 5; ++i) CHECK(std::abs(static_cast<double>(logits[i]) - expected[i]) < 2e-5);
 }
 
-TEST_CASE("decoder/lattice_decoder: the wave of turns is cosine and sine") {
+TEST_CASE("decoder/lattice_decoder: cosine and sine of turns are those of the angle") {
   double worst = 0;
   for (int i = -4000; i <= 4000; ++i) {
     const float x = static_cast<float>(i) * 0.000737f;
-    const auto wave = detail::wave_of_turns(Pack<float, 1>(x));
+    const auto both = detail::cosine_sine_of_turns(Pack<float, 1>(x));
     const double angle = 2 * std::numbers::pi * static_cast<double>(x);
-    worst = std::max({worst, std::abs(static_cast<double>(wave.cosine.lane(0)) - std::cos(angle)),
-                      std::abs(static_cast<double>(wave.sine.lane(0)) - std::sin(angle))});
+    worst = std::max({worst, std::abs(static_cast<double>(both.cosine.lane(0)) - std::cos(angle)),
+                      std::abs(static_cast<double>(both.sine.lane(0)) - std::sin(angle))});
   }
   CHECK(worst < 1e-6);  // measured 5.9e-7, most of it the rounding of x
 }

@@ -19,7 +19,7 @@ using namespace compmark;
 
 namespace {
 
-/// 40 waves of 1,600 positions; of each run of 64 the last 32 are closed, and two gates among the open ones.
+/// 40 features of 1,600 positions; of each run of 64 the last 32 are closed, and two gates among the open ones.
 template <class T>
 struct Positions {
   static constexpr std::size_t features = 40, stride = 1600;
@@ -37,7 +37,7 @@ struct Positions {
     }
   }
   [[nodiscard]] static bool closed(std::size_t i) { return i % 64 >= 32; }
-  [[nodiscard]] detail::LatticeWaves<T> waves() const {
+  [[nodiscard]] detail::FourierFeatures<T> fourier() const {
     return {frequency.data(), phase.data(), u.data(), gate.data(), features, dimensions, stride};
   }
   [[nodiscard]] long double turns(std::size_t k, std::size_t i) const {
@@ -57,8 +57,8 @@ std::pair<double, double> distance(const Positions<T>& at) {
   // Parts that begin within a pack of the widest registers are not asked for: chunks are whole packs.
   const std::size_t begin = 64, end = P::stride;
   std::vector<T> sums(P::features, T(7)), d_u(at.dimensions * P::stride, T(7)), d_gate(P::stride, T(7));
-  at.waves().sum(begin, end, sums.data());
-  at.waves().input_gradient(begin, end, at.e.data(), d_u.data(), d_gate.data());
+  at.fourier().sum(begin, end, sums.data());
+  at.fourier().input_gradient(begin, end, at.e.data(), d_u.data(), d_gate.data());
   double sum_error = 0, gradient_error = 0;
   const auto worse = [](double& worst, long double expected, T found) {
     const double error = static_cast<double>(std::abs(expected - static_cast<long double>(found)));
@@ -90,7 +90,7 @@ std::pair<double, double> distance(const Positions<T>& at) {
 
 TEST_CASE_TEMPLATE("decoder/lattice_kernel: sums and gradients are those of the formula, of one colour and of more", T,
                    float, double) {
-  // A wave is off by 6e-7 in float; 1,100 open gates, 40 waves, slopes of up to 2 pi.
+  // A cosine is off by 6e-7 in float; 1,100 open gates, 40 features, slopes of up to 2 pi.
   const double tolerance = std::is_same_v<T, float> ? 2e-4 : 1e-11;
   for (const std::size_t dimensions : {3u, 6u, 24u}) {
     CAPTURE(dimensions);

@@ -25,14 +25,14 @@ using namespace compmark;
 
 namespace {
 
-constexpr int limited_bits = 5, limited_waves = 11;
+constexpr int limited_bits = 5, limited_features = 11;
 
 template <class T>
 LatticeDecoder<T> decoder_of(int regions, double limit, LatticeMeasure measure = LatticeMeasure::colour) {
   LatticeSettings settings;
   settings.measure = measure;
   settings.bits = limited_bits;
-  settings.features = limited_waves;
+  settings.features = limited_features;
   settings.sigma = measure == LatticeMeasure::colour ? std::vector<double>{0.5} : std::vector<double>{1, 2, 4};
   settings.stride = 1;
   settings.regions = regions;
@@ -248,7 +248,7 @@ TEST_CASE("decoder/lattice_regions: a limit comes back from its file, and an old
   const Result<LatticeDecoder<float>> back = read_lattice(*file);
   REQUIRE(back.ok());
   CHECK(back->settings() == decoder.settings());
-  CHECK(back->weights().host.empty());
+  CHECK(back->weights().cover.empty());
   for (const auto& lie : {std::pair<std::string, std::string>{"regions", "0"},
                           {"regions", "many"},
                           {"region_limit", "0"},
@@ -264,20 +264,20 @@ TEST_CASE("decoder/lattice_regions: a limit comes back from its file, and an old
     CHECK(bad.error().field == "__metadata__." + field);
     file->metadata[field] = good;
   }
-  // With a host prediction both are kept.
+  // With a cover prediction both are kept.
   LatticeDecoder<float> predicting = decoder;
-  HostPrediction<float>& host = predicting.weights().host;
-  host.direction.assign(2 * limited_waves, 0.1f);
-  host.offset.assign(2, 0.2f);
-  host.centre.assign(3 * 2, 0.3f);
-  host.coefficient.assign(3 * limited_bits, 0.4f);
+  CoverPrediction<float>& cover = predicting.weights().cover;
+  cover.direction.assign(2 * limited_features, 0.1f);
+  cover.offset.assign(2, 0.2f);
+  cover.centre.assign(3 * 2, 0.3f);
+  cover.coefficient.assign(3 * limited_bits, 0.4f);
   REQUIRE(write_lattice<SafetensorsWriter>(predicting, "", path).ok());
   file = read_safetensors(path);
   REQUIRE(file.ok());
   const Result<LatticeDecoder<float>> both = read_lattice(*file);
   REQUIRE(both.ok());
   CHECK(both->settings() == decoder.settings());
-  CHECK(both->weights().host.coefficient == host.coefficient);
+  CHECK(both->weights().cover.coefficient == cover.coefficient);
   file->metadata.erase("coordinates");  // without its prediction it would be another decoder
   CHECK(!read_lattice(*file).ok());
   // A limit that holds nothing back is one too.

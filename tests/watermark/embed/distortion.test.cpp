@@ -257,7 +257,7 @@ TEST_CASE("embed/distortion: same bits at any thread count") {
 }
 
 TEST_CASE(
-    "embed/distortion: noise on an extent smaller than itself keeps it positive, where the naive logarithm is NaN") {
+    "embed/distortion: noise on a scale smaller than itself keeps it positive, where the naive logarithm is NaN") {
   Layer<float> layer;
   layer.phase.adaptive = false;
   layer.phase.scaling = 0.001;

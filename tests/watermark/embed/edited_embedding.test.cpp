@@ -10,7 +10,7 @@
 #include <compmark/splat/training/checkpoint.hpp>
 #include <compmark/splat/training/trainer.hpp>
 #include <compmark/watermark/edit/edit_chain.hpp>
-#include <compmark/watermark/embed/finished_host.hpp>
+#include <compmark/watermark/embed/base_model.hpp>
 #include <compmark/watermark/embed/posthoc_embedding.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -36,7 +36,7 @@ TrainSettings edited_settings(std::int64_t iterations) {
   settings.mark.message.ramp = 0;
   settings.mark.message.logit_scale = 1;
   settings.mark.message.hinge_margin = 0.2;
-  settings.mark.message.between_every = 1;
+  settings.mark.message.novel_view_every = 1;
   settings.mark.message.lambda = 1;
   settings.mark.residual.learning_rate = 0.02;
   settings.mark.posthoc.fidelity = 60;

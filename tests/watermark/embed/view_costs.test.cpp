@@ -37,7 +37,7 @@ TEST_CASE("embed/view_costs: a view is drawn as much oftener as it costs more, a
   costs.add(3, 4, std::numeric_limits<double>::infinity());
   CHECK(costs.mean[2] == doctest::Approx(2.7).epsilon(1e-14));
   CHECK(costs.mean[3] == ViewCosts::unread);
-  // What costs nothing any more is still drawn a twentieth as often as the mean; all of nothing, as often as by their room.
+  // What costs nothing any more is still drawn a twentieth as often as the mean; all of nothing, as often as by their clearance.
   ViewCosts cheap;
   cheap.add(0, 2, 0);
   CHECK(factors(cheap, 1) == std::vector<double>{1, 1});

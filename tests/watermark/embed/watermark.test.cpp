@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The watermark on the road of a whole pipeline: gradients, what an absent mark costs, and a small training that hides eight bits.
+// The watermark in a whole pipeline: gradients, what an absent mark costs, and a small training that hides eight bits.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -81,13 +81,13 @@ struct Waves {
 };
 static_assert(MessageDecoder<Waves<float>>);
 
-using Host = compmark::testing::SmallRecipe;
-using MarkedHost = recipes::Marked<Host, Waves<float>>;
+using Base = compmark::testing::SmallRecipe;
+using MarkedSmall = recipes::Marked<Base, Waves<float>>;
 const std::vector<std::uint8_t> hidden_message{1, 0, 0, 1, 1, 1, 0, 1};
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("embed/watermark: the directional derivative of the marked road equals central differences", R,
+TEST_CASE_TEMPLATE("embed/watermark: the directional derivative of the marked pass equals central differences", R,
                    recipes::Marked<SmoothRecipe, Waves<double>>,
                    recipes::MarkedForCompression<SmoothRecipe, Waves<double>>) {
   Model<R> model = compmark::testing::random_model<R>(24);
@@ -133,7 +133,7 @@ TEST_CASE_TEMPLATE("embed/watermark: the directional derivative of the marked ro
 }
 
 TEST_CASE(
-    "embed/watermark: with a residual of zero and no weights a marked recipe renders and learns what its host does, "
+    "embed/watermark: with a residual of zero and no weights a marked recipe renders and learns what its base does, "
     "to the bit") {
   const auto run = [](auto recipe) {
     using R = decltype(recipe);
@@ -153,20 +153,20 @@ TEST_CASE(
     image.insert(image.end(), feature.data, feature.data + feature.size());
     return image;
   };
-  CHECK(run(MarkedHost{}) == run(Host{}));
+  CHECK(run(MarkedSmall{}) == run(Base{}));
 }
 
 TEST_CASE("embed/watermark: what a recipe without a mark does not have") {
-  static_assert(Pipeline<Host>::Stages::count == 0);
-  static_assert(sizeof(Pipeline<Host>) == sizeof(Host::GaussianDecoder));
-  static_assert(sizeof(Pipeline<MarkedHost>) > sizeof(Host::GaussianDecoder));
-  static_assert(sizeof(Model<Host>) < sizeof(Model<MarkedHost>));
-  Model<Host> host;
-  host.create(10, 1);
-  Model<MarkedHost> marked;
+  static_assert(Pipeline<Base>::Stages::count == 0);
+  static_assert(sizeof(Pipeline<Base>) == sizeof(Base::GaussianDecoder));
+  static_assert(sizeof(Pipeline<MarkedSmall>) > sizeof(Base::GaussianDecoder));
+  static_assert(sizeof(Model<Base>) < sizeof(Model<MarkedSmall>));
+  Model<Base> base;
+  base.create(10, 1);
+  Model<MarkedSmall> marked;
   marked.create(10, 1);
-  CHECK(marked.arena.all_values().size() == host.arena.all_values().size() + 10 * small_shape.feature_dim);
-  CHECK_FALSE(host.arena.layout().find("anchor.residual").valid());
+  CHECK(marked.arena.all_values().size() == base.arena.all_values().size() + 10 * small_shape.feature_dim);
+  CHECK_FALSE(base.arena.layout().find("anchor.residual").valid());
 }
 
 namespace {
@@ -176,7 +176,7 @@ struct MarkOutcome {
 };
 template <class R>
 MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std::size_t threads = 2,
-                  std::int64_t between_every = 0) {
+                  std::int64_t novel_view_every = 0) {
   TrainSettings settings;
   settings.iterations = compmark::testing::short_trainings ? 30 : 600;
   settings.voxel_size = 0.05;
@@ -186,10 +186,10 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
   settings.mark.message.ramp = 3000;
   settings.mark.message.logit_scale = 1;
   settings.mark.distortion.scaling_noise = 1e-4;
-  settings.mark.message.between_every = between_every;
-  if (between_every != 0) {
+  settings.mark.message.novel_view_every = novel_view_every;
+  if (novel_view_every != 0) {
     settings.mark.message.hinge_margin = 1;
-    // The waves of this decoder stand still, and the drawn cameras are turned and zoomed: that takes longer to learn.
+    // The waves of this decoder stand still, and the sampled cameras are turned and zoomed: that takes longer to learn.
     if (!compmark::testing::short_trainings) settings.iterations = 1500;
   }
   ThreadExecutor executor(threads);
@@ -198,14 +198,14 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
   REQUIRE(trainer.initialise(cloud(400, 7)));
   BlobViews views;
   REQUIRE(trainer.run(views));
-  // Read from renders of the baked host, as whoever checks the mark does.
-  const Model<Host> host = baked_host(trainer.model());
-  const Pipeline<Host> pipeline;
-  Pipeline<Host>::Context context;
+  // Read from renders of the baked model, as whoever checks the mark does.
+  const Model<Base> base = baked_model(trainer.model());
+  const Pipeline<Base> pipeline;
+  Pipeline<Base>::Context context;
   MarkOutcome outcome;
   std::vector<float> target(3 * 48 * 40), logits(8);
   for (std::size_t v = 0; v < views.size(); ++v) {
-    static_cast<void>(pipeline.forward(host, views.camera(v), v, context, executor));
+    static_cast<void>(pipeline.forward(base, views.camera(v), v, context, executor));
     const ImageView<float> wanted{target.data(), 3, 40, 48};
     static_cast<void>(views.load(v, wanted));
     double square = 0;
@@ -220,7 +220,7 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
     }
   }
   if (bits_of_model != nullptr) {
-    bits_of_model->assign(host.arena.all_values().begin(), host.arena.all_values().end());
+    bits_of_model->assign(base.arena.all_values().begin(), base.arena.all_values().end());
   }
   return outcome;
 }
@@ -228,9 +228,9 @@ MarkOutcome train(bool marked, std::vector<float>* bits_of_model = nullptr, std:
 }  // namespace
 
 TEST_CASE("embed/watermark: eight bits are hidden and read from every render; without the message they are not there") {
-  const MarkOutcome plain = train<MarkedHost>(false);
-  const MarkOutcome marked = train<MarkedHost>(true);
-  const MarkOutcome noisy = train<recipes::MarkedForCompression<Host, Waves<float>>>(true);
+  const MarkOutcome plain = train<MarkedSmall>(false);
+  const MarkOutcome marked = train<MarkedSmall>(true);
+  const MarkOutcome noisy = train<recipes::MarkedForCompression<Base, Waves<float>>>(true);
   MESSAGE("bits: without ", plain.accuracy, " (", plain.psnr, " dB), marked ", marked.accuracy, " (", marked.psnr,
           " dB), with quantization noise ", noisy.accuracy, " (", noisy.psnr, " dB)");
   if (compmark::testing::short_trainings) return;
@@ -248,7 +248,7 @@ struct OwnResidual : ResidualFeature<float> {
     return {arena.add("my.residual", rows, columns, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed())};
   }
 };
-struct OwnMarkedHost : MarkedHost {
+struct OwnMarkedSmall : MarkedSmall {
   using Embedder = OwnResidual;
 };
 
@@ -256,24 +256,24 @@ struct OwnMarkedHost : MarkedHost {
 
 TEST_CASE("embed/watermark: what a block is called decides nothing: an embedder of another name learns the same bits") {
   std::vector<float> shipped, own, unmarked;
-  static_cast<void>(train<MarkedHost>(true, &shipped));
-  static_cast<void>(train<OwnMarkedHost>(true, &own));
-  static_cast<void>(train<MarkedHost>(false, &unmarked));
+  static_cast<void>(train<MarkedSmall>(true, &shipped));
+  static_cast<void>(train<OwnMarkedSmall>(true, &own));
+  static_cast<void>(train<MarkedSmall>(false, &unmarked));
   CHECK(own == shipped);
   CHECK(own != unmarked);  // negative control: the message is in these bits
 }
 
 TEST_CASE("embed/watermark: readings between the training views change the model, and the message is read") {
   std::vector<float> without, with;
-  static_cast<void>(train<MarkedHost>(true, &without, 2, 0));
-  const MarkOutcome outcome = train<MarkedHost>(true, &with, 2, 1);
+  static_cast<void>(train<MarkedSmall>(true, &without, 2, 0));
+  const MarkOutcome outcome = train<MarkedSmall>(true, &with, 2, 1);
   CHECK(without != with);
   if (!compmark::testing::short_trainings) CHECK(outcome.accuracy > 0.9999);
 }
 
 TEST_CASE("embed/watermark: a marked training has the same bits at any thread count") {
   std::vector<float> one, three;
-  using R = recipes::MarkedForCompression<Host, Waves<float>>;
+  using R = recipes::MarkedForCompression<Base, Waves<float>>;
   static_cast<void>(train<R>(true, &one, 1, 2));
   static_cast<void>(train<R>(true, &three, 3, 2));
   REQUIRE(one.size() == three.size());
@@ -281,14 +281,14 @@ TEST_CASE("embed/watermark: a marked training has the same bits at any thread co
 }
 
 TEST_CASE("embed/watermark: a finished model is marked by training on from it") {
-  // The host without a mark, then the same model with room for one.
+  // The base recipe without a mark, then the same model with room for one.
   TrainSettings settings;
   settings.iterations = compmark::testing::short_trainings ? 20 : 200;
   settings.voxel_size = 0.05;
   settings.seed = 2;
   ThreadExecutor executor(2);
   BlobViews views;
-  Trainer<Host, ThreadExecutor> first(settings, 6, 1.0, executor);
+  Trainer<Base, ThreadExecutor> first(settings, 6, 1.0, executor);
   REQUIRE(first.initialise(cloud(400, 7)));
   REQUIRE(first.run(views));
 
@@ -299,24 +299,24 @@ TEST_CASE("embed/watermark: a finished model is marked by training on from it") 
   settings.mark.message.ramp = 0;
   settings.mark.hsv.after = 0;
   settings.mark.message.logit_scale = 1;
-  Trainer<MarkedHost, ThreadExecutor> second(settings, 6, 1.0, executor);
+  Trainer<MarkedSmall, ThreadExecutor> second(settings, 6, 1.0, executor);
   set_watermark(second, Waves<float>{}, hidden_message);
-  second.start_from(with_room_for_stages<MarkedHost>(first.model(), settings.seed));
+  second.start_from(with_room_for_stages<MarkedSmall>(first.model(), settings.seed));
   CHECK(second.state().iteration == 0);
   // It starts as what it was started from, to the bit: the residual is zero.
-  const Model<Host> room = baked_host(second.model());
+  const Model<Base> room = baked_model(second.model());
   REQUIRE(room.arena.all_values().size() == first.model().arena.all_values().size());
   CHECK(std::memcmp(room.arena.all_values().data(), first.model().arena.all_values().data(),
                     room.arena.all_values().size() * sizeof(float)) == 0);
   REQUIRE(second.run(views));
   CHECK(second.model().anchor_count() == first.model().anchor_count());
-  const auto matches = [&](const Model<Host>& host) {
-    const Pipeline<Host> pipeline;
-    Pipeline<Host>::Context context;
+  const auto matches = [&](const Model<Base>& base) {
+    const Pipeline<Base> pipeline;
+    Pipeline<Base>::Context context;
     std::vector<float> logits(8);
     std::size_t found = 0;
     for (std::size_t v = 0; v < views.size(); ++v) {
-      static_cast<void>(pipeline.forward(host, views.camera(v), v, context, executor));
+      static_cast<void>(pipeline.forward(base, views.camera(v), v, context, executor));
       Waves<float>::Context wave_context;
       Waves<float>{}.forward(context.image, logits, wave_context, executor);
       for (std::size_t i = 0; i < 8; ++i) found += (logits[i] > 0) == (hidden_message[i] == 1) ? 1 : 0;
@@ -325,13 +325,13 @@ TEST_CASE("embed/watermark: a finished model is marked by training on from it") 
   };
   if (compmark::testing::short_trainings) return;
   CHECK(matches(first.model()) < 8 * views.size());  // negative control
-  CHECK(matches(baked_host(second.model())) == 8 * views.size());
+  CHECK(matches(baked_model(second.model())) == 8 * views.size());
 }
 
 namespace {
 
 using compmark::testing::colours;
-using ColourMarked = recipes::Marked<Host, LatticeDecoder<float>>;
+using ColourMarked = recipes::Marked<Base, LatticeDecoder<float>>;
 
 }  // namespace
 
@@ -344,17 +344,17 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
   settings.mark.message.ramp = 0;
   settings.mark.message.logit_scale = 1;
   settings.mark.message.hinge_margin = 0.2;
-  settings.mark.message.between_every = 1;
+  settings.mark.message.novel_view_every = 1;
   settings.mark.message.lambda = 1;
   settings.mark.residual.learning_rate = 0.02;
   settings.mark.residual.decay = 0.1;
   BlobViews views;
-  const auto same = [](const Model<Host>& a, const Model<Host>& b) {
+  const auto same = [](const Model<Base>& a, const Model<Base>& b) {
     const std::span<const float> x = a.arena.all_values(), y = b.arena.all_values();
     return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(float)) == 0;
   };
   ThreadExecutor executor(2);
-  Trainer<Host, ThreadExecutor> plain(settings, 6, 1.0, executor);
+  Trainer<Base, ThreadExecutor> plain(settings, 6, 1.0, executor);
   REQUIRE(plain.initialise(cloud(400, 7)));
   REQUIRE(plain.run(views));
   {  // the control: in the loss of the photographs the message moves the model too
@@ -362,56 +362,56 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
     set_watermark(joined, colours(), hidden_message);
     REQUIRE(joined.initialise(cloud(400, 7)));
     REQUIRE(joined.run(views));
-    CHECK(!same(host_alone(joined.model()), plain.model()));
+    CHECK(!same(base_model(joined.model()), plain.model()));
   }
 
   TrainSettings frozen = settings;
   frozen.mark.posthoc.fidelity = 60;
   frozen.mark.message.after = frozen.mark.residual.after = 0;
   using Embedding = PosthocEmbedding<ColourMarked, ThreadExecutor>;
-  const auto finished_model = [&](const TrainSettings& chosen, double& departure, std::size_t threads = 2) {
+  const auto finished_model = [&](const TrainSettings& chosen, double& distortion, std::size_t threads = 2) {
     ThreadExecutor own(threads);
     Embedding embedding(chosen, own);
     set_watermark(embedding, colours(), hidden_message);
     embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
     REQUIRE(embedding.run(views));
-    departure = mark_report(embedding).departure;
+    distortion = mark_report(embedding).distortion;
     return embedding.model();
   };
-  double departure = 0, loose_departure = 0;
-  const Model<ColourMarked> second = finished_model(frozen, departure);
-  CHECK(same(host_alone(second), plain.model()));
-  CHECK(!same(baked_host(second), plain.model()));
+  double distortion = 0, loose_distortion = 0;
+  const Model<ColourMarked> second = finished_model(frozen, distortion);
+  CHECK(same(base_model(second), plain.model()));
+  CHECK(!same(baked_model(second), plain.model()));
   double again = 0;
-  CHECK(same(baked_host(finished_model(frozen, again, 1)), baked_host(second)));  // whatever the number of threads
+  CHECK(same(baked_model(finished_model(frozen, again, 1)), baked_model(second)));  // whatever the number of threads
   // A residual whose rate never begins stays zero.
   TrainSettings late = frozen;
   late.mark.residual.after = 30000;
-  CHECK(same(baked_host(finished_model(late, again)), plain.model()));
+  CHECK(same(baked_model(finished_model(late, again)), plain.model()));
   // An iteration that does not read looks at no view, and changes nothing.
   {
     TrainSettings seldom = frozen;
-    seldom.mark.message.between_every = 3;
+    seldom.mark.message.novel_view_every = 3;
     Embedding embedding(seldom, executor);
     set_watermark(embedding, colours(), hidden_message);
     embedding.start_from(with_room_for_stages<ColourMarked>(plain.model(), settings.seed));
     for (const bool reads : {false, false, true, false}) {
-      const Model<Host> before = baked_host(embedding.model());
+      const Model<Base> before = baked_model(embedding.model());
       const Result<IterationReport> report = embedding.step(views);
       REQUIRE(report.ok());
       CHECK(report->rendered == reads);
       CHECK((report->forward.gaussians > 0) == reads);
-      CHECK(same(baked_host(embedding.model()), before) == !reads);
+      CHECK(same(baked_model(embedding.model()), before) == !reads);
     }
   }
   // Cameras drawn by what the message cost there: another run, whose state is in its checkpoint.
   TrainSettings by_cost = frozen;
   by_cost.mark.posthoc.draw_by_cost = 1;
-  double by_cost_departure = 0;
-  const Model<ColourMarked> straight = finished_model(by_cost, by_cost_departure);
-  CHECK(same(host_alone(straight), plain.model()));
+  double by_cost_distortion = 0;
+  const Model<ColourMarked> straight = finished_model(by_cost, by_cost_distortion);
+  CHECK(same(base_model(straight), plain.model()));
   // Of 20 iterations the costs of six views differ too little to change a draw.
-  if (!compmark::testing::short_trainings) CHECK(!same(baked_host(straight), baked_host(second)));
+  if (!compmark::testing::short_trainings) CHECK(!same(baked_model(straight), baked_model(second)));
   {
     const auto begun = [&] {
       Embedding embedding(by_cost, executor);
@@ -437,7 +437,7 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
     auto resumed = begun();
     resumed.restore(std::move(loaded->state));
     REQUIRE(resumed.run(views));
-    CHECK(same(baked_host(resumed.model()), baked_host(straight)));
+    CHECK(same(baked_model(resumed.model()), baked_model(straight)));
     // Others than a view each, or a number that is none: refused by name.
     const auto refused = [&](std::vector<double> costs) {
       auto state = stopped.state();
@@ -453,14 +453,14 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
     std::filesystem::remove(path);
   }
   frozen.mark.posthoc.fidelity /= 100;  // held a hundredth as much
-  const Model<ColourMarked> loose = finished_model(frozen, loose_departure);
-  CHECK(departure > 0);
-  CHECK(loose_departure > departure);
+  const Model<ColourMarked> loose = finished_model(frozen, loose_distortion);
+  CHECK(distortion > 0);
+  CHECK(loose_distortion > distortion);
 
   // Read from the views between the training views, where it was learned, and held to the unmarked renders there.
-  const auto read = [&](const Model<Host>& host, double& departure_db) {
-    const Pipeline<Host> pipeline;
-    Pipeline<Host>::Context context, unmarked;
+  const auto read = [&](const Model<Base>& base, double& distortion_db) {
+    const Pipeline<Base> pipeline;
+    Pipeline<Base>::Context context, unmarked;
     std::vector<float> logits(8);
     std::size_t found = 0;
     double square = 0;
@@ -468,8 +468,8 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
     for (std::size_t i = 0; i < count; ++i) {
       const Random random(77, i, random_stage("between"));
       const Camera<double> camera =
-          drawn_camera([&](std::size_t v) { return views.camera(v); }, views.size(), i % views.size(), random);
-      static_cast<void>(pipeline.forward(host, camera, unseen_view, context, executor));
+          novel_view_camera([&](std::size_t v) { return views.camera(v); }, views.size(), i % views.size(), random);
+      static_cast<void>(pipeline.forward(base, camera, unseen_view, context, executor));
       static_cast<void>(pipeline.forward(plain.model(), camera, unseen_view, unmarked, executor));
       for (std::size_t p = 0; p < context.image.size(); ++p) {
         square += std::pow(static_cast<double>(context.image.data[p]) - static_cast<double>(unmarked.image.data[p]), 2);
@@ -478,13 +478,13 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
       colours().forward(context.image, logits, colour_context, executor);
       for (std::size_t b = 0; b < 8; ++b) found += (logits[b] > 0) == (hidden_message[b] == 1) ? 1 : 0;
     }
-    departure_db = -10 * std::log10(square / static_cast<double>(count * context.image.size()));
+    distortion_db = -10 * std::log10(square / static_cast<double>(count * context.image.size()));
     return static_cast<double>(found) / (8 * count);
   };
   double none = 0, finished_db = 0, loose_db = 0;
   const double before = read(plain.model(), none);
-  const double finished = read(baked_host(second), finished_db);
-  static_cast<void>(read(baked_host(loose), loose_db));
+  const double finished = read(baked_model(second), finished_db);
+  static_cast<void>(read(baked_model(loose), loose_db));
   MESSAGE("bits between the views: unmarked ", before, ", marked ", finished, " at ", finished_db, " dB; held less ",
           loose_db, " dB");
   if (compmark::testing::short_trainings) return;
@@ -493,17 +493,17 @@ TEST_CASE("embed/watermark: a mark is learned in a finished model, which stays w
   CHECK(finished > before + 0.15);
 }
 
-TEST_CASE("embed/watermark: the gradient of the departure from the host's render equals central differences") {
+TEST_CASE("embed/watermark: the gradient of the distortion against the unmarked render equals central differences") {
   using R = recipes::Marked<SmoothRecipe, Waves<double>>;
   Model<R> model = compmark::testing::random_model<R>(24);
   const Random residual(8, 0, random_stage("test residual"));
   const MatrixView<double> values = model.arena.values(model.arena.layout().find("anchor.residual"));
   for (std::size_t i = 0; i < values.size(); ++i) values.data[i] = 0.3 * residual.normal(i);
   const Camera<double> camera = ring_camera(1, 5, 37, 29);
-  Buffer<double> host_storage(3 * 37 * 29);
+  Buffer<double> unmarked_storage(3 * 37 * 29);
   const Random random(5, 0, random_stage("test target"));
-  for (std::size_t i = 0; i < host_storage.size(); ++i) host_storage[i] = random.uniform(i);
-  const ImageView<const double> host{host_storage.data(), 3, 29, 37};
+  for (std::size_t i = 0; i < unmarked_storage.size(); ++i) unmarked_storage[i] = random.uniform(i);
+  const ImageView<const double> unmarked{unmarked_storage.data(), 3, 29, 37};
   Pipeline<R> pipeline;
   pipeline.template stage<MessageStage>().message = hidden_message;
   pipeline.template stage<MessageStage>().message_loss.settings.logit_scale = 1;
@@ -515,7 +515,7 @@ TEST_CASE("embed/watermark: the gradient of the departure from the host's render
       model,
       [&](Context& context) {
         static_cast<void>(pipeline.forward(model, camera, 1, context, executor, phases));
-        return message_loss(pipeline, 20.0, host, context, executor).total;
+        return message_loss(pipeline, 20.0, unmarked, context, executor).total;
       },
       [&](Context& context) { pipeline.backward(model, camera, 1, context, executor); });
 }

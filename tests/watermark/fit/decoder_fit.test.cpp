@@ -24,18 +24,18 @@ using namespace compmark;
 using compmark::testing::BlobViews;
 using compmark::testing::cloud;
 
-using Host = compmark::testing::SmallRecipe;
-using ColourMarked = recipes::Marked<Host, LatticeDecoder<float>>;
+using Base = compmark::testing::SmallRecipe;
+using ColourMarked = recipes::Marked<Base, LatticeDecoder<float>>;
 constexpr int message_bits = 12;
 
-/// A finished host, once: what the cases below hide something in.
-const Model<Host>& finished() {
-  static const Model<Host> model = [] {
+/// A finished model, once: what the cases below hide something in.
+const Model<Base>& finished() {
+  static const Model<Base> model = [] {
     TrainSettings settings;
     settings.iterations = compmark::testing::short_trainings ? 40 : 600;
     settings.voxel_size = 0.05;
     ThreadExecutor executor(2);
-    Trainer<Host, ThreadExecutor> trainer(settings, 6, 1.0, executor);
+    Trainer<Base, ThreadExecutor> trainer(settings, 6, 1.0, executor);
     BlobViews views;
     REQUIRE(trainer.initialise(cloud(400, 7)));
     REQUIRE(trainer.run(views));
@@ -47,7 +47,7 @@ const Model<Host>& finished() {
 DecoderFitSettings small_fit() {
   DecoderFitSettings settings;
   settings.bits = message_bits;
-  settings.waves = 48;
+  settings.features = 48;
   settings.statistics_views = 160;
   settings.gradient_views = 6;
   settings.period = 0.08;
@@ -60,7 +60,7 @@ DecoderFitSettings small_fit() {
   settings.coordinates = 0;
   return settings;
 }
-/// The same with a prediction of what the host says by itself.
+/// The same with a prediction of the cover interference.
 DecoderFitSettings predicting() {
   DecoderFitSettings settings = small_fit();
   settings.coordinates = 16;
@@ -68,18 +68,18 @@ DecoderFitSettings predicting() {
   return settings;
 }
 DecoderFit<float> fitted(const DecoderFitSettings& settings, std::size_t threads = 2, const BlobViews& views = {}) {
-  Model<Host> host = finished();
+  Model<Base> unmarked = finished();
   ThreadExecutor executor(threads);
-  Result<DecoderFit<float>> fit = fit_decoder(host, views, settings, executor);
+  Result<DecoderFit<float>> fit = fit_decoder(unmarked, views, settings, executor);
   REQUIRE(fit);
   return std::move(*fit);
 }
 
 /// Logits of a model in views drawn with a seed that no fit saw, [count, bits]; of renders with noise, or in lights, of this deviation.
-std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<float>& decoder, std::size_t count,
+std::vector<double> logits_of(const Model<Base>& model, const LatticeDecoder<float>& decoder, std::size_t count,
                               const BlobViews& views = {}, double noise = 0, double tone = 0) {
-  const Pipeline<Host> pipeline;
-  Pipeline<Host>::Context context;
+  const Pipeline<Base> pipeline;
+  Pipeline<Base>::Context context;
   LatticeDecoder<float>::Context reading;
   ThreadExecutor executor(2);
   std::vector<float> logits(static_cast<std::size_t>(decoder.bits()));
@@ -87,7 +87,7 @@ std::vector<double> logits_of(const Model<Host>& model, const LatticeDecoder<flo
   for (std::size_t i = 0; i < count; ++i) {
     const Random random(4711, i, random_stage("held out"));
     const auto camera_of = [&](std::size_t v) { return views.camera(v); };
-    const Camera<double> camera = drawn_camera(camera_of, views.size(), i % views.size(), random);
+    const Camera<double> camera = novel_view_camera(camera_of, views.size(), i % views.size(), random);
     static_cast<void>(pipeline.forward(model, camera, unseen_view, context, executor));
     for (std::size_t p = 0; noise > 0 && p < context.image.size(); ++p)
       context.image.data[p] += static_cast<float>(noise * random.normal(100 + p));
@@ -112,9 +112,9 @@ TEST_CASE("fit/decoder_fit: the same seed gives the same decoder at any thread c
   CHECK(fitted(other).decoder.weights().head != one.decoder.weights().head);
   const DecoderFit<float> predicted = fitted(predicting(), 1), again = fitted(predicting(), 3);
   CHECK(predicted.decoder.weights().head == again.decoder.weights().head);
-  CHECK(predicted.decoder.weights().host.coefficient == again.decoder.weights().host.coefficient);
-  CHECK(predicted.decoder.weights().host.centres() == static_cast<std::size_t>(predicting().statistics_views));
-  CHECK(one.decoder.weights().host.empty());
+  CHECK(predicted.decoder.weights().cover.coefficient == again.decoder.weights().cover.coefficient);
+  CHECK(predicted.decoder.weights().cover.centres() == static_cast<std::size_t>(predicting().statistics_views));
+  CHECK(one.decoder.weights().cover.empty());
   CHECK(one.decoder.bits() == message_bits);
   CHECK(one.decoder.settings().measure == LatticeMeasure::colour);
 }
@@ -144,12 +144,12 @@ TEST_CASE("fit/decoder_fit: the unmarked scene says nothing on the mean, in view
   CHECK(loud > 1.5 * square);  // measured 2.4 times
 }
 
-TEST_CASE("fit/decoder_fit: what the host says is told from the view, in views that were not looked at") {
+TEST_CASE("fit/decoder_fit: cover interference is predicted from the view, in views that were not looked at") {
   const BlobViews large{.width = 120, .height = 100};  // small renders say more of their grid than of the view
   const DecoderFit<float> fit = fitted(predicting(), 2, large);
   const std::size_t count = 60;
   LatticeDecoder<float> deaf = fit.decoder;  // the control: the same bits, and nothing is told from the view
-  deaf.weights().host = {};
+  deaf.weights().cover = {};
   double left = 0, whole = 0;
   for (const double z : logits_of(finished(), fit.decoder, count, large))
     left += z * z / static_cast<double>(count * message_bits);
@@ -186,7 +186,7 @@ TEST_CASE("fit/decoder_fit: what was fitted with edits is told from edited rende
 }
 
 TEST_CASE("fit/decoder_fit: what was fitted in many lights is told from renders in other lights too") {
-  // Mean square of what the unmarked host says, in the unit of the fit's noise: 1 where its views are as those of the fit.
+  // Mean square of the cover interference, in the unit of the fit's noise: 1 where its views are as those of the fit.
   const auto says = [](const DecoderFit<float>& fit, double tone) {
     const std::vector<double> logits = logits_of(finished(), fit.decoder, 80, {}, 0, tone);
     double square = 0;
@@ -199,30 +199,30 @@ TEST_CASE("fit/decoder_fit: what was fitted in many lights is told from renders 
   const double same = says(one_light, 0), other = says(one_light, 0.02), light = says(lights, 0),
                lit = says(lights, 0.02);
   MESSAGE("fitted in one light: ", same, " there, ", other, " in another; in many: ", light, ", ", lit);
-  CHECK(other > 1.5 * same);  // the control, measured 2.3: the host's own light was all it had seen
+  CHECK(other > 1.5 * same);  // the control, measured 2.3: the model's own light was all it had seen
   CHECK(lit < 0.7 * other);   // measured 0.43
   CHECK(lit < 2);
 }
 
-TEST_CASE("fit/decoder_fit: directions are chosen that agree between views and are quiet in the scene") {
+TEST_CASE("fit/decoder_fit: directions are chosen that agree between views and that the cover hardly moves") {
   const DecoderFit<float> fit = fitted(small_fit());
-  MESSAGE("deviation ", fit.wave_deviation, ", agreement ", fit.wave_agreement, " to ", fit.agreement, ", noise ratio ",
-          fit.noise_ratio);
-  CHECK(fit.agreement > fit.wave_agreement);
+  MESSAGE("deviation ", fit.feature_deviation, ", agreement ", fit.feature_agreement, " to ", fit.agreement,
+          ", noise ratio ", fit.noise_ratio);
+  CHECK(fit.agreement > fit.feature_agreement);
   CHECK(fit.noise_ratio < 1);
-  // With as many waves as bits there is nothing to choose: the control.
+  // With as many features as bits there is nothing to choose: the control.
   DecoderFitSettings all = small_fit();
-  all.waves = message_bits;
+  all.features = message_bits;
   CHECK(fitted(all).noise_ratio > fit.noise_ratio);
 }
 
 TEST_CASE(
-    "fit/decoder_fit: a message is read from more views, at a smaller departure, than with a wave for every bit") {
+    "fit/decoder_fit: a message is read from more views, at a smaller distortion, than with a feature for every bit") {
   constexpr int seeds = 3;  ///< of the comparison: one small scene and one message say little
   if (compmark::testing::short_trainings) return;
   std::vector<std::uint8_t> message;
   for (std::size_t b = 0; b < message_bits; ++b) message.push_back(b % 3 == 0 || b == 7 ? 1 : 0);
-  const auto hidden = [&](const LatticeDecoder<float>& decoder, double& departure_db) {
+  const auto hidden = [&](const LatticeDecoder<float>& decoder, double& distortion_db) {
     TrainSettings settings;
     settings.iterations = 600;
     settings.mark = posthoc_mark();
@@ -237,13 +237,13 @@ TEST_CASE(
     set_watermark(trainer, decoder, message);
     trainer.start_from(with_room_for_stages<ColourMarked>(finished(), 0));
     BlobViews views;
-    double departure = 0;
+    double distortion = 0;
     while (!trainer.finished()) {
       REQUIRE(trainer.step(views));
-      if (trainer.state().iteration > 500) departure += mark_report(trainer).departure / 100;
+      if (trainer.state().iteration > 500) distortion += mark_report(trainer).distortion / 100;
     }
-    departure_db -= 10 * std::log10(departure) / seeds;
-    const std::vector<double> logits = logits_of(baked_host(trainer.model()), decoder, 40);
+    distortion_db -= 10 * std::log10(distortion) / seeds;
+    const std::vector<double> logits = logits_of(baked_model(trainer.model()), decoder, 40);
     double right = 0;
     for (std::size_t i = 0; i < logits.size(); ++i)
       right += (logits[i] > 0) == (message[i % message_bits] == 1) ? 1 : 0;
@@ -254,30 +254,32 @@ TEST_CASE(
     DecoderFitSettings chosen = small_fit();
     chosen.seed = static_cast<std::uint64_t>(seed);
     const DecoderFit<float> fit = fitted(chosen);
-    LatticeSettings settings = fit.decoder.settings();  // a wave a bit, at the same scale: deviation 1 on the host
+    LatticeSettings settings =
+        fit.decoder.settings();  // a feature a bit, at the same scale: deviation 1 on the unmarked model
     settings.features = message_bits;
     LatticeWeights<float> weights = random_lattice<float>(settings, std::vector<double>{chosen.period}, chosen.seed, 1);
     for (std::size_t b = 0; b < message_bits; ++b)
-      weights.head[b * (message_bits + 1)] = static_cast<float>(1 / fit.wave_deviation);
+      weights.head[b * (message_bits + 1)] = static_cast<float>(1 / fit.feature_deviation);
     with_fit += hidden(fit.decoder, fitted_db);
     without += hidden({settings, weights}, plain_db);
   }
-  MESSAGE("fitted ", with_fit, " of the bits at ", fitted_db, " dB, a wave a bit ", without, " at ", plain_db, " dB");
+  MESSAGE("fitted ", with_fit, " of the bits at ", fitted_db, " dB, a feature a bit ", without, " at ", plain_db,
+          " dB");
   CHECK(with_fit >
         without + 0.02);  // measured .749 at 35.9 dB and .665 at 35.9; with clang++ .765 at 34.5 and .695 at 35.4
   CHECK(fitted_db > plain_db - 1);
 }
 
 TEST_CASE("fit/decoder_fit: what nothing can be fitted to is an error") {
-  Model<Host> host = finished();
+  Model<Base> unmarked = finished();
   ThreadExecutor executor(2);
   BlobViews views;
   struct Nobody : BlobViews {
     [[nodiscard]] std::size_t size() const { return 0; }
   } nobody;
-  CHECK_FALSE(fit_decoder(host, nobody, small_fit(), executor));
+  CHECK_FALSE(fit_decoder(unmarked, nobody, small_fit(), executor));
   // Nothing but the background, which is black.
-  Model<Host> dark = finished();
+  Model<Base> dark = finished();
   for (float& value : dark.arena.all_values()) value = 0;
   const Result<DecoderFit<float>> none = fit_decoder(dark, views, small_fit(), executor);
   REQUIRE_FALSE(none);
@@ -305,15 +307,15 @@ TEST_CASE(
   LatticeSettings open = limited.decoder.settings();
   open.region_limit = 1e9;
   const LatticeDecoder<float> decoder(open, limited.decoder.weights());
-  const Pipeline<Host> pipeline;
-  Pipeline<Host>::Context context;
+  const Pipeline<Base> pipeline;
+  Pipeline<Base>::Context context;
   LatticeDecoder<float>::Context reading;
   ThreadExecutor executor(2);
   std::vector<double> loudest;
   for (std::size_t i = 0; i < 60; ++i) {
     const Random random(4711, i, random_stage("held out"));
     const auto camera_of = [&](std::size_t v) { return large.camera(v); };
-    const Camera<double> camera = drawn_camera(camera_of, large.size(), i % large.size(), random);
+    const Camera<double> camera = novel_view_camera(camera_of, large.size(), i % large.size(), random);
     static_cast<void>(pipeline.forward(finished(), camera, unseen_view, context, executor));
     decoder.pool(context.image, reading, executor);
     loudest.push_back(*std::max_element(reading.region_norm.begin(), reading.region_norm.end()));
@@ -322,14 +324,14 @@ TEST_CASE(
   MESSAGE("limit ", limit, ", the loudest region of 60 other views: median ", loudest[30], ", ninth tenth ",
           loudest[54]);
   const auto above = loudest.end() - std::upper_bound(loudest.begin(), loudest.end(), limit);
-  MESSAGE("held back in ", limited.held_back, " of the drawn views, in ", above, " of 60 others");
+  MESSAGE("held back in ", limited.held_back, " of the sampled views, in ", above, " of 60 others");
   CHECK(std::abs(limited.held_back - static_cast<double>(above) / 60) <
         0.2);  // of 60 a share of .15 has deviation .05; measured .08 apart
   CHECK(limit > 0.8 * 1.2 * loudest[30]);
   CHECK(limit < 1.25 * 1.2 * loudest[30]);
 }
 
-TEST_CASE("fit/decoder_fit: an observer that says stop is heard after every part, and the host is as it was") {
+TEST_CASE("fit/decoder_fit: an observer that says stop is heard after every part, and the model is as it was") {
   struct Stopping {
     std::size_t last, *calls;
     bool on_progress(std::size_t done, std::size_t /*total*/) const {
@@ -337,8 +339,8 @@ TEST_CASE("fit/decoder_fit: an observer that says stop is heard after every part
       return done < last;
     }
   };
-  Model<Host> host = finished();
-  const Model<Host> before = host;
+  Model<Base> unmarked = finished();
+  const Model<Base> before = unmarked;
   ThreadExecutor executor(2);
   const BlobViews views;
   DecoderFitSettings settings = small_fit();
@@ -347,15 +349,15 @@ TEST_CASE("fit/decoder_fit: an observer that says stop is heard after every part
                     metric = 6 * static_cast<std::size_t>(settings.gradient_views);
   const std::size_t chosen =
       statistics + metric +
-      static_cast<std::size_t>(settings.gradient_views) * static_cast<std::size_t>(settings.waves);
+      static_cast<std::size_t>(settings.gradient_views) * static_cast<std::size_t>(settings.features);
   // In the first of four loops, at the end of each of the first two, in the third, and in the last.
   for (const std::size_t last :
        {std::size_t{1}, statistics, statistics + metric, statistics + metric + 1, chosen + 1}) {
     std::size_t calls = 0;
-    const Result<DecoderFit<float>> fit = fit_decoder(host, views, settings, executor, Stopping{last, &calls});
+    const Result<DecoderFit<float>> fit = fit_decoder(unmarked, views, settings, executor, Stopping{last, &calls});
     REQUIRE_FALSE(fit);
     CHECK(fit.error().kind == ErrorKind::cancelled);
     CHECK(calls == last);
   }
-  CHECK(std::ranges::equal(host.arena.all_values(), before.arena.all_values()));
+  CHECK(std::ranges::equal(unmarked.arena.all_values(), before.arena.all_values()));
 }

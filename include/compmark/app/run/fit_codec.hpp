@@ -24,7 +24,8 @@ struct FitCodecSettings : RunSettings {
   double rate_lambda = 0.001;   ///< loss of one bit more a scalar
   std::int64_t iterations = 3000;
   bool touch_up = false;  ///< attributes and networks train on at small rates; else they keep their bits
-  MarkSettings mark;      ///< key, decoder and twin of a model that is marked: what is left of its message is measured
+  MarkSettings
+      mark;  ///< key, decoder and counterpart of a model that is marked: what is left of its message is measured
 };
 
 /// Writes model.cmk, model.safetensors, results.json and checkpoints into `out`. A mark of the model is rounded too;

@@ -23,15 +23,15 @@ struct DecoderFileSettings {
   std::filesystem::path out;    ///< decoder to write
   std::filesystem::path json;   ///< figures of the fit; empty: as `out`, with the ending .json
   /// Numbers of 0 are chosen from the bits and the size of the images; coordinates below 0 from the number of features.
-  DecoderFitSettings fit{.waves = 0, .stride = 0, .statistics_views = 0, .coordinates = -1};
+  DecoderFitSettings fit{.features = 0, .stride = 0, .statistics_views = 0, .coordinates = -1};
   bool force = false;    ///< move a decoder that is there aside
   double downscale = 1;  ///< that of the training
 };
 
 struct FittedDecoder {
-  std::string sha256;                                         ///< of the file
-  double wave_agreement = 0, agreement = 0, noise_ratio = 0;  ///< as DecoderFit has them
-  double seconds = 0;                                         ///< by the observer's clock
+  std::string sha256;                                            ///< of the file
+  double feature_agreement = 0, agreement = 0, noise_ratio = 0;  ///< as DecoderFit has them
+  double seconds = 0;                                            ///< by the observer's clock
 };
 
 /// Tells the observer warnings, notes and RunObserver::on_fit. Nothing is written before the fit is done, and the same

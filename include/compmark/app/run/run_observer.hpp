@@ -43,10 +43,10 @@ struct RunMark {
   Message message;
   std::vector<std::uint8_t> bits;  ///< the same, one a byte
   ReportSources sources;
-  std::filesystem::path twin;        ///< unmarked model to compare with
-  std::filesystem::path coded_twin;  ///< of the compressed model; empty: `twin`
-  double twin_unit = 1;              ///< as in the counterpart's ModelInfo, likewise the origin
-  std::array<double, 3> twin_origin{0, 0, 0};
+  std::filesystem::path unmarked;        ///< the counterpart to compare with
+  std::filesystem::path coded_unmarked;  ///< of the compressed model; empty: `unmarked`
+  double unmarked_unit = 1;              ///< as in the counterpart's ModelInfo, likewise the origin
+  std::array<double, 3> unmarked_origin{0, 0, 0};
   std::filesystem::path key_file;
   std::string decoder_tensors;  ///< tensors_sha256 (mark_record.hpp)
   bool for_compression = false;

@@ -6,7 +6,7 @@
 // probability of a one from the bits themselves. Whole numbers only. The first bits of a context count (rate 1/(n +
 // 1.5): a prior of a quarter bit each way), later ones age at 1/256; the estimate has 32 bits and the coder 16 of them,
 // so that a constant bit costs 2e-5 bits (CO1). A stream ends with the lower end of its last interval: a decoder that
-// took another road ends elsewhere, which `valid` sees with a probability of at least 1 - 2^-16.
+// took another path ends elsewhere, which `valid` sees with a probability of at least 1 - 2^-16.
 #pragma once
 
 #include <algorithm>

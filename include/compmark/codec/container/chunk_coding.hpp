@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // One chunk of anchors, to bytes and back, for any codec: masks, then one stream of symbols. It holds for each anchor
-// in order its D features, 6 scalings (extents) and the three coordinates of each unmasked offset. Both directions ask
+// in order its D features, 6 scales and the three coordinates of each unmasked offset. Both directions ask
 // the same integer context for the same models. The encoder rounds with the step of the context, value / q to the
 // nearest, ties to even, so that only whole numbers are coded. Cost: ~2 us an anchor each way.
 #pragma once
@@ -35,7 +35,7 @@ namespace detail {
 struct ChunkRows {
   std::span<const Voxel> voxels;
   std::span<std::uint32_t> mask;
-  std::span<float> feature, extent, offset;
+  std::span<float> feature, scale, offset;
   std::span<std::int32_t> hyperprior;  ///< empty in HAC files
 };
 
@@ -44,7 +44,7 @@ struct ChunkRows {
   const std::size_t n = end - begin, z = model.voxels.empty() ? 0 : model.hyperprior.size() / model.voxels.size();
   return {
       std::span<const Voxel>(model.voxels).subspan(begin, n), std::span(model.mask).subspan(begin, n),
-      std::span(model.feature).subspan(begin * d, n * d),     std::span(model.extent).subspan(begin * 6, n * 6),
+      std::span(model.feature).subspan(begin * d, n * d),     std::span(model.scale).subspan(begin * 6, n * 6),
       std::span(model.offset).subspan(begin * k3, n * k3),    std::span(model.hyperprior).subspan(begin * z, n * z)};
 }
 
@@ -63,7 +63,7 @@ void visit_scalars(const ChunkRows& rows, std::size_t anchor, int offset_count, 
                    std::size_t lane, const Visit& visit) {
   const std::size_t d = rows.feature.size() / rows.voxels.size(), k = static_cast<std::size_t>(offset_count);
   for (std::size_t c = 0; c < d; ++c) visit(0, c, evaluator.step(0, lane), rows.feature[anchor * d + c]);
-  for (std::size_t c = 0; c < 6; ++c) visit(1, d + c, evaluator.step(1, lane), rows.extent[anchor * 6 + c]);
+  for (std::size_t c = 0; c < 6; ++c) visit(1, d + c, evaluator.step(1, lane), rows.scale[anchor * 6 + c]);
   for (std::size_t o = 0; o < k; ++o) {
     if ((rows.mask[anchor] >> o & 1u) == 0) continue;
     for (std::size_t c = 3 * o; c < 3 * o + 3; ++c)
@@ -74,8 +74,9 @@ void visit_scalars(const ChunkRows& rows, std::size_t anchor, int offset_count, 
 /// Models of an anchor's scalars, appended in the order of coding.
 inline void append_models(const PanelModels& evaluator, const ContextHeads& heads, std::uint32_t mask, std::size_t lane,
                           std::vector<SymbolModel>& models) {
-  const std::size_t live = 3 * static_cast<std::size_t>(std::popcount(mask)), d = heads.width(0), first = models.size();
-  models.resize(first + d + 6 + live);
+  const std::size_t unmasked = 3 * static_cast<std::size_t>(std::popcount(mask)), d = heads.width(0),
+                    first = models.size();
+  models.resize(first + d + 6 + unmasked);
   SymbolModel* out = models.data() + first;
   evaluator.models(0, lane, 0, d, out);
   evaluator.models(1, lane, 0, 6, out + d);
@@ -104,7 +105,7 @@ inline void append_models(const PanelModels& evaluator, const ContextHeads& head
   add(std::as_bytes(rows.voxels));
   add(std::as_bytes(rows.mask));
   add(std::as_bytes(rows.feature));
-  add(std::as_bytes(rows.extent));
+  add(std::as_bytes(rows.scale));
   add(std::as_bytes(rows.offset));
   if (!rows.hyperprior.empty()) add(std::as_bytes(rows.hyperprior));
   return digest;
@@ -139,7 +140,7 @@ void for_predicted(Predictor& predictor, std::size_t anchors, const Body& body) 
 
 /// Replaces the rows' values by the decoded ones and returns the bytes. `predictor` is PanelModels with two methods:
 /// look(first, count) evaluates the context for anchors of the chunk, and tell(anchor, channel, symbol, step index)
-/// gives it a coded feature or extent.
+/// gives it a coded feature or scale.
 template <class Predictor>
 [[nodiscard]] EncodedChunk encode_chunk(const ChunkCoder& coder, const ChunkRows& rows, Predictor& predictor) {
   EncodedChunk chunk;
@@ -181,8 +182,8 @@ struct DecodedChunk {
   ChunkDigest value_hash;
 };
 
-/// Fills the rows from the two payloads, whose checksums are right. Any bytes may be given. Offsets that are not live
-/// are zero already.
+/// Fills the rows from the two payloads, whose checksums are right. Any bytes may be given. Masked offsets are zero
+/// already.
 template <class Predictor>
 [[nodiscard]] Result<DecodedChunk> decode_chunk(const ChunkCoder& coder, std::span<const std::byte> mask,
                                                 std::span<const std::byte> stream, const ChunkRows& rows,
@@ -213,7 +214,7 @@ template <class Predictor>
                     if (group < 2) predictor.tell(anchor, channel, symbol, index);
                   });
   }
-  if (!whole) return bad_section("STRM", "an extent is negative, or a value beyond the largest symbol");
+  if (!whole) return bad_section("STRM", "a scale is negative, or a value beyond the largest symbol");
   return DecodedChunk{symbols.size(), chunk_symbol_hash(symbols, rows), chunk_value_hash(rows)};
 }
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a codec compresses, as plain vectors: anchors as voxels with feature, extents, offsets and offset masks, the
+// What a codec compresses, as plain vectors: anchors as voxels with feature, scales, offsets and offset masks, the
 // context that predicts them, the networks that render them, and whatever else the owner wants to find again. No
 // recipe, no rasterizer, no training: the pipeline turns its models into this and back. A decoded file is one of these
 // too, with its context in whole numbers.
@@ -71,14 +71,14 @@ struct CodecModel {
   double voxel_size = 0;
   int feature_dim = 0;                             ///< D
   int offset_count = 0;                            ///< K, at most 32
-  std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, extents (world units), offsets
+  std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, scales (world units), offsets
   int chunk_anchors = 4096;                        ///< anchors that are decoded together
 
   std::vector<Voxel> voxels;             ///< position = voxel_size * voxel
-  std::vector<std::uint32_t> mask;       ///< bit k: offset k is live; an anchor without any is not coded
+  std::vector<std::uint32_t> mask;       ///< bit k: offset k is unmasked; an anchor without any is not coded
   std::vector<float> feature;            ///< [N, D]
-  std::vector<float> extent;             ///< [N, 6], not their logarithms
-  std::vector<float> offset;             ///< [N, 3 K]; of offsets that are not live, decoding makes zeros
+  std::vector<float> scale;              ///< [N, 6], not their logarithms
+  std::vector<float> offset;             ///< [N, 3 K]; of masked offsets decoding makes zeros
   std::vector<std::int32_t> hyperprior;  ///< ContextGS: [N, channels] symbols of z
 
   /// Exactly one of the four is set in a model. Encoding makes the integer context from the trained one; an integer
@@ -146,7 +146,7 @@ namespace detail {
   const std::size_t n = model.anchors(), d = static_cast<std::size_t>(model.feature_dim),
                     k = static_cast<std::size_t>(model.offset_count);
   if (n > CodecLimits::anchors) return fail("anchors", std::to_string(n) + " are more than 2^28");
-  if (model.mask.size() != n || model.feature.size() != n * d || model.extent.size() != 6 * n ||
+  if (model.mask.size() != n || model.feature.size() != n * d || model.scale.size() != 6 * n ||
       model.offset.size() != 3 * k * n || (n > 0 ? model.hyperprior.size() % n != 0 : !model.hyperprior.empty())) {
     return fail("anchors", "the attributes are not those of " + std::to_string(n) + " anchors");
   }
@@ -163,9 +163,9 @@ namespace detail {
         return fail("hyperprior" + row, "is beyond 1e6");
     }
     for (std::size_t c = 0; c < 6; ++c) {
-      const float extent = model.extent[6 * i + c];
-      if (!std::isfinite(extent)) return fail("extent" + row, "is not finite");
-      if (extent < 0) return fail("extent" + row, "is negative");
+      const float scale = model.scale[6 * i + c];
+      if (!std::isfinite(scale)) return fail("scale" + row, "is not finite");
+      if (scale < 0) return fail("scale" + row, "is negative");
     }
     for (std::size_t c = 0; c < 3 * k; ++c) {
       if ((model.mask[i] >> (c / 3) & 1u) != 0 && !std::isfinite(model.offset[3 * k * i + c])) {

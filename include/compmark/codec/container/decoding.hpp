@@ -113,7 +113,7 @@ class FileReader {
   [[nodiscard]] std::uint64_t anchors() const { return anchors_; }
 
   /// The number of chunks limits that of anchors: a small file cannot ask for much memory. Nor can a chunk of a few
-  /// bytes: an anchor has feature, extents and an offset, and no symbol of a table of 2^16 costs less than 2^-16 bits.
+  /// bytes: an anchor has feature, scales and an offset, and no symbol of a table of 2^16 costs less than 2^-16 bits.
   [[nodiscard]] Result<Done> expect(const CodecModel& model, const std::vector<LevelRange>& levels,
                                     std::size_t hyperprior = 0) {
     const auto grain = static_cast<std::size_t>(model.chunk_anchors);
@@ -196,7 +196,7 @@ class FileReader {
     const std::size_t n = model.anchors();
     model.mask.resize(n);
     model.feature.resize(n * static_cast<std::size_t>(model.feature_dim));
-    model.extent.resize(n * 6);
+    model.scale.resize(n * 6);
     model.offset.resize(n * 3 * static_cast<std::size_t>(model.offset_count));
     errors_.resize(places_.size());
     values_.resize(places_.size());

@@ -59,7 +59,7 @@ using Sha256Bytes = std::array<std::byte, 32>;
   }
   return digest;
 }
-/// Of voxels, masks, features, extents, offsets and, where there are any, symbols of z: two numbers each.
+/// Of voxels, masks, features, scales, offsets and, where there are any, symbols of z: two numbers each.
 using ChunkDigest = std::vector<std::uint64_t>;
 
 /// What decoding must arrive at: a hash of the symbols and masks of each chunk, and one over all arrays.

@@ -35,12 +35,12 @@ struct CodecEncodeSettings {
   std::optional<WeightBits> weight_bits;
 };
 
-/// Where the bytes of a file are. Attribute groups are features, extents, offsets.
+/// Where the bytes of a file are. Attribute groups are features, scales, offsets.
 struct CodecReport {
   ContainerProfile profile = ContainerProfile::hac;
   std::uint64_t anchors = 0;  ///< in the file
   std::uint64_t dropped = 0;  ///< had no unmasked offset
-  std::uint64_t live_offsets = 0;
+  std::uint64_t unmasked_offsets = 0;
   std::array<std::uint64_t, 3> level_anchors{};  ///< ContextGS: of levels 0, 1, 2
   std::array<std::uint64_t, 3> symbols{};        ///< by attribute group
   std::array<std::uint64_t, 3> clamped{};        ///< values beyond the greatest symbol, which were clipped to it
@@ -118,7 +118,7 @@ template <class Model>
     if (model.mask[i] == 0) continue;
     survivors.push_back(model.voxels[i]);
     rows.push_back(static_cast<std::uint32_t>(i));
-    report.live_offsets += static_cast<std::uint64_t>(std::popcount(model.mask[i]));
+    report.unmasked_offsets += static_cast<std::uint64_t>(std::popcount(model.mask[i]));
   }
   report.anchors = rows.size();
   report.dropped = model.anchors() - rows.size();
@@ -150,7 +150,7 @@ template <class Model>
   gather(model.voxels, result.voxels, 1);
   gather(model.mask, result.mask, 1);
   gather(model.feature, result.feature, static_cast<std::size_t>(model.feature_dim));
-  gather(model.extent, result.extent, 6);
+  gather(model.scale, result.scale, 6);
   gather(model.offset, result.offset, 3 * static_cast<std::size_t>(model.offset_count));
   if (!model.hyperprior.empty()) gather(model.hyperprior, result.hyperprior, model.hyperprior.size() / model.anchors());
   return result;

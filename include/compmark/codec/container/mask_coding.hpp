@@ -27,19 +27,19 @@ void code_masks(Bits& bits, int count, std::span<std::uint32_t> masks) {
   const auto k = static_cast<std::size_t>(count);
   constexpr std::size_t fillings = 5;
   std::vector<BinaryContext> contexts(k * k * fillings);
-  std::size_t full = k;  // live of the two anchors before, halved
+  std::size_t full = k;  // unmasked of the two anchors before, halved
   for (std::uint32_t& mask : masks) {
-    std::size_t live = 0;
+    std::size_t unmasked = 0;
     std::uint32_t result = 0;
     const std::size_t filling = full * (fillings - 1) / k;
     for (std::size_t i = 0; i < k; ++i) {
-      const bool implied = i + 1 == k && live == 0;
-      const bool bit = implied || bits(contexts[(filling * k + i) * k + live], (mask >> i & 1u) != 0);
+      const bool implied = i + 1 == k && unmasked == 0;
+      const bool bit = implied || bits(contexts[(filling * k + i) * k + unmasked], (mask >> i & 1u) != 0);
       result |= (bit ? 1u : 0u) << i;
-      live += bit ? 1 : 0;
+      unmasked += bit ? 1 : 0;
     }
     if constexpr (!Bits::writes) mask = result;
-    full = (full + live + 1) / 2;
+    full = (full + unmasked + 1) / 2;
   }
 }
 

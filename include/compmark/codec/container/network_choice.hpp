@@ -47,7 +47,7 @@ void add_rows(const Model& model, std::size_t first, std::size_t count, Model& r
   copy(model.voxels, rows.voxels, 1);
   copy(model.mask, rows.mask, 1);
   copy(model.feature, rows.feature, d);
-  copy(model.extent, rows.extent, 6);
+  copy(model.scale, rows.scale, 6);
   copy(model.offset, rows.offset, k3);
 }
 

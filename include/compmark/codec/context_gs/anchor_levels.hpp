@@ -14,7 +14,7 @@
 //   level 1: another head; parent: the head of its coarse cell, of level 2
 //   level 0: the others; parent: the head of the fine cell, of level 1 or 2
 //
-// Dead anchors do not exist: with or without them in the list, the others get the same levels and parents. The
+// Masked anchors do not exist: with or without them in the list, the others get the same levels and parents. The
 // published code codes level 1 with the parents of other rows (docs/spec/compression.md, 5.9); here a parent is the
 // parent. Anchors of levels 2, 1, 0 may be coded in this order, each level in any order. Cost: sort() three sorts, when
 // voxels or cells change; assign() two walks, when an anchor dies or revives.
@@ -46,7 +46,7 @@ struct AnchorCells {
 class AnchorLevels {
  public:
   static constexpr std::size_t levels = 3;
-  static constexpr std::uint8_t dead = 3;                   ///< in place of a level
+  static constexpr std::uint8_t masked = 3;                 ///< in place of a level
   static constexpr std::uint32_t none = 0xFFFFFFFFu;        ///< in place of a parent
   static constexpr std::size_t most_anchors = 0x80000000u;  ///< less than these
 
@@ -63,18 +63,18 @@ class AnchorLevels {
     by_cell(voxels, cells.coarse, coarse_);
   }
 
-  /// Levels and parents of the sorted anchors; live[i] == 0 is a dead one, an empty list says that all live.
-  void assign(std::span<const std::uint8_t> live = {}) {
+  /// Levels and parents of the sorted anchors; unmasked[i] == 0 is a masked one, an empty list says that all unmasked.
+  void assign(std::span<const std::uint8_t> unmasked = {}) {
     const std::size_t n = fine_.size();
-    COMPMARK_ASSERT(live.empty() || live.size() == n, "AnchorLevels: live flags of other anchors");
-    level_.resize(n, dead);
+    COMPMARK_ASSERT(unmasked.empty() || unmasked.size() == n, "AnchorLevels: mask flags of other anchors");
+    level_.resize(n, masked);
     parent_.resize(n, none);
     counts_ = {};
     std::uint32_t head = none;
     for (const std::uint32_t place : fine_) {
       const std::uint32_t row = place & ~first_of_cell;
       if ((place & first_of_cell) != 0) head = none;
-      if (!live.empty() && live[row] == 0) continue;
+      if (!unmasked.empty() && unmasked[row] == 0) continue;
       level_[row] = head == none ? 1 : 0;
       parent_[row] = head;
       if (head == none) head = row;
@@ -82,7 +82,7 @@ class AnchorLevels {
     for (const std::uint32_t place : coarse_) {
       const std::uint32_t row = place & ~first_of_cell;
       if ((place & first_of_cell) != 0) head = none;
-      if (level_[row] == dead) continue;
+      if (level_[row] == masked) continue;
       if (level_[row] == 1) {
         if (head == none) level_[row] = 2;
         parent_[row] = head;

@@ -43,7 +43,7 @@ namespace detail {
 using LevelCounts = std::array<std::uint64_t, 3>;  ///< anchors of levels 0, 1, 2
 
 /// LVLS: i32 edges of fine and coarse cells; of each axis i32 scale, u8 fraction bits, i64 offset; u64 anchors of
-/// levels 2, 1, 0; of each feature and extent i32 mean, u16 factor, u8 shift.
+/// levels 2, 1, 0; of each feature and scale i32 mean, u16 factor, u8 shift.
 template <class Context>
 [[nodiscard]] std::vector<std::byte> encode_levels(const Context& context, const LevelCounts& counts) {
   ByteWriter writer;
@@ -72,7 +72,7 @@ template <class Context>
   LevelCounts counts{};
   for (std::size_t level = 3; level-- > 0;) counts[level] = reader.get<std::uint64_t>();
   if (reader.failed() || reader.left() != 7 * context.geometry())
-    return bad_section("LVLS", "does not have a scale for each feature and extent");
+    return bad_section("LVLS", "does not have a factor for each feature and scale");
   for (std::size_t c = 0; c < context.geometry(); ++c) {
     SeenScale scale;
     scale.mean = reader.get<std::int32_t>();

@@ -6,7 +6,7 @@
 // (Q24):
 //   level 2        box: ((t + 2^20) >> 21) - 1024, t the place in the box (VoxelBox, Q32) held in 0 … 2^32; then 1024 z
 //   levels 1, 0    place: floor((2048 (v - v of the parent) + edge) / (2 edge)), edge of the parent's cell;
-//                  seen: of each feature and extent of the parent round((k T - 2^12 mean) factor / 2^shift), the
+//                  seen: of each feature and scale of the parent round((k T - 2^12 mean) factor / 2^shift), the
 //                    difference held in +-2^46;
 //                  then 1024 z
 // Nothing overflows and no sum has an order. Cost: 0.9 us an anchor, 0.1 us more for those that are parents.
@@ -83,7 +83,7 @@ struct IntegerContextGs {
     };
     if (cells.fine < 1 || cells.coarse < 1) return fail("LVLS", "an edge of the cells is not positive");
     if (!box.valid()) return fail("LVLS", "the context's box is not finite, inverted or too far away");
-    if (seen.size() != geometry()) return fail("LVLS", "does not scale every feature and extent");
+    if (seen.size() != geometry()) return fail("LVLS", "does not have a factor for every feature and scale");
     for (const SeenScale& scale : seen) {
       if (!scale.valid()) return fail("LVLS", "a scale is out of range");
     }
@@ -168,7 +168,7 @@ class ContextGsEvaluator : public PanelModels {
     }
     run(context_->network[level_], *packed_, count);
   }
-  /// Takes a symbol of an anchor that has just been coded, of a feature (channel < D) or an extent, with its step
+  /// Takes a symbol of an anchor that has just been coded, of a feature (channel < D) or a scale, with its step
   /// index. The anchor's children read it.
   void tell(std::size_t anchor, std::size_t channel, std::int32_t symbol, int index) {
     if (level_ == 0) return;

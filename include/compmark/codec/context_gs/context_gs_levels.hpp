@@ -48,7 +48,7 @@ class ContextGsLevels {
     if (!same) {
       position_.resize(3 * n);
       voxels_.resize(n);
-      live_.resize(n, std::uint8_t{2});
+      unmasked_.resize(n, std::uint8_t{2});
       std::copy_n(position.data, 3 * n, position_.data());
       executor.for_chunks(n, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
         for (std::size_t i = begin; i < end; ++i) voxels_[i] = nearest_voxel(position_.data() + 3 * i, voxel_size);
@@ -61,14 +61,14 @@ class ContextGsLevels {
     executor.for_chunks(n, grain, [&](std::size_t begin, std::size_t end, std::size_t) {
       bool changed = false;
       for (std::size_t i = begin; i < end; ++i) {
-        const std::uint8_t live = anchor_live(mask.row(i), mask.columns) ? 1 : 0;
-        changed = changed || live != live_[i];
-        live_[i] = live;
+        const std::uint8_t unmasked = any_unmasked(mask.row(i), mask.columns) ? 1 : 0;
+        changed = changed || unmasked != unmasked_[i];
+        unmasked_[i] = unmasked;
       }
       changed_[begin / grain] = changed;
     });
     const bool masks = std::any_of(changed_.begin(), changed_.end(), [](bool c) { return c; });
-    if (!same || masks) levels_.assign(std::as_const(live_).span());
+    if (!same || masks) levels_.assign(std::as_const(unmasked_).span());
     return same ? (masks ? 1 : 0) : 2;
   }
 
@@ -80,7 +80,7 @@ class ContextGsLevels {
   static constexpr std::size_t grain = 4096;
   Buffer<T> position_;
   Buffer<Voxel> voxels_;
-  Buffer<std::uint8_t> live_;
+  Buffer<std::uint8_t> unmasked_;
   Buffer<bool> changed_;
   AnchorCells cells_{};
   double voxel_size_ = 0;

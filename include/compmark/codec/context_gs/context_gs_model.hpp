@@ -220,7 +220,7 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
   static constexpr std::size_t hyper_row = static_cast<std::size_t>(hyper_dim);
   static constexpr std::size_t seen_row = static_cast<std::size_t>(geometry);
   static constexpr std::size_t partials =
-      8;  // weighted bits of three groups, of z, steps of three groups, live offsets
+      8;  // weighted bits of three groups, of z, steps of three groups, unmasked offsets
 
   [[nodiscard]] static typename Child::template Views<const T> network(const ParameterArena<T>& arena,
                                                                        const ContextGsHandles::Network& n) {
@@ -387,7 +387,7 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
     }
     for (std::size_t g = 0; g < 3; ++g) partial[g] += bits.weighted[g];
     partial[3] += static_cast<double>(s.z_bits[i]);
-    partial[7] += bits.live;
+    partial[7] += bits.unmasked;
   }
 
   template <Executor E>
@@ -398,11 +398,11 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
     for (std::size_t p = 0; p < plan.capacity / panel; ++p) {
       for (std::size_t i = 0; i < partials; ++i) sums[i] += context.partial[p * partials + i];
     }
-    Base::report_steps(sums.data() + 4, static_cast<double>(std::max<std::size_t>(1, plan.visible_live)), report);
+    Base::report_steps(sums.data() + 4, static_cast<double>(std::max<std::size_t>(1, plan.visible_unmasked)), report);
     if (!context.phase.counts) return;
     const double drawn = static_cast<double>(std::max<std::size_t>(1, plan.drawn));
     report.sampled = plan.drawn;
-    report.live_share = static_cast<double>(plan.drawn_live) / drawn;
+    report.unmasked_share = static_cast<double>(plan.drawn_unmasked) / drawn;
     const double bits = Base::report_bits(sums.data(), drawn, sums[7], report);
     report.hash_bits = sums[3] / drawn * static_cast<double>(anchors);
     // Contracted by hand: a compiler may do it for one executor and not for another.

@@ -7,10 +7,10 @@
 //   inputs of level 2    [2 (x - box minimum) / (box maximum - box minimum) - 1, clipped to [-1, 1] (3); z (12)]
 //   inputs of 1 and 0    [(v - v of the parent) / edge of the parent's cell (3): coarse for level 1, fine for level 0;
 //                         (f - mean) / deviation of the parent's decoded features (D); (l - mean) / deviation of its
-//                           extents (6); z (12)]
+//                           scales (6); z (12)]
 //   z                    its symbol is the nearest whole number, half to even, coded before all else; 0 for NaN and
 //                        beyond 1e6
-//   decoded              k q of the parent's symbols and steps; extents unclipped, so that 0 is possible
+//   decoded              k q of the parent's symbols and steps; scales unclipped, so that 0 is possible
 //   outputs              as HAC's: mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o (hac_attributes.hpp)
 // The published inputs are raw world coordinates of the parent, which depend on the scale of the scene and do not
 // contain the anchor's place in its parent's cell (docs/spec/compression.md, 2.3 and 5.13). Rows of new anchors have z
@@ -117,7 +117,7 @@ template <class T>
   return static_cast<double>(block(0, 2)) + static_cast<double>(block(0, 3));
 }
 
-/// Cells for the live anchors as they are; the voxel size stays. Call it again when growing has ended
+/// Cells for the unmasked anchors as they are; the voxel size stays. Call it again when growing has ended
 /// (docs/spec/compression.md, 5.11).
 template <class T>
 void choose_context_gs_cells(ParameterArena<T>& arena, const ContextGsHandles& handles, MatrixView<const T> position) {
@@ -125,11 +125,11 @@ void choose_context_gs_cells(ParameterArena<T>& arena, const ContextGsHandles& h
   const MatrixView<const T> mask = std::as_const(arena).values(handles.mask);
   const double voxel_size = anchor_voxel_size<T>(cells);
   Buffer<Voxel> voxels(position.rows);
-  std::size_t live = 0;
+  std::size_t unmasked = 0;
   for (std::size_t i = 0; i < position.rows; ++i) {
-    if (anchor_live(mask.row(i), mask.columns)) voxels[live++] = nearest_voxel(position.row(i), voxel_size);
+    if (any_unmasked(mask.row(i), mask.columns)) voxels[unmasked++] = nearest_voxel(position.row(i), voxel_size);
   }
-  const AnchorCells chosen = choose_anchor_cells(std::as_const(voxels).span().first(live));
+  const AnchorCells chosen = choose_anchor_cells(std::as_const(voxels).span().first(unmasked));
   cells(0, 0) = static_cast<T>(chosen.fine);  // edges above 2^24 lose digits in float: all anchors are in one cell then
   cells(0, 1) = static_cast<T>(chosen.coarse);
 }

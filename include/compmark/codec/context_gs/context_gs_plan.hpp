@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which anchors ContextGS looks at in an iteration, and in which order. Wanted are the visible live ones, for their
+// Which anchors ContextGS looks at in an iteration, and in which order. Wanted are the visible unmasked ones, for their
 // steps, and a random share of all, for their rate; either kind needs the noisy attributes of its parent, and so the
 // parent's own step, and so on. An anchor that is looked at is an entry: level 2 first, then 1, then 0, and in a level
 // first those that need steps alone ("light"), from the next whole panel of 64 on those whose rate is counted ("full");
@@ -33,7 +33,7 @@ struct ContextGsPlan {
   std::array<std::size_t, 3> first_rate{};  ///< where a level's full entries begin in tables of full entries alone
   std::size_t capacity = 0, coarse = 0;     ///< entries, empty ones of last panels included; of levels 2 and 1 alone
   std::size_t rates = 0;                    ///< full entries, empty ones of last panels included
-  std::size_t drawn = 0, drawn_live = 0, visible_live = 0;
+  std::size_t drawn = 0, drawn_unmasked = 0, visible_unmasked = 0;
   Buffer<std::uint8_t> mark;          ///< [N]
   Buffer<std::uint32_t> entry;        ///< [N] of a marked row
   Buffer<std::uint32_t> row, parent;  ///< [capacity] the parent's entry, or AnchorLevels::none
@@ -53,24 +53,24 @@ struct ContextGsPlan {
     return e - full[level].first + first_rate[level];
   }
 
-  /// `share` of all anchors is drawn for the rate; dead ones among them are counted as drawn and not looked at.
+  /// `share` of all anchors is drawn for the rate; masked ones among them are counted as drawn and not looked at.
   void build(const AnchorLevels& levels, std::span<const std::uint32_t> rows, const Random& random, double share) {
     const std::span<const std::uint8_t> level = levels.level();
     const std::span<const std::uint32_t> parent_row = levels.parent();
     const std::size_t n = level.size();
     mark.resize(n, std::uint8_t{0});
-    drawn = drawn_live = visible_live = 0;
+    drawn = drawn_unmasked = visible_unmasked = 0;
     for (const std::uint32_t r : rows) {
-      if (level[r] == AnchorLevels::dead) continue;
+      if (level[r] == AnchorLevels::masked) continue;
       mark[r] = visible;
-      ++visible_live;
+      ++visible_unmasked;
     }
     for (std::size_t r = 0; share > 0 && r < n; ++r) {
       if (!(random.uniform(r) < share)) continue;
       ++drawn;
-      if (level[r] == AnchorLevels::dead) continue;
+      if (level[r] == AnchorLevels::masked) continue;
       mark[r] |= full_rate;
-      ++drawn_live;
+      ++drawn_unmasked;
     }
     for (std::size_t r = 0; r < n; ++r) {
       if (mark[r] == 0) continue;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The scalars of one anchor in HacModel: feature [D], extent l = exp(scaling) [6], offset [3 K]. Each group has a step
+// The scalars of one anchor in HacModel: feature [D], scale l = exp(scaling) [6], offset [3 K]. Each group has a step
 // q of its own (docs/spec/compression.md, 1.3, 1.4). Distortion adds noise, x~ = x + q u with u uniform in (-1/2, 1/2),
 // or the error of rounding to whole steps where training rounds (then with the steps of the file, below). l~ stays
 // above a small positive least, and its table holds the logarithm. The rate predicts each scalar by a Gaussian of mean
@@ -31,7 +31,7 @@ template <class T, int feature_dim, int offset_count>
 struct HacAttributes {
   static constexpr int W = native_width<T>;
   static constexpr int D = feature_dim, K = offset_count;
-  static constexpr int scalars = D + 6 + 3 * K;              ///< of an anchor, in the order feature, extent, offset
+  static constexpr int scalars = D + 6 + 3 * K;              ///< of an anchor, in the order feature, scale, offset
   static constexpr int row = (scalars + W - 1) / W * W + W;  ///< stride of scratch that packs may overrun
   static constexpr std::array<int, 4> begin{0, D, D + 6, scalars};
   static constexpr int outputs = 2 * scalars + 3;  ///< mu_f, s_f, mu_l, s_l, mu_o, s_o, r_f, r_l, r_o
@@ -99,15 +99,15 @@ struct HacAttributes {
     return sum == T(0);
   }
   /// Leaves an anchor as it is, and its gradients too.
-  static void leave(T* noise, T* extents) {
+  static void leave(T* noise, T* scales) {
     std::fill_n(noise, row, T(0));
-    std::fill_n(extents, 12, T(1));
+    std::fill_n(scales, 12, T(1));
   }
 
-  /// Distorts one anchor in place. `noise` [row] is read, or written where `round`; extents [12] receives l and d
+  /// Distorts one anchor in place. `noise` [row] is read, or written where `round`; scales [12] receives l and d
   /// log(l~) / dl~; values [row], if wanted, the distorted scalars with l~ before its least.
-  static void distort(bool round, const std::array<T, 3>& q, T least_extent, T* feature, T* scaling, T* offset,
-                      T* noise, T* extents, T* values) {
+  static void distort(bool round, const std::array<T, 3>& q, T least_scale, T* feature, T* scaling, T* offset, T* noise,
+                      T* scales, T* values) {
     const auto group = [&](T* from, int first, int count, T step) {
       if (round) {
         const T inverse = 1 / step;
@@ -119,28 +119,28 @@ struct HacAttributes {
     group(feature, begin[0], D, q[0]);
     group(offset, begin[2], 3 * K, q[2]);
     using P = Pack<T, W>;
-    T extent[6 + W], slope[6 + W];
-    for (int c = 0; c < 6; c += W) exp(P::load(scaling + c, P::MaskType::first(6 - c))).store(extent + c);
-    std::copy_n(extent, 6, extents);
-    group(extent, begin[1], 6, q[1]);
+    T scale[6 + W], slope[6 + W];
+    for (int c = 0; c < 6; c += W) exp(P::load(scaling + c, P::MaskType::first(6 - c))).store(scale + c);
+    std::copy_n(scale, 6, scales);
+    group(scale, begin[1], 6, q[1]);
     for (int c = 0; c < 6; c += W) {
       const auto six = P::MaskType::first(6 - c);
-      const P noisy = P::load(extent + c), least(least_extent);
+      const P noisy = P::load(scale + c), least(least_scale);
       const auto free = noisy > least;
       const P held = select(free, noisy, least);
       (detail::log2_positive(held) * P(T(0.693147180559945309417L))).store(scaling + c, six);
       keep(free, P(T(1)) / held).store(slope + c);
     }
-    std::copy_n(slope, 6, extents + 6);
+    std::copy_n(slope, 6, scales + 6);
   }
 
   /// The backward pass, in place: from gradients by the distorted table rows to those by the rows before. `rate` [row],
   /// if any, holds gradients by the distorted scalars and is added. Returns the gradients by the three steps.
-  static std::array<T, 3> pull_back(const T* noise, const T* extents, const T* rate, T* d_feature, T* d_scaling,
+  static std::array<T, 3> pull_back(const T* noise, const T* scales, const T* rate, T* d_feature, T* d_scaling,
                                     T* d_offset) {
     std::array<T, 3> d_step{};
-    T d_extent[6];
-    for (int c = 0; c < 6; ++c) d_extent[c] = d_scaling[c] * extents[6 + c];
+    T d_scale[6];
+    for (int c = 0; c < 6; ++c) d_scale[c] = d_scaling[c] * scales[6 + c];
     const auto group = [&](T* d, int first, int count) {
       if (rate != nullptr) {
         for (int c = 0; c < count; ++c) d[c] += rate[first + c];
@@ -155,9 +155,9 @@ struct HacAttributes {
       return ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7]));
     };
     d_step[0] = group(d_feature, begin[0], D);
-    d_step[1] = group(d_extent, begin[1], 6);
+    d_step[1] = group(d_scale, begin[1], 6);
     d_step[2] = group(d_offset, begin[2], 3 * K);
-    for (int c = 0; c < 6; ++c) d_scaling[c] = d_extent[c] * extents[c];
+    for (int c = 0; c < 6; ++c) d_scaling[c] = d_scale[c] * scales[c];
     return d_step;
   }
 
@@ -169,7 +169,7 @@ struct HacAttributes {
   /// Weighted bits of one anchor by group.
   struct Bits {
     std::array<double, 3> weighted{};
-    int live = 0;  ///< offsets
+    int unmasked = 0;  ///< offsets
   };
   /// Constant over an iteration: the scratch's copy of the statistics [2, scalars].
   static void load_statistics(MatrixView<const T> statistics, Scratch& s) {
@@ -192,7 +192,7 @@ struct HacAttributes {
   }
   /// Bits of s.values under the network's `output` and the steps q, and the gradients of unit * weighted bits: by the
   /// distorted scalars (d_value [scalars]), the outputs (d_output, the steps' not), the steps, and the straight-through
-  /// masks (d_mask [K], before their slope). Offsets count where their mask lives; features and extents where any does,
+  /// masks (d_mask [K], before their slope). Offsets count where they are unmasked; features and scales where any does,
   /// if `anchor_mask`, else always.
   static Bits rate(const T* output, const std::array<T, 3>& q, const T* mask, bool anchor_mask, T unit, Scratch& s,
                    T* d_value, T* d_output, std::array<T, 3>& d_step, T* d_mask) {
@@ -220,13 +220,13 @@ struct HacAttributes {
       bits.d_step.store(s.d_step + c);
     }
     Bits result;
-    for (int k = 0; k < K; ++k) result.live += mask_live(mask[k]) ? 1 : 0;
+    for (int k = 0; k < K; ++k) result.unmasked += is_unmasked(mask[k]) ? 1 : 0;
     if (const P total = sum_of(s.bits); !std::isfinite(reduce_add(total))) {  // a bad attribute or weight: no gradient
       drop(d_value, d_output, d_step, d_mask);
       return result;
     }
-    const T share = !anchor_mask || result.live > 0 ? T(1) : T(0);
-    double geometry = 0;  // feature and extent, whatever the masks
+    const T share = !anchor_mask || result.unmasked > 0 ? T(1) : T(0);
+    double geometry = 0;  // feature and scale, whatever the masks
     for (int c = 0; c < begin[2]; ++c) geometry += static_cast<double>(s.bits[c]);
     for (std::size_t g = 0; g < 2; ++g) {
       double sum = 0;
@@ -241,7 +241,7 @@ struct HacAttributes {
     }
     d_step[2] = 0;
     for (int k = 0; k < K; ++k) {
-      const T weight = mask_live(mask[k]) ? T(1) : T(0);
+      const T weight = is_unmasked(mask[k]) ? T(1) : T(0);
       double sum = 0;
       for (int c = begin[2] + 3 * k; c < begin[2] + 3 * k + 3; ++c) {
         sum += static_cast<double>(s.bits[c]);

@@ -26,7 +26,7 @@ namespace compmark {
 struct HacSample {
   double share = 0;         ///< of the candidates; 0: none
   bool everywhere = false;  ///< all rows are candidates, else the listed ones
-  bool dead = true;         ///< masked anchors too
+  bool masked = true;       ///< masked anchors too
 };
 
 struct HacEntries {
@@ -37,23 +37,23 @@ struct HacEntries {
 
   [[nodiscard]] bool visible(std::size_t entry) const { return (mark[row[entry]] & 1) != 0; }
 
-  /// Fills all of it, and the report's sample and live share: of the sample, or, where the dead are left out, of the
-  /// candidates.
+  /// Fills all of it, and the report's sample and unmasked share: of the sample, or, where masked anchors are left out,
+  /// of the candidates.
   template <class T>
   void draw(std::span<const std::uint32_t> rows, const HacSample& sample, const RatePhase& phase,
             MatrixView<const T> mask, RateReport& report) {
     const std::size_t anchors = mask.rows;
-    std::size_t candidates = 0, live = 0, both = 0;
+    std::size_t candidates = 0, unmasked = 0, both = 0;
     full = 0;
     mark.resize(anchors, std::uint8_t{0});
     for (const std::uint32_t r : rows) mark[r] = 1;
     if (sample.share > 0) {
       const Random random(phase.seed, phase.iteration, random_stage("hac sample"));
       const auto consider = [&](std::size_t r, bool drawn) {
-        if (!drawn && sample.dead) return;
-        const bool alive = anchor_live(mask.row(r), mask.columns);
-        live += alive ? 1 : 0;
-        if (!drawn || (!alive && !sample.dead)) return;
+        if (!drawn && sample.masked) return;
+        const bool coded = any_unmasked(mask.row(r), mask.columns);
+        unmasked += coded ? 1 : 0;
+        if (!drawn || (!coded && !sample.masked)) return;
         both += mark[r];
         mark[r] |= 2;
         ++full;
@@ -75,8 +75,8 @@ struct HacEntries {
       }
     }
     report.sampled = full;
-    const std::size_t among = sample.dead ? full : candidates;
-    report.live_share = among == 0 ? 0 : static_cast<double>(live) / static_cast<double>(among);
+    const std::size_t among = sample.masked ? full : candidates;
+    report.unmasked_share = among == 0 ? 0 : static_cast<double>(unmasked) / static_cast<double>(among);
 
     light = rows.size() - both;
     first_full = chunk_count(light, panel) * panel;

@@ -245,7 +245,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles, Qua
   static constexpr std::size_t tail_row = static_cast<std::size_t>(Network::tail_row);
   using Base::mask_row, Base::most_chunks, Base::noise_row, Base::scalars, Base::step_output;
   static constexpr std::size_t partials =
-      8;  // weighted bits of three groups, live offsets, steps of three groups, and one to spare
+      8;  // weighted bits of three groups, unmasked offsets, steps of three groups, and one to spare
 
   [[nodiscard]] static typename Network::template Views<const T> network(const ParameterArena<T>& arena,
                                                                          const Handles& handles) {
@@ -253,7 +253,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles, Qua
             arena.values(handles.bias2)};
   }
   void set_weights(std::size_t anchors, const RateReport& report, Context& context) const {
-    const double share = settings_.anchor_mask ? 1 : report.live_share;
+    const double share = settings_.anchor_mask ? 1 : report.unmasked_share;
     const std::size_t full = context.entries.full;
     context.unit = full == 0 ? 0 : settings_.lambda * share / static_cast<double>(full * scalars);
     context.hash_weight = settings_.lambda / static_cast<double>(std::max<std::size_t>(1, anchors) * scalars);
@@ -298,7 +298,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles, Qua
       if (!good) Base::leave_unrated(s);
       const typename Attributes::Bits bits = Base::rate(settings_, output, output_row, q, mask.row(row), f, s, context);
       for (std::size_t g = 0; g < 3; ++g) partial[g] += bits.weighted[g];
-      partial[3] += bits.live;
+      partial[3] += bits.unmasked;
     }
   }
 

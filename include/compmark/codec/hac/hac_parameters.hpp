@@ -127,7 +127,7 @@ void begin_hac_context(ParameterArena<T>& arena, const HacHandles& handles, Matr
     return static_cast<double>(offset(row, c - geometry));
   };
   const auto counts = [&](std::size_t row, std::size_t c) {
-    return c < geometry ? anchor_live(mask.row(row), mask.columns) : mask_live(mask(row, (c - geometry) / 3));
+    return c < geometry ? any_unmasked(mask.row(row), mask.columns) : is_unmasked(mask(row, (c - geometry) / 3));
   };
   for (std::size_t c = 0; c < scalars; ++c) {
     double n = 0, sum = 0, squares = 0;

@@ -34,14 +34,14 @@ struct IntegerLayer {
   friend bool operator==(const IntegerLayer&, const IntegerLayer&) = default;
 };
 
-/// The heads of the network's output, by attribute group: feature, extent, offset.
+/// The heads of the network's output, by attribute group: feature, scale, offset.
 struct ContextHeads {
-  int feature = 0, extent = 6, offset = 0;  ///< D, 6, 3 K
+  int feature = 0, scale = 6, offset = 0;  ///< D, 6, 3 K
 
-  [[nodiscard]] std::size_t channels() const { return static_cast<std::size_t>(feature + extent + offset); }
+  [[nodiscard]] std::size_t channels() const { return static_cast<std::size_t>(feature + scale + offset); }
   [[nodiscard]] std::size_t outputs() const { return 2 * channels() + 3; }
   [[nodiscard]] std::size_t width(int group) const {
-    return static_cast<std::size_t>(group == 0 ? feature : group == 1 ? extent : offset);
+    return static_cast<std::size_t>(group == 0 ? feature : group == 1 ? scale : offset);
   }
   /// Row of the first mean of a group; its log2 sigma follow behind the means.
   [[nodiscard]] std::size_t mean_row(int group) const {

@@ -30,7 +30,7 @@ struct FloatContext {
 };
 
 /// Bits of weights, sign included, 2 … 16. Parts differ: on a trained lego 5 to 7 are enough for all but the means of
-/// extents, which need 13 (codec/container/network_choice.hpp finds out). The three rows of the steps always have at
+/// scales, which need 13 (codec/container/network_choice.hpp finds out). The three rows of the steps always have at
 /// least 12.
 struct WeightBits {
   int hidden = 12;                      ///< first layer

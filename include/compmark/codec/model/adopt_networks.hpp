@@ -90,9 +90,9 @@ template <Recipe R>
 }
 
 /// Halves the weights of the outputs that choose the steps of a ContextGS file, wherever their sums could exceed half
-/// of what 32 bits hold, so that training has room to move their biases (codec/model/held_steps.hpp). Call it before
-/// adopt_networks. The weights lose their last bit: the steps of some anchors differ by a sixteenth of an octave from
-/// the file's, and the mean of a level by less than .02 (held_steps.test).
+/// of what 32 bits hold, so that training has room to move their biases (codec/model/step_bias_calibration.hpp). Call
+/// it before adopt_networks. The weights lose their last bit: the steps of some anchors differ by a sixteenth of an
+/// octave from the file's, and the mean of a level by less than .02 (step_bias_calibration.test).
 inline void leave_room_for_steps(CodecModel& file) {
   if (!file.context_gs) return;
   for (IntegerNetwork& network : file.context_gs->network) {

@@ -3,7 +3,7 @@
 //
 // Converts between a model that renders and a CodecModel: coded_model() turns a trained Model of a recipe with an
 // entropy model into a CodecModel, model_from() turns a decoded one back. Anchors must lie on the voxel grid, as those
-// of every recipe without a contracted space do. Extents are stored, the table holds their logarithms: both ways go
+// of every recipe without a contracted space do. Scales are stored, the table holds their logarithms: both ways go
 // through double, once, so that the same file gives the same bits. A decoded model renders; the context that predicted
 // it stays with the file. Cost: one copy of the model.
 #pragma once
@@ -37,8 +37,8 @@ struct CodedModelSettings {
 
 namespace detail {
 
-/// Smallest extent a model is given, world units: a scale of zero has no logarithm.
-inline constexpr double least_coded_extent = 1e-6;
+/// Smallest scale a model is given, world units: a scale of zero has no logarithm.
+inline constexpr double least_coded_scale = 1e-6;
 
 }  // namespace detail
 
@@ -91,15 +91,15 @@ template <Recipe R>
   coded.voxels = std::move(*voxels);
   coded.mask.reserve(rows);
   for (std::size_t i = 0; i < rows; ++i) {
-    std::uint32_t live = 0;
-    for (std::size_t k = 0; k < mask.columns; ++k) live |= mask_live(mask(i, k)) ? 1u << k : 0u;
-    coded.mask.push_back(live);
+    std::uint32_t unmasked = 0;
+    for (std::size_t k = 0; k < mask.columns; ++k) unmasked |= is_unmasked(mask(i, k)) ? 1u << k : 0u;
+    coded.mask.push_back(unmasked);
   }
   coded.feature = detail::coded_floats(columns.feature);
   coded.offset = detail::coded_floats(columns.offset);
-  coded.extent.resize(rows * 6);
-  for (std::size_t i = 0; i < coded.extent.size(); ++i) {
-    coded.extent[i] = static_cast<float>(std::exp(static_cast<double>(columns.scaling.data[i])));
+  coded.scale.resize(rows * 6);
+  for (std::size_t i = 0; i < coded.scale.size(); ++i) {
+    coded.scale[i] = static_cast<float>(std::exp(static_cast<double>(columns.scaling.data[i])));
   }
 
   if (const Result<Done> stored = detail::store_context(model, coded); !stored) return stored.error();
@@ -228,14 +228,14 @@ template <Recipe R>
       columns.position(i, axis) = static_cast<Scalar>(voxel_position(coded.voxels[i][axis], coded.voxel_size));
     }
     for (std::size_t k = 0; k < mask.columns; ++k) {
-      mask(i, k) = static_cast<Scalar>((coded.mask[i] >> k & 1u) != 0 ? 0.0 : 2 * dead_mask_logit);
+      mask(i, k) = static_cast<Scalar>((coded.mask[i] >> k & 1u) != 0 ? 0.0 : 2 * mask_threshold);
     }
   }
   std::copy(coded.feature.begin(), coded.feature.end(), columns.feature.data);
   std::copy(coded.offset.begin(), coded.offset.end(), columns.offset.data);
-  for (std::size_t i = 0; i < coded.extent.size(); ++i) {
-    const double extent = std::max(static_cast<double>(coded.extent[i]), detail::least_coded_extent);
-    columns.scaling.data[i] = static_cast<Scalar>(std::log(extent));
+  for (std::size_t i = 0; i < coded.scale.size(); ++i) {
+    const double scale = std::max(static_cast<double>(coded.scale[i]), detail::least_coded_scale);
+    columns.scaling.data[i] = static_cast<Scalar>(std::log(scale));
   }
 
   if constexpr (requires {

@@ -33,9 +33,9 @@ namespace compmark {
 struct AnchorRateSettings {
   double lambda = 0.001;
   double mask_weight = 5e-4;
-  bool anchor_mask = true;  ///< bits of features, extents and z weigh by the straight-through mask of the anchor
-  double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of extents in world units
-  double least_extent = 1e-6;                                        ///< a distorted extent stays above it, world units
+  bool anchor_mask = true;  ///< bits of features, scales and z weigh by the straight-through mask of the anchor
+  double feature_step = 1, scaling_step = 0.001, offset_step = 0.2;  ///< Q0; that of scales in world units
+  double least_scale = 1e-6;                                         ///< a distorted scale stays above it, world units
 };
 
 /// Quantizers whose steps a file can hold, as network outputs r of q = 2 Q0 sigmoid(2 r): the adaptive one, and the
@@ -117,13 +117,13 @@ class AnchorRateModel {
     RatePhase phase;
     double unit = 0;                                          ///< loss of one bit of the sample
     Buffer<T> step;                                           ///< [entry, 3] q
-    Buffer<T> noise, extents;                                 ///< of entries, as Attributes wants them
+    Buffer<T> noise, scales;                                  ///< of entries, as Attributes wants them
     Buffer<T> d_step;                                         ///< [entry, 3] by the raw steps
     Buffer<T> rate_value, rate_output, rate_step, rate_mask;  ///< of rated entries: gradients of the rate
 
     void resize_noise(std::size_t entries) {
       noise.resize(entries * noise_row);
-      extents.resize(entries * 12);
+      scales.resize(entries * 12);
     }
     void resize_rates(std::size_t rated, std::size_t output_row) {
       rate_value.resize(rated * noise_row);
@@ -166,14 +166,14 @@ class AnchorRateModel {
                       std::size_t entry, std::uint32_t row, T* feature, T* scaling, T* offset, T* values,
                       EntryTables& kept) {
     T* const noise = kept.noise.data() + entry * noise_row;
-    T* const extents = kept.extents.data() + entry * 12;
+    T* const scales = kept.scales.data() + entry * 12;
     if (!Attributes::finite(feature, scaling, offset)) {
-      Attributes::leave(noise, extents);
+      Attributes::leave(noise, scales);
       return false;
     }
     if (!kept.rounds()) Attributes::draw(random, row, noise);
-    Attributes::distort(kept.rounds(), q, static_cast<T>(settings.least_extent), feature, scaling, offset, noise,
-                        extents, values);
+    Attributes::distort(kept.rounds(), q, static_cast<T>(settings.least_scale), feature, scaling, offset, noise, scales,
+                        values);
     return true;
   }
   /// … of a listed row, in place.
@@ -210,7 +210,7 @@ class AnchorRateModel {
   /// steps.
   static std::array<T, 3> pull_back(std::size_t entry, std::size_t row, const T* rate, const Tables<T>& d,
                                     const EntryTables& kept) {
-    return Attributes::pull_back(kept.noise.data() + entry * noise_row, kept.extents.data() + entry * 12, rate,
+    return Attributes::pull_back(kept.noise.data() + entry * noise_row, kept.scales.data() + entry * 12, rate,
                                  d.feature.row(row), d.scaling.row(row), d.offset.row(row));
   }
   /// … of a row that is not listed: only the rate's, ADDED to the arena's own gradients.
@@ -218,7 +218,7 @@ class AnchorRateModel {
                                          RowScratch& s, const EntryTables& kept) {
     s.clear();
     const std::array<T, 3> d_step = Attributes::pull_back(
-        kept.noise.data() + entry * noise_row, kept.extents.data() + entry * 12, rate, s.feature, s.scaling, s.offset);
+        kept.noise.data() + entry * noise_row, kept.scales.data() + entry * 12, rate, s.feature, s.scaling, s.offset);
     s.add_to(outside, row);
     return d_step;
   }
@@ -255,11 +255,11 @@ class AnchorRateModel {
   }
 
   /// Bits of the groups over `sampled` anchors, as the report has them; returns their sum.
-  static double report_bits(const double* bits, double sampled, double live_offsets, RateReport& report) {
+  static double report_bits(const double* bits, double sampled, double unmasked_offsets, RateReport& report) {
     report.bits_feature = bits[0] / (sampled * feature_dim);
     report.bits_scaling = bits[1] / (sampled * 6);
     report.bits_offset = bits[2] / (sampled * 3 * offsets);
-    report.live_offsets = live_offsets / (sampled * offsets);
+    report.unmasked_offsets = unmasked_offsets / (sampled * offsets);
     const double sum = bits[0] + bits[1] + bits[2];
     report.bits_per_scalar = sum / (sampled * static_cast<double>(scalars));
     return sum;

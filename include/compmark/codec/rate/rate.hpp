@@ -26,9 +26,9 @@ struct RateReport {
   double bits_per_scalar = 0;                                  ///< of the sample; masked ones count as 0 bits
   double bits_feature = 0, bits_scaling = 0, bits_offset = 0;  ///< the same by group
   double hash_bits = 0;                                        ///< of the whole grid
-  double live_share = 0;                                       ///< of the sample's anchors; HAC: of all candidates
+  double unmasked_share = 0;                                   ///< of the sample's anchors; HAC: of all candidates
   double step_feature = 0, step_scaling = 0, step_offset = 0;  ///< mean over visible anchors
-  double live_offsets = 0;                                     ///< of the sample's offsets
+  double unmasked_offsets = 0;                                 ///< of the sample's offsets
   std::size_t sampled = 0;                                     ///< anchors
 };
 

@@ -45,7 +45,7 @@ struct AnchorColumns {
   MatrixView<T> position;  // [N, 3]     world units
   MatrixView<T> offset;    // [N, 3 K]   in units of exp(scaling[0:3]); component (k, axis) is column 3 k + axis
   MatrixView<T>
-      // [N, 6] log; first three: extent of the offsets and of the prefilter ellipsoid; last three: base scale
+      // [N, 6] log; first three: scale of the offsets and of the prefilter ellipsoid; last three: base scale
       scaling;
   MatrixView<T> feature;  // [N, D]
 

@@ -9,7 +9,7 @@
 //   d.prepare(anchors, state)                             statistics of that many anchors, all zero              O(N K)
 //   d.observe(decoded, gaussian_visible, gradient_norm,   adds the statistics of one rendered view               O(P)
 //   state, e)
-//   d.adapt(arena, handles, state, context, on_edit)      edits the rows of the arena; after each edit calls     O(N K)
+//   d.adapt(arena, handles, state, inputs, on_edit)       edits the rows of the arena; after each edit calls     O(N K)
 //                                                         on_edit(edit, old_layout), so that moments follow;
 //                                                         GrowthReport
 //
@@ -35,7 +35,7 @@
 namespace compmark {
 
 /// What an adjustment needs to know beside the anchors and their statistics.
-struct AdaptContext {
+struct AdjustmentInputs {
   std::uint64_t seed = 0;
   std::uint64_t iteration = 0;  ///< with the seed, the key of its random numbers
   double voxel_size = 0.001;    ///< world units: the finest cell
@@ -49,7 +49,7 @@ struct AdaptContext {
 /// The same for a scene whose cells are not cubes of the world (splat/anchor/space.hpp). A policy that knows of no
 /// space takes the base.
 template <class S>
-struct SpaceAdaptContext : AdaptContext {
+struct SpaceAdjustmentInputs : AdjustmentInputs {
   [[no_unique_address]] S space;
 };
 
@@ -61,19 +61,19 @@ struct GrowthReport {
   std::size_t dropped_by_budget = 0;  ///< anchors that would have been added but for the limit
   /// statistics that were NaN or infinite: not used, and reset (docs/spec/numerics.md, AN5)
   std::size_t non_finite = 0;
-  /// Candidates that are put nowhere: not finite, 2^31 cells away, or beyond AdaptContext::reach.
+  /// Candidates that are put nowhere: not finite, 2^31 cells away, or beyond AdjustmentInputs::reach.
   std::size_t out_of_range = 0;
   bool kept_last = false;  ///< every anchor was to go: the one of highest opacity was kept
   bool edited = false;     ///< rows were edited, so gradients of anchor blocks are zero now
 };
 
 namespace detail {
-/// The space of a SpaceAdaptContext, that of the world of an AdaptContext.
+/// The space of a SpaceAdjustmentInputs, that of the world of an AdjustmentInputs.
 inline constexpr EuclideanSpace euclidean_space{};
-template <class Context>
-[[nodiscard]] constexpr const auto& space_of(const Context& context) {
-  if constexpr (requires { context.space; }) {
-    return context.space;
+template <class Inputs>
+[[nodiscard]] constexpr const auto& space_of(const Inputs& inputs) {
+  if constexpr (requires { inputs.space; }) {
+    return inputs.space;
   } else {
     return euclidean_space;
   }
@@ -88,12 +88,12 @@ concept DensityControl = requires(const D& control, ParameterArena<typename D::S
                                   const AnchorHandles& handles, typename D::State& state,
                                   const DecodedStatistics<typename D::Scalar>& decoded,
                                   std::span<const std::uint8_t> visible,
-                                  std::span<const typename D::Scalar> gradient_norm, const AdaptContext& context,
+                                  std::span<const typename D::Scalar> gradient_norm, const AdjustmentInputs& inputs,
                                   SerialExecutor& executor, std::size_t anchors) {
   typename D::Settings;
   control.prepare(anchors, state);
   control.observe(decoded, visible, gradient_norm, state, executor);
-  { control.adapt(arena, handles, state, context, detail::AnyRowEditReceiver{}) } -> std::same_as<GrowthReport>;
+  { control.adapt(arena, handles, state, inputs, detail::AnyRowEditReceiver{}) } -> std::same_as<GrowthReport>;
 };
 
 }  // namespace compmark

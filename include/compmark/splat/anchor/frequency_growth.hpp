@@ -71,10 +71,10 @@ class FrequencyGrowth {
     base().observe(decoded, std::as_const(state.selection.selected).span(), gradient_norm, state, executor);
   }
 
-  template <class OnEdit, class Context = AdaptContext>
-  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const Context& context,
+  template <class OnEdit, class Inputs = AdjustmentInputs>
+  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const Inputs& inputs,
                      OnEdit&& on_edit) const {
-    return base().adapt(arena, handles, static_cast<typename Base::State&>(state), context,
+    return base().adapt(arena, handles, static_cast<typename Base::State&>(state), inputs,
                         std::forward<OnEdit>(on_edit));
   }
 

@@ -28,7 +28,7 @@
 #include "compmark/splat/anchor/cells.hpp"
 #include "compmark/splat/anchor/density_control.hpp"
 #include "compmark/splat/anchor/growth_statistics.hpp"
-#include "compmark/splat/anchor/newborn.hpp"
+#include "compmark/splat/anchor/new_anchors.hpp"
 #include "compmark/splat/anchor/no_growth.hpp"
 #include "compmark/splat/anchor/prune.hpp"
 #include "compmark/splat/anchor/table.hpp"
@@ -68,14 +68,14 @@ class GradientGrowth {
       std::vector<Hot> hot;  // judged Gaussians at or above the lowest threshold
 
       // of one level
-      CellSet cells;                               // that candidates fall into
-      std::vector<T> cell_gradient;                // the highest of a cell's candidates
-      std::vector<std::uint8_t> occupied;          // a cell that has an anchor already
-      std::vector<std::uint32_t> chosen;           // cells that get an anchor
-      std::vector<std::uint32_t> newborn_of_cell;  // … and which one
+      CellSet cells;                                  // that candidates fall into
+      std::vector<T> cell_gradient;                   // the highest of a cell's candidates
+      std::vector<std::uint8_t> occupied;             // a cell that has an anchor already
+      std::vector<std::uint32_t> chosen;              // cells that get an anchor
+      std::vector<std::uint32_t> new_anchor_of_cell;  // … and which one
       std::vector<std::uint32_t> candidate_slot, candidate_cell;
 
-      Newborns<T> newborn;
+      NewAnchors<T> new_anchors;
       std::vector<std::uint32_t> kept;
     } scratch;
   };
@@ -94,9 +94,9 @@ class GradientGrowth {
     state.statistics.add_view(decoded, gaussian_visible, gradient_norm, executor);
   }
 
-  /// With a SpaceAdaptContext the cells are those of its space.
-  template <class OnEdit, class Context = AdaptContext>
-  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const Context& context,
+  /// With a SpaceAdjustmentInputs the cells are those of its space.
+  template <class OnEdit, class Inputs = AdjustmentInputs>
+  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const Inputs& inputs,
                      OnEdit&& on_edit) const {
     const AnchorColumns<T> columns = anchor_values(arena, handles);
     COMPMARK_ASSERT(state.statistics.anchors() == columns.rows(),
@@ -109,26 +109,26 @@ class GradientGrowth {
 
     prune_by_opacity(state.statistics, prune_settings(), scratch.kept);
     report.pruned = columns.rows() - scratch.kept.size();
-    grow(arena, handles, columns, context, scratch, report);
-    if (scratch.kept.empty() && scratch.newborn.size() == 0 && columns.rows() != 0) {
+    grow(arena, handles, columns, inputs, scratch, report);
+    if (scratch.kept.empty() && scratch.new_anchors.size() == 0 && columns.rows() != 0) {
       scratch.kept.push_back(most_opaque_anchor(state.statistics));
       report.pruned -= 1;
       report.kept_last = true;
     }
-    report.grown = scratch.newborn.size();
+    report.grown = scratch.new_anchors.size();
     detail::reset_judged(state.statistics, prune_settings());
     if (report.grown != 0 || report.pruned != 0) {
-      const RowEdit edit{scratch.kept, scratch.newborn.size()};
+      const RowEdit edit{scratch.kept, scratch.new_anchors.size()};
       const ArenaLayout old_layout = arena.layout();
       arena.edit_rows(edit);
       state.statistics.edit_rows(edit);
-      scratch.newborn.write(arena, handles, scratch.kept.size());
+      scratch.new_anchors.write(arena, handles, scratch.kept.size());
       on_edit(edit, old_layout);
       report.edited = true;
     }
     const MatrixView<T> scaling = arena.values(handles.scaling);
-    if constexpr (present<std::remove_cvref_t<decltype(detail::space_of(context))>>) {
-      limit_base_scale(scaling, std::as_const(arena).values(handles.position), detail::space_of(context),
+    if constexpr (present<std::remove_cvref_t<decltype(detail::space_of(inputs))>>) {
+      limit_base_scale(scaling, std::as_const(arena).values(handles.position), detail::space_of(inputs),
                        settings_.base_scale_log_limit);
     } else {
       limit_base_scale(scaling, settings_.base_scale_log_limit);
@@ -154,46 +154,45 @@ class GradientGrowth {
     }
   }
 
-  template <class Context>
+  template <class Inputs>
   void grow(const ParameterArena<T>& arena, const AnchorHandles& handles, const AnchorColumns<T>& columns,
-            const Context& context, typename State::Scratch& scratch, GrowthReport& report) const {
+            const Inputs& inputs, typename State::Scratch& scratch, GrowthReport& report) const {
     COMPMARK_ASSERT(settings_.hierarchy_factor >= 2, "GradientGrowth: hierarchy_factor is 2 or more");
-    scratch.newborn.clear(arena, handles.feature, context.pooled);
+    scratch.new_anchors.clear(arena, handles.feature, inputs.pooled);
     int factor = settings_.init_factor;
     double threshold = settings_.gradient_threshold;
     for (int level = 0; level < settings_.update_depth && factor > 0; ++level) {
-      if (level > 0 && scratch.newborn.size() == 0)
+      if (level > 0 && scratch.new_anchors.size() == 0)
         break;  // as published: finer levels need an anchor of a coarser one
-      grow_level(arena, columns, context, level, context.voxel_size * factor, static_cast<T>(threshold), scratch,
-                 report);
+      grow_level(arena, columns, inputs, level, inputs.voxel_size * factor, static_cast<T>(threshold), scratch, report);
       factor /= settings_.hierarchy_factor;
       threshold *= settings_.hierarchy_factor / 2;
     }
   }
 
-  template <class Context>
-  void grow_level(const ParameterArena<T>& arena, const AnchorColumns<T>& columns, const Context& context, int level,
+  template <class Inputs>
+  void grow_level(const ParameterArena<T>& arena, const AnchorColumns<T>& columns, const Inputs& inputs, int level,
                   double size, T threshold, typename State::Scratch& scratch, GrowthReport& report) const {
-    find_candidates(columns, context, level, size, threshold, scratch, report);
+    find_candidates(columns, inputs, level, size, threshold, scratch, report);
     if (scratch.cells.size() == 0) return;
     scratch.occupied.assign(scratch.cells.size(), 0);
     const auto occupy = [&](const T* position) {
       Cell cell;
-      if (!detail::space_of(context).cell_of(position, size, cell)) return;
+      if (!detail::space_of(inputs).cell_of(position, size, cell)) return;
       if (const std::uint32_t number = scratch.cells.find(cell); number != CellSet::none) scratch.occupied[number] = 1;
     };
     for (std::size_t a = 0; a < columns.rows(); ++a) occupy(columns.position.row(a));
-    for (std::size_t i = 0; i < scratch.newborn.size(); ++i) occupy(scratch.newborn.position(i).data());
+    for (std::size_t i = 0; i < scratch.new_anchors.size(); ++i) occupy(scratch.new_anchors.position(i).data());
     choose_cells(scratch, report);
-    add_newborn(arena, detail::space_of(context), size, scratch);
+    add_new_anchors(arena, detail::space_of(inputs), size, scratch);
   }
 
   /// Gaussians above the level's threshold that win the draw (keep probability 1/2, 3/4, 7/8, …), and the set of their
   /// cells.
-  template <class Context>
-  void find_candidates(const AnchorColumns<T>& columns, const Context& context, int level, double size, T threshold,
+  template <class Inputs>
+  void find_candidates(const AnchorColumns<T>& columns, const Inputs& inputs, int level, double size, T threshold,
                        typename State::Scratch& scratch, GrowthReport& report) const {
-    const Random random(context.seed, context.iteration, random_stage("growth candidate"));
+    const Random random(inputs.seed, inputs.iteration, random_stage("growth candidate"));
     const double skip_probability = std::ldexp(1.0, -(level + 1));
     scratch.cells.reset(scratch.hot.size());
     scratch.candidate_slot.clear();
@@ -210,8 +209,8 @@ class GradientGrowth {
                          columns.offset(anchor, 3 * k + axis) * std::exp(columns.scaling(anchor, axis));
       }
       Cell cell;
-      if (!detail::space_of(context).cell_of(position.data(), size, cell) ||
-          !detail::space_of(context).in_range(cell, size) || context.ball.distance(position.data()) > context.reach) {
+      if (!detail::space_of(inputs).cell_of(position.data(), size, cell) ||
+          !detail::space_of(inputs).in_range(cell, size) || inputs.ball.distance(position.data()) > inputs.reach) {
         ++report.out_of_range;
         continue;
       }
@@ -232,7 +231,7 @@ class GradientGrowth {
     }
     const auto by_cell = [&](std::uint32_t a, std::uint32_t b) { return cells[a] < cells[b]; };
     if (settings_.max_anchors != 0) {
-      const std::size_t taken = scratch.kept.size() + scratch.newborn.size();
+      const std::size_t taken = scratch.kept.size() + scratch.new_anchors.size();
       const std::size_t room = settings_.max_anchors > taken ? settings_.max_anchors - taken : 0;
       if (scratch.chosen.size() > room) {
         const std::vector<T>& gradient = scratch.cell_gradient;
@@ -248,16 +247,16 @@ class GradientGrowth {
 
   /// Each chosen cell becomes an anchor; its parents are the anchors of all candidates in the cell.
   template <Space S>
-  void add_newborn(const ParameterArena<T>& arena, const S& space, double size,
-                   typename State::Scratch& scratch) const {
-    scratch.newborn_of_cell.assign(scratch.cells.size(), CellSet::none);
+  void add_new_anchors(const ParameterArena<T>& arena, const S& space, double size,
+                       typename State::Scratch& scratch) const {
+    scratch.new_anchor_of_cell.assign(scratch.cells.size(), CellSet::none);
     for (const std::uint32_t cell : scratch.chosen) {
       const std::array<double, 3> center = space.center(scratch.cells.cells()[cell], size);
-      scratch.newborn_of_cell[cell] = scratch.newborn.add(center, size * space.stretch(center.data()));
+      scratch.new_anchor_of_cell[cell] = scratch.new_anchors.add(center, size * space.stretch(center.data()));
     }
     for (std::size_t i = 0; i < scratch.candidate_slot.size(); ++i) {
-      const std::uint32_t number = scratch.newborn_of_cell[scratch.candidate_cell[i]];
-      if (number != CellSet::none) scratch.newborn.pool(arena, number, scratch.candidate_slot[i] / offsets());
+      const std::uint32_t number = scratch.new_anchor_of_cell[scratch.candidate_cell[i]];
+      if (number != CellSet::none) scratch.new_anchors.pool(arena, number, scratch.candidate_slot[i] / offsets());
     }
   }
 

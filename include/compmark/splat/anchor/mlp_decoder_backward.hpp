@@ -122,8 +122,7 @@ struct BackwardKernels {
       }
     }
     if (touched == 0) return filled;
-    // position: d mean; log scaling: d extent * extent (chain rule of exp) and the sum of d scale * scale (already
-    // complete)
+    // position: d mean; log scaling: d l * l, l = exp(scaling), and the sum of d scale * scale (already complete)
     for (int i = 0; i < 3; ++i) {
       for (int lane = 0; lane < 16; lane += W) {
         T* const target = s.d_geometry + (3 + i) * 16 + lane;

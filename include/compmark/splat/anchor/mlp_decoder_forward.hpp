@@ -250,9 +250,9 @@ struct ForwardKernels {
     }
     sigmoid_of_six(logistic);
     for (int i = 0; i < 3; ++i) {
-      const P extent = P::load(s.scaling + i * 16 + lane);
+      const P scale = P::load(s.scaling + i * 16 + lane);
       const P base = P::load(s.scaling + (3 + i) * 16 + lane);
-      put(i, fma(P::load(s.offset + (3 * k + i) * 16 + lane), extent, P::load(s.position + i * 16 + lane)));
+      put(i, fma(P::load(s.offset + (3 * k + i) * 16 + lane), scale, P::load(s.position + i * 16 + lane)));
       put(3 + i, base * logistic[i]);
       put(11 + i, logistic[3 + i]);
     }

@@ -5,7 +5,7 @@
 // scalar, on one thread whatever the executor. It is written from the formulas (docs/spec/method.md, 1.3, 1.5, 1.6) and
 // shares no kernel with the fast one, optional inputs included; tests hold the two against each other and both against
 // central differences. Kept for ever. Cost: about 30 times that of MlpDecoder in float on one core. Longer than 300
-// lines: the whole road, both ways, is meant to be read in one place.
+// lines: forward and backward pass are meant to be read in one place.
 #pragma once
 
 #include <algorithm>
@@ -82,7 +82,7 @@ class ReferenceDecoder {
   /// Everything of one visible anchor.
   struct Anchor {
     detail::ReferenceHead<T> opacity, covariance, color, bank;
-    std::array<T, 3> direction{}, extent{}, base{};
+    std::array<T, 3> direction{}, scale{}, base{};
     T distance = 0;
     std::array<T, 3> weight{};  // of the feature bank
     bool finite = true;
@@ -146,7 +146,7 @@ class ReferenceDecoder {
       const Quaternion rotation = quaternion(anchor, k);
       columns.opacity[row] = std::tanh(anchor.opacity.output[k]);
       for (std::size_t i = 0; i < 3; ++i) {
-        columns.mean[i][row] = table.position(visible[n], i) + table.offset(visible[n], 3 * k + i) * anchor.extent[i];
+        columns.mean[i][row] = table.position(visible[n], i) + table.offset(visible[n], 3 * k + i) * anchor.scale[i];
         columns.scale[i][row] = anchor.base[i] * logistic(anchor.covariance.output[7 * k + i]);
         columns.color[i][row] = logistic(anchor.color.output[3 * k + i]);
       }
@@ -185,8 +185,8 @@ class ReferenceDecoder {
         d_table.scaling(visible[n], 3 + i) += d_gaussians.scale[i][row] * anchor.base[i] * fraction;
         const T d_mean = d_gaussians.mean[i][row];
         d_table.position(visible[n], i) += d_mean;
-        d_table.offset(visible[n], 3 * k + i) += d_mean * anchor.extent[i];
-        d_table.scaling(visible[n], i) += d_mean * table.offset(visible[n], 3 * k + i) * anchor.extent[i];
+        d_table.offset(visible[n], 3 * k + i) += d_mean * anchor.scale[i];
+        d_table.scaling(visible[n], i) += d_mean * table.offset(visible[n], 3 * k + i) * anchor.scale[i];
       }
     }
     for (std::size_t n = 0; n < visible.size(); ++n) {
@@ -289,7 +289,7 @@ class ReferenceDecoder {
       anchor.direction = {0, 0, 1};
     }
     for (std::size_t i = 0; i < 3; ++i) {
-      anchor.extent[i] = std::exp(table.scaling(row, i));
+      anchor.scale[i] = std::exp(table.scaling(row, i));
       anchor.base[i] = std::exp(table.scaling(row, 3 + i));
     }
     const T* const feature = table.feature.row(row);

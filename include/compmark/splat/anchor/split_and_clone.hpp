@@ -64,8 +64,8 @@ class SplitAndClone {
     state.statistics.add_view(decoded, gaussian_visible, gradient_norm, executor);
   }
 
-  template <class OnEdit, class Context = AdaptContext>
-  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const Context& context,
+  template <class OnEdit, class Inputs = AdjustmentInputs>
+  GrowthReport adapt(ParameterArena<T>& arena, const AnchorHandles& handles, State& state, const Inputs& inputs,
                      OnEdit&& on_edit) const {
     const AnchorColumns<T> columns = anchor_values(arena, handles);
     COMPMARK_ASSERT(state.statistics.anchors() == columns.rows() && state.statistics.slots() == columns.rows(),
@@ -82,8 +82,8 @@ class SplitAndClone {
     }
     scratch.leaves.assign(columns.rows(), 1);
     for (const std::uint32_t row : scratch.kept) scratch.leaves[row] = 0;
-    find_hot(state.statistics, context, columns, scratch, report);
-    add_rows(arena, handles, columns, context, scratch);
+    find_hot(state.statistics, inputs, columns, scratch, report);
+    add_rows(arena, handles, columns, inputs, scratch);
     std::erase_if(scratch.kept, [&](std::uint32_t row) { return scratch.leaves[row] != 0; });
     report.grown = scratch.kept.size() + scratch.parents.size() + report.pruned - columns.rows();
     detail::reset_judged(state.statistics, prune_settings());
@@ -107,7 +107,7 @@ class SplitAndClone {
   }
 
   /// The rows that are split or doubled, ascending; as many as the limit has room for, the highest gradients first.
-  void find_hot(const GrowthStatistics<T>& statistics, const AdaptContext& context, const AnchorColumns<T>& columns,
+  void find_hot(const GrowthStatistics<T>& statistics, const AdjustmentInputs& inputs, const AnchorColumns<T>& columns,
                 typename State::Scratch& scratch, GrowthReport& report) const {
     scratch.hot.clear();
     for (const std::uint32_t row : scratch.kept) {
@@ -116,7 +116,7 @@ class SplitAndClone {
       if (!(gradient >= static_cast<T>(settings_.gradient_threshold))) continue;
       ++report.candidates;
       const std::array<T, 3> at = mean(columns, row);
-      if (!(context.ball.distance(at.data()) <= context.reach)) {
+      if (!(inputs.ball.distance(at.data()) <= inputs.reach)) {
         ++report.out_of_range;
         continue;
       }
@@ -144,11 +144,11 @@ class SplitAndClone {
   /// Copies of the hot rows, changed: one for a doubled Gaussian, whose own row changes too, two for a split one, whose
   /// row leaves.
   void add_rows(ParameterArena<T>& arena, const AnchorHandles& handles, const AnchorColumns<T>& columns,
-                const AdaptContext& context, typename State::Scratch& scratch) const {
+                const AdjustmentInputs& inputs, typename State::Scratch& scratch) const {
     scratch.parents.clear();
     scratch.rows.clear();
-    const Random random(context.seed, context.iteration, random_stage("split gaussians"));
-    const double small = settings_.small * context.ball.wide;
+    const Random random(inputs.seed, inputs.iteration, random_stage("split gaussians"));
+    const double small = settings_.small * inputs.ball.wide;
     for (const auto& [gradient, row] : scratch.hot) {
       const T* const scale = columns.scaling.row(row) + 3;
       const double largest = std::exp(static_cast<double>(std::max({scale[0], scale[1], scale[2]})));

@@ -149,7 +149,7 @@ Result<Done> bin(const ProjectedSplats<T>& projected, int width, int height, con
         const Splat<T>& splat = projected.splats[k];
         if constexpr (accuracy.footprint == FootprintRule::square_three_sigma) {
           const detail::TileRectangle r = detail::tile_rectangle<accuracy.footprint, tile_size>(
-              splat.u, splat.v, splat.extent_x, splat.extent_y, width, height);
+              splat.u, splat.v, splat.half_width, splat.half_height, width, height);
           workspace.box[k] = {static_cast<std::uint16_t>(r.x_begin), static_cast<std::uint16_t>(r.y_begin),
                               static_cast<std::uint16_t>(std::max(0, r.x_end - r.x_begin)),
                               static_cast<std::uint16_t>(std::max(0, r.y_end - r.y_begin))};

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Concept Rasterizer: Gaussians and a camera in, a planar RGB image out, and the same road back.
+// Concept Rasterizer: Gaussians and a camera in, a planar RGB image out, and its backward pass.
 //
 //   expression                                             meaning                                             cost
 //   typename R::Scalar, R::Settings, R::Context            number type, run-time numbers, what backward needs

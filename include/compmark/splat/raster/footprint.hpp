@@ -166,25 +166,25 @@ struct TileRectangle {
   [[nodiscard]] bool empty() const { return x_begin >= x_end || y_begin >= y_end; }
 };
 
-/// Tiles with a pixel centre in the box (u +- extent_x, v +- extent_y); under the published rule the square's whole
-/// tiles, with the published rounding (docs/spec/method.md, 2.1, step 8; its pixel centres are integers, hence the
-/// half).
+/// Tiles with a pixel centre in the box (u +- half_width, v +- half_height); under the published rule the square's
+/// whole tiles, with the published rounding (docs/spec/method.md, 2.1, step 8; its pixel centres are integers, hence
+/// the half).
 template <FootprintRule rule, int tile_size, class T>
-[[nodiscard]] inline TileRectangle tile_rectangle(T u, T v, T extent_x, T extent_y, int width, int height) {
+[[nodiscard]] inline TileRectangle tile_rectangle(T u, T v, T half_width, T half_height, int width, int height) {
   const int tiles_x = (width + tile_size - 1) / tile_size, tiles_y = (height + tile_size - 1) / tile_size;
   if constexpr (rule == FootprintRule::square_three_sigma) {
     const T x = u - pixel_center<T>, y = v - pixel_center<T>;
-    const TileRectangle r{clamp_to_index((x - extent_x) / tile_size, tiles_x),
-                          clamp_to_index((y - extent_y) / tile_size, tiles_y),
-                          clamp_to_index((x + extent_x + (tile_size - 1)) / tile_size, tiles_x),
-                          clamp_to_index((y + extent_y + (tile_size - 1)) / tile_size, tiles_y)};
+    const TileRectangle r{clamp_to_index((x - half_width) / tile_size, tiles_x),
+                          clamp_to_index((y - half_height) / tile_size, tiles_y),
+                          clamp_to_index((x + half_width + (tile_size - 1)) / tile_size, tiles_x),
+                          clamp_to_index((y + half_height + (tile_size - 1)) / tile_size, tiles_y)};
     return r.empty() ? TileRectangle{0, 0, 0, 0} : r;
   } else {
     // First and one past the last pixel whose centre is inside, then whole tiles. Empty when no centre is inside.
-    const int x0 = clamp_to_index(std::ceil(u - extent_x - pixel_center<T>), width),
-              x1 = clamp_to_index(std::floor(u + extent_x + pixel_center<T>), width);
-    const int y0 = clamp_to_index(std::ceil(v - extent_y - pixel_center<T>), height),
-              y1 = clamp_to_index(std::floor(v + extent_y + pixel_center<T>), height);
+    const int x0 = clamp_to_index(std::ceil(u - half_width - pixel_center<T>), width),
+              x1 = clamp_to_index(std::floor(u + half_width + pixel_center<T>), width);
+    const int y0 = clamp_to_index(std::ceil(v - half_height - pixel_center<T>), height),
+              y1 = clamp_to_index(std::floor(v + half_height + pixel_center<T>), height);
     if (x0 >= x1 || y0 >= y1) return {0, 0, 0, 0};
     return {x0 / tile_size, y0 / tile_size, (x1 + tile_size - 1) / tile_size, (y1 + tile_size - 1) / tile_size};
   }

@@ -80,7 +80,7 @@ template <class P>
 struct ScreenGaussians {
   CameraPoint<P> at;
   Footprint<P> footprint;
-  P u, v, opacity, sigma_max, extent_x, extent_y;
+  P u, v, opacity, sigma_max, half_width, half_height;
   typename P::MaskType visible;
 };
 
@@ -114,22 +114,22 @@ template <Accuracy accuracy, class T, int W, class Effects = NoRasterEffects>
     unsigned hit = 0;
     for (int lane = 0; lane < W; ++lane) {
       const T r = std::ceil(radius.lane(lane));
-      s.extent_x.set(lane, r);
+      s.half_width.set(lane, r);
       const TileRectangle tiles = tile_rectangle<accuracy.footprint, accuracy.tile_size>(
           s.u.lane(lane), s.v.lane(lane), r, r, static_cast<int>(view.width), static_cast<int>(view.height));
       hit |= (r > T(0) && !tiles.empty()) ? 1u << lane : 0u;
     }
-    s.extent_y = s.extent_x;
+    s.half_height = s.half_width;
     s.visible = valid & (s.opacity > P(T(0))) & Mask<T, W>::from_bits(hit);
   } else {
     // The marginal variances give the box, no eigenvalue needed (docs/spec/numerics.md, CV5); the slack is that of the
     // tile test (TB3).
     const P reach = fma(s.sigma_max, P(T(2) * T(1.0001)), P(T(2e-5)));
-    s.extent_x = sqrt(reach * s.footprint.variance_x);
-    s.extent_y = sqrt(reach * s.footprint.variance_y);
+    s.half_width = sqrt(reach * s.footprint.variance_x);
+    s.half_height = sqrt(reach * s.footprint.variance_y);
     const P half(pixel_center<T>);
-    s.visible = valid & opaque & (s.u + s.extent_x >= half) & (s.u - s.extent_x <= P(view.width) - half) &
-                (s.v + s.extent_y >= half) & (s.v - s.extent_y <= P(view.height) - half);
+    s.visible = valid & opaque & (s.u + s.half_width >= half) & (s.u - s.half_width <= P(view.width) - half) &
+                (s.v + s.half_height >= half) & (s.v - s.half_height <= P(view.height) - half);
   }
   return s;
 }
@@ -211,7 +211,7 @@ void write_splats(const GaussianColumns<const T>& gaussians, const LensView<T, t
     const P pivot = select(s.footprint.pivot_x, P(T(1)), zero);
     store_records<P, streaming>(
         {s.u, s.v, s.footprint.slope, s.footprint.major, s.footprint.minor, pivot, s.opacity, color[0], color[1],
-         color[2], s.at.point[2], s.sigma_max, s.extent_x, s.extent_y, zero, zero},
+         color[2], s.at.point[2], s.sigma_max, s.half_width, s.half_height, zero, zero},
         record);
     const unsigned pivots = s.footprint.pivot_x.bits();
     for (std::size_t lane = 0; lane < lanes; ++lane) {

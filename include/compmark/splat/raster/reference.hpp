@@ -6,7 +6,7 @@
 // 2.4, in the robust formulas of docs/spec/numerics.md, CV1 to CV3, BF1 to BF3 and BB1; with accuracy::inria the
 // published behaviour: square of whole tiles, exclusive stop, clamps that are not differentiated. (The published conic
 // backward divides by det^2 + 1e-7; this bias is not reproduced.) Cost: width * height * Gaussians evaluations of exp,
-// each way. Longer than 300 lines: the whole road, both ways, is meant to be read in one place.
+// each way. Longer than 300 lines: forward and backward pass are meant to be read in one place.
 #pragma once
 
 #include <algorithm>
@@ -404,8 +404,8 @@ class ReferenceRasterizer {
     return true;
   }
 
-  /// The road back of bend() and of the mean on the screen, by the lens's own adjoint at the point and at the clamped
-  /// point (clamped * z, z), which moves with z alone where the clamp holds.
+  /// The backward pass of bend() and of the mean on the screen, by the lens's own adjoint at the point and at the
+  /// clamped point (clamped * z, z), which moves with z alone where the clamp holds.
   void unbend(const detail::ReferenceGeometry<T>& g, const std::array<T, 2>& d_screen, const detail::Matrix23<T>& d_m,
               std::array<T, 3>& d_point) const {
     const typename Effects::Lens& lens = settings_.lens;

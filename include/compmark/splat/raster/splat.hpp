@@ -24,7 +24,7 @@ struct alignas(16 * sizeof(T)) Splat {
   T red, green, blue;
   T depth;      // camera z
   T sigma_max;  // ln(opacity / alpha_min): beyond it the splat contributes nothing; infinity when alpha_min is 0
-  T extent_x, extent_y;  // half-extents of the region sigma <= sigma_max (or of the published square), pixels
+  T half_width, half_height;  // of the region sigma <= sigma_max (or of the published square), pixels
   T unused[2];
 };
 

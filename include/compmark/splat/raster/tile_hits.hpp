@@ -65,10 +65,10 @@ template <int tile_size, class P>
     return select(nearest > x, nearest - one, nearest);
   };
   const auto clamp = [](P x, P low, P high) { return min(max(x, low), high); };  // NaN becomes `low`
-  const auto along = [&](P middle, P extent, int size, P& begin, P& length) {
+  const auto along = [&](P middle, P reach, int size, P& begin, P& length) {
     const P limit(static_cast<T>(size));
-    const P first = clamp(-floor(-clamp(middle - extent - half, -one, limit + one)), zero, limit);
-    const P last = clamp(floor(clamp(middle + extent + half, -one, limit + one)), zero, limit);
+    const P first = clamp(-floor(-clamp(middle - reach - half, -one, limit + one)), zero, limit);
+    const P last = clamp(floor(clamp(middle + reach + half, -one, limit + one)), zero, limit);
     begin = floor((first + half) * inverse);
     length = floor((last + (P(T(tile_size)) - half)) * inverse) - begin;
     return first < last;

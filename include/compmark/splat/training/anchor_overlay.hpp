@@ -82,7 +82,7 @@ class AnchorOverlay {
     return changed;
   }
 
-  /// The same for what a codec rounds: features, extents (scaling) and offsets, in this order.
+  /// The same for what a codec rounds: features, scales (scaling) and offsets, in this order.
   template <Executor E>
   std::array<MatrixView<T>, 3> change_coded(std::span<const std::uint32_t> visible, AnchorColumns<const T>& columns,
                                             E& executor) {
@@ -115,7 +115,7 @@ class AnchorOverlay {
     table.data = gradients_[index(which)].data();
     return table;
   }
-  /// … of features, extents and offsets.
+  /// … of features, scales and offsets.
   [[nodiscard]] std::array<MatrixView<T>, 3> coded_gradients(ParameterArena<T>& arena, const AnchorHandles& anchors) {
     std::array<MatrixView<T>, 3> tables;
     for (std::size_t i = 0; i < 3; ++i) tables[i] = gradient(coded[i], arena, anchors);

@@ -39,7 +39,7 @@ struct ModelInfo {
   /// Plus `unit` times a position of the model is one in the dataset's files (Dataset::origin, Dataset::unit).
   std::array<double, 3> origin{0, 0, 0};
   double unit = 1;
-  std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, extents and offsets, with an entropy model
+  std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, scales and offsets, with an entropy model
 };
 
 namespace detail {

@@ -45,8 +45,8 @@ struct MessageSettings {
   double logit_scale = 10;  ///< of the cross entropy; a decoder file states what suits its logits
   double hinge_margin = 0;  ///< above 0: a hinge instead, no pull on a bit that is right by this much (scaled logits)
   double hinge_power = 1;   ///< at least 1: of the hinge, in units of its margin; above 1 wrong bits are pulled harder
-  std::int64_t between_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
-  double image_weight = 1;         ///< of every other loss once the message has begun
+  std::int64_t novel_view_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
+  double image_weight = 1;            ///< of every other loss once the message has begun
 
   friend bool operator==(const MessageSettings&, const MessageSettings&) = default;
 };
@@ -63,8 +63,8 @@ struct PosthocSettings {
   /// The share of the sampled views that is drawn by the message loss near them, 0 (by clearance alone) to 1.
   double draw_by_cost = 0;
   /// Where the context reads ancestors (ContextGS): iterations between step-bias calibrations
-  /// (codec/model/held_steps.hpp); 0: never. Does not scale.
-  std::int64_t hold_steps_every = 0;
+  /// (codec/model/step_bias_calibration.hpp); 0: never. Does not scale.
+  std::int64_t calibrate_steps_every = 0;
 
   friend bool operator==(const PosthocSettings&, const PosthocSettings&) = default;
 };
@@ -201,7 +201,7 @@ struct TrainSettings {
   mark.message.lambda = 0.002;
   mark.message.after = mark.residual.after = 15000;
   mark.message.hinge_margin = 4;
-  mark.message.between_every = 1;
+  mark.message.novel_view_every = 1;
   mark.residual.learning_rate = 0.002;
   return mark;
 }
@@ -217,7 +217,7 @@ struct TrainSettings {
   return mark;
 }
 
-/// A profile's numbers inside a codec's host: growing pauses while features carry noise for the first time, as both
+/// A profile's numbers inside a codec: growing pauses while features carry noise for the first time, as both
 /// codecs' authors have it (docs/spec/method.md, 5.8).
 [[nodiscard]] inline TrainSettings for_codec(TrainSettings settings) {
   settings.pause_from = 3000;

@@ -62,11 +62,11 @@ template <class Json = nlohmann::json>
     mark["logit_scale"] = m.message.logit_scale;
     mark["hinge_margin"] = m.message.hinge_margin;
     if (m.message.hinge_power != 1) mark["hinge_power"] = m.message.hinge_power;  // as fidelity
-    mark["between_every"] = m.message.between_every;
+    mark["between_every"] = m.message.novel_view_every;
     if (m.posthoc.fidelity != 0) mark["fidelity"] = m.posthoc.fidelity;  // checkpoints are older than this number
     if (m.posthoc.fidelity_fall != 0) mark["fidelity_fall"] = m.posthoc.fidelity_fall;
     if (m.posthoc.draw_by_cost != 0) mark["draw_by_cost"] = m.posthoc.draw_by_cost;
-    if (m.posthoc.hold_steps_every != 0) mark["hold_steps_every"] = m.posthoc.hold_steps_every;
+    if (m.posthoc.calibrate_steps_every != 0) mark["hold_steps_every"] = m.posthoc.calibrate_steps_every;
     mark["lambda_hsv"] = m.hsv.lambda;
     if (m.hsv.as_written) mark["hsv_as_written"] = true;  // as fidelity
     mark["hsv_after"] = m.hsv.after;

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What a codec does about a message that is hidden in what its context reads: nothing, unless the codec specialises
-// StepCalibrationOf for such recipes (codec/model/held_steps.hpp). So neither wing knows the other. Cost: none.
+// StepCalibrationOf for such recipes (codec/model/step_bias_calibration.hpp). So neither wing knows the other. Cost:
+// none.
 #pragma once
 
 #include "compmark/core/absent.hpp"
@@ -16,7 +17,7 @@ template <class R>
 struct StepCalibrationOf {
   using type = NoStepCalibration;
 };
-/// `hold` is called from time to time while a message is embedded; `wanted` is its state in a checkpoint.
+/// `calibrate` is called from time to time while a message is embedded; `wanted` is its state in a checkpoint.
 template <class R>
 using StepCalibration = typename StepCalibrationOf<R>::type;
 

@@ -257,8 +257,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   void adjust(std::int64_t t, IterationReport& report) {
     Model<R>& model = state_.model;
     const Growth growth = looks_at_frequency(t) ? density_control<R>(settings_, true) : growth_;
-    SpaceAdaptContext<typename R::Space> context{{settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size},
-                                                 space()};
+    SpaceAdjustmentInputs<typename R::Space> context{{settings_.seed, static_cast<std::uint64_t>(t), model.voxel_size},
+                                                     space()};
     const auto position = std::as_const(model).columns().position;
     context.ball = robust_ball(position.rows, [&](std::size_t i) { return position.row(i); });
     context.reach = context.ball.reach(scene_extent_);

@@ -4,7 +4,7 @@
 // The lattice decoder: Fourier features of local contrast or of colour, averaged over the image, and a linear head.
 // With u_i and the gates w_i of lattice_positions.hpp,
 //   p_k = sum_i w_i cos 2 pi (phase_k + frequency_k . u_i) / (sum_i w_i + floor N),
-//   logits = head p + bias  (- host(p)).
+//   logits = head p + bias  (- cover(p)).
 // Each Fourier feature is dither modulation (quantization index modulation; Chen and Wornell, IEEE Trans. Information
 // Theory 47, 2001) of one direction of contrast. A crop, a rotation or a shift leaves the mean over positions in place,
 // and contrast of logarithms does not change with brightness. The period of a feature is short against the contrast of
@@ -35,7 +35,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/watermark/decoder/host_prediction.hpp"
+#include "compmark/watermark/decoder/cover_prediction.hpp"
 #include "compmark/watermark/decoder/lattice_kernel.hpp"
 #include "compmark/watermark/decoder/lattice_positions.hpp"
 
@@ -48,7 +48,7 @@ struct LatticeWeights {
   std::vector<T> phase;      ///< [features]
   std::vector<T> head;       ///< [bits, features]
   std::vector<T> bias;       ///< [bits]
-  HostPrediction<T> host;    ///< of a decoder for one scene; does not train
+  CoverPrediction<T> cover;  ///< of a decoder for one scene; does not train
 
   LatticeWeights() = default;
   explicit LatticeWeights(const LatticeSettings& s)
@@ -73,7 +73,7 @@ class LatticeDecoder {
     T all_gates = T(0);               ///< that of t, with a limit
     /// With a limit: [regions, features] s, [regions] g, [regions, bits] t, [regions] |t|, [regions] c.
     std::vector<T> region_sum, region_gate, region_says, region_norm, region_share;
-    typename HostPrediction<T>::Context host;
+    typename CoverPrediction<T>::Context cover;
   };
 
   LatticeDecoder() = default;
@@ -85,8 +85,8 @@ class LatticeDecoder {
     COMPMARK_ASSERT(
         weights_.frequency.size() == static_cast<std::size_t>(settings_.features) * settings_.dimensions() &&
             weights_.head.size() == weights_.bias.size() * weights_.phase.size() &&
-            weights_.host.direction.size() == weights_.host.coordinates() * weights_.phase.size() &&
-            weights_.host.coefficient.size() == weights_.host.centres() * weights_.bias.size(),
+            weights_.cover.direction.size() == weights_.cover.coordinates() * weights_.phase.size() &&
+            weights_.cover.coefficient.size() == weights_.cover.centres() * weights_.bias.size(),
         "LatticeDecoder: weights");
     COMPMARK_ASSERT(settings_.regions >= 1 && settings_.region_limit >= 0, "LatticeDecoder: regions and their limit");
   }
@@ -107,7 +107,7 @@ class LatticeDecoder {
       for (std::size_t k = 0; k < features; ++k) sum += weights_.head[b * features + k] * context.pooled[k];
       logits[b] = sum;
     }
-    if (!weights_.host.empty()) weights_.host.subtract(context.pooled, logits, context.host);
+    if (!weights_.cover.empty()) weights_.cover.subtract(context.pooled, logits, context.cover);
   }
 
   /// The features p alone, in context.pooled; backward() is not to follow.
@@ -119,10 +119,10 @@ class LatticeDecoder {
     at.read(image, settings_, executor);
     const std::size_t features = static_cast<std::size_t>(settings_.features);
     context.partial.resize(at.chunks.size() * features);
-    const detail::LatticeWaves<T> waves = waves_of(context);
+    const detail::FourierFeatures<T> fourier = fourier_of(context);
     executor.for_chunks(at.chunks.size(), 1, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t c = begin; c < end; ++c)
-        waves.sum(at.chunks[c].begin, at.chunks[c].end, context.partial.data() + c * features);
+        fourier.sum(at.chunks[c].begin, at.chunks[c].end, context.partial.data() + c * features);
     });
     context.gate_sum = static_cast<T>(settings_.floor) * static_cast<T>(at.count);
     if (settings_.limited()) return pool_limited(context, executor);
@@ -151,11 +151,11 @@ class LatticeDecoder {
     if (settings_.limited()) limit_gradient(context);
     at.d_u.resize(settings_.dimensions() * at.stride);
     at.d_gate.resize(at.stride);
-    const detail::LatticeWaves<T> waves = waves_of(context);
+    const detail::FourierFeatures<T> fourier = fourier_of(context);
     executor.for_chunks(at.chunks.size(), 1, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t c = begin; c < end; ++c) {
         const auto& [first, last, region] = at.chunks[c];
-        waves.input_gradient(first, last, context.slope.data() + region * features, at.d_u.data(), at.d_gate.data());
+        fourier.input_gradient(first, last, context.slope.data() + region * features, at.d_u.data(), at.d_gate.data());
         for (std::size_t i = first; i < last; ++i) at.d_gate[i] -= context.offset[region];
       }
     });
@@ -177,11 +177,11 @@ class LatticeDecoder {
     const std::size_t chunks = at.chunks.size(), block = features * (1 + dimensions);
     context.partial.resize(chunks * block);
     std::fill_n(context.partial.data(), chunks * block, T(0));
-    const detail::LatticeWaves<T> waves = waves_of(context);
+    const detail::FourierFeatures<T> fourier = fourier_of(context);
     executor.for_chunks(chunks, 1, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t c = begin; c < end; ++c) {
         T* const sums = context.partial.data() + c * block;
-        waves.weight_sums(at.chunks[c].begin, at.chunks[c].end, sums, sums + features);
+        fourier.weight_sums(at.chunks[c].begin, at.chunks[c].end, sums, sums + features);
       }
     });
     for (std::size_t c = 0; c < chunks; ++c) {
@@ -196,7 +196,7 @@ class LatticeDecoder {
   }
 
  private:
-  [[nodiscard]] detail::LatticeWaves<T> waves_of(const Context& context) const {
+  [[nodiscard]] detail::FourierFeatures<T> fourier_of(const Context& context) const {
     const LatticePositions<T>& at = context.positions;
     return {weights_.frequency.data(), weights_.phase.data(),  at.u.data(), at.gate.data(),
             weights_.phase.size(),     settings_.dimensions(), at.stride};
@@ -275,7 +275,7 @@ class LatticeDecoder {
     for (std::size_t b = 0; b < d_logits.size(); ++b) {
       for (std::size_t k = 0; k < features; ++k) context.d_pooled[k] += weights_.head[b * features + k] * d_logits[b];
     }
-    if (!weights_.host.empty()) weights_.host.backward(d_logits, context.d_pooled, context.host);
+    if (!weights_.cover.empty()) weights_.cover.backward(d_logits, context.d_pooled, context.cover);
   }
 
   Settings settings_;

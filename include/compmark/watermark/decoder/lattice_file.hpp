@@ -6,8 +6,8 @@
 // ("contrast", also where it is missing: 3 octaves dimensions; "colour": 3 (octaves + 1)), bits, features, octaves,
 // sigma (octaves + 1 numbers), stride, epsilon, gate, floor, logit_scale, note. A decoder for one scene may have
 // host.direction [coordinates, features], host.offset [coordinates], host.centre [centres, coordinates] and
-// host.coefficient [centres, bits] (host_prediction.hpp), with the metadata coordinates and centres: format_version 2.
-// One whose regions have a limit has the metadata regions and region_limit: format_version 3, with or without a host
+// host.coefficient [centres, bits] (cover_prediction.hpp), with the metadata coordinates and centres: format_version 2.
+// One whose regions have a limit has the metadata regions and region_limit: format_version 3, with or without a
 // prediction. No number is believed before it is checked. Cost: one pass over the weights.
 #pragma once
 
@@ -27,9 +27,9 @@
 
 namespace compmark {
 
-/// Of files with a host prediction, and of those with limited regions; all others are version 1, which older programs
+/// Of files with a cover prediction, and of those with limited regions; all others are version 1, which older programs
 /// read.
-inline constexpr int lattice_host_format_version = 2, lattice_limit_format_version = 3;
+inline constexpr int lattice_cover_format_version = 2, lattice_limit_format_version = 3;
 
 /// Whether a tensor file says that it holds a lattice decoder.
 template <class TensorFile>
@@ -81,7 +81,7 @@ template <class T = float, class TensorFile>
   positive("gate", settings.gate);
   positive("floor", settings.floor);
   positive("logit_scale", settings.logit_scale);
-  // Without its limit, or its host prediction, such a file would be read as another decoder.
+  // Without its limit, or its prediction, such a file would be read as another decoder.
   const bool limited = version_number >= lattice_limit_format_version;
   if (limited) {
     settings.regions = reader.integer("regions", 1, 4096);
@@ -102,7 +102,7 @@ template <class T = float, class TensorFile>
   LatticeWeights<T> weights;
   const bool predicts = limited ? file.metadata.contains("coordinates") || file.metadata.contains("centres") ||
                                       file.tensors.contains("host.direction")
-                                : version_number >= lattice_host_format_version;
+                                : version_number >= lattice_cover_format_version;
   if (predicts) {
     const int coordinates = reader.integer("coordinates", 1, settings.features);
     const int centres = reader.integer("centres", 1, 1 << 20);
@@ -110,10 +110,10 @@ template <class T = float, class TensorFile>
       const std::vector<float> read = reader.tensor(name, extents...);
       values.assign(read.begin(), read.end());
     };
-    part("host.direction", weights.host.direction, coordinates, settings.features);
-    part("host.offset", weights.host.offset, coordinates);
-    part("host.centre", weights.host.centre, centres, coordinates);
-    part("host.coefficient", weights.host.coefficient, centres, settings.bits);
+    part("host.direction", weights.cover.direction, coordinates, settings.features);
+    part("host.offset", weights.cover.offset, coordinates);
+    part("host.centre", weights.cover.centre, centres, coordinates);
+    part("host.coefficient", weights.cover.coefficient, centres, settings.bits);
   }
   if (reader.failed()) return reader.error();
   weights.frequency.assign(frequency.begin(), frequency.end());
@@ -130,9 +130,9 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   const LatticeWeights<float>& w = decoder.weights();
   auto& m = writer.metadata;
   m["format"] = std::string(decoder_format);
-  m["format_version"] = std::to_string(s.limited()      ? lattice_limit_format_version
-                                       : w.host.empty() ? decoder_format_version
-                                                        : lattice_host_format_version);
+  m["format_version"] = std::to_string(s.limited()       ? lattice_limit_format_version
+                                       : w.cover.empty() ? decoder_format_version
+                                                         : lattice_cover_format_version);
   m["kind"] = "lattice";
   m["measure"] = s.measure == LatticeMeasure::colour ? "colour" : "contrast";
   m["bits"] = std::to_string(s.bits);
@@ -160,15 +160,15 @@ void add_lattice(const LatticeDecoder<float>& decoder, const std::string& note, 
   writer.add_values("wave.phase", {features}, std::span<const float>(w.phase));
   writer.add_values("head.weight", {s.bits, features}, std::span<const float>(w.head));
   writer.add_values("head.bias", {s.bits}, std::span<const float>(w.bias));
-  if (w.host.empty()) return;
-  const auto coordinates = static_cast<std::int64_t>(w.host.coordinates());
-  const auto centres = static_cast<std::int64_t>(w.host.centres());
+  if (w.cover.empty()) return;
+  const auto coordinates = static_cast<std::int64_t>(w.cover.coordinates());
+  const auto centres = static_cast<std::int64_t>(w.cover.centres());
   m["coordinates"] = std::to_string(coordinates);
   m["centres"] = std::to_string(centres);
-  writer.add_values("host.direction", {coordinates, features}, std::span<const float>(w.host.direction));
-  writer.add_values("host.offset", {coordinates}, std::span<const float>(w.host.offset));
-  writer.add_values("host.centre", {centres, coordinates}, std::span<const float>(w.host.centre));
-  writer.add_values("host.coefficient", {centres, s.bits}, std::span<const float>(w.host.coefficient));
+  writer.add_values("host.direction", {coordinates, features}, std::span<const float>(w.cover.direction));
+  writer.add_values("host.offset", {coordinates}, std::span<const float>(w.cover.offset));
+  writer.add_values("host.centre", {centres, coordinates}, std::span<const float>(w.cover.centre));
+  writer.add_values("host.coefficient", {centres, s.bits}, std::span<const float>(w.cover.coefficient));
 }
 
 /// Writes a whole file: write_lattice<SafetensorsWriter>(decoder, note, path).

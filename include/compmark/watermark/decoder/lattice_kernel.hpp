@@ -21,7 +21,7 @@ namespace compmark {
 namespace detail {
 
 template <class P>
-struct Wave {
+struct CosineSine {
   P cosine;
   P sine;
 };
@@ -29,11 +29,11 @@ struct Wave {
 /// cos and sin of 2 pi x. Float: reduced to half a turn, then the half angle by its series; error 6e-7 for |x| < 3
 /// (beyond, the rounding of x itself counts: 4e-6 turns at 100).
 template <class T, int W>
-[[nodiscard]] COMPMARK_INLINE Wave<Pack<T, W>> wave_of_turns(Pack<T, W> x) {
+[[nodiscard]] COMPMARK_INLINE CosineSine<Pack<T, W>> cosine_sine_of_turns(Pack<T, W> x) {
   using P = Pack<T, W>;
   const P q = x - round_to_even(x);
   if constexpr (!std::is_same_v<T, float>) {
-    Wave<P> result{P(T(0)), P(T(0))};  // every lane is set below; g++ 12 does not see it
+    CosineSine<P> result{P(T(0)), P(T(0))};  // every lane is set below; g++ 12 does not see it
     for (int i = 0; i < W; ++i) {
       result.cosine.set(i, std::cos(2 * std::numbers::pi_v<T> * q.lane(i)));
       result.sine.set(i, std::sin(2 * std::numbers::pi_v<T> * q.lane(i)));
@@ -59,7 +59,7 @@ template <class T, int W>
 
 /// What all three kernels read.
 template <class T>
-struct LatticeWaves {
+struct FourierFeatures {
   const T* frequency = nullptr;  ///< [features, dimensions], in turns
   const T* phase = nullptr;      ///< [features], in turns
   const T* u = nullptr;          ///< [dimensions, stride]
@@ -71,7 +71,9 @@ struct LatticeWaves {
   static constexpr int lanes = native_width<T>;
   using P = Pack<T, lanes>;
 
-  [[nodiscard]] COMPMARK_INLINE Wave<P> wave(std::size_t k, std::size_t i) const { return wave_in<0>(k, i); }
+  [[nodiscard]] COMPMARK_INLINE CosineSine<P> cosine_sine(std::size_t k, std::size_t i) const {
+    return cosine_sine_in<0>(k, i);
+  }
 
   /// sums[k] of positions [begin, end).
   void sum(std::size_t begin, std::size_t end, T* sums) const {
@@ -92,7 +94,7 @@ struct LatticeWaves {
       P total(T(0)), moment[most_dimensions];
       for (std::size_t j = 0; j < dimensions; ++j) moment[j] = P(T(0));
       for (std::size_t i = begin; i < end; i += lanes) {
-        const P s = P::load(gate + i) * wave(k, i).sine;
+        const P s = P::load(gate + i) * cosine_sine(k, i).sine;
         total = total + s;
         for (std::size_t j = 0; j < dimensions; ++j) moment[j] = fma(s, P::load(u + j * stride + i), moment[j]);
       }
@@ -108,12 +110,12 @@ struct LatticeWaves {
 
   /// Fixed: the number of dimensions, or 0 where it is known at run time alone.
   template <int Fixed>
-  [[nodiscard]] COMPMARK_INLINE Wave<P> wave_in(std::size_t k, std::size_t i) const {
+  [[nodiscard]] COMPMARK_INLINE CosineSine<P> cosine_sine_in(std::size_t k, std::size_t i) const {
     const std::size_t count = Fixed == 0 ? dimensions : static_cast<std::size_t>(Fixed);
     P turns(phase[k]);
     const T* f = frequency + k * count;
     for (std::size_t j = 0; j < count; ++j) turns = fma(P(f[j]), P::load(u + j * stride + i), turns);
-    return wave_of_turns(turns);
+    return cosine_sine_of_turns(turns);
   }
 
   template <int Fixed>
@@ -128,8 +130,8 @@ struct LatticeWaves {
       }
       if (count == 0) continue;
       std::size_t k = 0;
-      for (; k + together <= features; k += together) add_waves<Fixed, together>(k, opened, count, sums);
-      for (; k < features; ++k) add_waves<Fixed, 1>(k, opened, count, sums);
+      for (; k + together <= features; k += together) add_features<Fixed, together>(k, opened, count, sums);
+      for (; k < features; ++k) add_features<Fixed, 1>(k, opened, count, sums);
     }
   }
 
@@ -139,13 +141,13 @@ struct LatticeWaves {
 
   /// Adds to sums[k] .. sums[k + Together) the packs that begin at opened[0 .. count).
   template <int Fixed, std::size_t Together>
-  COMPMARK_INLINE void add_waves(std::size_t k, const std::size_t* opened, std::size_t count, T* sums) const {
+  COMPMARK_INLINE void add_features(std::size_t k, const std::size_t* opened, std::size_t count, T* sums) const {
     P total[Together];
     for (std::size_t f = 0; f < Together; ++f) total[f] = P(T(0));
     for (std::size_t n = 0; n < count; ++n) {
       const P weight = P::load(gate + opened[n]);
       for (std::size_t f = 0; f < Together; ++f)
-        total[f] = fma(weight, wave_in<Fixed>(k + f, opened[n]).cosine, total[f]);
+        total[f] = fma(weight, cosine_sine_in<Fixed>(k + f, opened[n]).cosine, total[f]);
     }
     for (std::size_t f = 0; f < Together; ++f) sums[k + f] += reduce_add(total[f]);
   }
@@ -160,7 +162,7 @@ struct LatticeWaves {
       P share(T(0));
       const std::size_t open_features = open(i) ? features : 0;
       for (std::size_t k = 0; k < open_features; ++k) {
-        const Wave<P> at = wave_in<Fixed>(k, i);
+        const CosineSine<P> at = cosine_sine_in<Fixed>(k, i);
         share = fma(P(e[k]), at.cosine, share);
         const P s = P(e[k]) * at.sine;
         const T* f = frequency + k * count;

@@ -50,10 +50,10 @@ class QuantizationNoise {
   static constexpr int steps = options.per_channel ? feature_dim : 1;
 
   struct Settings {
-    double base_step = 1;        ///< Q0 of features
-    double least_step = 0;       ///< in units of Q0; the quantizer's own floor of 2^-10 holds always
-    double rate_weight = 0;      ///< of -log2(q / Q0), mean over visible anchors and steps
-    double least_extent = 1e-6;  ///< exp(scaling) stays above this, world units (docs/spec/method.md, 7.12)
+    double base_step = 1;       ///< Q0 of features
+    double least_step = 0;      ///< in units of Q0; the quantizer's own floor of 2^-10 holds always
+    double rate_weight = 0;     ///< of -log2(q / Q0), mean over visible anchors and steps
+    double least_scale = 1e-6;  ///< exp(scaling) stays above this, world units (docs/spec/method.md, 7.12)
   };
   struct Handles {
     BlockHandle weight1, bias1, weight2, bias2;  ///< "distortion.0.weight" [D, D], "distortion.2.weight" [steps, D], …
@@ -301,17 +301,17 @@ class QuantizationNoise {
       }
     }
   }
-  /// The noise is on the extent, the table holds its logarithm.
+  /// The noise is on the scale, the table holds its logarithm.
   void distort_scaling(std::span<const std::uint32_t> rows, std::size_t begin, std::size_t end, const Random& random,
                        MatrixView<T> scaling, Context& context) const {
-    const T width = static_cast<T>(context.phase.scaling), least = static_cast<T>(settings_.least_extent);
+    const T width = static_cast<T>(context.phase.scaling), least = static_cast<T>(settings_.least_scale);
     for (std::size_t i = begin; i < end; ++i) {
       T* const row = scaling.row(rows[i]);
       for (std::size_t c = 0; c < 6; ++c) {
-        const T extent = std::exp(row[c]);
-        const T noisy = extent + width * static_cast<T>(random.centered(index(rows[i], c)));
+        const T scale = std::exp(row[c]);
+        const T noisy = scale + width * static_cast<T>(random.centered(index(rows[i], c)));
         const bool held = !(noisy > least);
-        context.scaling_factor[6 * i + c] = held ? T(0) : extent / noisy;
+        context.scaling_factor[6 * i + c] = held ? T(0) : scale / noisy;
         row[c] = std::log(held ? least : noisy);
       }
     }

@@ -55,12 +55,12 @@ class MarkPhases {
   /// Whether the difference to the unmarked renders is in the loss (PosthocEmbedding).
   [[nodiscard]] bool held() const { return numbers_.posthoc.fidelity > 0; }
   /// Weight of the mean square difference to the unmarked render, in an iteration that reads.
-  [[nodiscard]] double fidelity() const { return numbers_.posthoc.fidelity * static_cast<double>(between_every()); }
+  [[nodiscard]] double fidelity() const { return numbers_.posthoc.fidelity * static_cast<double>(novel_view_every()); }
   /// Whether this weight falls with the distance from the photographs.
   [[nodiscard]] bool fidelity_falls() const { return held() && numbers_.posthoc.fidelity_fall > 0; }
-  /// The same at a camera that stands `medians` from the nearest photograph (scene/between.hpp): at a median the same
-  /// weight, nearer up to twice as much, far away a twentieth. The cost of a mark is to be compared with the model's
-  /// own error there, which grows with the distance.
+  /// The same at a camera that stands `medians` from the nearest photograph (scene/novel_view.hpp): at a median the
+  /// same weight, nearer up to twice as much, far away a twentieth. The cost of a mark is to be compared with the
+  /// model's own error there, which grows with the distance.
   [[nodiscard]] double fidelity(double medians) const {
     if (!fidelity_falls()) return fidelity();
     constexpr double least = 0.05;
@@ -69,11 +69,11 @@ class MarkPhases {
 
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
   [[nodiscard]] bool reads_between(std::int64_t t) const {
-    return between_every() > 0 && t % between_every() == 0 && between_weight(t) != 0;
+    return novel_view_every() > 0 && t % novel_view_every() == 0 && novel_view_weight(t) != 0;
   }
-  [[nodiscard]] double between_weight(std::int64_t t) const {
+  [[nodiscard]] double novel_view_weight(std::int64_t t) const {
     if (t <= message_.begin) return 0;
-    return numbers_.message.lambda * message_.progress(t) * static_cast<double>(between_every());
+    return numbers_.message.lambda * message_.progress(t) * static_cast<double>(novel_view_every());
   }
 
   [[nodiscard]] DistortionPhase distortion(std::int64_t t, std::uint64_t seed) const {
@@ -96,8 +96,8 @@ class MarkPhases {
 
  private:
   /// Post-hoc embedding has no other reading: without a number it reads in every iteration.
-  [[nodiscard]] std::int64_t between_every() const {
-    return held() ? std::max<std::int64_t>(1, numbers_.message.between_every) : numbers_.message.between_every;
+  [[nodiscard]] std::int64_t novel_view_every() const {
+    return held() ? std::max<std::int64_t>(1, numbers_.message.novel_view_every) : numbers_.message.novel_view_every;
   }
 
   MarkNumbers numbers_;

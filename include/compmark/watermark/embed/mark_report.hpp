@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "compmark/splat/training/stage.hpp"
-#include "compmark/watermark/embed/drawn_reading.hpp"
+#include "compmark/watermark/embed/novel_view_reading.hpp"
 #include "compmark/watermark/embed/stages/frequency.hpp"
 #include "compmark/watermark/embed/stages/hsv.hpp"
 #include "compmark/watermark/embed/stages/message.hpp"
@@ -73,7 +73,7 @@ template <class Loop>
 }
 /// The reading of a training in the last sampled novel view.
 template <class Loop>
-[[nodiscard]] const ReadingReport& between_report(const Loop& trainer) {
+[[nodiscard]] const ReadingReport& novel_view_report(const Loop& trainer) {
   return trainer.template training_state<MessageStage>().report();
 }
 

@@ -30,8 +30,8 @@
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/step_calibration.hpp"
 #include "compmark/splat/training/training_loop.hpp"
-#include "compmark/watermark/embed/drawn_reading.hpp"
 #include "compmark/watermark/embed/mark_phases.hpp"
+#include "compmark/watermark/embed/novel_view_reading.hpp"
 #include "compmark/watermark/embed/stages/embedder.hpp"
 #include "compmark/watermark/embed/view_costs.hpp"
 
@@ -51,7 +51,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
  public:
   using typename Loop::Scalar;
   static_assert(
-      DrawnReading<R>::can_be_held,
+      NovelViewReading<R>::can_be_held,
       "PosthocEmbedding: the recipe needs an Embedder, which holds the mark, and a MessageDecoder, which reads it");
 
   /// Everything that must be saved for a resumed run to continue bit for bit, beside the settings.
@@ -67,7 +67,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     static void for_each_column(Self& state, const TrainSettings& settings, std::size_t views, F&& f) {
       if (settings.mark.posthoc.draw_by_cost > 0) f("mark.view_costs", state.costs.mean, views, ViewCosts::unread);
       if constexpr (present<StepCalibration<R>>) {
-        if (settings.mark.posthoc.hold_steps_every > 0)
+        if (settings.mark.posthoc.calibrate_steps_every > 0)
           f("mark.held_steps", state.steps.wanted, StepCalibration<R>::count, StepCalibration<R>::not_looked);
       }
     }
@@ -93,7 +93,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     set_schedules(state_.model, settings_);
   }
 
-  /// One iteration. An iteration that does not read (MessageSettings::between_every) changes nothing.
+  /// One iteration. An iteration that does not read (MessageSettings::novel_view_every) changes nothing.
   template <class Views>
   [[nodiscard]] Result<IterationReport> step(const Views& views) {
     static_assert(Loop::template has_cameras_of_recipe<const Views>,
@@ -113,10 +113,10 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
 
   [[nodiscard]] const State& state() const { return state_; }
   /// What the message cost and what was read of it in the last reading, and its views.
-  [[nodiscard]] const DrawnReading<R>& reading() const { return reading_; }
+  [[nodiscard]] const NovelViewReading<R>& reading() const { return reading_; }
   /// The marked render of the last reading, and the unmarked one of the same view.
   [[nodiscard]] ImageView<const Scalar> image() const { return reading_.image(); }
-  [[nodiscard]] ImageView<const Scalar> target() const { return reading_.host(); }
+  [[nodiscard]] ImageView<const Scalar> target() const { return reading_.unmarked(); }
   /// Empty: every pixel counts.
   [[nodiscard]] std::span<const Scalar> weight() const { return {}; }
 
@@ -126,8 +126,8 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     Model<R>& model = state_.model;
     const std::int64_t t = report.iteration;
     const double share = settings_.mark.posthoc.draw_by_cost;
-    report.view = reading_.roomy_view(views, settings_.seed, t, state_.costs, share);
-    if constexpr (present<StepCalibration<R>>) hold_steps(t);
+    report.view = reading_.view_by_clearance(views, settings_.seed, t, state_.costs, share);
+    if constexpr (present<StepCalibration<R>>) calibrate_steps(t);
     report.forward =
         reading_.read_held(pipeline_, model, views, report.view, settings_.seed, t, schedule_, phases_, *executor_);
     const BlockHandle residual = model.template blocks<EmbedderStage>().residual;
@@ -144,21 +144,21 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   }
 
   /// In the first reading, and in the first of every so many iterations.
-  void hold_steps(std::int64_t t) requires(present<StepCalibration<R>>) {
-    const std::int64_t every = settings_.mark.posthoc.hold_steps_every;
+  void calibrate_steps(std::int64_t t) requires(present<StepCalibration<R>>) {
+    const std::int64_t every = settings_.mark.posthoc.calibrate_steps_every;
     if (every <= 0 || !StepCalibration<R>::applies(phases_)) return;
     const std::int64_t before =
-        t - std::max<std::int64_t>(1, settings_.mark.message.between_every);  // the reading before
+        t - std::max<std::int64_t>(1, settings_.mark.message.novel_view_every);  // the reading before
     if (!state_.steps.wanted.empty() && (t - 1) / every == (before - 1) / every) return;
     typename Pipeline<R>::Phases marked = phases_, unmarked = phases_;
     marked.template of<EmbedderStage>().embeds = true;
     unmarked.template of<EmbedderStage>().embeds = false;
-    state_.steps.hold(pipeline_, marked, unmarked, settings_.rate, state_.model, context_, *executor_);
+    state_.steps.calibrate(pipeline_, marked, unmarked, settings_.rate, state_.model, context_, *executor_);
   }
 
   MarkPhases schedule_;
   State state_;
-  DrawnReading<R> reading_;
+  NovelViewReading<R> reading_;
 };
 
 }  // namespace compmark

@@ -29,7 +29,7 @@ namespace compmark {
 
 struct DecoderFitSettings {
   int bits = 48;
-  int waves = 320;              ///< Fourier features; more than bits, or there is nothing to choose
+  int features = 320;           ///< Fourier features; more than bits, or there is nothing to choose
   double period = 0.1;          ///< of the Fourier features, colours in [0, 1]: 26 levels of 255
   double spread_octaves = 1;    ///< either way, of the periods
   int stride = 1;               ///< of the positions that are read, in pixels
@@ -37,10 +37,10 @@ struct DecoderFitSettings {
   std::uint64_t seed = 0;       ///< of features, views and rotation
   int statistics_views = 2560;  ///< about eight for each feature: fewer determine too little
   int coordinates =
-      128;           ///< dimension of the nuisance subspace (watermark/decoder/host_prediction.hpp); 0: no prediction
+      128;           ///< dimension of the nuisance subspace (watermark/decoder/cover_prediction.hpp); 0: no prediction
   double width = 2;  ///< of the prediction's kernel, in root mean squares of the coordinates
   double prediction_ridge = 0.01;
-  double reach = 2;         ///< of the statistics views beyond the neighbours of a training view (scene/between.hpp)
+  double reach = 2;         ///< of the statistics views beyond the neighbours of a training view (scene/novel_view.hpp)
   int gradient_views = 12;  ///< at least 2
   /// Standard deviation of the light of the statistics views, as gains and half as much offset of the channels
   /// (watermark/decoder/tone.hpp). 0: only the unmarked model's own light; such a decoder takes a change of 1 %, or two

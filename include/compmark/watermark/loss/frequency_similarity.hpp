@@ -140,7 +140,8 @@ class SimilarityMap {
     const T* const mean_xy = scratch.blurred(blur_xy, r);
     const T* const mean_dd = scratch.blurred(blur_dd, r);
     const std::size_t plane = height * padded(width);
-    T* const between = Backward ? context.between.data() + row * padded(width) : nullptr;  // empty without a way back
+    T* const between =
+        Backward ? context.between.data() + row * padded(width) : nullptr;  // empty without a backward pass
     T* const error = context.error.data() + row * width;
     P total(T(0));
     for_packs(

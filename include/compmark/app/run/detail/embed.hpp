@@ -57,7 +57,7 @@ namespace detail {
 }
 
 /// What a codec writes of the unmarked model; an Error if it cannot.
-[[nodiscard]] inline Result<CodecModel> coded_host(const RunPlan& plan) {
+[[nodiscard]] inline Result<CodecModel> coded_unmarked(const RunPlan& plan) {
   const Result<AnyModel> model = AnyModel::open(plan.model, *plan.executor);
   if (!model) return model.error();
   Result<CodecModel> coded = model->coded({});
@@ -72,7 +72,7 @@ namespace detail {
   // In the loss of the photographs their exposures would have to train on.
   const bool exposed_loss = marked != plan.recipe && plan.mark.fidelity && *plan.mark.fidelity == 0;
   if (exposed_loss || !is_markable_recipe(plan.recipe)) return no_message_in(plan.recipe);
-  if (plan.mark.hold_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
+  if (plan.mark.calibrate_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
     return Error{ErrorKind::unsupported,
                  {},
                  "--calibrate-steps",
@@ -116,7 +116,7 @@ namespace detail {
   }
   std::optional<CodecModel> unmarked;
   if (coded) {
-    Result<CodecModel> found = coded_host(plan);
+    Result<CodecModel> found = coded_unmarked(plan);
     if (!found) return found.error();
     unmarked = std::move(*found);
   }
@@ -126,8 +126,8 @@ namespace detail {
   TrainSettings settings = *profile_settings(coded ? "hac" : plan.profile);  // as their training
   settings.iterations = plan.iterations;
   if (plan.seed) settings.seed = *plan.seed;
-  const bool own_twin = plan.mark.twin.empty();
-  if (own_twin) plan.mark.twin = plan.model;
+  const bool own_unmarked = plan.mark.unmarked.empty();
+  if (own_unmarked) plan.mark.unmarked = plan.model;
   settings.mark = posthoc_mark();
   // what each was measured with (docs/notebook/watermark_experiments.md)
   settings.mark.residual.learning_rate = fitted ? 0.006 : 0.001;
@@ -136,22 +136,23 @@ namespace detail {
   // Rounding changes the file far more than a mark does, and a mark that moves values by whole steps is noise in other
   // views (docs/notebook/watermark_experiments.md).
   if (coded && !plan.mark.fidelity) settings.mark.posthoc.fidelity = fitted ? 2000 : 600;
-  // A mark in ancestors must not make the quantizer steps of their descendants finer (codec/model/held_steps.hpp).
+  // A mark in ancestors must not make the quantizer steps of their descendants finer
+  // (codec/model/step_bias_calibration.hpp).
   if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != EmbedDistortion::none &&
-      !plan.mark.hold_steps)
-    settings.mark.posthoc.hold_steps_every = 50;
+      !plan.mark.calibrate_steps)
+    settings.mark.posthoc.calibrate_steps_every = 50;
   const Result<std::string> digest = file_sha256(plan.model);
   if (!digest) return digest.error();
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
   if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
-  if (coded && own_twin) {
+  if (coded && own_unmarked) {
     if (Result<Done> held = hold_run(plan); !held) return held.error();
     const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
     if (!plan.resume && std::filesystem::exists(checkpoint)) return unfinished_run(checkpoint);
-    mark->coded_twin = plan.out / "unmarked.cmk";
+    mark->coded_unmarked = plan.out / "unmarked.cmk";
     // The check of a finished run below comes before anything of it is replaced.
     if (!plan.resume || plan.force || !holds_finished_run(plan.out)) {
-      const Result<CodecEncoded> written = write_coded(mark->coded_twin, *unmarked, *plan.executor);
+      const Result<CodecEncoded> written = write_coded(mark->coded_unmarked, *unmarked, *plan.executor);
       if (!written) return written.error();
     }
   }

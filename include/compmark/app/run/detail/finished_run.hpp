@@ -109,7 +109,7 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   }
   for (const auto& [option, path] : {std::pair<const char*, const std::filesystem::path&>("--model", plan.model),
                                      {"--decoder", plan.mark.decoder},
-                                     {"--unmarked", plan.mark.twin},
+                                     {"--unmarked", plan.mark.unmarked},
                                      {"--lpips-alex", plan.lpips.alex},
                                      {"--lpips-squeeze", plan.lpips.squeeze}}) {
     if (path.empty()) continue;

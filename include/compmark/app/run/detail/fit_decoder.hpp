@@ -33,17 +33,17 @@ inline Result<Done> settle_fit(DecoderFileSettings& settings) {
     return Error{ErrorKind::invalid, {}, option, problem, remedy};
   };
   if (settings.json.empty()) settings.json = std::filesystem::path(settings.out).replace_extension(".json");
-  if (settings.fit.waves == 0) settings.fit.waves = std::max(64, 20 * settings.fit.bits / 3);  // 320 for 48 bits
-  if (settings.fit.waves < settings.fit.bits)
+  if (settings.fit.features == 0) settings.fit.features = std::max(64, 20 * settings.fit.bits / 3);  // 320 for 48 bits
+  if (settings.fit.features < settings.fit.bits)
     return refuse("--features", "is less than --bits",
                   "give at least as many features as bits, or leave the option out");
   if (settings.fit.coordinates < 0)
-    settings.fit.coordinates = std::min(2 * settings.fit.waves / 5, settings.fit.waves - settings.fit.bits);
-  if (settings.fit.coordinates > settings.fit.waves - settings.fit.bits)
+    settings.fit.coordinates = std::min(2 * settings.fit.features / 5, settings.fit.features - settings.fit.bits);
+  if (settings.fit.coordinates > settings.fit.features - settings.fit.bits)
     return refuse("--coordinates", "leaves fewer features than --bits", "give fewer coordinates, or more --features");
   if (settings.fit.edit_weight == 0) settings.fit.edits_per_view = 0;  // nothing to read them for
-  if (settings.fit.statistics_views == 0) settings.fit.statistics_views = 8 * settings.fit.waves;
-  if (settings.fit.statistics_views < settings.fit.waves)
+  if (settings.fit.statistics_views == 0) settings.fit.statistics_views = 8 * settings.fit.features;
+  if (settings.fit.statistics_views < settings.fit.features)
     return refuse("--views", "is less than --features",
                   "give about eight views for each feature, or leave the option out");
   return Done{};
@@ -95,7 +95,7 @@ COMPMARK_APP_INLINE Result<FittedDecoder> fit_decoder_file(DecoderFileSettings s
   if (!decoder) return decoder.error();
   const nlohmann::ordered_json json{{"schema", "compmark.fit.1"},
                                     {"bits", settings.fit.bits},
-                                    {"waves", settings.fit.waves},
+                                    {"waves", settings.fit.features},
                                     {"period", settings.fit.period},
                                     {"seed", settings.fit.seed},
                                     {"statistics_views", settings.fit.statistics_views},
@@ -108,8 +108,8 @@ COMPMARK_APP_INLINE Result<FittedDecoder> fit_decoder_file(DecoderFileSettings s
                                     {"regions", fit->decoder.settings().regions},
                                     {"region_limit", fit->decoder.settings().region_limit},
                                     {"held_back", fit->held_back},
-                                    {"wave_deviation", fit->wave_deviation},
-                                    {"wave_agreement", fit->wave_agreement},
+                                    {"wave_deviation", fit->feature_deviation},
+                                    {"wave_agreement", fit->feature_agreement},
                                     {"agreement", fit->agreement},
                                     {"noise_ratio", fit->noise_ratio},
                                     {"seconds", seconds},
@@ -117,7 +117,7 @@ COMPMARK_APP_INLINE Result<FittedDecoder> fit_decoder_file(DecoderFileSettings s
                                     {"model_sha256", *model},
                                     {"decoder_sha256", *decoder}};
   if (Result<Done> written = write_file(settings.json, json.dump(2) + "\n"); !written) return written.error();
-  return FittedDecoder{*decoder, fit->wave_agreement, fit->agreement, fit->noise_ratio, seconds};
+  return FittedDecoder{*decoder, fit->feature_agreement, fit->agreement, fit->noise_ratio, seconds};
 }
 
 }  // namespace compmark

@@ -61,7 +61,7 @@ Result<DecoderFit<float>> fit_model(const ModelSource& source, DecoderFileSettin
     }
     settings.fit.stride = std::clamp(static_cast<int>(std::lround(std::sqrt(pixels) / 500)), 1, 64);
   }
-  observer.on_note(std::to_string(settings.fit.waves) + " Fourier features in " +
+  observer.on_note(std::to_string(settings.fit.features) + " Fourier features in " +
                    std::to_string(settings.fit.statistics_views) + " sampled novel views, their gradients in " +
                    std::to_string(settings.fit.gradient_views));
   return fit_decoder(loaded->model, views, settings.fit, executor, FitProgress{&observer}, JpegCodec{});

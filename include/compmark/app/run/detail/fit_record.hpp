@@ -22,7 +22,7 @@ namespace compmark::detail {
 struct FitRecord {
   std::string model_sha256;
   std::uint64_t seed = 0;
-  int statistics_views = 0, gradient_views = 0, waves = 0, coordinates = 0, stride = 0;
+  int statistics_views = 0, gradient_views = 0, features = 0, coordinates = 0, stride = 0;
   double period = 0, edit_weight = 0, tone = 0, region_limit = 0;
 
   friend bool operator==(const FitRecord&, const FitRecord&) = default;
@@ -33,7 +33,7 @@ struct FitRecord {
           fit.seed,
           fit.statistics_views,
           fit.gradient_views,
-          fit.waves,
+          fit.features,
           fit.coordinates,
           fit.stride,
           fit.period,
@@ -50,9 +50,10 @@ inline constexpr std::string_view fit_note_begin = "fitted to the unmarked model
   const auto number = [](double value) { return nlohmann::json(value).dump(); };
   std::string note = std::string(fit_note_begin) + fit.model_sha256 + std::string(fit_note_with) + "seed " +
                      std::to_string(fit.seed) + ", views " + std::to_string(fit.statistics_views) +
-                     ", gradient views " + std::to_string(fit.gradient_views) + ", waves " + std::to_string(fit.waves) +
-                     ", period " + number(fit.period) + ", coordinates " + std::to_string(fit.coordinates) +
-                     ", stride " + std::to_string(fit.stride) + ", edit weight " + number(fit.edit_weight);
+                     ", gradient views " + std::to_string(fit.gradient_views) + ", waves " +
+                     std::to_string(fit.features) + ", period " + number(fit.period) + ", coordinates " +
+                     std::to_string(fit.coordinates) + ", stride " + std::to_string(fit.stride) + ", edit weight " +
+                     number(fit.edit_weight);
   if (fit.tone > 0) note += ", tone " + number(fit.tone);
   if (fit.region_limit > 0) note += ", region limit " + number(fit.region_limit);
   return note;
@@ -85,7 +86,7 @@ inline constexpr std::string_view fit_note_begin = "fitted to the unmarked model
     whole("seed", fit.seed);
     whole("views", fit.statistics_views);
     whole("gradient views", fit.gradient_views);
-    whole("waves", fit.waves);
+    whole("waves", fit.features);
     whole("coordinates", fit.coordinates);
     whole("stride", fit.stride);
     real("period", fit.period);

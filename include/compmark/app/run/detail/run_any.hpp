@@ -69,7 +69,7 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
   }
   // The whole published method, which has the noise of quantization in it.
   if (plan.recipe == "compmark-host")
-    return run_recipe<recipes::CompMarkGs<recipes::CompMarkHost, FileDecoder>>(plan, settings, &mark);
+    return run_recipe<recipes::CompMarkGs<recipes::CompMarkBase, FileDecoder>>(plan, settings, &mark);
   if (plan.recipe == "compmark-paper-host")
     return run_recipe<recipes::CompMarkGsPaper<FileDecoder>>(plan, settings, &mark);
   if (mark.for_compression) {

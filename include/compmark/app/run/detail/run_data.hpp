@@ -136,9 +136,9 @@ struct RunData {
       return loaded.error();
   }
   if (Result<Done> counted = check_weights(run.dataset, *run.store); !counted) return counted.error();
-  if (mark != nullptr && !mark->twin.empty() &&
-      (mark->twin_unit != run.dataset.unit || mark->twin_origin != run.dataset.origin)) {
-    return Error{ErrorKind::invalid, mark->twin.string(), "--unmarked",
+  if (mark != nullptr && !mark->unmarked.empty() &&
+      (mark->unmarked_unit != run.dataset.unit || mark->unmarked_origin != run.dataset.origin)) {
+    return Error{ErrorKind::invalid, mark->unmarked.string(), "--unmarked",
                  "has another unit of length or another origin than these data have in this version",
                  "train the unmarked counterpart again"};
   }

@@ -87,11 +87,11 @@ namespace compmark::detail {
   Result<FileDecoder> decoder = open_decoder(options.decoder, &*key);
   if (!decoder) return decoder.error();
   RunMark input;
-  if (!options.twin.empty()) {  // better now than after the training
-    const Result<AnyModel> twin = AnyModel::open(options.twin, executor);
-    if (!twin) return twin.error();
-    input.twin_unit = twin->info().unit;
-    input.twin_origin = twin->info().origin;
+  if (!options.unmarked.empty()) {  // better now than after the training
+    const Result<AnyModel> counterpart = AnyModel::open(options.unmarked, executor);
+    if (!counterpart) return counterpart.error();
+    input.unmarked_unit = counterpart->info().unit;
+    input.unmarked_origin = counterpart->info().origin;
   }
   input.message = message_of(*key);
   for (std::size_t i = 0; i < input.message.size(); ++i) input.bits.push_back(input.message[i] ? 1 : 0);
@@ -108,7 +108,7 @@ namespace compmark::detail {
   input.sources.key_created = key->created;
   input.sources.decoder = options.decoder.filename().string();
   input.sources.decoder_sha256 = *digest;
-  input.twin = options.twin;
+  input.unmarked = options.unmarked;
   input.for_compression = options.for_compression;
 
   MarkNumbers& mark = settings.mark;
@@ -131,10 +131,10 @@ namespace compmark::detail {
   if (options.fidelity) mark.posthoc.fidelity = *options.fidelity;
   if (Result<Done> held = check_held(options, mark.posthoc.fidelity); !held) return held.error();
   if (options.by_cost) mark.posthoc.draw_by_cost = *options.by_cost;
-  if (options.hold_steps) mark.posthoc.hold_steps_every = *options.hold_steps;
+  if (options.calibrate_steps) mark.posthoc.calibrate_steps_every = *options.calibrate_steps;
   if (options.fall) mark.posthoc.fidelity_fall = *options.fall;
   mark.message.every = options.message_every;
-  if (mark.message.between_every != 0) mark.message.between_every = options.message_every;
+  if (mark.message.novel_view_every != 0) mark.message.novel_view_every = options.message_every;
   // A run is resumed with the same key, decoder and stages alone. The commitment says nothing of the message.
   mark.identity = key->commitment().substr(0, 16) + digest->substr(0, 16) + (options.for_compression ? "c" : "");
   input.decoder = std::move(*decoder);

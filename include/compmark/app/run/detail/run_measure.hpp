@@ -27,11 +27,11 @@ namespace compmark::detail {
 /// Reads the message from every view of a marked model, as a verifier does: from renders rounded to 8 bits.
 [[nodiscard]] inline Result<MarkMeasurement> measure_mark(AnyModel& model, const RunMark& mark, DatasetViews views,
                                                           ThreadExecutor& executor, const RunObserver& observer) {
-  std::optional<AnyModel> twin;
-  if (!mark.twin.empty()) {
-    Result<AnyModel> loaded = AnyModel::open(mark.twin, executor);
+  std::optional<AnyModel> counterpart;
+  if (!mark.unmarked.empty()) {
+    Result<AnyModel> loaded = AnyModel::open(mark.unmarked, executor);
     if (!loaded) return loaded.error();
-    twin = std::move(*loaded);
+    counterpart = std::move(*loaded);
   }
   MarkMeasurement found;
   FileDecoder::Context context;
@@ -46,8 +46,8 @@ namespace compmark::detail {
     if (!read) return read.error();
     read->sha256 = pixels_sha256(render->image);
     found.report.views.push_back(std::move(*read));
-    if (twin) {
-      const Result<RenderedView> unmarked = twin->render(camera, views.lens(i), executor);
+    if (counterpart) {
+      const Result<RenderedView> unmarked = counterpart->render(camera, views.lens(i), executor);
       if (!unmarked) return unmarked.error();
       round_to_8bit<float>(unmarked->image, unmarked->image);
       between += psnr(ImageView<const float>(render->image), ImageView<const float>(unmarked->image));
@@ -57,9 +57,9 @@ namespace compmark::detail {
   if (!verification) return verification.error();
   found.report.verification = std::move(*verification);
   found.report.sources = mark.sources;
-  if (twin) {
+  if (counterpart) {
     found.psnr_marked_vs_unmarked = between / static_cast<double>(views.size());
-    const Result<Evaluation> evaluation = evaluate_views(*twin, views, evaluation_of(observer), executor);
+    const Result<Evaluation> evaluation = evaluate_views(*counterpart, views, evaluation_of(observer), executor);
     if (!evaluation) return evaluation.error();
     found.unmarked_psnr = evaluation->mean([](const ViewResult& view) { return view.psnr; });
   }
@@ -108,7 +108,7 @@ namespace compmark::detail {
     run.metrics.test.lpips_alex = evaluation->mean([](const ViewResult& v) { return *v.lpips_alex; });
   if (mark != nullptr) {
     RunMark compared = *mark;
-    if (!mark->coded_twin.empty()) compared.twin = mark->coded_twin;
+    if (!mark->coded_unmarked.empty()) compared.unmarked = mark->coded_unmarked;
     Result<MarkMeasurement> found = measure_mark(*decoded, compared, measured, executor, observer);
     if (!found) return found.error();
     WatermarkMetrics metrics = watermark_metrics(found->report.verification);

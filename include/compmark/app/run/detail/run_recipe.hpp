@@ -30,7 +30,7 @@
 #include "compmark/splat/training/checkpoint.hpp"
 #include "compmark/splat/training/model_file.hpp"
 #include "compmark/splat/training/trainer.hpp"
-#include "compmark/watermark/embed/finished_host.hpp"
+#include "compmark/watermark/embed/base_model.hpp"
 #include "compmark/watermark/embed/posthoc_embedding.hpp"
 
 namespace compmark::detail {
@@ -76,7 +76,7 @@ struct SourceRecipe {
 template <class R>
   requires(present<typename R::MessageDecoder> || requires { R::is_fitted; })
 struct SourceRecipe<R> {
-  using Type = typename R::Host;
+  using Type = typename R::Base;
 };
 
 /// Inputs of a run of recipe R when its iterations begin.
@@ -85,8 +85,8 @@ struct RunParts {
   const RunPlan* plan;
   RunData* data;
   LensViews<RecipeLens<R>>* train;
-  const RunMark* mark;                   ///< null without a message
-  std::optional<CodecModel>* host_file;  ///< what a file of the model says that a mark is hidden in
+  const RunMark* mark;                       ///< null without a message
+  std::optional<CodecModel>* unmarked_file;  ///< what a file of the model says that a mark is hidden in
   MemoryBudget memory;
 };
 
@@ -145,13 +145,13 @@ Result<RunOutcome> run_iterations(Loop& loop, const RunParts<R>& parts, const st
       Result<CodecModel> coded = coded_model(model, data.info);
       if (!coded) return coded.error();
       // The steps of the training, not those that would suit the marked symbols a little better.
-      if (*parts.host_file) keep_context(**parts.host_file, *coded);
+      if (*parts.unmarked_file) keep_context(**parts.unmarked_file, *coded);
       end.coded = std::move(*coded);
     }
     return Done{};
   };
   const Result<Done> kept = [&] {
-    if constexpr (is_marked) return keep(baked_host(loop.model()));
+    if constexpr (is_marked) return keep(baked_model(loop.model()));
     if constexpr (!is_marked) return keep(loop.model());
   }();
   if (!kept) return kept.error();
@@ -207,15 +207,15 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
     }
   }
   if (Result<Done> usable = check_run(plan, data, source, mark); !usable) return usable.error();
-  std::optional<CodecModel> host_file;  // what a file of the model says that a mark is hidden in
+  std::optional<CodecModel> unmarked_file;  // what a file of the model says that a mark is hidden in
   if constexpr (is_marked && present<typename R::EntropyModel>) {
     if (loaded) {
       const Result<CodecModel> coded = coded_model(loaded->model, loaded->info);
       if (!coded) return in_file(coded.error(), plan.model);
       Result<CodecEncoded> file = encode_model(*coded, executor);
       if (!file) return in_file(file.error(), plan.model);
-      host_file = std::move(file->model);
-      if (data.settings.mark.posthoc.hold_steps_every > 0) leave_room_for_steps(*host_file);
+      unmarked_file = std::move(file->model);
+      if (data.settings.mark.posthoc.calibrate_steps_every > 0) leave_room_for_steps(*unmarked_file);
     }
   }
 
@@ -226,12 +226,12 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
   }
 
   const MemoryBudget memory = memory_budget(data, *plan.observer);
-  const RunParts<R> parts{&plan, &data, &train, mark, &host_file, memory};
+  const RunParts<R> parts{&plan, &data, &train, mark, &unmarked_file, memory};
   // The finished source model, prepared for this run.
   const auto begin_from = [&](auto& loop) -> Result<Done> {
     if (Result<Done> room = check_training_memory<R>(loaded->model.anchor_count(), memory); !room) return room;
     if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
-      if (Result<Done> adopted = adopt_networks(*host_file, loaded->model); !adopted) return adopted;
+      if (Result<Done> adopted = adopt_networks(*unmarked_file, loaded->model); !adopted) return adopted;
     }
     if constexpr (is_marked || is_fitted) loop.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
     return Done{};

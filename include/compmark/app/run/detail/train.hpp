@@ -50,14 +50,15 @@ namespace detail {
   if (fits && plan.force && !plan.resume) {
     if (Result<Done> moved = move_decoder_aside(decoder, notes_of(observer)); !moved) return moved.error();
   }
-  RunPlan host = plan;
-  host.mark = {};
-  host.folder.reset();  // its own
-  host.out = plan.out / unmarked_folder;
-  const Result<RunOutcome> trained = coded ? run_any_coded(host, settings, nullptr) : run_any_plain(host, settings);
+  RunPlan unmarked = plan;
+  unmarked.mark = {};
+  unmarked.folder.reset();  // its own
+  unmarked.out = plan.out / unmarked_folder;
+  const Result<RunOutcome> trained =
+      coded ? run_any_coded(unmarked, settings, nullptr) : run_any_plain(unmarked, settings);
   if (!trained) return trained.error();
   RunPlan marked = std::move(plan);
-  marked.model = host.out / "model.safetensors";
+  marked.model = unmarked.out / "model.safetensors";
   marked.iterations = mark_iterations;
   marked.notes.clear();
   return embed_plan(std::move(marked), EmbedDistortion::round);
@@ -86,17 +87,17 @@ namespace detail {
 /// An error if numbers of post-hoc embedding are given, but the mark trains with the scene.
 [[nodiscard]] inline Result<Done> check_mark_while_training(const TrainChoice& chosen) {
   if (chosen.mark.fidelity && *chosen.mark.fidelity > 0) {
-    const bool key = chosen.mark.key.empty(), twin = !chosen.mark.twin.empty();
+    const bool key = chosen.mark.key.empty(), counterpart = !chosen.mark.unmarked.empty();
     return Error{ErrorKind::unsupported,
                  {},
                  "--fidelity",
                  "above 0 needs a finished model to mark",
-                 key    ? "give a --key too"
-                 : twin ? "leave out --unmarked: this run trains the unmarked model too"
-                        : "leave out --for-compression, which is for marks that train with the scene"};
+                 key           ? "give a --key too"
+                 : counterpart ? "leave out --unmarked: this run trains the unmarked model too"
+                               : "leave out --for-compression, which is for marks that train with the scene"};
   }
   for (const auto& [given, name] : {std::pair(chosen.mark.by_cost.has_value(), "--sample-by-loss"),
-                                    std::pair(chosen.mark.hold_steps.has_value(), "--calibrate-steps")}) {
+                                    std::pair(chosen.mark.calibrate_steps.has_value(), "--calibrate-steps")}) {
     if (!given) continue;
     return Error{ErrorKind::unsupported,
                  {},
@@ -127,7 +128,7 @@ namespace detail {
 
 COMPMARK_APP_INLINE bool marks_afterwards(const TrainSceneSettings& settings) {
   const bool held = settings.mark.fidelity && *settings.mark.fidelity > 0;
-  return (settings.mark.decoder.empty() || held) && !settings.mark.key.empty() && settings.mark.twin.empty() &&
+  return (settings.mark.decoder.empty() || held) && !settings.mark.key.empty() && settings.mark.unmarked.empty() &&
          !settings.mark.for_compression;
 }
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The stage of a MessageDecoder (watermark/decoder/concept.hpp): reads the message from the render and adds the loss of
-// its bits. In a training it also reads sampled novel views, where MessageSettings::between_every says so. Cost: the
+// its bits. In a training it also reads sampled novel views, where MessageSettings::novel_view_every says so. Cost: the
 // decoder's forward and backward pass, and for a sampled view a render and its backward pass more.
 #pragma once
 
@@ -19,8 +19,8 @@
 #include "compmark/core/views.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/stage.hpp"
-#include "compmark/watermark/embed/drawn_reading.hpp"
 #include "compmark/watermark/embed/mark_phases.hpp"
+#include "compmark/watermark/embed/novel_view_reading.hpp"
 #include "compmark/watermark/loss/message.hpp"
 
 namespace compmark {
@@ -37,12 +37,12 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   struct Context {
     MessageReport report;  ///< of the last loss; no bits: it was not read
     Buffer<Scalar> logits, d_logits;
-    Buffer<double> departure;  ///< scratch of message_loss (drawn_reading.hpp), a sum for every chunk
+    Buffer<double> distortion;  ///< scratch of message_loss (novel_view_reading.hpp), a sum for every chunk
     typename Decoder::Context decoder;
   };
   /// Of views between the photographed ones.
   template <class R>
-  using TrainingState = DrawnReading<R>;
+  using TrainingState = NovelViewReading<R>;
 
   [[no_unique_address]] Decoder decoder;
   std::vector<std::uint8_t> message;  ///< the bits that a render shall carry, one a byte

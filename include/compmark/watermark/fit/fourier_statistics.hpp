@@ -3,8 +3,8 @@
 //
 // Statistics of the Fourier features of an unmarked model, and of the change that a mark could make in them:
 // decoder_fit.hpp chooses by these. The mean of a feature is read in sampled novel views, between the training views
-// and beyond them; its gradient goes back through the renderer to the anchors' features (wave_probe.hpp). Cost: a
-// render for every statistics view, `waves` backward passes for every gradient view, and their inner products.
+// and beyond them; its gradient goes back through the renderer to the anchors' features (fourier_probe.hpp). Cost: a
+// render for every statistics view, `features` backward passes for every gradient view, and their inner products.
 #pragma once
 
 #include <cmath>
@@ -17,15 +17,15 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/row_products.hpp"
 #include "compmark/watermark/fit/decoder_fit_settings.hpp"
-#include "compmark/watermark/fit/wave_probe.hpp"
+#include "compmark/watermark/fit/fourier_probe.hpp"
 
 namespace compmark {
 
 namespace detail {
 
-/// `mean` is [waves], `deviation` from it [waves, readings], the others [waves, waves]. Readings are `per_view` a view:
-/// as it is, then edited.
-struct WaveStatistics {
+/// `mean` is [features], `deviation` from it [features, readings], the others [features, features]. Readings are
+/// `per_view` a view: as it is, then edited.
+struct FourierStatistics {
   std::vector<double> mean, deviation, noise, energy, agreement;
   std::size_t per_view = 1;
 };
@@ -61,22 +61,22 @@ template <Executor E>
 
 /// Nothing where the observer said stop.
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
-[[nodiscard]] std::optional<WaveStatistics> wave_statistics(WaveProbe<R, Views, E>& probe,
-                                                            const DecoderFitSettings& settings, E& executor,
-                                                            O&& observer = {}, const Jpeg& jpeg = {}) {
+[[nodiscard]] std::optional<FourierStatistics> fourier_statistics(FourierProbe<R, Views, E>& probe,
+                                                                  const DecoderFitSettings& settings, E& executor,
+                                                                  O&& observer = {}, const Jpeg& jpeg = {}) {
   using T = typename R::Scalar;
-  const std::size_t waves = static_cast<std::size_t>(settings.waves),
+  const std::size_t features = static_cast<std::size_t>(settings.features),
                     samples = static_cast<std::size_t>(settings.statistics_views),
                     edits = static_cast<std::size_t>(settings.edits_per_view), per_view = 1 + edits,
                     readings = samples * per_view;
   std::size_t done = 0;
   const std::size_t total = fit_parts(settings);
-  WaveStatistics found;
+  FourierStatistics found;
   found.per_view = per_view;
-  found.deviation.resize(waves * readings);
-  found.mean.assign(waves, 0.0);
+  found.deviation.resize(features * readings);
+  found.mean.assign(features, 0.0);
   const auto keep = [&](const std::vector<T>& p, std::size_t n) {
-    for (std::size_t k = 0; k < waves; ++k) found.deviation[k * readings + n] = static_cast<double>(p[k]);
+    for (std::size_t k = 0; k < features; ++k) found.deviation[k * readings + n] = static_cast<double>(p[k]);
   };
   for (std::size_t n = 0; n < samples; ++n) {
     probe.render_statistics_view(n);
@@ -84,12 +84,12 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     for (std::size_t e = 0; e < edits; ++e) keep(probe.edited_means(n * edits + e, jpeg), n * per_view + 1 + e);
     if (!observer.on_progress(++done, total)) return std::nullopt;
   }
-  for (std::size_t k = 0; k < waves; ++k) {
+  for (std::size_t k = 0; k < features; ++k) {
     double* const row = found.deviation.data() + k * readings;
     for (std::size_t n = 0; n < samples; ++n) found.mean[k] += row[n * per_view] / static_cast<double>(samples);
     for (std::size_t n = 0; n < readings; ++n) row[n] -= found.mean[k];
   }
-  found.noise = weighted_products(found.deviation, waves, per_view, settings.edit_weight, executor);
+  found.noise = weighted_products(found.deviation, features, per_view, settings.edit_weight, executor);
 
   // The metric: features that show much are moved less, by the root of their mean square gradient.
   const std::size_t parameters = probe.parameters(), views = static_cast<std::size_t>(settings.gradient_views);
@@ -112,24 +112,24 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
         static_cast<T>(1 / std::sqrt(square[i] / mean_square + 0.1));  // a tenth: what was hardly seen is not free
   }
 
-  std::vector<T> gradient(waves * parameters), sum(waves * parameters, T(0));
-  found.energy.assign(waves * waves, 0.0);
+  std::vector<T> gradient(features * parameters), sum(features * parameters, T(0));
+  found.energy.assign(features * features, 0.0);
   const double count = static_cast<double>(views);
   for (std::size_t n = 0; n < views; ++n) {
     probe.render("decoder fit gradient", n);
-    for (std::size_t k = 0; k < waves; ++k) {
+    for (std::size_t k = 0; k < features; ++k) {
       T* const row = gradient.data() + k * parameters;
-      probe.wave_gradient(k, {row, parameters});
+      probe.feature_gradient(k, {row, parameters});
       if (!observer.on_progress(++done, total)) return std::nullopt;
       for (std::size_t i = 0; i < parameters; ++i) {
         row[i] *= scale[i];
         sum[k * parameters + i] += row[i];
       }
     }
-    const std::vector<double> own = row_products(std::span<const T>(gradient), waves, parameters, executor);
+    const std::vector<double> own = row_products(std::span<const T>(gradient), features, parameters, executor);
     for (std::size_t i = 0; i < own.size(); ++i) found.energy[i] += own[i] / count;
   }
-  found.agreement = row_products(std::span<const T>(sum), waves, parameters, executor);
+  found.agreement = row_products(std::span<const T>(sum), features, parameters, executor);
   for (std::size_t i = 0; i < found.agreement.size(); ++i)
     found.agreement[i] = (found.agreement[i] / count - found.energy[i]) / (count - 1);
   return found;

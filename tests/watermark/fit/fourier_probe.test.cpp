@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/watermark/fit/wave_probe.hpp"
+#include "compmark/watermark/fit/fourier_probe.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,18 +9,18 @@
 #include <cstddef>
 #include <vector>
 
-#include "wave_bench.hpp"
+#include "fourier_bench.hpp"
 
 namespace {
 
 using namespace compmark;
+using compmark::testing::FourierBench;
 using compmark::testing::small_statistics;
-using compmark::testing::WaveBench;
-using Probe = compmark::testing::WaveBenchProbe;
+using Probe = compmark::testing::FourierBenchProbe;
 
-/// Means of the waves in the probe's view, of the render itself and not of its 8 bits: what the gradients are of.
-std::vector<double> smooth_means(WaveBench& bench, const Probe& probe) {
-  const LatticeDecoder<double> decoder(bench.lattice, bench.waves);
+/// Means of the features in the probe's view, of the render itself and not of its 8 bits: what the gradients are of.
+std::vector<double> smooth_means(FourierBench& bench, const Probe& probe) {
+  const LatticeDecoder<double> decoder(bench.lattice, bench.weights);
   LatticeDecoder<double>::Context context;
   decoder.pool(probe.image(), context, bench.executor);
   return {context.pooled.begin(), context.pooled.end()};
@@ -33,11 +33,11 @@ double dot(const std::vector<double>& a, const std::vector<double>& b) {
 
 }  // namespace
 
-TEST_CASE("fit/wave_probe: a wave's gradient is that of its mean") {
-  WaveBench bench;
+TEST_CASE("fit/fourier_probe: a feature's gradient is that of its mean") {
+  FourierBench bench;
   Probe probe = bench.probe();
   probe.render("test", 1);
-  const MatrixView<double> feature = bench.host.arena.values(bench.host.anchors.feature);
+  const MatrixView<double> feature = bench.unmarked.arena.values(bench.unmarked.anchors.feature);
   REQUIRE(probe.parameters() == feature.size());
   const Random random(5, 0, random_stage("test direction"));
   std::vector<double> direction(feature.size()), start(feature.data, feature.data + feature.size());
@@ -45,7 +45,7 @@ TEST_CASE("fit/wave_probe: a wave's gradient is that of its mean") {
   std::vector<double> analytic;
   for (std::size_t k = 0; k < 6; ++k) {
     std::vector<double> gradient(probe.parameters());
-    probe.wave_gradient(k, gradient);
+    probe.feature_gradient(k, gradient);
     analytic.push_back(dot(gradient, direction));
   }
   // The best of a sweep: truncation against rounding.
@@ -66,20 +66,20 @@ TEST_CASE("fit/wave_probe: a wave's gradient is that of its mean") {
     CAPTURE(k);
     CAPTURE(analytic[k]);
     CHECK(best[k] < 1e-6);
-    // The control: the gradient of another wave is not this one's.
+    // The control: the gradient of another feature is not this one's.
     CHECK(std::abs(analytic[(k + 1) % 6] - analytic[k]) > 1e-3 * std::abs(analytic[k]));
   }
 }
 
-TEST_CASE("fit/wave_probe: the gradient with random signs is the sum of the waves' own") {
-  WaveBench bench;
+TEST_CASE("fit/fourier_probe: the gradient with random signs is the sum of the features' own") {
+  FourierBench bench;
   Probe probe = bench.probe();
   probe.render("test", 2);
   for (const std::size_t n : {0u, 1u}) {
     std::vector<double> sum(probe.parameters(), 0.0), one(probe.parameters()), together(probe.parameters());
     const Random random(bench.settings.seed, n, random_stage("decoder fit signs"));
     for (std::size_t k = 0; k < 6; ++k) {
-      probe.wave_gradient(k, one);
+      probe.feature_gradient(k, one);
       for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += random.uniform(k) < 0.5 ? -one[i] : one[i];
     }
     probe.signed_gradient(n, together);
@@ -93,8 +93,8 @@ TEST_CASE("fit/wave_probe: the gradient with random signs is the sum of the wave
   }
 }
 
-TEST_CASE("fit/wave_probe: the gradients of some anchors are rows of those of all") {
-  WaveBench all, few([] {
+TEST_CASE("fit/fourier_probe: the gradients of some anchors are rows of those of all") {
+  FourierBench all, few([] {
     DecoderFitSettings settings = small_statistics();
     settings.anchors = 3;
     return settings;
@@ -103,8 +103,8 @@ TEST_CASE("fit/wave_probe: the gradients of some anchors are rows of those of al
   of_all.render("test", 0);
   of_few.render("test", 0);
   std::vector<double> whole(of_all.parameters()), part(of_few.parameters());
-  of_all.wave_gradient(2, whole);
-  of_few.wave_gradient(2, part);
+  of_all.feature_gradient(2, whole);
+  of_few.feature_gradient(2, part);
   const std::size_t columns = whole.size() / 7;
   REQUIRE(part.size() == 3 * columns);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -112,15 +112,15 @@ TEST_CASE("fit/wave_probe: the gradients of some anchors are rows of those of al
   }
 }
 
-TEST_CASE("fit/wave_probe: reading a view leaves its render, and its gradients, as they are") {
-  WaveBench bench;
+TEST_CASE("fit/fourier_probe: reading a view leaves its render, and its gradients, as they are") {
+  FourierBench bench;
   Probe probe = bench.probe();
   probe.render("test", 3);
   const std::vector<double> image(probe.image().data, probe.image().data + probe.image().size());
   std::vector<double> before(probe.parameters()), after(probe.parameters());
-  probe.wave_gradient(0, before);
+  probe.feature_gradient(0, before);
   static_cast<void>(probe.means());
-  probe.wave_gradient(0, after);
+  probe.feature_gradient(0, after);
   CHECK(before == after);
   CHECK(std::equal(image.begin(), image.end(), probe.image().data));
   // What is read are 8 bits: near the render's own means, and not they.
@@ -131,8 +131,9 @@ TEST_CASE("fit/wave_probe: reading a view leaves its render, and its gradients, 
   }
 }
 
-TEST_CASE("fit/wave_probe: a view of the statistics is read in a light of its own, and its gradients in the host's") {
-  WaveBench plain, lit([] {
+TEST_CASE(
+    "fit/fourier_probe: a view of the statistics is read in a light of its own, and its gradients in the model's own") {
+  FourierBench plain, lit([] {
     DecoderFitSettings settings = small_statistics();
     settings.tone = 0.05;
     return settings;
@@ -141,7 +142,7 @@ TEST_CASE("fit/wave_probe: a view of the statistics is read in a light of its ow
   of_plain.render("decoder fit", 4, plain.settings.reach);
   const std::vector<double> own = of_plain.means();
   of_plain.render_statistics_view(4);
-  CHECK(of_plain.means() == own);  // no tone: the host's light
+  CHECK(of_plain.means() == own);  // no tone: the model's light
   of_lit.render_statistics_view(4);
   const std::vector<double> means = of_lit.means();
   CHECK(means != own);
@@ -154,19 +155,19 @@ TEST_CASE("fit/wave_probe: a view of the statistics is read in a light of its ow
   apply_tone<double>(drawn_tone<double>(0.05, random), render, image);
   for (double& value : toned) value = std::round(value * 255) / 255;
   LatticeDecoder<double>::Context reading;
-  LatticeDecoder<double>(lit.lattice, lit.waves).pool(image, reading, lit.executor);
+  LatticeDecoder<double>(lit.lattice, lit.weights).pool(image, reading, lit.executor);
   for (std::size_t k = 0; k < 6; ++k) CHECK(means[k] == doctest::Approx(reading.pooled[k]).epsilon(1e-12));
   // The gradients are of the render, which is what a mark is hidden in.
   std::vector<double> there(of_lit.parameters()), here(of_plain.parameters());
-  of_lit.wave_gradient(1, there);
-  of_plain.wave_gradient(1, here);
+  of_lit.feature_gradient(1, there);
+  of_plain.feature_gradient(1, here);
   CHECK(there == here);
-  // Another number has another light; a view that is no statistics view has the host's again.
+  // Another number has another light; a view that is no statistics view has the model's again.
   of_lit.render("decoder fit", 4, lit.settings.reach);
   CHECK(of_lit.means() == own);
 }
 
-TEST_CASE("fit/wave_probe: there are as many regions as the smallest view has room for") {
+TEST_CASE("fit/fourier_probe: there are as many regions as the smallest view has room for") {
   struct TwoSizes {
     [[nodiscard]] std::size_t size() const { return 2; }
     [[nodiscard]] Camera<double> camera(std::size_t i) const {
@@ -191,24 +192,24 @@ TEST_CASE("fit/wave_probe: there are as many regions as the smallest view has ro
   CHECK(detail::limit_views(settings) == 0);
 }
 
-TEST_CASE("fit/wave_probe: the loudest region of a view is what a decoder says of it there") {
-  WaveBench bench;
+TEST_CASE("fit/fourier_probe: the loudest region of a view is what a decoder says of it there") {
+  FourierBench bench;
   bench.settings.regions = 6;
   bench.settings.limit_views = 9;
   const Random random(3, 0, random_stage("test head"));
-  bench.waves.head.resize(24);
-  bench.waves.bias.resize(4);
-  for (std::size_t i = 0; i < 24; ++i) bench.waves.head[i] = random.normal(i);
-  for (std::size_t b = 0; b < 4; ++b) bench.waves.bias[b] = random.normal(24 + b);
+  bench.weights.head.resize(24);
+  bench.weights.bias.resize(4);
+  for (std::size_t i = 0; i < 24; ++i) bench.weights.head[i] = random.normal(i);
+  for (std::size_t b = 0; b < 4; ++b) bench.weights.bias[b] = random.normal(24 + b);
   Probe probe = bench.probe();
   LatticeSettings shape = bench.lattice;
   shape.regions = 6;
-  const std::vector<double> found = *probe.loudest_regions(shape, bench.waves, NoFitObserver{});
+  const std::vector<double> found = *probe.loudest_regions(shape, bench.weights, NoFitObserver{});
   REQUIRE(found.size() == 9);
   CHECK(std::is_sorted(found.begin(), found.end()));
-  // By hand: a region's waves through the head, of the render's 8 bits, over all gates.
+  // By hand: a region's features through the head, of the render's 8 bits, over all gates.
   shape.region_limit = 1e9;
-  const LatticeDecoder<double> decoder(shape, bench.waves);
+  const LatticeDecoder<double> decoder(shape, bench.weights);
   std::vector<double> expected;
   for (std::size_t n = 0; n < 9; ++n) {
     probe.render("decoder fit", n, bench.settings.reach);
@@ -219,9 +220,9 @@ TEST_CASE("fit/wave_probe: the loudest region of a view is what a decoder says o
     double loudest = 0;
     for (std::size_t r = 0; r < reading.positions.regions; ++r) {
       double square = 0;
-      for (std::size_t b = 0; b < bench.waves.bias.size(); ++b) {
-        double says = bench.waves.bias[b] * reading.region_gate[r];
-        for (std::size_t k = 0; k < 6; ++k) says += bench.waves.head[b * 6 + k] * reading.region_sum[r * 6 + k];
+      for (std::size_t b = 0; b < bench.weights.bias.size(); ++b) {
+        double says = bench.weights.bias[b] * reading.region_gate[r];
+        for (std::size_t k = 0; k < 6; ++k) says += bench.weights.head[b * 6 + k] * reading.region_sum[r * 6 + k];
         square += says * says;
       }
       loudest = std::max(loudest, std::sqrt(square) / reading.all_gates);

@@ -18,38 +18,38 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/math/eigen_pairs.hpp"
 #include "compmark/math/kernel_ridge.hpp"
-#include "compmark/watermark/decoder/host_prediction.hpp"
+#include "compmark/watermark/decoder/cover_prediction.hpp"
 #include "compmark/watermark/fit/decoder_fit_settings.hpp"
-#include "compmark/watermark/fit/wave_statistics.hpp"
+#include "compmark/watermark/fit/fourier_statistics.hpp"
 
 namespace compmark {
 
 namespace detail {
 
-/// The complement of the nuisance subspace: `direction` [count, waves], orthonormal rows, and `noise` [count, count],
-/// the covariance of the prediction error in views that the prediction was not fitted to.
-struct QuietWaves {
+/// The complement of the nuisance subspace: `direction` [count, features], orthonormal rows, and `noise` [count,
+/// count], the covariance of the prediction error in views that the prediction was not fitted to.
+struct NuisanceComplement {
   std::size_t count = 0;
   std::vector<double> direction, noise;
   std::vector<double> coefficient;                    ///< [readings, count] of the prediction; empty without one
   std::vector<double> centre;                         ///< [readings, coordinates]
-  std::vector<double> coordinate, coordinate_offset;  ///< [coordinates, waves], [coordinates]
+  std::vector<double> coordinate, coordinate_offset;  ///< [coordinates, features], [coordinates]
 
   /// Adds the prediction of cover interference for a bit that reads `row` [count] of the directions.
   template <class T>
   void add_prediction(std::size_t bit, std::size_t bits, const std::vector<double>& row,
-                      HostPrediction<T>& host) const {
+                      CoverPrediction<T>& cover) const {
     if (coefficient.empty()) return;
-    if (host.empty()) {
-      host.direction.assign(coordinate.begin(), coordinate.end());
-      host.offset.assign(coordinate_offset.begin(), coordinate_offset.end());
-      host.centre.assign(centre.begin(), centre.end());
-      host.coefficient.resize(host.centres() * bits);
+    if (cover.empty()) {
+      cover.direction.assign(coordinate.begin(), coordinate.end());
+      cover.offset.assign(coordinate_offset.begin(), coordinate_offset.end());
+      cover.centre.assign(centre.begin(), centre.end());
+      cover.coefficient.resize(cover.centres() * bits);
     }
-    for (std::size_t i = 0; i < host.centres(); ++i) {
+    for (std::size_t i = 0; i < cover.centres(); ++i) {
       double sum = 0;
       for (std::size_t k = 0; k < count; ++k) sum += coefficient[i * count + k] * row[k];
-      host.coefficient[i * bits + bit] = static_cast<T>(sum);
+      cover.coefficient[i * bits + bit] = static_cast<T>(sum);
     }
   }
 };
@@ -75,62 +75,64 @@ struct QuietWaves {
 }
 
 template <Executor E>
-[[nodiscard]] std::optional<QuietWaves> quiet_waves(const WaveStatistics& found, const DecoderFitSettings& settings,
-                                                    E& executor) {
-  const std::size_t waves = found.mean.size(), readings = found.deviation.size() / waves;
-  const std::size_t loud = static_cast<std::size_t>(settings.coordinates);
-  QuietWaves quiet;
-  quiet.count = waves - loud;
-  if (loud == 0) {
-    quiet.direction.assign(waves * waves, 0.0);
-    for (std::size_t k = 0; k < waves; ++k) quiet.direction[k * (waves + 1)] = 1;
-    quiet.noise = found.noise;
-    return quiet;
+[[nodiscard]] std::optional<NuisanceComplement> nuisance_complement(const FourierStatistics& found,
+                                                                    const DecoderFitSettings& settings, E& executor) {
+  const std::size_t features = found.mean.size(), readings = found.deviation.size() / features;
+  const std::size_t nuisance = static_cast<std::size_t>(settings.coordinates);
+  NuisanceComplement complement;
+  complement.count = features - nuisance;
+  if (nuisance == 0) {
+    complement.direction.assign(features * features, 0.0);
+    for (std::size_t k = 0; k < features; ++k) complement.direction[k * (features + 1)] = 1;
+    complement.noise = found.noise;
+    return complement;
   }
   std::vector<double> covariance = found.noise, variance, direction;
-  symmetric_eigen(covariance, waves, variance, direction);
-  quiet.direction.assign(direction.begin() + static_cast<std::ptrdiff_t>(loud * waves), direction.end());
+  symmetric_eigen(covariance, features, variance, direction);
+  complement.direction.assign(direction.begin() + static_cast<std::ptrdiff_t>(nuisance * features), direction.end());
   // A compromise between coordinates of equal noise and those of equal length: directions of large change determine the
   // view better, but not alone.
   double length = 0;
-  for (std::size_t d = 0; d < loud; ++d) length += std::sqrt(std::max(variance[d], 1e-12 * variance[0]));
-  quiet.coordinate.assign(direction.begin(), direction.begin() + static_cast<std::ptrdiff_t>(loud * waves));
-  for (std::size_t d = 0; d < loud; ++d) {
+  for (std::size_t d = 0; d < nuisance; ++d) length += std::sqrt(std::max(variance[d], 1e-12 * variance[0]));
+  complement.coordinate.assign(direction.begin(), direction.begin() + static_cast<std::ptrdiff_t>(nuisance * features));
+  for (std::size_t d = 0; d < nuisance; ++d) {
     const double scale =
         1 / (std::sqrt(std::sqrt(std::max(variance[d], 1e-12 * variance[0])) * length) * settings.width);
     double offset = 0;
-    for (std::size_t k = 0; k < waves; ++k) {
-      quiet.coordinate[d * waves + k] *= scale;
-      offset += quiet.coordinate[d * waves + k] * found.mean[k];
+    for (std::size_t k = 0; k < features; ++k) {
+      complement.coordinate[d * features + k] *= scale;
+      offset += complement.coordinate[d * features + k] * found.mean[k];
     }
-    quiet.coordinate_offset.push_back(offset);
+    complement.coordinate_offset.push_back(offset);
   }
   const auto along = [&](const std::vector<double>& rows) {  // [readings, rows]
-    const std::size_t count = rows.size() / waves;
+    const std::size_t count = rows.size() / features;
     std::vector<double> values(readings * count, 0.0);
     executor.for_chunks(count, 1, [&](std::size_t begin, std::size_t end, std::size_t) {
       std::vector<double> line(readings);
       for (std::size_t d = begin; d < end; ++d) {
         std::fill(line.begin(), line.end(), 0.0);
-        for (std::size_t k = 0; k < waves; ++k) {
-          for (std::size_t n = 0; n < readings; ++n) line[n] += rows[d * waves + k] * found.deviation[k * readings + n];
+        for (std::size_t k = 0; k < features; ++k) {
+          for (std::size_t n = 0; n < readings; ++n)
+            line[n] += rows[d * features + k] * found.deviation[k * readings + n];
         }
         for (std::size_t n = 0; n < readings; ++n) values[n * count + d] = line[n];
       }
     });
     return values;
   };
-  quiet.centre = along(quiet.coordinate);
-  std::optional<KernelRidge> fit =
-      kernel_ridge(quiet.centre, along(quiet.direction), readings, settings.prediction_ridge, executor, found.per_view);
+  complement.centre = along(complement.coordinate);
+  std::optional<KernelRidge> fit = kernel_ridge(complement.centre, along(complement.direction), readings,
+                                                settings.prediction_ridge, executor, found.per_view);
   if (!fit) return std::nullopt;
-  quiet.coefficient = std::move(fit->coefficient);
-  std::vector<double> missed(quiet.count * readings);
-  for (std::size_t k = 0; k < quiet.count; ++k) {
-    for (std::size_t n = 0; n < readings; ++n) missed[k * readings + n] = fit->left_out_error[n * quiet.count + k];
+  complement.coefficient = std::move(fit->coefficient);
+  std::vector<double> missed(complement.count * readings);
+  for (std::size_t k = 0; k < complement.count; ++k) {
+    for (std::size_t n = 0; n < readings; ++n) missed[k * readings + n] = fit->left_out_error[n * complement.count + k];
   }
-  quiet.noise = weighted_products(std::move(missed), quiet.count, found.per_view, settings.edit_weight, executor);
-  return quiet;
+  complement.noise =
+      weighted_products(std::move(missed), complement.count, found.per_view, settings.edit_weight, executor);
+  return complement;
 }
 
 }  // namespace detail

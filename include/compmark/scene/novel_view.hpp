@@ -99,12 +99,12 @@ template <class Cameras>
 /// left out and none dominates. Views that are drawn in proportion to it cover the gaps of a capture, where the cover
 /// interference is known least. A limit of four medians left them thin; sixty-four took too many views from the rest
 /// (docs/notebook/watermark_experiments.md).
-class ViewRoom {
+class ViewClearance {
  public:
-  ViewRoom() = default;
+  ViewClearance() = default;
   /// `cameras(i)` gives the camera of view i < views.
   template <class Cameras>
-  ViewRoom(const Cameras& cameras, std::size_t views) {
+  ViewClearance(const Cameras& cameras, std::size_t views) {
     constexpr std::size_t nearest = 3;
     for (std::size_t i = 0; i < views; ++i) {
       const std::array<double, 3> self = cameras(i).center_world;
@@ -125,9 +125,9 @@ class ViewRoom {
     std::sort(sorted.begin(), sorted.end());
     const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
     double sum = 0;
-    for (double& room : summed_) {
-      sum += median > 0 ? std::clamp(room, median / 4, 16 * median) : 1;  // half stand in one place: all equal
-      room = sum;
+    for (double& clearance : summed_) {
+      sum += median > 0 ? std::clamp(clearance, median / 4, 16 * median) : 1;  // half stand in one place: all equal
+      clearance = sum;
     }
   }
   [[nodiscard]] bool empty() const { return summed_.empty(); }
@@ -139,13 +139,13 @@ class ViewRoom {
   /// The same with the clearance of every view times its `factor`; an empty `factor` changes nothing.
   [[nodiscard]] std::size_t view(double uniform, std::span<const double> factor) const {
     if (factor.empty()) return view(uniform);
-    COMPMARK_ASSERT(factor.size() == summed_.size(), "ViewRoom: a factor for every view");
-    const auto room = [&](std::size_t i) { return (summed_[i] - (i > 0 ? summed_[i - 1] : 0)) * factor[i]; };
+    COMPMARK_ASSERT(factor.size() == summed_.size(), "ViewClearance: a factor for every view");
+    const auto clearance = [&](std::size_t i) { return (summed_[i] - (i > 0 ? summed_[i - 1] : 0)) * factor[i]; };
     double sum = 0;
-    for (std::size_t i = 0; i < summed_.size(); ++i) sum += room(i);
-    double passed = room(0);
+    for (std::size_t i = 0; i < summed_.size(); ++i) sum += clearance(i);
+    double passed = clearance(0);
     std::size_t i = 0;
-    while (i + 1 < summed_.size() && passed <= uniform * sum) passed += room(++i);
+    while (i + 1 < summed_.size() && passed <= uniform * sum) passed += clearance(++i);
     return i;
   }
 
@@ -231,8 +231,8 @@ template <class AnyCamera>
 /// The distance from `view` is uniform, not the place in the triangle: otherwise a view that stands alone would hardly
 /// ever have a sample close to it (docs/notebook/watermark_experiments.md).
 template <class Cameras>
-[[nodiscard]] auto drawn_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
-                                double reach = 1) {
+[[nodiscard]] auto novel_view_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
+                                     double reach = 1) {
   constexpr double most_roll = 0.26, most_zoom = 1.2;
   const std::size_t second = neighbouring_view(cameras, views, view, random, 0);
   const std::size_t third = neighbouring_view(cameras, views, view, random, 1);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/scene/between.hpp"
+#include "compmark/scene/novel_view.hpp"
 
 #include <doctest/doctest.h>
 
@@ -25,8 +25,8 @@ Camera<double> on_circle(double angle) {
 }
 
 /// Of cameras at these places of a line.
-ViewRoom room_on_line(const std::vector<double>& x) {
-  return ViewRoom(
+ViewClearance clearance_on_line(const std::vector<double>& x) {
+  return ViewClearance(
       [&](std::size_t i) {
         Camera<double> camera;
         camera.center_world = {x[i], 0, 0};
@@ -37,7 +37,7 @@ ViewRoom room_on_line(const std::vector<double>& x) {
 
 }  // namespace
 
-TEST_CASE("scene/between: half way between two cameras of a circle it stands on the chord and looks at the centre") {
+TEST_CASE("scene/novel_view: half way between two cameras of a circle it stands on the chord and looks at the centre") {
   const Camera<double> from = on_circle(0.3), to = on_circle(1.1);
   const Camera<double> middle = camera_between(from, to, 0.5);
   const double mean = 0.7;
@@ -55,7 +55,7 @@ TEST_CASE("scene/between: half way between two cameras of a circle it stands on 
   CHECK(row < 0.9);
 }
 
-TEST_CASE("scene/between: the ends are the two cameras") {
+TEST_CASE("scene/novel_view: the ends are the two cameras") {
   const Camera<double> from = on_circle(-2.0), to = on_circle(-1.5);
   const Camera<double> begin = camera_between(from, to, 0), end = camera_between(from, to, 1);
   CHECK(begin.rotation_camera_world == from.rotation_camera_world);
@@ -65,7 +65,7 @@ TEST_CASE("scene/between: the ends are the two cameras") {
     CHECK(std::abs(end.rotation_camera_world[i] - to.rotation_camera_world[i]) < 1e-15 * 8);
 }
 
-TEST_CASE("scene/between: a neighbour is one of the six nearest that look the same way, and every one is drawn") {
+TEST_CASE("scene/novel_view: a neighbour is one of the six nearest that look the same way, and every one is drawn") {
   std::vector<Camera<double>> cameras;
   for (int i = 0; i < 24; ++i) cameras.push_back(on_circle(i * std::numbers::pi / 12));
   // Beside camera 0, and turned round: the nearest of all, and of no use.
@@ -74,10 +74,10 @@ TEST_CASE("scene/between: a neighbour is one of the six nearest that look the sa
     if (i < 3 || i > 5) turned.rotation_camera_world[i] = -turned.rotation_camera_world[i];
   cameras.push_back(turned);
   const auto camera = [&](std::size_t i) { return cameras[i]; };
-  std::set<std::size_t> drawn;
+  std::set<std::size_t> sampled;
   for (std::uint64_t t = 0; t < 200; ++t)
-    drawn.insert(neighbouring_view(camera, cameras.size(), 0, Random(1, t, random_stage("test"))));
-  CHECK(drawn == std::set<std::size_t>{1, 2, 3, 21, 22, 23});
+    sampled.insert(neighbouring_view(camera, cameras.size(), 0, Random(1, t, random_stage("test"))));
+  CHECK(sampled == std::set<std::size_t>{1, 2, 3, 21, 22, 23});
   // With nobody beside it, a view is its own neighbour.
   CHECK(neighbouring_view(camera, 1, 0, Random(1, 0, 0)) == 0);
   const auto opposite = [&](std::size_t i) { return i == 0 ? cameras[0] : turned; };
@@ -85,7 +85,7 @@ TEST_CASE("scene/between: a neighbour is one of the six nearest that look the sa
 }
 
 TEST_CASE(
-    "scene/between: a turned and zoomed camera sees the same points, turned and scaled round the principal point") {
+    "scene/novel_view: a turned and zoomed camera sees the same points, turned and scaled round the principal point") {
   const Camera<double> camera = on_circle(0.4);
   const double roll = 0.2, zoom = 1.1;
   const Camera<double> turned = camera_turned(camera, roll, zoom);
@@ -104,22 +104,23 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("scene/between: drawn cameras fill the triangle of a view and two neighbours and look at the scene") {
+TEST_CASE("scene/novel_view: sampled cameras fill the triangle of a view and two neighbours and look at the scene") {
   std::vector<Camera<double>> cameras;
   for (int i = 0; i < 24; ++i) cameras.push_back(on_circle(i * std::numbers::pi / 12));
   const auto camera = [&](std::size_t i) { return cameras[i]; };
   std::set<double> places;
   for (std::uint64_t t = 0; t < 100; ++t) {
-    const Camera<double> drawn = drawn_camera(camera, cameras.size(), 0, Random(1, t, random_stage("test")));
-    const double radius = std::hypot(drawn.center_world[0], drawn.center_world[1]);
+    const Camera<double> sampled = novel_view_camera(camera, cameras.size(), 0, Random(1, t, random_stage("test")));
+    const double radius = std::hypot(sampled.center_world[0], sampled.center_world[1]);
     CHECK(radius <= 1 + 1e-12);
     CHECK(radius >= std::cos(std::numbers::pi / 4) - 1e-12);  // the longest chord is that of views 3 and 21
     double towards = 0;
-    for (std::size_t c = 0; c < 3; ++c) towards -= drawn.rotation_camera_world[6 + c] * drawn.center_world[c] / radius;
+    for (std::size_t c = 0; c < 3; ++c)
+      towards -= sampled.rotation_camera_world[6 + c] * sampled.center_world[c] / radius;
     CHECK(towards > std::cos(std::numbers::pi / 4));
-    CHECK(drawn.fx <= camera(0).fx * 1.2 + 1e-12);
-    CHECK(drawn.fx >= camera(0).fx / 1.2 - 1e-12);
-    places.insert(drawn.center_world[0]);
+    CHECK(sampled.fx <= camera(0).fx * 1.2 + 1e-12);
+    CHECK(sampled.fx >= camera(0).fx / 1.2 - 1e-12);
+    places.insert(sampled.center_world[0]);
   }
   CHECK(places.size() > 90);
   // As often near by as far: a quarter of them in the quarter of the way that is nearest to the view. Uniform in the
@@ -127,51 +128,51 @@ TEST_CASE("scene/between: drawn cameras fill the triangle of a view and two neig
   // with a deviation of 8.7.
   int near_by = 0;
   for (std::uint64_t t = 0; t < 400; ++t) {
-    const Camera<double> drawn = drawn_camera(camera, 2, 0, Random(2, t, random_stage("test")));
-    const double dx = drawn.center_world[0] - cameras[0].center_world[0];
-    const double dy = drawn.center_world[1] - cameras[0].center_world[1];
+    const Camera<double> sampled = novel_view_camera(camera, 2, 0, Random(2, t, random_stage("test")));
+    const double dx = sampled.center_world[0] - cameras[0].center_world[0];
+    const double dy = sampled.center_world[1] - cameras[0].center_world[1];
     near_by += std::hypot(dx, dy) < 0.25 * 2 * std::sin(std::numbers::pi / 24) ? 1 : 0;
   }
   CHECK(near_by > 65);
   CHECK(near_by < 135);
   // A lonely view is turned and zoomed where it stands.
-  const Camera<double> alone = drawn_camera(camera, 1, 0, Random(1, 0, 0));
+  const Camera<double> alone = novel_view_camera(camera, 1, 0, Random(1, 0, 0));
   CHECK(alone.center_world == cameras[0].center_world);
 }
 
-TEST_CASE("scene/between: views with room around them are drawn more often") {
+TEST_CASE("scene/novel_view: views with clearance around them are drawn more often") {
   // Of so many equal parts of [0, 1), how many draw each view; cameras on a line.
-  const auto drawn = [](const std::vector<double>& x, int parts) {
-    const ViewRoom room = room_on_line(x);
+  const auto sampled = [](const std::vector<double>& x, int parts) {
+    const ViewClearance clearance = clearance_on_line(x);
     std::vector<int> count(x.size());
-    for (int n = 0; n < parts; ++n) ++count[room.view((n + 0.5) / parts)];
+    for (int n = 0; n < parts; ++n) ++count[clearance.view((n + 0.5) / parts)];
     return count;
   };
   // The third nearest of 2 is at 0 or 4; 20 has 144, sixteen times the median of 9, instead of 324.
-  CHECK(drawn({0, 1, 2, 3, 4, 20}, 174) == std::vector<int>{9, 4, 4, 4, 9, 144});
-  CHECK(drawn({5}, 3) == std::vector<int>{3});
-  CHECK(drawn({5, 5, 5}, 3) == std::vector<int>{1, 1, 1});
-  CHECK(drawn({5, 5, 5, 5, 9}, 5) == std::vector<int>{1, 1, 1, 1, 1});  // a tripod's are not left out
-  CHECK(drawn({0, 0, 0, 0, 1, 2, 3, 4, 5}, 1000).front() > 0);
-  CHECK(drawn({0, 3}, 2) == std::vector<int>{1, 1});  // with fewer others, the farthest
-  CHECK(ViewRoom().empty());
+  CHECK(sampled({0, 1, 2, 3, 4, 20}, 174) == std::vector<int>{9, 4, 4, 4, 9, 144});
+  CHECK(sampled({5}, 3) == std::vector<int>{3});
+  CHECK(sampled({5, 5, 5}, 3) == std::vector<int>{1, 1, 1});
+  CHECK(sampled({5, 5, 5, 5, 9}, 5) == std::vector<int>{1, 1, 1, 1, 1});  // a tripod's are not left out
+  CHECK(sampled({0, 0, 0, 0, 1, 2, 3, 4, 5}, 1000).front() > 0);
+  CHECK(sampled({0, 3}, 2) == std::vector<int>{1, 1});  // with fewer others, the farthest
+  CHECK(ViewClearance().empty());
 }
 
-TEST_CASE("scene/between: room and a factor together say how often a view is drawn") {
-  const std::vector<double> x{0, 1, 2, 3, 4, 20};  // room 9, 4, 4, 4, 9, 144, as above
-  const ViewRoom room = room_on_line(x);
-  const auto drawn = [&](const std::vector<double>& factor, int parts) {
+TEST_CASE("scene/novel_view: clearance and a factor together say how often a view is drawn") {
+  const std::vector<double> x{0, 1, 2, 3, 4, 20};  // clearance 9, 4, 4, 4, 9, 144, as above
+  const ViewClearance clearance = clearance_on_line(x);
+  const auto sampled = [&](const std::vector<double>& factor, int parts) {
     std::vector<int> count(x.size());
-    for (int n = 0; n < parts; ++n) ++count[room.view((n + 0.5) / parts, factor)];
+    for (int n = 0; n < parts; ++n) ++count[clearance.view((n + 0.5) / parts, factor)];
     return count;
   };
-  CHECK(drawn({}, 174) == std::vector<int>{9, 4, 4, 4, 9, 144});
-  CHECK(drawn({1, 1, 1, 1, 1, 1}, 174) == drawn({}, 174));
-  CHECK(drawn({2, 1, 0.5, 3, 0, 0.25}, 72) == std::vector<int>{18, 4, 2, 12, 0, 36});
+  CHECK(sampled({}, 174) == std::vector<int>{9, 4, 4, 4, 9, 144});
+  CHECK(sampled({1, 1, 1, 1, 1, 1}, 174) == sampled({}, 174));
+  CHECK(sampled({2, 1, 0.5, 3, 0, 0.25}, 72) == std::vector<int>{18, 4, 2, 12, 0, 36});
 }
 
 TEST_CASE(
-    "scene/between: the distance from the photographs is in medians of their own, and of those that look the same "
+    "scene/novel_view: the distance from the photographs is in medians of their own, and of those that look the same "
     "way") {
   std::vector<Camera<double>> cameras;
   for (const double x : {0.0, 2.0, 4.0, 6.0, 20.0}) {  // the nearest is 2, 2, 2, 2 and 14 away

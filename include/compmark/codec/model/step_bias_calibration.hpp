@@ -7,7 +7,7 @@
 // seven percent that a marked file is larger (docs/notebook/watermark_experiments.md). The biases of these outputs are
 // therefore moved from time to time, until the mean (of the logarithms) of each level's steps is what it is without a
 // mark. Cost: a pass of the context over all anchors, 3 us an anchor and core, every
-// PosthocSettings::hold_steps_every-th iteration: half a percent of a run at every 50th
+// PosthocSettings::calibrate_steps_every-th iteration: half a percent of a run at every 50th
 // (pipeline_coded_iteration.bench).
 #pragma once
 
@@ -41,7 +41,7 @@ inline constexpr bool reads_marked_ancestors = [] {
   }
 }();
 
-class HeldSteps {
+class StepBiasCalibration {
  public:
   static constexpr std::size_t levels = 3, groups = 3, count = levels * groups;
   static constexpr double not_looked = 1e9;  ///< for a checkpoint, of every mean; larger than the logarithm of anything
@@ -56,9 +56,9 @@ class HeldSteps {
   /// Moves the biases by the difference between the mean steps of `model` in phases `marked` and the wanted ones. The
   /// first call measures the wanted ones, in phases `unmarked`, instead. `context` is for scratch.
   template <Recipe R, Executor E>
-  void hold(const Pipeline<R>& pipeline, const typename Pipeline<R>::Phases& marked,
-            const typename Pipeline<R>::Phases& unmarked, const RateNumbers& rate, Model<R>& model,
-            typename Pipeline<R>::Context& context, E& executor) requires(reads_marked_ancestors<R>) {
+  void calibrate(const Pipeline<R>& pipeline, const typename Pipeline<R>::Phases& marked,
+                 const typename Pipeline<R>::Phases& unmarked, const RateNumbers& rate, Model<R>& model,
+                 typename Pipeline<R>::Context& context, E& executor) requires(reads_marked_ancestors<R>) {
     using Scalar = typename R::Scalar;
     const std::array<double, 3> base_step{rate.feature_step, rate.scaling_step, rate.offset_step};
     if (wanted.empty()) {
@@ -116,7 +116,7 @@ class HeldSteps {
 template <class R>
   requires(reads_marked_ancestors<R>)
 struct StepCalibrationOf<R> {
-  using type = HeldSteps;
+  using type = StepBiasCalibration;
 };
 
 }  // namespace compmark

@@ -3,7 +3,7 @@
 //
 // Measurements of an unmarked model in sampled novel views, between its training views and beyond them: the Fourier
 // features of its renders, their gradients to the anchors' features, and the loudest region of an image.
-// wave_statistics.hpp makes statistics of them. Cost: a render and a reading for each view, a backward pass for each
+// fourier_statistics.hpp makes statistics of them. Cost: a render and a reading for each view, a backward pass for each
 // gradient.
 #pragma once
 
@@ -22,7 +22,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/metric/rounding.hpp"
-#include "compmark/scene/between.hpp"
+#include "compmark/scene/novel_view.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/pipeline.hpp"
 #include "compmark/watermark/decoder/lattice_decoder.hpp"
@@ -55,39 +55,40 @@ template <class Views>
 /// Parts of the work of a fit, for its observer.
 [[nodiscard]] inline std::size_t fit_parts(const DecoderFitSettings& settings) {
   return static_cast<std::size_t>(settings.statistics_views) +
-         static_cast<std::size_t>(settings.gradient_views) * (metric_draws + static_cast<std::size_t>(settings.waves)) +
+         static_cast<std::size_t>(settings.gradient_views) *
+             (metric_draws + static_cast<std::size_t>(settings.features)) +
          limit_views(settings);
 }
 
 /// Renders an unmarked model in sampled novel views and measures its Fourier features and their gradients.
 template <Recipe R, class Views, Executor E>
-class WaveProbe {
+class FourierProbe {
  public:
   using T = typename R::Scalar;
-  WaveProbe(Model<R>& host, const Views& views, const LatticeSettings& shape, const LatticeWeights<T>& waves,
-            const DecoderFitSettings& settings, E& executor)
-      : host_(&host),
+  FourierProbe(Model<R>& unmarked, const Views& views, const LatticeSettings& shape, const LatticeWeights<T>& weights,
+               const DecoderFitSettings& settings, E& executor)
+      : unmarked_(&unmarked),
         views_(&views),
         shape_(shape),
-        waves_(&waves),
+        weights_(&weights),
         settings_(settings),
         executor_(&executor),
-        decoder_(shape, waves),
-        feature_(host.anchors.feature) {
-    const MatrixView<T> gradients = host.arena.gradients(feature_);
+        decoder_(shape, weights),
+        feature_(unmarked.anchors.feature) {
+    const MatrixView<T> gradients = unmarked.arena.gradients(feature_);
     const std::size_t rows = std::min(settings.anchors, gradients.rows);
     for (std::size_t i = 0; i < rows; ++i) anchors_.push_back(i * gradients.rows / rows);
     columns_ = gradients.columns;
-    room_ = ViewRoom([&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); }, views_->size());
+    clearance_ = ViewClearance([&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); }, views_->size());
   }
 
   /// Number n of the views of a stage.
   void render(const char* stage, std::size_t n, double reach = 1) {
     const Random random(settings_.seed, n, random_stage(stage));
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); };
-    view_ = room_.view(random.uniform(std::uint64_t{1} << 20));
-    camera_ = drawn_camera(camera_of, views_->size(), view_, random, reach);
-    static_cast<void>(pipeline_.forward(*host_, camera_, view_, context_, *executor_));
+    view_ = clearance_.view(random.uniform(std::uint64_t{1} << 20));
+    camera_ = novel_view_camera(camera_of, views_->size(), view_, random, reach);
+    static_cast<void>(pipeline_.forward(*unmarked_, camera_, view_, context_, *executor_));
     seen_ = context_.image;
   }
   /// Number n of the views of the statistics, in a light of its own (DecoderFitSettings::tone): what is read of it,
@@ -115,26 +116,26 @@ class WaveProbe {
   [[nodiscard]] const ViewCamera<R>& camera() const { return camera_; }
   [[nodiscard]] std::size_t parameters() const { return anchors_.size() * columns_; }
   /// Gradient of Fourier feature k to the features of the chosen anchors, a row an anchor. Call render() before.
-  void wave_gradient(std::size_t k, std::span<T> gradient) {
+  void feature_gradient(std::size_t k, std::span<T> gradient) {
     LatticeSettings shape = shape_;
     shape.features = shape.bits = 1;
-    LatticeWeights<T> wave(shape);
+    LatticeWeights<T> one(shape);
     const std::size_t dimensions = shape.dimensions();
-    std::copy_n(waves_->frequency.data() + k * dimensions, dimensions, wave.frequency.data());
-    wave.phase[0] = waves_->phase[k];
-    wave.head[0] = T(1);
-    way_back(LatticeDecoder<T>(shape, std::move(wave)), gradient);
+    std::copy_n(weights_->frequency.data() + k * dimensions, dimensions, one.frequency.data());
+    one.phase[0] = weights_->phase[k];
+    one.head[0] = T(1);
+    backward_pass(LatticeDecoder<T>(shape, std::move(one)), gradient);
   }
   /// The same for the sum of the Fourier features with random signs: for the metric.
   void signed_gradient(std::size_t n, std::span<T> gradient) {
     LatticeSettings shape = shape_;
     shape.bits = 1;
-    LatticeWeights<T> waves = *waves_;
+    LatticeWeights<T> weights = *weights_;
     const Random random(settings_.seed, n, random_stage("decoder fit signs"));
-    waves.head.resize(waves.phase.size());
-    waves.bias.assign(1, T(0));
-    for (std::size_t k = 0; k < waves.head.size(); ++k) waves.head[k] = random.uniform(k) < 0.5 ? T(-1) : T(1);
-    way_back(LatticeDecoder<T>(shape, std::move(waves)), gradient);
+    weights.head.resize(weights.phase.size());
+    weights.bias.assign(1, T(0));
+    for (std::size_t k = 0; k < weights.head.size(); ++k) weights.head[k] = random.uniform(k) < 0.5 ? T(-1) : T(1);
+    backward_pass(LatticeDecoder<T>(shape, std::move(weights)), gradient);
   }
 
   /// Norms of the logits of the loudest region in each view of the limit, in growing order; nothing where the observer
@@ -168,37 +169,37 @@ class WaveProbe {
     decoder_.pool(round(image), reading_, *executor_);
     return reading_.pooled;
   }
-  void way_back(const LatticeDecoder<T>& decoder, std::span<T> gradient) {
+  void backward_pass(const LatticeDecoder<T>& decoder, std::span<T> gradient) {
     T logit = 0;
     const T one = 1;
     pipeline_.begin_loss(context_);
     std::fill(context_.d_image_storage.begin(), context_.d_image_storage.end(), T(0));
-    decoder.forward(context_.image, std::span<T>(&logit, 1), wave_, *executor_);
-    decoder.backward(std::span<const T>(&one, 1), context_.d_image, wave_, *executor_);
-    std::fill(host_->arena.all_gradients().begin(), host_->arena.all_gradients().end(), T(0));
-    pipeline_.backward(*host_, camera_, view_, context_, *executor_);
-    const MatrixView<const T> all = std::as_const(host_->arena).gradients(feature_);
+    decoder.forward(context_.image, std::span<T>(&logit, 1), one_reading_, *executor_);
+    decoder.backward(std::span<const T>(&one, 1), context_.d_image, one_reading_, *executor_);
+    std::fill(unmarked_->arena.all_gradients().begin(), unmarked_->arena.all_gradients().end(), T(0));
+    pipeline_.backward(*unmarked_, camera_, view_, context_, *executor_);
+    const MatrixView<const T> all = std::as_const(unmarked_->arena).gradients(feature_);
     for (std::size_t i = 0; i < anchors_.size(); ++i) {
       std::copy_n(all.data + anchors_[i] * columns_, columns_, gradient.data() + i * columns_);
     }
   }
 
-  Model<R>* host_;
+  Model<R>* unmarked_;
   const Views* views_;
   LatticeSettings shape_;
-  const LatticeWeights<T>* waves_;
+  const LatticeWeights<T>* weights_;
   DecoderFitSettings settings_;
   E* executor_;
   Pipeline<R> pipeline_;
   typename Pipeline<R>::Context context_;
   LatticeDecoder<T> decoder_;
-  typename LatticeDecoder<T>::Context reading_, wave_;
+  typename LatticeDecoder<T>::Context reading_, one_reading_;
   Buffer<T> rounded_, toned_;
   ImageView<const T> seen_;  ///< the render, or the same in another light
   Augmenter<T> augmenter_;
   BlockHandle feature_;
   std::vector<std::size_t> anchors_;
-  ViewRoom room_;
+  ViewClearance clearance_;
   std::size_t columns_ = 0, view_ = 0;
   ViewCamera<R> camera_;
 };

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
-#include "compmark/watermark/decoder/host_prediction.hpp"
+#include "compmark/watermark/decoder/cover_prediction.hpp"
 
 #include <doctest/doctest.h>
 
@@ -23,28 +23,28 @@ using testing::normals;
 
 namespace {
 
-constexpr std::size_t host_features = 7, host_coordinates = 3, host_centres = 5, host_bits = 4;
+constexpr std::size_t cover_features = 7, cover_coordinates = 3, cover_centres = 5, cover_bits = 4;
 
 template <class T>
-HostPrediction<T> small_prediction() {
-  HostPrediction<T> host;
-  host.direction.resize(host_coordinates * host_features);
-  host.offset.resize(host_coordinates);
-  host.centre.resize(host_centres * host_coordinates);
-  host.coefficient.resize(host_centres * host_bits);
+CoverPrediction<T> small_prediction() {
+  CoverPrediction<T> cover;
+  cover.direction.resize(cover_coordinates * cover_features);
+  cover.offset.resize(cover_coordinates);
+  cover.centre.resize(cover_centres * cover_coordinates);
+  cover.coefficient.resize(cover_centres * cover_bits);
   const Random random(12, 0, random_stage("test/host prediction"));
   std::size_t n = 0;
-  for (std::vector<T>* part : {&host.direction, &host.offset, &host.centre, &host.coefficient}) {
+  for (std::vector<T>* part : {&cover.direction, &cover.offset, &cover.centre, &cover.coefficient}) {
     for (T& value : *part) value = static_cast<T>(random.normal(n++));
   }
-  return host;
+  return cover;
 }
 template <class T>
-LatticeDecoder<T> scene_decoder(bool with_host = true) {
+LatticeDecoder<T> scene_decoder(bool with_cover = true) {
   LatticeSettings settings;
   settings.measure = LatticeMeasure::colour;
-  settings.bits = static_cast<int>(host_bits);
-  settings.features = static_cast<int>(host_features);
+  settings.bits = static_cast<int>(cover_bits);
+  settings.features = static_cast<int>(cover_features);
   settings.sigma = {0.5};
   settings.stride = 2;
   LatticeWeights<T> weights(settings);
@@ -53,46 +53,46 @@ LatticeDecoder<T> scene_decoder(bool with_host = true) {
   for (std::vector<T>* part : {&weights.frequency, &weights.phase, &weights.head, &weights.bias}) {
     for (T& value : *part) value = static_cast<T>(random.normal(n++));
   }
-  if (with_host) {
-    weights.host = small_prediction<T>();
-    for (T& value : weights.host.offset) value *= T(0.1);  // so that the images of the laws are near the centres
-    for (T& value : weights.host.centre) value *= T(0.3);
+  if (with_cover) {
+    weights.cover = small_prediction<T>();
+    for (T& value : weights.cover.offset) value *= T(0.1);  // so that the images of the laws are near the centres
+    for (T& value : weights.cover.centre) value *= T(0.3);
   }
   return {settings, weights};
 }
 }  // namespace
 
-TEST_CASE("decoder/host_prediction: it subtracts the sum of its kernels, and its gradient is that of what is left") {
-  const HostPrediction<double> host = small_prediction<double>();
-  CHECK(host.coordinates() == host_coordinates);
-  CHECK(host.centres() == host_centres);
-  std::vector<double> p = normals<double>(host_features, 1, "test/host prediction values");
+TEST_CASE("decoder/cover_prediction: it subtracts the sum of its kernels, and its gradient is that of what is left") {
+  const CoverPrediction<double> cover = small_prediction<double>();
+  CHECK(cover.coordinates() == cover_coordinates);
+  CHECK(cover.centres() == cover_centres);
+  std::vector<double> p = normals<double>(cover_features, 1, "test/host prediction values");
   for (double& value : p) value *= 0.4;
-  HostPrediction<double>::Context context;
-  const std::vector<double> start = normals<double>(host_bits, 2, "test/host prediction values"),
-                            slope = normals<double>(host_bits, 3, "test/host prediction values");
+  CoverPrediction<double>::Context context;
+  const std::vector<double> start = normals<double>(cover_bits, 2, "test/host prediction values"),
+                            slope = normals<double>(cover_bits, 3, "test/host prediction values");
   std::vector<double> logits = start;
-  host.subtract(p, logits, context);
-  for (std::size_t b = 0; b < host_bits; ++b) {
+  cover.subtract(p, logits, context);
+  for (std::size_t b = 0; b < cover_bits; ++b) {
     double said = 0;
-    for (std::size_t i = 0; i < host_centres; ++i) {
+    for (std::size_t i = 0; i < cover_centres; ++i) {
       double square = 0;
-      for (std::size_t d = 0; d < host_coordinates; ++d) {
-        double x = -host.offset[d] - host.centre[i * host_coordinates + d];
-        for (std::size_t k = 0; k < host_features; ++k) x += host.direction[d * host_features + k] * p[k];
+      for (std::size_t d = 0; d < cover_coordinates; ++d) {
+        double x = -cover.offset[d] - cover.centre[i * cover_coordinates + d];
+        for (std::size_t k = 0; k < cover_features; ++k) x += cover.direction[d * cover_features + k] * p[k];
         square += x * x;
       }
-      said += std::exp(-square / 2) * host.coefficient[i * host_bits + b];
+      said += std::exp(-square / 2) * cover.coefficient[i * cover_bits + b];
     }
     CHECK(logits[b] == doctest::Approx(start[b] - said).epsilon(1e-12));
   }
-  std::vector<double> gradient(host_features, 0.0);
-  host.backward(slope, gradient, context);
+  std::vector<double> gradient(cover_features, 0.0);
+  cover.backward(slope, gradient, context);
   const auto loss = [&] {
     std::vector<double> left = start;
-    host.subtract(p, left, context);
+    cover.subtract(p, left, context);
     double sum = 0;
-    for (std::size_t b = 0; b < host_bits; ++b) sum += slope[b] * left[b];
+    for (std::size_t b = 0; b < cover_bits; ++b) sum += slope[b] * left[b];
     return sum;
   };
   CHECK(testing::gradient_law(loss, p, gradient) == "");
@@ -101,30 +101,30 @@ TEST_CASE("decoder/host_prediction: it subtracts the sum of its kernels, and its
   CHECK(testing::gradient_law(loss, p, wrong) != "");
 }
 
-TEST_CASE("decoder/host_prediction: far from what it was fitted to nothing is subtracted") {
-  const HostPrediction<double> host = small_prediction<double>();
-  HostPrediction<double>::Context context;
-  std::vector<double> far(host_features, 0.0), logits(host_bits, 0.5);
-  for (std::size_t k = 0; k < host_features; ++k) far[k] = 30 * host.direction[k];
-  host.subtract(far, logits, context);
+TEST_CASE("decoder/cover_prediction: far from what it was fitted to nothing is subtracted") {
+  const CoverPrediction<double> cover = small_prediction<double>();
+  CoverPrediction<double>::Context context;
+  std::vector<double> far(cover_features, 0.0), logits(cover_bits, 0.5);
+  for (std::size_t k = 0; k < cover_features; ++k) far[k] = 30 * cover.direction[k];
+  cover.subtract(far, logits, context);
   for (const double z : logits) CHECK(z == 0.5);
 }
 
-TEST_CASE("decoder/host_prediction: a lattice decoder with one holds the laws of a message decoder") {
+TEST_CASE("decoder/cover_prediction: a lattice decoder with one holds the laws of a message decoder") {
   CHECK(testing::message_decoder_laws(scene_decoder<double>(), 24, 31) == "");
   // It is there: the same decoder without reads something else.
   SerialExecutor executor;
   const std::vector<double> noise = normals<double>(3 * 24 * 24, 5, "test/host prediction values");
-  std::vector<double> pixels(noise.size()), with(host_bits), without(host_bits);
+  std::vector<double> pixels(noise.size()), with(cover_bits), without(cover_bits);
   for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = 0.5 + 0.1 * noise[i];
   LatticeDecoder<double>::Context context;
   const ImageView<const double> image{pixels.data(), 3, 24, 24};
   scene_decoder<double>().forward(image, std::span<double>(with), context, executor);
   scene_decoder<double>(false).forward(image, std::span<double>(without), context, executor);
-  for (std::size_t b = 0; b < host_bits; ++b) CHECK(std::abs(with[b] - without[b]) > 1e-3);
+  for (std::size_t b = 0; b < cover_bits; ++b) CHECK(std::abs(with[b] - without[b]) > 1e-3);
 }
 
-TEST_CASE("decoder/host_prediction: it comes back from a file, which programs that know of none refuse") {
+TEST_CASE("decoder/cover_prediction: it comes back from a file, which programs that know of none refuse") {
   const LatticeDecoder<float> decoder = scene_decoder<float>();
   const testing::TemporaryFolder folder;
   const std::filesystem::path path = folder.path() / "scene.safetensors";
@@ -134,10 +134,10 @@ TEST_CASE("decoder/host_prediction: it comes back from a file, which programs th
   CHECK(file->metadata["format_version"] == "2");
   const Result<LatticeDecoder<float>> read = read_lattice(*file);
   REQUIRE(read.ok());
-  CHECK(read->weights().host.direction == decoder.weights().host.direction);
-  CHECK(read->weights().host.offset == decoder.weights().host.offset);
-  CHECK(read->weights().host.centre == decoder.weights().host.centre);
-  CHECK(read->weights().host.coefficient == decoder.weights().host.coefficient);
+  CHECK(read->weights().cover.direction == decoder.weights().cover.direction);
+  CHECK(read->weights().cover.offset == decoder.weights().cover.offset);
+  CHECK(read->weights().cover.centre == decoder.weights().cover.centre);
+  CHECK(read->weights().cover.coefficient == decoder.weights().cover.coefficient);
 
   // Every damage on the file as it was read, and mended again.
   for (const char* key : {"centres", "coordinates", "format_version"}) {
@@ -167,5 +167,5 @@ TEST_CASE("decoder/host_prediction: it comes back from a file, which programs th
   REQUIRE(file.ok());
   CHECK(file->metadata["format_version"] == "1");
   CHECK(!file->metadata.contains("centres"));
-  CHECK(read_lattice(*file)->weights().host.empty());
+  CHECK(read_lattice(*file)->weights().cover.empty());
 }

@@ -23,7 +23,7 @@
 namespace compmark {
 
 template <class T>
-class Newborns {
+class NewAnchors {
  public:
   /// Nobody yet. Rows of `feature` and of the blocks `pooled` will be maxima over parents; other anchor blocks start at
   /// zero.

@@ -19,7 +19,7 @@
 namespace compmark {
 
 template <class T>
-struct HostPrediction {
+struct CoverPrediction {
   std::vector<T> direction;    ///< [coordinates, features], scaled so that the kernel's width is 1
   std::vector<T> offset;       ///< [coordinates]
   std::vector<T> centre;       ///< [centres, coordinates]

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Readings of a message in sampled novel views (scene/between.hpp): a message needs no photograph. `read` adds its
+// Readings of a message in sampled novel views (scene/novel_view.hpp): a message needs no photograph. `read` adds its
 // gradients to those of the photographed view of an iteration. `read_held` also renders the unmarked model there and
 // adds the loss of the difference (PosthocSettings::fidelity). Cost: a render, a reading and the backward pass; for
 // `read_held` one render more.
@@ -19,7 +19,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/scene/between.hpp"
+#include "compmark/scene/novel_view.hpp"
 #include "compmark/splat/training/recipe.hpp"
 #include "compmark/splat/training/stage.hpp"
 #include "compmark/watermark/embed/mark_phases.hpp"
@@ -41,15 +41,16 @@ struct ReadingReport {
   double message = 0;    ///< mean loss of a bit, cross entropy or hinge
   std::size_t bits = 0;  ///< 0: the message was not read
   std::size_t matches = 0;
-  double departure = 0;  ///< distortion: mean square difference from the unmarked render, where it was measured
-  double total = 0;      ///< weighted sum
+  double distortion = 0;  ///< mean square difference from the unmarked render, where it was measured
+  double total = 0;       ///< weighted sum
 };
 
 namespace detail {
-/// fidelity * mean (image - host)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of 0.
+/// fidelity * mean (image - unmarked)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of
+/// 0.
 template <class Scalar, Executor E>
-double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> host, Scalar fidelity,
-                        ImageView<Scalar> d_image, Buffer<double>& sums, E& executor) {
+double square_distortion(ImageView<const Scalar> image, ImageView<const Scalar> unmarked, Scalar fidelity,
+                         ImageView<Scalar> d_image, Buffer<double>& sums, E& executor) {
   constexpr std::size_t grain = 1 << 14;
   sums.resize(chunk_count(image.size(), grain));
   if (!(fidelity > Scalar(0))) {
@@ -58,12 +59,12 @@ double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> h
     });
     return 0;
   }
-  COMPMARK_ASSERT(host.size() == image.size(), "message_loss: the unmarked render is of another size");
+  COMPMARK_ASSERT(unmarked.size() == image.size(), "message_loss: the unmarked render is of another size");
   const Scalar slope = Scalar(2) * fidelity / static_cast<Scalar>(image.size());
   executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
     double sum = 0;
     for (std::size_t i = begin; i < end; ++i) {
-      const Scalar difference = image.data[i] - host.data[i];
+      const Scalar difference = image.data[i] - unmarked.data[i];
       d_image.data[i] = slope * difference;
       sum += static_cast<double>(difference) * static_cast<double>(difference);
     }
@@ -76,17 +77,17 @@ double square_departure(ImageView<const Scalar> image, ImageView<const Scalar> h
 }  // namespace detail
 
 /// The loss of a render without a photograph, in place of Pipeline::loss. context.d_image is set from the message loss,
-/// by the weight of the forward pass. With a weight `fidelity` above 0 the mean square difference to `host`, the
-/// unmarked render of the same view, is added.
+/// by the weight of the forward pass. With a weight `fidelity` above 0 the mean square difference to `unmarked`,
+/// the unmarked render of the same view, is added.
 template <Recipe R, Executor E>
-ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageView<const typename R::Scalar> host,
+ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageView<const typename R::Scalar> unmarked,
                            typename Pipeline<R>::Context& context, E& executor) {
   using Scalar = typename R::Scalar;
   pipeline.begin_loss(context);
   ReadingReport report;
-  report.departure =
-      detail::square_departure<Scalar>(context.image, host, static_cast<Scalar>(fidelity), context.d_image,
-                                       context.template of<MessageStage>().departure, executor);
+  report.distortion =
+      detail::square_distortion<Scalar>(context.image, unmarked, static_cast<Scalar>(fidelity), context.d_image,
+                                        context.template of<MessageStage>().distortion, executor);
   const auto& phase = context.phases.template of<MessageStage>();
   const double weight = phase.weight;
   const MessageReport read = pipeline.template stage<MessageStage>().pull(
@@ -94,13 +95,13 @@ ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageVi
   report.message = read.loss;
   report.bits = read.bits;
   report.matches = read.matches;
-  report.total = weight * read.loss + fidelity * report.departure;
+  report.total = weight * read.loss + fidelity * report.distortion;
   return report;
 }
 
 /// For recipes with a MessageDecoder.
 template <Recipe R>
-class DrawnReading {
+class NovelViewReading {
  public:
   using Scalar = typename R::Scalar;
   using Context = typename Pipeline<R>::Context;
@@ -115,11 +116,12 @@ class DrawnReading {
   /// The training view that iteration t reads near if no photograph determines it. Views with much clearance are drawn
   /// more often; a `share` of the draw goes by the message loss instead. `views` are the same in every call.
   template <class Views>
-  [[nodiscard]] std::size_t roomy_view(const Views& views, std::uint64_t seed, std::int64_t t,
-                                       const ViewCosts& costs = {}, double share = 0) {
+  [[nodiscard]] std::size_t view_by_clearance(const Views& views, std::uint64_t seed, std::int64_t t,
+                                              const ViewCosts& costs = {}, double share = 0) {
     if (share > 0) costs.factors(share, factor_);
-    if (room_.empty()) room_ = ViewRoom([&](std::size_t i) { return views.camera(i); }, views.size());
-    return room_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0), factor_);
+    if (clearance_.empty()) clearance_ = ViewClearance([&](std::size_t i) { return views.camera(i); }, views.size());
+    return clearance_.view(Random(seed, static_cast<std::uint64_t>(t), random_stage("between room")).uniform(0),
+                           factor_);
   }
 
   /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. The stages are
@@ -128,7 +130,8 @@ class DrawnReading {
   auto read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
             std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) {
     const ViewCamera<R> camera = sampled_camera(views, view, seed, t);
-    return read_at(pipeline, model, camera, view, without_photograph(phases), schedule.between_weight(t), 0, executor);
+    return read_at(pipeline, model, camera, view, without_photograph(phases), schedule.novel_view_weight(t), 0,
+                   executor);
   }
 
   /// The same, with the loss of the difference to the unmarked render by the fidelity of `schedule`.
@@ -140,17 +143,17 @@ class DrawnReading {
     Phases unmarked = marked;
     Pipeline<R>::Stages::forward([&]<class S>() { S::leave_mark(unmarked.template of<S>()); });
     static_cast<void>(pipeline.forward(model, camera, view, context_, executor, unmarked));
-    host_storage_.resize(context_.image.size());
-    std::copy_n(context_.image.data, context_.image.size(), host_storage_.data());
-    return read_at(pipeline, model, camera, view, marked, schedule.between_weight(t), fidelity(views, camera, schedule),
-                   executor);
+    unmarked_storage_.resize(context_.image.size());
+    std::copy_n(context_.image.data, context_.image.size(), unmarked_storage_.data());
+    return read_at(pipeline, model, camera, view, marked, schedule.novel_view_weight(t),
+                   fidelity(views, camera, schedule), executor);
   }
 
   [[nodiscard]] const ReadingReport& report() const { return report_; }           ///< of the last reading
   [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }  ///< the image that was read
   /// The unmarked model's render of the same view, after read_held.
-  [[nodiscard]] ImageView<const Scalar> host() const {
-    return {host_storage_.data(), 3, context_.image.height, context_.image.width};
+  [[nodiscard]] ImageView<const Scalar> unmarked() const {
+    return {unmarked_storage_.data(), 3, context_.image.height, context_.image.width};
   }
 
  private:
@@ -159,7 +162,7 @@ class DrawnReading {
                                                     std::int64_t t) {
     const Random random(seed, static_cast<std::uint64_t>(t), random_stage("between"));
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
-    return drawn_camera(camera_of, views.size(), view, random, reach);
+    return novel_view_camera(camera_of, views.size(), view, random, reach);
   }
   template <class Views>
   [[nodiscard]] double fidelity(const Views& views, const ViewCamera<R>& camera, const MarkPhases& schedule) {
@@ -176,15 +179,15 @@ class DrawnReading {
                Phases phases, double weight, double held, E& executor) {
     phases.template of<MessageStage>().weight = weight;
     const auto report = pipeline.forward(model, camera, view, context_, executor, phases);
-    report_ = message_loss(pipeline, held, host(), context_, executor);
+    report_ = message_loss(pipeline, held, unmarked(), context_, executor);
     pipeline.backward(model, camera, view, context_, executor);
     return report;
   }
 
   Context context_;  ///< its own: that of the photographed view is still needed
   ReadingReport report_;
-  Buffer<Scalar> host_storage_;
-  ViewRoom room_;
+  Buffer<Scalar> unmarked_storage_;
+  ViewClearance clearance_;
   std::vector<double> factor_;  ///< of the views' clearances, of the last draw
   [[no_unique_address]] std::conditional_t<can_be_held, PhotographDistance, detail::Nothing<PhotographDistance>>
       distance_;

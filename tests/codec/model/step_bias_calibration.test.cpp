@@ -9,12 +9,12 @@
 #include <cmath>
 #include <compmark/codec/container/cmk.hpp>
 #include <compmark/codec/model/adopt_networks.hpp>
-#include <compmark/codec/model/held_steps.hpp>
+#include <compmark/codec/model/step_bias_calibration.hpp>
 #include <compmark/core/random.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <compmark/watermark/decoder/lattice_decoder.hpp>
-#include <compmark/watermark/embed/finished_host.hpp>
+#include <compmark/watermark/embed/base_model.hpp>
 #include <compmark/watermark/embed/posthoc_embedding.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -78,9 +78,10 @@ double largest(const std::array<double, 9>& a, const std::array<double, 9>& b) {
 
 }  // namespace
 
-TEST_CASE("model/held_steps: a mark moves the steps of a file, and held they stay, to the file's own bits") {
+TEST_CASE(
+    "model/step_bias_calibration: a mark moves the steps of a file, and calibrated they stay, to the file's own bits") {
   ThreadExecutor executor(2);
-  Model<SmallContextGs> host = compmark::testing::train_coded<SmallContextGs>(2, 300).model;
+  Model<SmallContextGs> trained = compmark::testing::train_coded<SmallContextGs>(2, 300).model;
   ModelInfo info;
   info.recipe = "context_gs";
   info.base_step = {1, 0.01, 0.2};
@@ -90,7 +91,7 @@ TEST_CASE("model/held_steps: a mark moves the steps of a file, and held they sta
     return std::move(file->model);
   };
   CodecModel file = [&] {
-    const Result<CodecModel> coded = coded_model(host, info);
+    const Result<CodecModel> coded = coded_model(trained, info);
     REQUIRE(coded.ok());
     return encoded(*coded);
   }();
@@ -105,15 +106,15 @@ TEST_CASE("model/held_steps: a mark moves the steps of a file, and held they sta
       CHECK(sum <= (std::int64_t{1} << 30) + 200);  // and what rounding a hundred halves adds
     }
   }
-  REQUIRE(adopt_networks(file, host).ok());
+  REQUIRE(adopt_networks(file, trained).ok());
   const auto file_of = [&](const Model<MarkedSteps>& model) {
-    Result<CodecModel> coded = coded_model(baked_host(model), info);
+    Result<CodecModel> coded = coded_model(baked_model(model), info);
     REQUIRE(coded.ok());
     keep_context(file, *coded);
     return encoded(*coded);
   };
 
-  Model<MarkedSteps> model = with_room_for_stages<MarkedSteps>(host, 1);
+  Model<MarkedSteps> model = with_room_for_stages<MarkedSteps>(trained, 1);
   Pipeline<MarkedSteps> pipeline;
   pipeline.stage<RateStage>() = RateStage(entropy_model<MarkedSteps>(compmark::testing::short_settings(300).rate));
   Pipeline<MarkedSteps>::Context context;
@@ -125,8 +126,8 @@ TEST_CASE("model/held_steps: a mark moves the steps of a file, and held they sta
   numbers.feature_step = info.base_step[0];
   numbers.scaling_step = info.base_step[1];
   numbers.offset_step = info.base_step[2];
-  HeldSteps steps;
-  steps.hold(pipeline, phases, unmarked, numbers, model, context, executor);
+  StepBiasCalibration steps;
+  steps.calibrate(pipeline, phases, unmarked, numbers, model, context, executor);
   REQUIRE(steps.wanted.size() == 9);
   const CodecModel before = file_of(model);
   CHECK(before.context_gs == file.context_gs);  // nothing has moved
@@ -144,24 +145,24 @@ TEST_CASE("model/held_steps: a mark moves the steps of a file, and held they sta
   const double moved = largest(steps_of(file_of(model)), wanted);
   std::vector<double> left;
   for (int i = 0; i < 20; ++i) {
-    steps.hold(pipeline, phases, unmarked, numbers, model, context, executor);
+    steps.calibrate(pipeline, phases, unmarked, numbers, model, context, executor);
     left.push_back(largest(steps_of(file_of(model)), wanted));
   }
-  MESSAGE("octaves from the unmarked file's steps: ", moved, ", held once ", left[0], ", ten times ", left[9],
+  MESSAGE("octaves from the unmarked file's steps: ", moved, ", calibrated once ", left[0], ", ten times ", left[9],
           ", twenty times ", left[19]);
   CHECK(moved > 0.2);      // negative control; measured 1.9
   CHECK(left[19] < 0.02);  // measured .005
 }
 
-TEST_CASE("model/held_steps: a run that holds them is the same at any thread count and after a stop") {
-  Model<SmallContextGs> host = compmark::testing::train_coded<SmallContextGs>(2, 120).model;
+TEST_CASE("model/step_bias_calibration: a run that calibrates them is the same at any thread count and after a stop") {
+  Model<SmallContextGs> trained = compmark::testing::train_coded<SmallContextGs>(2, 120).model;
   TrainSettings settings = compmark::testing::short_settings(24);
   settings.grow_until = 0;
   settings.mark = posthoc_mark();
   settings.mark.message.after = settings.mark.residual.after = 0;
   settings.mark.residual.learning_rate = 0.3;  // loud at once
   settings.mark.posthoc.fidelity = 1;
-  settings.mark.posthoc.hold_steps_every = 5;
+  settings.mark.posthoc.calibrate_steps_every = 5;
   settings.rate.mask = settings.rate.grid = settings.rate.context = {0, 0};
   settings.rate.hyperprior = 0;
   settings.rate.noise_after = settings.rate.context_after = settings.rate.round_after = -60000;
@@ -173,7 +174,7 @@ TEST_CASE("model/held_steps: a run that holds them is the same at any thread cou
   const auto begun = [&](ThreadExecutor& executor, const TrainSettings& with) {
     PosthocEmbedding<MarkedSteps, ThreadExecutor> trainer(with, executor);
     set_watermark(trainer, compmark::testing::colours(), message);
-    trainer.start_from(with_room_for_stages<MarkedSteps>(host, 1));
+    trainer.start_from(with_room_for_stages<MarkedSteps>(trained, 1));
     return trainer;
   };
   const auto straight = [&](std::size_t threads, const TrainSettings& with) {
@@ -193,8 +194,8 @@ TEST_CASE("model/held_steps: a run that holds them is the same at any thread cou
     return all;
   };
   TrainSettings loose = settings;
-  loose.mark.posthoc.hold_steps_every = 0;
-  const Model<SmallContextGs>& unmarked = host;
+  loose.mark.posthoc.calibrate_steps_every = 0;
+  const Model<SmallContextGs>& unmarked = trained;
   const Model<MarkedSteps> roomy = with_room_for_stages<MarkedSteps>(unmarked, 1);
   CHECK(biases(straight(2, loose)) == biases(roomy));  // negative control: nothing else moves them
   CHECK(biases(once) != biases(roomy));
@@ -209,11 +210,11 @@ TEST_CASE("model/held_steps: a run that holds them is the same at any thread cou
   // Whatever the cadence of reading: the first reading looks, and later ones hold.
   for (const std::int64_t every : {2, 3, 5}) {
     TrainSettings seldom = settings;
-    seldom.mark.message.between_every = every;
+    seldom.mark.message.novel_view_every = every;
     CAPTURE(every);
     CHECK(biases(straight(2, seldom)) != biases(roomy));
   }
-  // Without rounding or noise there are no steps: nothing is held, and what is stopped goes on.
+  // Without rounding or noise there are no steps: nothing is calibrated, and what is stopped goes on.
   TrainSettings none = settings;
   none.rate.noise_after = none.rate.context_after = none.rate.round_after = 60000;
   CHECK(biases(straight(2, none)) == biases(roomy));
@@ -224,7 +225,7 @@ TEST_CASE("model/held_steps: a run that holds them is the same at any thread cou
   ModelInfo info;
   info.recipe = "small";
   for (std::size_t i = 0; i < views.size(); ++i) info.views.push_back({std::to_string(i), false, views.camera(i), {}});
-  const compmark::testing::ScratchFolder folder("compmark-held-steps-test");
+  const compmark::testing::ScratchFolder folder("compmark-step-bias-test");
   const std::filesystem::path path = folder.path / "checkpoint.safetensors";
   const auto read_back = [&](std::vector<double> wanted) {
     auto state = stopped.state();

@@ -3,13 +3,13 @@
 #include <doctest/doctest.h>
 
 #include <compmark/codec/model/codec_fit_settings.hpp>
-#include <compmark/watermark/embed/finished_host.hpp>
+#include <compmark/watermark/embed/base_model.hpp>
 #include <cstddef>
 #include <vector>
 
 #include "support/coded_training.hpp"
 
-namespace finished_host_test {
+namespace base_model_test {
 namespace {
 
 using namespace compmark;
@@ -17,7 +17,7 @@ using testing::SmallContextGs;
 using testing::SmallHac;
 using testing::SmallRecipe;
 
-Model<SmallRecipe> host() {
+Model<SmallRecipe> base() {
   Model<SmallRecipe> model;
   model.create(9, 3);
   model.voxel_size = 0.25;
@@ -32,9 +32,9 @@ Model<SmallRecipe> host() {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("embed/finished_host: a host comes out of the room for a codec as it went in", R, SmallHac,
+TEST_CASE_TEMPLATE("embed/base_model: a model comes out of the room for a codec as it went in", R, SmallHac,
                    SmallContextGs) {
-  const Model<SmallRecipe> before = host();
+  const Model<SmallRecipe> before = base();
   const Model<R> roomy = with_room_for_stages<R>(before, 7);
   CHECK(roomy.anchor_count() == 9);
   CHECK(roomy.train_views == 3);
@@ -49,14 +49,14 @@ TEST_CASE_TEMPLATE("embed/finished_host: a host comes out of the room for a code
   CHECK(values(roomy) == values(with_room_for_stages<R>(before, 7)));
   CHECK(values(roomy) != values(with_room_for_stages<R>(before, 8)));
 
-  const Model<SmallRecipe> after = host_alone(roomy);
+  const Model<SmallRecipe> after = base_model(roomy);
   CHECK(after.anchor_count() == 9);
   CHECK(after.voxel_size == 0.25);
   CHECK(after.render.near_plane == 0.5);
   CHECK(testing::same_bits(after, before));
 }
 
-TEST_CASE("embed/finished_host: a codec is fitted to anchors that do not move") {
+TEST_CASE("embed/base_model: a codec is fitted to anchors that do not move") {
   // As compmark fit-codec does: no rate but the context's, from the first iteration on.
   const Model<SmallRecipe> before = [] {
     testing::BlobViews views;
@@ -81,7 +81,7 @@ TEST_CASE("embed/finished_host: a codec is fitted to anchors that do not move") 
       if (trainer.state().iteration > 70)
         bits += trainer.context().template of<RateStage>().report.bits_per_scalar / 10;
     }
-    CHECK(testing::same_bits(host_alone(trainer.model()), before));
+    CHECK(testing::same_bits(base_model(trainer.model()), before));
     return bits;
   };
   const double fine = bits_of(1e-4), coarse = bits_of(1e-1);
@@ -89,4 +89,4 @@ TEST_CASE("embed/finished_host: a codec is fitted to anchors that do not move") 
   CHECK(coarse < fine);
 }
 
-}  // namespace finished_host_test
+}  // namespace base_model_test
