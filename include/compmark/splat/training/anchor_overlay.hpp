@@ -82,7 +82,7 @@ class AnchorOverlay {
     return changed;
   }
 
-  /// The same for what a codec rounds: features, scales (scaling) and offsets, in this order.
+  /// The same for what a codec rounds: features, scales (exp of the scaling) and offsets, in this order.
   template <Executor E>
   std::array<MatrixView<T>, 3> change_coded(std::span<const std::uint32_t> visible, AnchorColumns<const T>& columns,
                                             E& executor) {
