@@ -3,8 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # From nothing to a marked, compressed scene and its proof: installs what is missing, builds the tool, writes the built-in scene, trains it briefly
-# for a small file, fits a message decoder to it, hides the message of a new key in what the file says; decodes that file in another process, renders
-# it, and verifies the images. With --data it does the same on a capture of yours, and takes longer for the mark.
+# for a small file, hides the message of a new key in what the file says; decodes that file in another process, renders it, and verifies the images. With --data it does the same on a capture of yours, and takes longer for the mark.
 #   sh examples/quickstart.sh [--data capture] [--downscale by] [--out folder] [--iterations number] [--mark-iterations number] [--voxel-size length]
 # Exit status: 0 if the message is proven; if all went well and it is not found 1, or 3 if that is undecided, as compmark verify says; an error's
 # is whatever the command that failed gave, 2 for a word that is no option.
@@ -58,14 +57,13 @@ case $("$compmark" probe --data "$data" --json) in *'"views_test": 0,'*) split=t
 [ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
 "$compmark" train --data "$data" --downscale "$downscale" --out "$out/run" --iterations "$iterations" ${voxel_size:+--voxel-size "$voxel_size"} \
   --codec hac --lambda 0.001 --key "$out/owner.key" ${mark_iterations:+--mark-iterations "$mark_iterations"} --resume
-decoder=$out/run/decoder.safetensors
 small=$out/run/model.cmk
 unmarked=$out/run/unmarked.cmk
 echo
 echo "The small file and what the model was before it, each beside the same without a mark, which says nothing to the key:"
 "$compmark" evaluate --model "$small" "$out/run/model.safetensors" --unmarked "$unmarked" "$out/run/unmarked/model.safetensors" \
   --data "$data" --downscale "$downscale" --split "$split" \
-  --key "$out/owner.key" --decoder "$decoder" --json "$out/figures.json" --html "$out/before_and_after.html"
+  --key "$out/owner.key" --json "$out/figures.json" --html "$out/before_and_after.html"
 echo
 echo "Is it ours? Other processes decode the small file and render what it says; whoever verifies knows the images alone:"
 renders=$out/run/renders # not beside the photographs, whatever folder --out is
@@ -73,7 +71,7 @@ rm -rf "$renders"
 "$compmark" decompress --model "$small" --out "$out/run/decoded.safetensors"
 "$compmark" render --model "$out/run/decoded.safetensors" --split "$split" --out "$renders"
 verdict=0
-"$compmark" verify --images "$renders" --key "$out/owner.key" --decoder "$decoder" --json "$out/proof.json" || verdict=$?
+"$compmark" verify --images "$renders" --key "$out/owner.key" --json "$out/proof.json" || verdict=$?
 case $verdict in 0 | 1 | 3) ;; *) exit "$verdict" ;; esac # an error, and it has been said
 
 # A number or a word at the top of a JSON file as the tool writes it.

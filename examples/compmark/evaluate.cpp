@@ -13,6 +13,7 @@
 #include "commands.hpp"
 #include "common.hpp"
 #include "comparison.hpp"
+#include "decoder_choice.hpp"
 #include "evaluation.hpp"
 #include "reading.hpp"
 #include "run_folder.hpp"
@@ -66,8 +67,8 @@ Command add_evaluate(Options& app) {
   app.reads("--unmarked", input.unmarked, InputKind::model,
             "unmarked counterparts, to measure the cost of the mark: one for all models, or one "
             "for each --model in their order");
-  app.reads("--key", input.key, InputKind::key, "owner's key; its message is read from the renders (with --decoder)");
-  app.reads("--decoder", input.decoder, InputKind::decoder, "message decoder that reads it");
+  app.reads("--key", input.key, InputKind::key, "owner's key; its message is read from the renders");
+  app.reads("--decoder", input.decoder, InputKind::decoder, reading_decoder_text);
   app.word("--split", options->split, "test or train")->capture_default_str()->check(CLI::IsMember({"test", "train"}));
   app.writes("--json", options->files.json, OutputKind::words, "write the figures to this file");
   app.writes("--csv", options->files.csv, OutputKind::words,
@@ -84,6 +85,11 @@ Command add_evaluate(Options& app) {
   app.also([options](FileUse& use) { add_record_read(use, options->compared.key); });
   return [options]() -> int {
     options->compared.split = options->split == "test" ? Split::test : Split::train;
+    CompareSettings& compared = options->compared;
+    if (!compared.key.empty()) {
+      if (const Result<Done> chosen = choose_decoder(compared.decoder, compared.models.front()); !chosen)
+        return fail(chosen.error());
+    }
     options->compared.evaluate.clock = evaluation_settings().clock;
     return run(*options);
   };

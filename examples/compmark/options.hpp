@@ -55,6 +55,14 @@ class Options {
   CLI::Option* reads(const std::string& name, std::vector<Path>& target, InputKind kind, const std::string& text) {
     return declare({name, OptionRole::input, kind, {}, false, [&target] { return target; }, text}, target);
   }
+  /// A file that is read, or one word that names no file.
+  CLI::Option* reads_or(const std::string& word, const std::string& name, Path& target, InputKind kind,
+                        const std::string& text) {
+    const auto file = [&target, word] {
+      return target.empty() || target == word ? std::vector<Path>() : std::vector<Path>{target};
+    };
+    return declare({name, OptionRole::input, kind, {}, false, file, text}, target);
+  }
   /// A share of photographs, or a folder of them: the word itself decides.
   CLI::Option* share_or_folder(const std::string& name, std::string& target, const std::string& text);
   /// A file that is written.

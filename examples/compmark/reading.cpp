@@ -10,6 +10,7 @@
 #include <cstdio>
 
 #include "common.hpp"
+#include "decoder_choice.hpp"
 
 namespace tool {
 
@@ -38,7 +39,7 @@ PayloadText payload_text(const OwnerKey& key, const Message& read) {
 Result<OwnerKey> load_key(const fs::path& path) { return open_private_key(path, print_warning); }
 
 void add_reading_options(Options& app, ReadingOptions& options) {
-  app.reads("--decoder", options.decoder, InputKind::decoder, "decoder file (safetensors)")->required();
+  app.reads("--decoder", options.decoder, InputKind::decoder, reading_decoder_text);
   CLI::Option* model = app.reads("--model", options.model, InputKind::model,
                                  "model.safetensors of a run or a .cmk; its renders are read");
   CLI::Option* images =

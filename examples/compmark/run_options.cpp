@@ -4,6 +4,8 @@
 
 #include <compmark/io/owner_key.hpp>
 
+#include "decoder_choice.hpp"
+
 namespace tool {
 
 using namespace compmark;
@@ -27,9 +29,10 @@ void add_finished_model_options(Options& app, RunSettings& run, RunOptions& opti
 void add_mark_options(Options& app, MarkSettings& options, bool required) {
   CLI::Option* key =
       app.reads("--key", options.key, InputKind::key, "the owner's key (compmark keygen), whose message is hidden");
-  app.reads("--decoder", options.decoder, InputKind::decoder,
-            "the message decoder (default: one is fitted to the scene, as compmark fit does, and "
-            "written to --out)");
+  app.reads_or(fitted_decoder_word, "--decoder", options.decoder, InputKind::decoder,
+               "the message decoder: a file, or the word fit: one is fitted to the scene, as compmark fit does, and "
+               "written to --out; its marks are the least visible ones, and most edits of a picture remove them "
+               "(default: the decoder that comes with the program, for every scene)");
   app.number("--period", options.period, RealRange{0.01, 2},
              "period of the Fourier features of a fitted decoder, in colours from 0 to 1; a long "
              "period gives more even bits in all views and a more visible mark");
@@ -66,6 +69,10 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
   app.number("--sample-by-loss", options.by_cost, share_range,
              "share of the sampled novel views that go where the message loss was high lately, so "
              "that hard views are seen more often; 0: none (default: 0)");
+  app.number("--edits", options.edits, share_range,
+             "share of the readings before which the render is edited, as pictures are on their way (resized, turned, "
+             "cropped, other colours, softer, noisy, JPEG), so that the mark is learned to survive it; an edit takes a "
+             "tenth of an iteration (default: 0)");
   app.number("--calibrate-steps", options.calibrate_steps, any_count,
              "iterations between step-bias calibrations of a context_gs model, without which a "
              "mark makes the file grow; 0: none (default: 50)");

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "training_options.hpp"
 
+#include "decoder_choice.hpp"
+
 #include <vector>
 
 #include "presets.hpp"
@@ -93,9 +95,9 @@ void bind_options(Options& app, TrainOptions& options) {
   app.flag("--lpips-family-range", options.settings.lpips.family_range,
            "give LPIPS images in [0, 1], as the 3DGS family does, not in [-1, 1]");
   add_mark_options(app, options.settings.mark, false);
-  app.number("--mark-iterations", options.settings.mark_iterations, run_length,
-             "iterations that hide the message after the training, without --decoder (default: "
-             "2000; 4000 for a codec)");
+  app.number(
+      "--mark-iterations", options.settings.mark_iterations, run_length,
+      "iterations that hide the message after the training (default: 2000; 4000 for a codec with --decoder fit)");
   app.also([&options](FileUse& use) {
     const TrainSceneSettings& settings = options.settings;
     const RunFiles run{settings.out, options.run.json_log, {}, settings.mark.wanted()};
@@ -104,7 +106,8 @@ void bind_options(Options& app, TrainOptions& options) {
     if (marks_afterwards(settings)) {
       add_run_files(use, run, settings.out / "unmarked");
       use.write_in(settings.out, {"unmarked.cmk"}, "--out");
-      if (settings.mark.decoder.empty()) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
+      if (settings.mark.decoder == fitted_decoder_word)
+        use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
     }
   });
 }
@@ -126,7 +129,7 @@ Result<Done> complete(const Options& app, TrainOptions& options) {
                  "unknown colour \"" + options.background + "\"",
                  "choose black or white"};
   }
-  return Done{};
+  return choose_decoder(settings.mark);
 }
 
 void bind_options(Options& app, EmbedOptions& options) {
@@ -138,9 +141,10 @@ void bind_options(Options& app, EmbedOptions& options) {
                   "folder for the marked model, results.json and report.html; for a codec also "
                   "model.cmk and unmarked.cmk")
       ->required();
-  app.number("--iterations", options.settings.iterations, run_length,
-             "iterations of the run (default: 2000; 4000 for a codec, 8000 there with a decoder "
-             "that is not fitted to the scene)");
+  app.number(
+      "--iterations", options.settings.iterations, run_length,
+      "iterations of the run (default: 2000; for a codec 4000 with a decoder that is fitted to the scene, and 8000 "
+      "with one of random weights)");
   add_finished_model_options(app, options.settings, options.run);
   add_mark_options(app, options.settings.mark, true);
   app.word("--distortion", options.distortion,
@@ -152,7 +156,8 @@ void bind_options(Options& app, EmbedOptions& options) {
     const EmbedSettings& settings = options.settings;
     add_run_files(use, {settings.out, options.run.json_log, settings.model, settings.mark.wanted()}, settings.out);
     add_record_written(use, settings.mark.key);
-    if (settings.mark.decoder.empty()) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
+    if (settings.mark.decoder == fitted_decoder_word)
+      use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
     if (settings.mark.unmarked.empty()) use.write(settings.out / "unmarked.cmk", "--out");
   });
 }
@@ -160,7 +165,7 @@ void bind_options(Options& app, EmbedOptions& options) {
 Result<Done> complete(const Options& /*app*/, EmbedOptions& options) {
   if (options.distortion == "noise") options.settings.distortion = EmbedDistortion::noise;
   if (options.distortion == "none") options.settings.distortion = EmbedDistortion::none;
-  return Done{};
+  return choose_decoder(options.settings.mark);
 }
 
 void bind_options(Options& app, FitCodecOptions& options) {
@@ -182,8 +187,8 @@ void bind_options(Options& app, FitCodecOptions& options) {
   app.number("--iterations", options.settings.iterations, run_length, "iterations of the run")->capture_default_str();
   app.reads("--key", options.settings.mark.key, InputKind::key,
             "owner's key of a marked model; its message is read from the fitted model and from "
-            "its file (with --decoder)");
-  app.reads("--decoder", options.settings.mark.decoder, InputKind::decoder, "message decoder that reads it");
+            "its file");
+  app.reads("--decoder", options.settings.mark.decoder, InputKind::decoder, reading_decoder_text);
   app.reads("--unmarked", options.settings.mark.unmarked, InputKind::model,
             "the unmarked counterpart, a model or its .cmk, to measure the cost of the mark and "
             "of the file");
@@ -195,6 +200,9 @@ void bind_options(Options& app, FitCodecOptions& options) {
   });
 }
 
-Result<Done> complete(const Options& /*app*/, FitCodecOptions& /*options*/) { return Done{}; }
+Result<Done> complete(const Options& /*app*/, FitCodecOptions& options) {
+  MarkSettings& mark = options.settings.mark;
+  return mark.key.empty() ? Result<Done>(Done{}) : choose_decoder(mark.decoder, options.settings.model);
+}
 
 }  // namespace tool

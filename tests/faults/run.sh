@@ -54,7 +54,7 @@ words() {
   case $1 in
     train) cmd=(train "${run[@]}" --iterations 150 --voxel-size 0.5 --checkpoint-every 10 --seed) ;;
     train_hac) cmd=(train "${run[@]}" --iterations 30 --voxel-size 0.5 --checkpoint-every 10 --codec hac --seed) ;;
-    mark) cmd=(train "${run[@]}" --iterations 30 --voxel-size 0.5 --checkpoint-every 10 --key "$in/short.key" --mark-iterations 20 --seed) ;;
+    mark) cmd=(train "${run[@]}" --iterations 30 --voxel-size 0.5 --checkpoint-every 10 --key "$in/short.key" --decoder fit --mark-iterations 20 --seed) ;;
     embed) cmd=(embed "${run[@]}" --model "$in/run/model.safetensors" --key "$in/owner.key" --decoder "$in/dec.safetensors" --iterations 80 --checkpoint-every 10 --seed) ;;
     embed_hac) cmd=(embed "${run[@]}" --model "$in/hac/model.safetensors" --key "$in/owner.key" --decoder "$in/dec.safetensors" --iterations 10 --checkpoint-every 3 --seed) ;;
     fit_codec) cmd=(fit-codec "${run[@]}" --model "$in/run/model.safetensors" --iterations 25 --checkpoint-every 5 --seed) ;;

@@ -115,9 +115,10 @@ TEST_CASE("tool: in a published profile the frequency loss trains from the middl
 TEST_CASE("tool: a published profile needs a decoder that is there before, and marks what it was published for") {
   const std::string common =
       "train --iterations 20 --data " + setting().scene + " --out " + at("none") + " --key " + setting().key;
+  const std::string fitted = common + " --decoder fit";
   for (const char* more : {" --profile official", " --profile paper", " --profile official --codec hac"}) {
     CAPTURE(more);
-    check_refused(tool(common + more), {"--profile", "--decoder"});
+    check_refused(tool(fitted + more), {"--profile", "--decoder"});
   }
   check_refused(tool(common + " --profile paper --fidelity 3000 --decoder " + setting().decoder),
                 {"--fidelity", "paper"});

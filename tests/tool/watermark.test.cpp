@@ -392,7 +392,7 @@ TEST_CASE(
   const std::string run =
       "train --voxel-size 0.2 --effects none --iterations 600 --mark-iterations 400 --fidelity 300 --message-rate "
       "0.004 --period 0.12 --tone 0.005 --data " +
-      setting().scene + " --key " + key + " --out " + at("whole");
+      setting().scene + " --key " + key + " --decoder fit --out " + at("whole");
   // A signal that meets the fit ends it at once: there is nothing to save, and no flag is looked at before the decoder would be written.
   const Outcome ended =
       tool(run + " 2>&1 & pid=$!; while [ ! -f " + at("whole/unmarked/results.json") +
@@ -436,7 +436,7 @@ TEST_CASE(
   // Nor is the decoder taken for another one, and one that is named is not fitted.
   const std::string embed = "embed --iterations 400 --fidelity 300 --message-rate 0.004 --model " +
                             at("whole/unmarked/model.safetensors") + " --data " + setting().scene + " --key " + key +
-                            " --out " + at("whole") + " --resume";
+                            " --decoder fit --out " + at("whole") + " --resume";
   check_refused(tool(embed + " --period 0.2"), {"decoder.safetensors", "--period"});
   check_refused(tool(embed + " --tone 0"), {"decoder.safetensors", "--tone"});
   check_refused(tool(embed + " --tone 0.05"), {"decoder.safetensors", "--tone"});

@@ -63,13 +63,14 @@ TEST_CASE("decoder/decoder_file: what is written comes back, every kind, to the 
   strided.whiten_bias.clear();
   strided.note = "note, with \"quotes\"";
   for (DecoderWeights weights : {testing::small_decoder(4, 5, 2), strided, carrier}) {
-    weights.input = {2, 0.1, {0.1, 0.2, 0.3}, {1.0 / 3, 2, 3}, 100, weights.stem == 1 ? 90 : 0};
+    weights.input = {2, 0.1, {0.1, 0.2, 0.3}, {1.0 / 3, 2, 3}, 100, weights.stem == 1 ? 90 : 0, weights.stem == 1};
     weights.logit_scale = 1.0 / 7;
     const auto path = folder() / "round.safetensors";
     REQUIRE(write_decoder<SafetensorsWriter>(weights, path).ok());
     const auto file = read_safetensors(path);
     REQUIRE(file.ok());
     CHECK(file->metadata.contains("smallest_side") == (weights.input.smallest_side != 0));  // else the bytes of before
+    CHECK(file->metadata.contains("reads") == weights.input.subject_alone);
     const auto back = read_decoder(*file);
     REQUIRE_MESSAGE(back.ok(), back.error().line());
     CHECK(back->kind == weights.kind);
@@ -143,6 +144,7 @@ TEST_CASE("decoder/decoder_file: bad files are refused with one line that names 
           w.metadata["largest_side"] = "256";
           w.metadata["smallest_side"] = "257";
         }) == "__metadata__.smallest_side: \"257\" is not an integer from 0 to 256");
+  CHECK(with("reads", "frame") == "__metadata__.reads: \"frame\" is not picture or subject");
   CHECK(with("stem", "2") == "__metadata__.stem: a hidden decoder has none (1)");
   CHECK(with("activation", "tanh") == "__metadata__.activation: \"tanh\" is not gelu or relu");
 

@@ -30,10 +30,12 @@ struct RunSettings {
 
 /// What is hidden, and the numbers of the mark; those that are not set are the function's own.
 struct MarkSettings {
-  std::size_t bits = 0;            ///< length of the message, checked against the key's; 0: the key's
-  std::filesystem::path key;       ///< the owner's, whose message is hidden
-  std::filesystem::path decoder;   ///< empty: one is fitted to the scene where the mark is hidden in a finished model
-  std::filesystem::path unmarked;  ///< unmarked model to compare with; may be empty
+  std::size_t bits = 0;           ///< length of the message, checked against the key's; 0: the key's
+  std::filesystem::path key;      ///< the owner's, whose message is hidden
+  std::filesystem::path decoder;  ///< empty: one is fitted to the scene where the mark is hidden in a finished model
+  /// A decoder for every scene that is taken where `decoder` is empty; its mark is hidden in a finished model too.
+  std::filesystem::path universal;
+  std::filesystem::path unmarked;      ///< unmarked model to compare with; may be empty
   std::optional<double> period, tone;  ///< of a decoder that is fitted on the way (DecoderFitSettings)
   std::optional<double> weight;        ///< of the message
   std::optional<double> margin;        ///< of the hinge, in logits
@@ -42,6 +44,7 @@ struct MarkSettings {
   std::optional<double> fidelity;      ///< of the marked renders to the unmarked ones
   std::optional<double> fall;          ///< power by which the fidelity falls with the distance from the photographs
   std::optional<double> by_cost;       ///< share of the draw of cameras that follows what the message costs there
+  std::optional<double> edits;         ///< share of the readings before which the render is edited (CommonEdits)
   std::optional<std::int64_t> calibrate_steps;  ///< cadence of PosthocSettings::calibrate_steps_every
   std::int64_t message_every = 1;               ///< cadence
   bool for_compression = false;                 ///< with the noise of quantization
@@ -49,7 +52,8 @@ struct MarkSettings {
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !unmarked.empty() || period || tone || weight || margin ||
-           power || rate || fidelity || fall || by_cost || calibrate_steps || message_every != 1 || for_compression;
+           power || rate || fidelity || fall || by_cost || edits || calibrate_steps || message_every != 1 ||
+           for_compression;
   }
 };
 

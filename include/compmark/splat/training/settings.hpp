@@ -47,6 +47,7 @@ struct MessageSettings {
   double hinge_power = 1;   ///< at least 1: of the hinge, in units of its margin; above 1 wrong bits are pulled harder
   std::int64_t novel_view_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
   double image_weight = 1;            ///< of every other loss once the message has begun
+  double edited_share = 0;  ///< of the readings, before which a picture is edited where the decoder can do that
 
   friend bool operator==(const MessageSettings&, const MessageSettings&) = default;
 };

@@ -252,6 +252,13 @@ template <class TensorFile>
     weights.input.largest_side = reader.integer("largest_side", 0, 1 << 20);
     if (const int most = weights.input.largest_side; file.metadata.contains("smallest_side"))  // not in older files
       weights.input.smallest_side = reader.integer("smallest_side", 0, most != 0 ? most : 1 << 13);
+    if (file.metadata.contains("reads")) {  // what of a picture; not in older files
+      const std::string reads = reader.text("reads");
+      weights.input.subject_alone = reads == "subject";
+      if (reads != "subject" && reads != "picture")
+        reader.fail(ErrorKind::unsupported, "__metadata__.reads",
+                    "\"" + reads.substr(0, 40) + "\" is not picture or subject", reader.remedy);
+    }
     weights.input.gain = reader.numbers("input_gain", 1)[0];
     const std::vector<double> mean = reader.numbers("input_mean", 3), deviation = reader.numbers("input_deviation", 3);
     for (std::size_t c = 0; c < 3; ++c) {

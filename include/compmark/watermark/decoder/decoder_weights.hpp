@@ -99,6 +99,13 @@ struct DecoderWeights {
   return static_cast<int>(n);
 }
 
+/// Smaller images would leave a kernel that sees more border than image, or a layer without a position. 0: no image is
+/// large enough.
+[[nodiscard]] inline int smallest_picture(const DecoderWeights& weights) {
+  const int smallest = smallest_input(weights.layers);
+  return smallest == 0 ? 0 : std::max(3, smallest) * weights.stem << weights.input.haar_levels;
+}
+
 /// A layer with its normalisation inside: w g / sqrt(v + eps) and (b - m) g / sqrt(v + eps) + beta, in double, rounded
 /// once.
 template <class T>

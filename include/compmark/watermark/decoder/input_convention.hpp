@@ -8,6 +8,7 @@
 //   A: shrinking by area so that the larger side is at most largest_side (0: never), or enlarging (bilinear, half-pixel
 //      centres) so that it is at least smallest_side: with both equal, a scaled picture is read at the size it was read
 //      at before.
+// With subject_alone the image is cut to its subject first (subject_box.hpp).
 // Published HiDDeN files were used on the raw LL: levels 1, gain 1, mean 0, deviation 1. Cost: about two operations a
 // pixel.
 #pragma once
@@ -34,8 +35,9 @@ struct InputConvention {
   double gain = 1;
   std::array<double, 3> mean{0, 0, 0};
   std::array<double, 3> deviation{1, 1, 1};
-  int largest_side = 0;   ///< of the network's input; 0: no limit
-  int smallest_side = 0;  ///< what its larger side has at least; 0: any; not above largest_side unless that is 0
+  int largest_side = 0;        ///< of the network's input; 0: no limit
+  int smallest_side = 0;       ///< what its larger side has at least; 0: any; not above largest_side unless that is 0
+  bool subject_alone = false;  ///< the image is cut to subject_box() before anything else
 
   bool operator==(const InputConvention&) const = default;
 

@@ -25,6 +25,7 @@
 #include "compmark/watermark/decoder/decoder_stem.hpp"
 #include "compmark/watermark/decoder/decoder_weights.hpp"
 #include "compmark/watermark/decoder/input_convention.hpp"
+#include "compmark/watermark/decoder/subject_box.hpp"
 
 namespace compmark {
 
@@ -54,6 +55,8 @@ class NetworkDecoder {
   /// What a forward pass leaves for the backward pass, and scratch; grow-only.
   struct Context {
     typename DecoderInput<T>::Context input;
+    PictureBox box;                      ///< what is read of the image
+    Buffer<T> subject;                   ///< [3, box] what is there, then its gradient, where it is not the whole image
     Buffer<T> converted;                 ///< [3, h, w] the image as the network sees it, then its gradient
     std::array<FeatureMaps<T>, 2> maps;  ///< values, then gradients: of this layer and the next
     std::vector<FeatureMaps<T>> slopes;  ///< of each layer's activation, in the layout of its output
@@ -80,8 +83,8 @@ class NetworkDecoder {
     }
     COMPMARK_ASSERT(!layers_.empty() && layers_.back().tap && head_.columns == weights.features(),
                     "NetworkDecoder: weights");
-    smallest_ = smallest_input(weights.layers);
-    COMPMARK_ASSERT(smallest_ != 0, "NetworkDecoder: layers that no image fits");
+    minimum_size_ = smallest_picture(weights);
+    COMPMARK_ASSERT(minimum_size_ != 0, "NetworkDecoder: layers that no image fits");
   }
 
   [[nodiscard]] int bits() const { return head_.rows; }
@@ -90,7 +93,7 @@ class NetworkDecoder {
   [[nodiscard]] double logit_scale() const { return logit_scale_; }
   [[nodiscard]] const InputConvention& input() const { return input_.convention(); }
   /// Smaller images would leave a kernel that sees more border than image, or a layer without a position.
-  [[nodiscard]] int minimum_size() const { return std::max(3, smallest_) * stem_ << input().haar_levels; }
+  [[nodiscard]] int minimum_size() const { return minimum_size_; }
 
   /// Fills features() means over positions, before the head: what whitening statistics are made of.
   template <Executor E>
@@ -174,7 +177,21 @@ class NetworkDecoder {
                                IdentityFinish{});
     const ImageView<T> d_converted{context.converted.data(), 3, context.height, context.width};
     depth_to_space(std::as_const(*next).view(), stem_, d_converted, executor);
-    input_.backward(d_converted, d_image, context.input, executor);
+    const PictureBox& box = context.box;
+    if (box.height == d_image.height && box.width == d_image.width) {
+      input_.backward(d_converted, d_image, context.input, executor);
+      return;
+    }
+    const ImageView<T> d_subject{context.subject.data(), 3, box.height, box.width};
+    std::fill_n(d_subject.data, d_subject.size(), T(0));
+    input_.backward(d_converted, d_subject, context.input, executor);
+    for (int c = 0; c < 3; ++c) {
+      for (int y = 0; y < box.height; ++y) {
+        T* const to = d_image.row(c, box.top + y) + box.left;
+        const T* const from = d_subject.row(c, y);
+        for (int x = 0; x < box.width; ++x) to[x] += from[x];
+      }
+    }
   }
 
  private:
@@ -194,6 +211,21 @@ class NetworkDecoder {
     }
     return true;
   }
+  /// What is read of an image.
+  [[nodiscard]] ImageView<const T> subject_of(ImageView<const T> image, Context& context) const {
+    context.box = {0, 0, image.height, image.width};
+    if (!input().subject_alone) return image;
+    const PictureBox box = subject_box(image, minimum_size());
+    if (box.height == image.height && box.width == image.width) return image;
+    context.box = box;
+    context.subject.resize(3 * static_cast<std::size_t>(box.height) * static_cast<std::size_t>(box.width));
+    const ImageView<T> subject{context.subject.data(), 3, box.height, box.width};
+    for (int c = 0; c < 3; ++c) {
+      for (int y = 0; y < box.height; ++y)
+        std::copy_n(image.row(c, box.top + y) + box.left, box.width, subject.row(c, y));
+    }
+    return subject;
+  }
   [[nodiscard]] T tap_share(FeatureView<const T> maps) const {
     return static_cast<T>(1 / (static_cast<double>(maps.height) * static_cast<double>(maps.width)));
   }
@@ -210,6 +242,7 @@ class NetworkDecoder {
   FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor, bool raw,
                      const Activation& activation) const {
     COMPMARK_ASSERT(image.channels == 3, "NetworkDecoder: an RGB image");
+    image = subject_of(image, context);
     const auto size = input().output_size(image.height, image.width);
     context.height = size[0];
     context.width = size[1];
@@ -290,7 +323,7 @@ class NetworkDecoder {
 
   DecoderInput<T> input_;
   int stem_ = 1;
-  int smallest_ = 1;
+  int minimum_size_ = 1;
   DecoderActivation activation_ = DecoderActivation::gelu;
   double logit_scale_ = 10;
   DecoderHead head_;

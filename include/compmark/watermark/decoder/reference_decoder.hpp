@@ -17,6 +17,7 @@
 #include "compmark/math/gelu.hpp"
 #include "compmark/watermark/decoder/decoder_stem.hpp"
 #include "compmark/watermark/decoder/decoder_weights.hpp"
+#include "compmark/watermark/decoder/subject_box.hpp"
 
 namespace compmark {
 
@@ -144,6 +145,16 @@ template <class S>
 /// The features of an image: means of the tapped layers.
 template <class S>
 [[nodiscard]] std::vector<S> reference_features(const DecoderWeights& weights, ImageView<const S> image) {
+  std::vector<S> subject;
+  if (weights.input.subject_alone) {
+    const PictureBox box = subject_box(image, smallest_picture(weights));
+    for (int c = 0; c < 3; ++c) {
+      for (int y = 0; y < box.height; ++y) {
+        for (int x = 0; x < box.width; ++x) subject.push_back(image(c, box.top + y, box.left + x));
+      }
+    }
+    image = {subject.data(), 3, box.height, box.width};
+  }
   detail::ReferenceMaps<S> input = detail::reference_input<S>(weights.input, image);
   detail::ReferenceMaps<S> maps(3 * weights.stem * weights.stem, stem_size(input.height, weights.stem),
                                 stem_size(input.width, weights.stem));

@@ -100,9 +100,11 @@ namespace detail {
   }();
   if (!recipe) return recipe.error();
   plan.recipe = *recipe;
+  take_universal(plan.mark);
   const bool coded = is_coded_recipe(*recipe);
   const bool fitted = plan.mark.decoder.empty() || fitted_decoder(plan.mark.decoder);
-  if (plan.iterations == 0) plan.iterations = coded ? (fitted ? 4000 : 8000) : 2000;
+  const bool universal = !fitted && universal_decoder(plan.mark.decoder);
+  if (plan.iterations == 0) plan.iterations = coded && !universal ? (fitted ? 4000 : 8000) : 2000;
   if (Result<Done> can = can_mark_finished(plan); !can) return can.error();
   if (Result<Done> fits = check_to_fit(plan.mark); !fits) return fits.error();
   plan.recipe = marking_recipe(*recipe);
@@ -130,12 +132,17 @@ namespace detail {
   if (own_unmarked) plan.mark.unmarked = plan.model;
   settings.mark = posthoc_mark();
   // what each was measured with (docs/notebook/watermark_experiments.md)
-  settings.mark.residual.learning_rate = fitted ? 0.006 : 0.001;
+  settings.mark.residual.learning_rate = fitted ? 0.006 : universal ? 0.01 : 0.001;
+  if (universal) {
+    settings.mark.posthoc.fidelity = 1200;
+    settings.mark.posthoc.draw_by_cost = 1;
+    settings.mark.message.edited_share = 0.7;
+  }
   Result<RunMark> mark = load_mark(plan.mark, settings, *plan.executor, warnings_of(observer));
   if (!mark) return mark.error();
   // Rounding changes the file far more than a mark does, and a mark that moves values by whole steps is noise in other
   // views (docs/notebook/watermark_experiments.md).
-  if (coded && !plan.mark.fidelity) settings.mark.posthoc.fidelity = fitted ? 2000 : 600;
+  if (coded && !universal && !plan.mark.fidelity) settings.mark.posthoc.fidelity = fitted ? 2000 : 600;
   // A mark in ancestors must not make the quantizer steps of their descendants finer
   // (codec/model/step_bias_calibration.hpp).
   if (recipe_codec(*recipe) == std::string_view("context_gs") && distortion != EmbedDistortion::none &&

@@ -28,7 +28,7 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
     return no_message_in(plan.recipe);
   } else {
     if (!is_published_profile(settings.profile))
-      return run_recipe<recipes::Marked<R, FileDecoder>>(plan, settings, mark);
+      return run_recipe<recipes::Marked<R, MarkingDecoder>>(plan, settings, mark);
     // The published captures have no effects, and each recipe is ten seconds of a compiler.
     if constexpr (present<typename R::AlphaLoss> || present<typename R::PixelWeights> || requires { R::is_fitted; }) {
       return Error{ErrorKind::unsupported,
@@ -37,7 +37,7 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
                    "\"" + settings.profile + "\" marks hac and context_gs only, not " + plan.recipe,
                    "leave out --recipe, or --profile"};
     } else {
-      return run_recipe<recipes::WithFrequency<recipes::Marked<R, FileDecoder>>>(plan, settings, mark);
+      return run_recipe<recipes::WithFrequency<recipes::Marked<R, MarkingDecoder>>>(plan, settings, mark);
     }
   }
 }
@@ -64,14 +64,14 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
   using recipes::Marked;
   if (plan.recipe == "scaffold") {
     if (mark.for_compression)
-      return run_recipe<recipes::MarkedForCompression<recipes::Scaffold, FileDecoder>>(plan, settings, &mark);
-    return run_recipe<Marked<recipes::Scaffold, FileDecoder>>(plan, settings, &mark);
+      return run_recipe<recipes::MarkedForCompression<recipes::Scaffold, MarkingDecoder>>(plan, settings, &mark);
+    return run_recipe<Marked<recipes::Scaffold, MarkingDecoder>>(plan, settings, &mark);
   }
   // The whole published method, which has the noise of quantization in it.
   if (plan.recipe == "compmark-host")
-    return run_recipe<recipes::CompMarkGs<recipes::CompMarkBase, FileDecoder>>(plan, settings, &mark);
+    return run_recipe<recipes::CompMarkGs<recipes::CompMarkBase, MarkingDecoder>>(plan, settings, &mark);
   if (plan.recipe == "compmark-paper-host")
-    return run_recipe<recipes::CompMarkGsPaper<FileDecoder>>(plan, settings, &mark);
+    return run_recipe<recipes::CompMarkGsPaper<MarkingDecoder>>(plan, settings, &mark);
   if (mark.for_compression) {
     return Error{ErrorKind::unsupported,
                  {},
@@ -80,9 +80,9 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
                  "leave the option out, or choose --recipe scaffold"};
   }
   if (plan.recipe == "scaffold+mask")
-    return run_recipe<Marked<recipes::ScaffoldMasked, FileDecoder>>(plan, settings, &mark);
+    return run_recipe<Marked<recipes::ScaffoldMasked, MarkingDecoder>>(plan, settings, &mark);
   if (plan.recipe == "scaffold+alpha")
-    return run_recipe<Marked<recipes::ScaffoldAlpha, FileDecoder>>(plan, settings, &mark);
+    return run_recipe<Marked<recipes::ScaffoldAlpha, MarkingDecoder>>(plan, settings, &mark);
   return no_message_in(plan.recipe);
 }
 

@@ -20,6 +20,7 @@
 #include "compmark/io/safetensors.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/version.hpp"
+#include "compmark/watermark/edit/edit_chain.hpp"
 #include "compmark/watermark/proof/key.hpp"
 #include "compmark/watermark/proof/message.hpp"
 
@@ -29,6 +30,25 @@ namespace compmark::detail {
 [[nodiscard]] inline bool fitted_decoder(const std::filesystem::path& path) {
   const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
   return file && file->metadata.contains("centres");
+}
+
+/// What reads the renders of a run that hides a message: the decoder, before which renders are edited.
+using MarkingDecoder = EditedDecoder<FileDecoder, CommonEdits>;
+[[nodiscard]] inline MarkingDecoder marking_decoder(const RunMark& mark, const MessageSettings& settings) {
+  CommonEdits::Settings edits;
+  edits.none = 1 - settings.edited_share;
+  return {mark.decoder, edits};
+}
+
+/// Whether a decoder was trained for every scene, and reads the subject of a picture. What its marks are learned with
+/// was measured (docs/watermark.md).
+[[nodiscard]] inline bool universal_decoder(const std::filesystem::path& path) {
+  const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
+  return file && file->metadata.contains("reads") && file->metadata.at("reads") == "subject";
+}
+/// Takes the decoder for every scene where none is named. One that is fitted has to be asked for then.
+inline void take_universal(MarkSettings& mark) {
+  if (mark.decoder.empty()) mark.decoder = mark.universal;
 }
 
 /// The key of a mark; its message must have the length of `bits`, if that is given.
@@ -50,8 +70,8 @@ namespace compmark::detail {
     return Error{ErrorKind::unsupported,
                  {},
                  name,
-                 "belongs to a decoder that this command fits, but --decoder names a finished one",
-                 "leave out one of the two options, or fit the decoder with compmark fit first"};
+                 "belongs to a decoder that this command fits, but a finished one is used",
+                 "leave the option out, or give --decoder fit"};
   }
   return Done{};
 }
@@ -115,7 +135,8 @@ namespace compmark::detail {
   if (options.fidelity && (*options.fidelity > 0) != (mark.posthoc.fidelity > 0)) {
     mark = *options.fidelity > 0 ? posthoc_mark() : mark_in_the_photographs();
   }
-  if (mark.posthoc.fidelity > 0 && fitted_decoder(options.decoder)) mark.message.hinge_power = 2;
+  if (mark.posthoc.fidelity > 0 && (fitted_decoder(options.decoder) || universal_decoder(options.decoder)))
+    mark.message.hinge_power = 2;
   mark.message.logit_scale = decoder->logit_scale();
   if (options.weight) mark.message.lambda = *options.weight;
   if (options.margin) mark.message.hinge_margin = *options.margin * mark.message.logit_scale;
@@ -131,6 +152,7 @@ namespace compmark::detail {
   if (options.fidelity) mark.posthoc.fidelity = *options.fidelity;
   if (Result<Done> held = check_held(options, mark.posthoc.fidelity); !held) return held.error();
   if (options.by_cost) mark.posthoc.draw_by_cost = *options.by_cost;
+  if (options.edits) mark.message.edited_share = *options.edits;
   if (options.calibrate_steps) mark.posthoc.calibrate_steps_every = *options.calibrate_steps;
   if (options.fall) mark.posthoc.fidelity_fall = *options.fall;
   mark.message.every = options.message_every;

@@ -239,7 +239,7 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
   if constexpr (is_marked) {
     if (data.settings.mark.posthoc.fidelity > 0) {
       PosthocEmbedding<R, ThreadExecutor> embedding(data.settings, executor);
-      set_watermark(embedding, mark->decoder, mark->bits);
+      set_watermark(embedding, marking_decoder(*mark, data.settings.mark.message), mark->bits);
       const Result<std::optional<double>> before = take_up(plan, data, embedding);
       if (!before) return before.error();
       if (!*before) {
@@ -249,7 +249,7 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
     }
   }
   Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
-  if constexpr (is_marked) set_watermark(trainer, mark->decoder, mark->bits);
+  if constexpr (is_marked) set_watermark(trainer, marking_decoder(*mark, data.settings.mark.message), mark->bits);
   const Result<std::optional<double>> before = take_up(plan, data, trainer);
   if (!before) return before.error();
   if (!*before && loaded) {

@@ -24,6 +24,7 @@ namespace detail {
 [[nodiscard]] inline Result<RunOutcome> train_then_mark(RunPlan plan, const TrainSettings& settings,
                                                         std::int64_t mark_iterations) {
   RunObserver& observer = *plan.observer;
+  take_universal(plan.mark);
   // All options are checked before hours of work.
   const Result<OwnerKey> key = key_of(plan.mark, warnings_of(observer));
   if (!key) return key.error();
@@ -166,6 +167,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
   }
   if (chosen.recipe.find("+antialiasing") != std::string::npos)
     settings->blur_variance = recipes::antialiasing_blur_variance;
+  if (detail::is_published_profile(chosen.profile)) detail::take_universal(chosen.mark);
   const detail::RunPlan plan = detail::plan_of(chosen, executor, observer);
   if (chosen.mark.wanted()) {
     if (Result<Done> fits = detail::check_published_mark(chosen); !fits) return fits.error();
