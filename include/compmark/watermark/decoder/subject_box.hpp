@@ -6,11 +6,12 @@
 // an object at one size in every view, and what was put round a picture is no edit of it.
 //
 // The picture is averaged over blocks, about forty along its longer side, so that noise does not count. A side loses
-// its outermost line of blocks while all blocks of that line have one colour, the one that the first of them had; then
-// the next colour is asked, so that a frame round a white background goes, and the background too. What is flat is said
-// by the line itself: three times its own spread, within 0.03 and 0.1. A box more than 4:3 wide or high is widened into
-// the last colour that it lost. A picture that is flat everywhere, or that would lose all but a sixteenth of a side, is
-// kept whole. A line of a few blocks goes in a colour that went before alone. Cost: one pass over the picture, ~1 ns a value. The box is the same number whatever the executor.
+// its outermost line of blocks while all blocks of that line have the colour that the first line had; then the next
+// colour is asked, so that a frame round a white background goes, and the background too. What is flat is said by the
+// line itself: three times its own spread, within 0.03 and 0.1. A line of a few blocks goes only in a colour that went
+// before. A box more than 4:3 wide or high is widened into the last colour that it lost. A picture that is flat
+// everywhere, or that would lose all but a sixteenth of a side, is kept whole. Cost: one pass over the picture, 0.15 ms
+// at 400 x 400. The box does not depend on the executor.
 #pragma once
 
 #include <algorithm>
@@ -91,7 +92,7 @@ class FlatLines {
     return means_[static_cast<std::size_t>(row) * static_cast<std::size_t>(blocks_[1]) +
                   static_cast<std::size_t>(column)];
   }
-  /// The blocks of a line, of those that are left, without its ends: at the corner of a frame lies a block of two sides.
+  /// The blocks of a line, of those that are left, without its ends: in the corner of a frame a block has two sides.
   void line(std::size_t axis, int at, std::vector<Colour>& colours) {
     colours.clear();
     const std::array<int, 2>& along = bounds_[1 - axis];
@@ -192,7 +193,8 @@ class FlatLines {
 
 }  // namespace detail
 
-/// The box of the subject of an RGB picture in [0, 1]; the whole picture, if a side of it would be below `least` pixels.
+/// The box of the subject of an RGB picture in [0, 1]; the whole picture, if a side of it would be below `least`
+/// pixels.
 template <class T>
 [[nodiscard]] PictureBox subject_box(ImageView<const T> image, int least = 1) {
   const PictureBox box = detail::FlatLines(image).box();
