@@ -20,7 +20,7 @@ for n, layer in enumerate(args["layers"].split()):
 tensors["whiten.weight"] = W @ d["linear.weight"].astype(np.float64)
 tensors["whiten.bias"] = W @ (d["linear.bias"].astype(np.float64) - w["mu"])
 meta = dict(format="compmark decoder", format_version="1", kind="carrier", bits="0", width=args["layers"].split("/")[0], depth=str(len(layers) - 1), stem="4", activation="gelu",
-            norm_epsilon="0.001", logit_scale="1.6", haar_levels="0", largest_side=str(args["reading_size"]), smallest_side=str(args["reading_size"]), input_gain="1", input_mean="0.485 0.456 0.406",
+            norm_epsilon="0.001", logit_scale="1.6", haar_levels="0", largest_side=str(args["reading_size"]), smallest_side=str(args["reading_size"]), reads="subject", input_gain="1", input_mean="0.485 0.456 0.406",
             input_deviation="0.229 0.224 0.225", layers=" ".join(layers), note=note)
 head, blob = {"__metadata__": meta}, b""
 for k, v in tensors.items():
