@@ -22,6 +22,11 @@ inline constexpr const char* reading_decoder_text =
 /// The decoder for every scene: installed with the program, or in the folder that it was built from.
 [[nodiscard]] compmark::Result<std::filesystem::path> shipped_decoder();
 
+/// Whether a decoder is written, perhaps: where it is named, none is.
+[[nodiscard]] inline bool fits_decoder(const compmark::MarkSettings& mark) {
+  return mark.decoder.empty() || mark.decoder == fitted_decoder_word;
+}
+
 /// Of a command that hides a message. Call it once the words were parsed.
 [[nodiscard]] compmark::Result<compmark::Done> choose_decoder(compmark::MarkSettings& mark);
 

@@ -106,8 +106,7 @@ void bind_options(Options& app, TrainOptions& options) {
     if (marks_afterwards(settings)) {
       add_run_files(use, run, settings.out / "unmarked");
       use.write_in(settings.out, {"unmarked.cmk"}, "--out");
-      if (settings.mark.decoder == fitted_decoder_word)
-        use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
+      if (fits_decoder(settings.mark)) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
     }
   });
 }
@@ -156,8 +155,7 @@ void bind_options(Options& app, EmbedOptions& options) {
     const EmbedSettings& settings = options.settings;
     add_run_files(use, {settings.out, options.run.json_log, settings.model, settings.mark.wanted()}, settings.out);
     add_record_written(use, settings.mark.key);
-    if (settings.mark.decoder == fitted_decoder_word)
-      use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
+    if (fits_decoder(settings.mark)) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
     if (settings.mark.unmarked.empty()) use.write(settings.out / "unmarked.cmk", "--out");
   });
 }

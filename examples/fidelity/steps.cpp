@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "../compmark/common.hpp"
+#include "../compmark/decoder_choice.hpp"
 #include "../compmark/key_making.hpp"
 #include "../compmark/machine_memory.hpp"
 #include "../compmark/process.hpp"
@@ -114,7 +115,8 @@ Parsed<tool::FitCodecOptions> codec_fit(const Cell& cell, const Settings& settin
 
 Parsed<tool::EmbedOptions> embedding(const Cell& cell, const Settings& settings, const fs::path& folder) {
   Words needed = data_and_out(cell, folder);
-  needed.insert(needed.end(), {"--model", (folder / model_files[unmarked]).string(), "--key", settings.key().string()});
+  needed.insert(needed.end(), {"--model", (folder / model_files[unmarked]).string(), "--key", settings.key().string(),
+                               "--decoder", tool::fitted_decoder_word});
   Parsed<tool::EmbedOptions> command =
       parse<tool::EmbedOptions>("embed", needed, divide(words_for(cell.codec, tool::renamed(settings.extra))).mark);
   if (!command) return command;
