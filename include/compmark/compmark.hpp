@@ -62,6 +62,7 @@
 #include "compmark/watermark/decoder/network_decoder.hpp"
 #include "compmark/watermark/decoder/reference_decoder.hpp"
 #include "compmark/watermark/decoder/strided_decoder.hpp"
+#include "compmark/watermark/decoder/subject_box.hpp"
 #include "compmark/watermark/proof/calibrate.hpp"
 #include "compmark/watermark/proof/carrier_stream.hpp"
 #include "compmark/watermark/proof/carriers.hpp"

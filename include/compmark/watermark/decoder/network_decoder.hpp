@@ -4,7 +4,8 @@
 // The network of the convolutional message decoders: input convention, stem, blocks of convolution and activation,
 // means over positions, one linear map (docs/spec/watermark.md, 1.1). Normalisation is folded into the convolutions,
 // linear and whitening into one matrix, in double. forward() keeps the slope of every activation, so that backward() is
-// one convolution a layer. Cost: 2 multiply-adds a weight and position forward, the same backward.
+// one convolution a layer. Cost: 2 multiply-adds a weight and position forward, the same backward. Longer than 300
+// lines: forward and backward share the maps of a context.
 #pragma once
 
 #include <algorithm>
@@ -55,8 +56,7 @@ class NetworkDecoder {
   /// What a forward pass leaves for the backward pass, and scratch; grow-only.
   struct Context {
     typename DecoderInput<T>::Context input;
-    PictureBox box;                      ///< what is read of the image
-    Buffer<T> subject;                   ///< [3, box] what is there, then its gradient, where it is not the whole image
+    SubjectCut<T> subject;               ///< what is read of the image
     Buffer<T> converted;                 ///< [3, h, w] the image as the network sees it, then its gradient
     std::array<FeatureMaps<T>, 2> maps;  ///< values, then gradients: of this layer and the next
     std::vector<FeatureMaps<T>> slopes;  ///< of each layer's activation, in the layout of its output
@@ -177,21 +177,8 @@ class NetworkDecoder {
                                IdentityFinish{});
     const ImageView<T> d_converted{context.converted.data(), 3, context.height, context.width};
     depth_to_space(std::as_const(*next).view(), stem_, d_converted, executor);
-    const PictureBox& box = context.box;
-    if (box.height == d_image.height && box.width == d_image.width) {
-      input_.backward(d_converted, d_image, context.input, executor);
-      return;
-    }
-    const ImageView<T> d_subject{context.subject.data(), 3, box.height, box.width};
-    std::fill_n(d_subject.data, d_subject.size(), T(0));
-    input_.backward(d_converted, d_subject, context.input, executor);
-    for (int c = 0; c < 3; ++c) {
-      for (int y = 0; y < box.height; ++y) {
-        T* const to = d_image.row(c, box.top + y) + box.left;
-        const T* const from = d_subject.row(c, y);
-        for (int x = 0; x < box.width; ++x) to[x] += from[x];
-      }
-    }
+    context.subject.add(d_image,
+                        [&](ImageView<T> d_read) { input_.backward(d_converted, d_read, context.input, executor); });
   }
 
  private:
@@ -211,21 +198,6 @@ class NetworkDecoder {
     }
     return true;
   }
-  /// What is read of an image.
-  [[nodiscard]] ImageView<const T> subject_of(ImageView<const T> image, Context& context) const {
-    context.box = {0, 0, image.height, image.width};
-    if (!input().subject_alone) return image;
-    const PictureBox box = subject_box(image, minimum_size());
-    if (box.height == image.height && box.width == image.width) return image;
-    context.box = box;
-    context.subject.resize(3 * static_cast<std::size_t>(box.height) * static_cast<std::size_t>(box.width));
-    const ImageView<T> subject{context.subject.data(), 3, box.height, box.width};
-    for (int c = 0; c < 3; ++c) {
-      for (int y = 0; y < box.height; ++y)
-        std::copy_n(image.row(c, box.top + y) + box.left, box.width, subject.row(c, y));
-    }
-    return subject;
-  }
   [[nodiscard]] T tap_share(FeatureView<const T> maps) const {
     return static_cast<T>(1 / (static_cast<double>(maps.height) * static_cast<double>(maps.width)));
   }
@@ -242,7 +214,7 @@ class NetworkDecoder {
   FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor, bool raw,
                      const Activation& activation) const {
     COMPMARK_ASSERT(image.channels == 3, "NetworkDecoder: an RGB image");
-    image = subject_of(image, context);
+    image = context.subject.of(image, input().subject_alone, minimum_size());
     const auto size = input().output_size(image.height, image.width);
     context.height = size[0];
     context.width = size[1];
