@@ -135,6 +135,12 @@ TEST_CASE("decoder/subject_box: what has no flat surroundings is kept whole") {
   Picture damaged(64, 64, {1, 1, 1});
   std::fill(damaged.values.begin(), damaged.values.end(), std::numeric_limits<double>::quiet_NaN());
   CHECK(whole(damaged));
+  for (const std::size_t at : {std::size_t(0), std::size_t(3 * 64 * 64 - 1), std::size_t(64 * 20)}) {  // a corner too
+    Picture one = Picture(64, 64, {1, 1, 1}).with_object({20, 20, 24, 24});
+    CHECK(!whole(one));
+    one.values[at] = std::numeric_limits<double>::quiet_NaN();
+    CHECK(whole(one));
+  }
   Picture ramp(200, 200, {0, 0, 0});  // as a sky
   for (int c = 0; c < 3; ++c) {
     for (int y = 0; y < 200; ++y) {
