@@ -10,9 +10,9 @@
 // colour is asked, so that a frame round a white background goes, and the background too. What is flat is said by the
 // line itself: three times its own spread, within 0.03 and 0.1. A line of a few blocks goes only in a colour that went
 // before. A box more than 4:3 wide or high is widened into the last colour that it lost. A picture that is flat
-// everywhere, or that would lose all but a sixteenth of a side, is kept whole; so is one with a value that is no number,
-// which every reading has to show. Cost: one pass over the picture, 0.15 ms at 400 x 400. The box does not depend on the
-// executor.
+// everywhere, or that would lose all but a sixteenth of a side, is kept whole; so is one with a value that is no
+// number, which every reading has to show. Cost: one pass over the picture, 0.15 ms at 400 x 400. The box does not
+// depend on the executor.
 #pragma once
 
 #include <algorithm>
