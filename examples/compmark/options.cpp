@@ -90,6 +90,8 @@ constexpr GroupedOption grouped_options[] = {
     {"--message-weight", expert_group},
     {"--fidelity-fall", expert_group},
     {"--sample-by-loss", expert_group},
+    {"--edits", expert_group},
+    {"--lost-anchors", expert_group},
     {"--calibrate-steps", expert_group},
     {"--period", expert_group},
     {"--tone", expert_group},

@@ -73,6 +73,9 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
              "share of the readings before which the render is edited, as pictures are on their way (resized, turned, "
              "cropped, other colours, softer, noisy, JPEG), so that the mark is learned to survive it; an edit takes a "
              "tenth of an iteration (default: 0)");
+  app.number("--lost-anchors", options.lost_anchors, RealRange{0, 0.9},
+             "largest share of the anchors that is left out of a reading, in one reading of three, so that the mark is "
+             "learned to survive pruning (default: 0)");
   app.number("--calibrate-steps", options.calibrate_steps, any_count,
              "iterations between step-bias calibrations of a context_gs model, without which a "
              "mark makes the file grow; 0: none (default: 50)");

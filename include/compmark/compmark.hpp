@@ -329,6 +329,7 @@
 #include "compmark/watermark/embed/stages/frequency.hpp"
 #include "compmark/watermark/embed/stages/hsv.hpp"
 #include "compmark/watermark/embed/stages/image_loss.hpp"
+#include "compmark/watermark/embed/stages/lost_anchors.hpp"
 #include "compmark/watermark/embed/stages/message.hpp"
 #include "compmark/watermark/embed/view_costs.hpp"
 

@@ -15,6 +15,7 @@
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/training/trainer.hpp>
 #include <compmark/watermark/decoder/lattice_decoder.hpp>
+#include <compmark/watermark/edit/edit_chain.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>
@@ -31,6 +32,8 @@ struct ScaffoldAppearance : DefaultRecipe<float, DecoderShape{.appearance_dim = 
 // The stages of the watermark, one recipe for each.
 struct WithMark : Marked<Scaffold, LatticeDecoder<float>> {};
 struct WithFrequencies : WithFrequency<WithMark> {};
+struct WithEdits : Marked<Scaffold, EditedDecoder<LatticeDecoder<float>, CommonEdits>> {};
+struct WithoutAnchors : WithLostAnchors<WithMark> {};
 struct WithNoise : MarkedForCompression<Scaffold, LatticeDecoder<float>> {};
 
 #ifdef EFFECT_BY_HAND

@@ -59,6 +59,8 @@ WithMark LatticeDecoder
 WithMark HsvLoss
 WithFrequencies FrequencyLoss
 WithNoise QuantizationNoise
+WithEdits EditChain
+WithoutAnchors LostAnchorsStage
 HacScaffold HacModel
 ContextGsScaffold ContextGsModel
 WithMark NovelViewReading trainer

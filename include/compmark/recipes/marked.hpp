@@ -8,6 +8,7 @@
 //   MarkedForCompression<…>          the same with the noise of quantization in training, for a codec
 #pragma once
 
+#include "compmark/recipes/recipe_stages.hpp"
 #include "compmark/recipes/scaffold.hpp"
 #include "compmark/splat/quantizer/adaptive_quantizer.hpp"
 #include "compmark/splat/training/model.hpp"
@@ -15,6 +16,7 @@
 #include "compmark/watermark/embed/distortion.hpp"
 #include "compmark/watermark/embed/mark_report.hpp"
 #include "compmark/watermark/embed/residual.hpp"
+#include "compmark/watermark/embed/stages/lost_anchors.hpp"
 #include "compmark/watermark/loss/hsv.hpp"
 
 namespace compmark {
@@ -36,6 +38,12 @@ struct MarkedForCompression : Marked<BaseRecipe, Decoder> {
   using Quantizer = AdaptiveQuantizer<typename BaseRecipe::Scalar>;
   using DistortionLayer =
       QuantizationNoise<typename BaseRecipe::Scalar, BaseRecipe::AnchorModel::shape.feature_dim, distortion_options>;
+};
+
+/// The same, learned in views that lack anchors (PosthocSettings::lost_anchors).
+template <class MarkedRecipe>
+struct WithLostAnchors : MarkedRecipe {
+  using Stages = JoinStages<typename detail::OwnStages<MarkedRecipe>::type, StageList<LostAnchorsStage>>;
 };
 
 }  // namespace recipes

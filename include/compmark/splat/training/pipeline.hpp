@@ -137,6 +137,7 @@ class Pipeline {
     const VisibilitySettings visibility{model.render.near_plane, model.render.blur_variance};
     R::AnchorModel::find_visible(columns, scalar_camera, lens_of(camera), visibility, context.visible,
                                  context.visibility, executor);
+    Stages::forward([&]<class S>() { stage<S>().choose_visible(phases.template of<S>(), context.visible); });
     report.visible_anchors = context.visible.size();
     columns = attributes(pass, columns);
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,

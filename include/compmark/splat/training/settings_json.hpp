@@ -66,6 +66,7 @@ template <class Json = nlohmann::json>
     if (m.posthoc.fidelity != 0) mark["fidelity"] = m.posthoc.fidelity;  // checkpoints are older than this number
     if (m.posthoc.fidelity_fall != 0) mark["fidelity_fall"] = m.posthoc.fidelity_fall;
     if (m.message.edited_share != 0) mark["edited_share"] = m.message.edited_share;
+    if (m.posthoc.lost_anchors != 0) mark["lost_anchors"] = m.posthoc.lost_anchors;
     if (m.posthoc.draw_by_cost != 0) mark["draw_by_cost"] = m.posthoc.draw_by_cost;
     if (m.posthoc.calibrate_steps_every != 0) mark["hold_steps_every"] = m.posthoc.calibrate_steps_every;
     mark["lambda_hsv"] = m.hsv.lambda;

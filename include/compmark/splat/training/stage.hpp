@@ -83,6 +83,9 @@ struct Stage {
   static constexpr bool reads_all_features(const Phase& /*phase*/) {
     return false;
   }
+  /// Takes rows of anchors that the view would decode away.
+  template <class Phase, class Rows>
+  static void choose_visible(const Phase& /*phase*/, Rows& /*visible*/) {}
   template <class Pass, class Own, class Columns>
   static void attributes(const Pass& /*pass*/, const Own& /*own*/, Columns& /*columns*/) {}
   template <class Pass, class Own>

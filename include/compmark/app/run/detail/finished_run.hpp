@@ -32,7 +32,7 @@ struct OptionOfSetting {
   const char* setting;
   const char* option;
 };
-inline constexpr std::array<OptionOfSetting, 18> options_of_settings{{
+inline constexpr std::array<OptionOfSetting, 19> options_of_settings{{
     {"iterations", "--iterations"},
     {"seed", "--seed"},
     {"profile", "--profile"},
@@ -50,6 +50,7 @@ inline constexpr std::array<OptionOfSetting, 18> options_of_settings{{
     {"mark.fidelity_fall", "--fidelity-fall"},
     {"mark.draw_by_cost", "--sample-by-loss"},
     {"mark.edited_share", "--edits"},
+    {"mark.lost_anchors", "--lost-anchors"},
     {"mark.hold_steps_every", "--calibrate-steps"},
 }};
 /// Differences in the data, if no setting above and no file has changed: other settings follow from them.

@@ -28,7 +28,7 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
     return no_message_in(plan.recipe);
   } else {
     if (!is_published_profile(settings.profile))
-      return run_recipe<recipes::Marked<R, MarkingDecoder>>(plan, settings, mark);
+      return run_recipe<recipes::WithLostAnchors<recipes::Marked<R, MarkingDecoder>>>(plan, settings, mark);
     // The published captures have no effects, and each recipe is ten seconds of a compiler.
     if constexpr (present<typename R::AlphaLoss> || present<typename R::PixelWeights> || requires { R::is_fitted; }) {
       return Error{ErrorKind::unsupported,
@@ -61,11 +61,11 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
 /// A recipe without a codec, with a mark: one that trains with the scene, or that is hidden in plan.model.
 [[nodiscard]] inline Result<RunOutcome> run_any_marked(const RunPlan& plan, const TrainSettings& settings,
                                                        const RunMark& mark) {
-  using recipes::Marked;
+  using recipes::Marked, recipes::WithLostAnchors;
   if (plan.recipe == "scaffold") {
     if (mark.for_compression)
       return run_recipe<recipes::MarkedForCompression<recipes::Scaffold, MarkingDecoder>>(plan, settings, &mark);
-    return run_recipe<Marked<recipes::Scaffold, MarkingDecoder>>(plan, settings, &mark);
+    return run_recipe<WithLostAnchors<Marked<recipes::Scaffold, MarkingDecoder>>>(plan, settings, &mark);
   }
   // The whole published method, which has the noise of quantization in it.
   if (plan.recipe == "compmark-host")
@@ -80,9 +80,9 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
                  "leave the option out, or choose --recipe scaffold"};
   }
   if (plan.recipe == "scaffold+mask")
-    return run_recipe<Marked<recipes::ScaffoldMasked, MarkingDecoder>>(plan, settings, &mark);
+    return run_recipe<WithLostAnchors<Marked<recipes::ScaffoldMasked, MarkingDecoder>>>(plan, settings, &mark);
   if (plan.recipe == "scaffold+alpha")
-    return run_recipe<Marked<recipes::ScaffoldAlpha, MarkingDecoder>>(plan, settings, &mark);
+    return run_recipe<WithLostAnchors<Marked<recipes::ScaffoldAlpha, MarkingDecoder>>>(plan, settings, &mark);
   return no_message_in(plan.recipe);
 }
 

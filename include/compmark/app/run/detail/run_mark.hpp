@@ -153,6 +153,7 @@ inline void take_universal(MarkSettings& mark) {
   if (Result<Done> held = check_held(options, mark.posthoc.fidelity); !held) return held.error();
   if (options.by_cost) mark.posthoc.draw_by_cost = *options.by_cost;
   if (options.edits) mark.message.edited_share = *options.edits;
+  if (options.lost_anchors) mark.posthoc.lost_anchors = *options.lost_anchors;
   if (options.calibrate_steps) mark.posthoc.calibrate_steps_every = *options.calibrate_steps;
   if (options.fall) mark.posthoc.fidelity_fall = *options.fall;
   mark.message.every = options.message_every;
