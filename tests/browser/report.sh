@@ -38,7 +38,7 @@ quiet "$tool" scene --out "$scratch/scene" --width 64 --height 64 --train 12 --t
 quiet "$tool" keygen --bits 16 --out "$scratch/owner.key"
 quiet "$tool" train --data "$scratch/scene" --out "$run" --iterations 200 --voxel-size 0.2 --codec hac --key "$scratch/owner.key" --mark-iterations 100
 quiet "$tool" evaluate --model "$run/model.cmk" "$run/model.safetensors" --unmarked "$run/unmarked.cmk" --data "$scratch/scene" \
-  --key "$scratch/owner.key" --decoder "$run/decoder.safetensors" --html "$scratch/evaluate.html"
+  --key "$scratch/owner.key" --html "$scratch/evaluate.html"
 
 # What a page says of itself when everything has loaded, a fact a line.
 cat >"$scratch/probe.html" <<'END'

@@ -47,12 +47,12 @@ struct ChangeOne {
     all(exposure, alpha, origin, radius);
   }
   void operator()(MessageSettings& message) {
-    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8] = message;
-    all(f0, f1, f2, f3, f4, f5, f6, f7, f8);
+    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9] = message;
+    all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9);
   }
   void operator()(PosthocSettings& posthoc) {
-    auto& [f0, f1, f2, f3] = posthoc;
-    all(f0, f1, f2, f3);
+    auto& [f0, f1, f2, f3, f4] = posthoc;
+    all(f0, f1, f2, f3, f4);
   }
   void operator()(HsvSettings& hsv) {
     auto& [lambda, as_written, after] = hsv;
