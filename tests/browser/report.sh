@@ -31,7 +31,7 @@ if ! document_of "$scratch/works.html" || ! grep -q 'id="works"' "$scratch/dom.h
   exit 77
 fi
 
-# What quickstart.sh does, with a short message: the decoder is fitted to the scene on the way.
+# What quickstart.sh does, with a short message.
 run=$scratch/run
 quiet() { "$@" >"$scratch/command.log" 2>&1 || { cat "$scratch/command.log"; exit 1; }; }
 quiet "$tool" scene --out "$scratch/scene" --width 64 --height 64 --train 12 --test 3
