@@ -340,6 +340,7 @@
 #include "compmark/fwd.hpp"
 #include "compmark/io/exif.hpp"
 #include "compmark/io/npy.hpp"
+#include "compmark/io/npz.hpp"
 #include "compmark/math/separable_map.hpp"
 #include "compmark/recipes/context_gs.hpp"
 #include "compmark/recipes/explicit.hpp"
