@@ -15,14 +15,13 @@ namespace tool {
 inline constexpr const char* fitted_decoder_word = "fit";
 
 inline constexpr const char* reading_decoder_text =
-    "the message decoder, as a file (default: decoder.safetensors beside the model, else the decoder that comes with "
-    "the "
+    "the message decoder, as a file (default: decoder.safetensors beside the model, else the one that comes with the "
     "program)";
 
 /// The decoder for every scene: installed with the program, or in the folder that it was built from.
 [[nodiscard]] compmark::Result<std::filesystem::path> shipped_decoder();
 
-/// Whether a decoder is written, perhaps: where it is named, none is.
+/// Whether the command may write a decoder; one that is named is only read.
 [[nodiscard]] inline bool fits_decoder(const compmark::MarkSettings& mark) {
   return mark.decoder.empty() || mark.decoder == fitted_decoder_word;
 }

@@ -53,26 +53,27 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
              "profile's)");
   app.number("--message-power", options.power, RealRange{1, 4},
              "power of the hinge; 1: all bits within the margin are pulled equally; 2: bits with "
-             "larger errors are pulled harder (default: 2 for post-hoc embedding with a decoder "
-             "that is fitted to the scene, else 1)");
+             "larger errors are pulled harder (default: 2 for post-hoc embedding with the "
+             "decoder of the program or one that is fitted to the scene, else 1)");
   app.number("--message-rate", options.rate, RealRange{0, 1e3, true},
              "learning rate of the mark; a smaller rate gives a less visible mark and takes longer"
-             " (default: 0.006 for post-hoc embedding with a decoder that is fitted to the scene; "
-             "docs/watermark.md has the others)");
+             " (default: 0.01 with the decoder of the program, 0.006 with one that is fitted to the "
+             "scene; docs/watermark.md has the others)");
   app.number("--fidelity", options.fidelity, RealRange{0, 1e6},
              "weight of the distortion, the mean square difference between marked and unmarked "
              "renders; 0: the message joins the loss of the photographs, as published (default: "
-             "3000 of embed, 2000 for a codec; docs/watermark.md has the others)");
+             "1200 with the decoder of the program; docs/watermark.md has the others)");
   app.number("--fidelity-fall", options.fall, RealRange{0, 4},
              "exponent by which --fidelity falls with the distance of a view from the nearest "
              "photograph, where the scene has larger errors of its own; 0: no fall (default: 2)");
   app.number("--sample-by-loss", options.by_cost, share_range,
              "share of the sampled novel views that go where the message loss was high lately, so "
-             "that hard views are seen more often; 0: none (default: 0)");
+             "that hard views are seen more often; 0: none (default: 1 with the decoder of the program, "
+             "else 0)");
   app.number("--edits", options.edits, share_range,
              "share of the readings before which the render is edited, as pictures are on their way (resized, turned, "
-             "cropped, other colours, softer, noisy, JPEG), so that the mark is learned to survive it; an edit takes a "
-             "tenth of an iteration (default: 0)");
+             "cropped, other colours, softer, noisy, JPEG), so that the mark is learned to survive it (default: 0.7 "
+             "with the decoder of the program, else 0)");
   app.number("--lost-anchors", options.lost_anchors, RealRange{0, 0.9},
              "largest share of the anchors that is left out of a reading, in one reading of three, so that the mark is "
              "learned to survive pruning (default: 0)");

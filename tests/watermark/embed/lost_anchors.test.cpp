@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "support/colour_decoder.hpp"
+#include "support/short_embedding.hpp"
 #include "support/small_scene.hpp"
 
 namespace {
@@ -26,17 +27,7 @@ using Losing = recipes::WithLostAnchors<recipes::Marked<LosingBase, LatticeDecod
 using LosingEmbedding = PosthocEmbedding<Losing, ThreadExecutor>;
 
 TrainSettings losing_settings(double lost) {
-  TrainSettings settings;
-  settings.iterations = 30;
-  settings.seed = 4;
-  settings.mark.message.after = settings.mark.residual.after = 0;
-  settings.mark.message.ramp = 0;
-  settings.mark.message.logit_scale = 1;
-  settings.mark.message.hinge_margin = 0.2;
-  settings.mark.message.novel_view_every = 1;
-  settings.mark.message.lambda = 1;
-  settings.mark.residual.learning_rate = 0.02;
-  settings.mark.posthoc.fidelity = 60;
+  TrainSettings settings = compmark::testing::short_embedding(30);
   settings.mark.posthoc.lost_anchors = lost;
   return settings;
 }
@@ -89,17 +80,12 @@ TEST_CASE(
 TEST_CASE("embed/lost_anchors: the marked and the unmarked render lack the same anchors, at any thread count") {
   const compmark::testing::BlobViews views;
   ThreadExecutor two(2), one(1);
-  TrainSettings plain;
-  plain.iterations = 20;
-  plain.voxel_size = 0.05;
-  Trainer<LosingBase, ThreadExecutor> trainer(plain, views.size(), 1.0, two);
-  REQUIRE(trainer.initialise(compmark::testing::cloud(300, 7)));
-  REQUIRE(trainer.run(views));
-  const std::vector<std::uint8_t> bits{1, 0, 0, 1, 1, 1, 0, 1};
+  const auto base = compmark::testing::briefly_trained<LosingBase>(views, two);
+  REQUIRE(base.ok());
   const auto started = [&](ThreadExecutor& executor, TrainSettings settings) {
     LosingEmbedding embedding(settings, executor);
-    set_watermark(embedding, compmark::testing::colours(), bits);
-    embedding.start_from(with_room_for_stages<Losing>(trainer.model(), 1));
+    set_watermark(embedding, compmark::testing::colours(), compmark::testing::eight_bits);
+    embedding.start_from(with_room_for_stages<Losing>(*base, 1));
     return embedding;
   };
   // A mark that is not learned: the renders are alike whatever is lost, and fewer anchors are seen.
@@ -120,11 +106,8 @@ TEST_CASE("embed/lost_anchors: the marked and the unmarked render lack the same 
   LosingEmbedding first = started(two, losing_settings(0.6)), second = started(one, losing_settings(0.6));
   REQUIRE(first.run(views));
   REQUIRE(second.run(views));
-  const auto same = [](const auto& a, const auto& b) {
-    return std::equal(a.arena.all_values().begin(), a.arena.all_values().end(), b.arena.all_values().begin(),
-                      b.arena.all_values().end());
-  };
-  CHECK(same(first.model(), second.model()));
+  using compmark::testing::same_values;
+  CHECK(same_values(first.model(), second.model()));
   REQUIRE(whole.state().iteration == 30);
-  CHECK(!same(first.model(), whole.model()));  // the control: what is lost is in these bits
+  CHECK(!same_values(first.model(), whole.model()));  // the control: what is lost is in these bits
 }
