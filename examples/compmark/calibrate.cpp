@@ -16,7 +16,6 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "decoder_choice.hpp"
 #include "reading.hpp"
 
 namespace tool {
@@ -74,11 +73,7 @@ Command add_calibrate(Options& app) {
   app.footer(
       "Exit codes: 0 every measured rate agrees with the p-value; 2 error; 3 one lies outside its 99 % interval,\n"
       "which about one seed in thirty does by chance: repeat with another --seed and more --keys.");
-  return [options]() -> int {
-    if (const Result<Done> chosen = choose_decoder(options->reading.decoder, options->reading.model); !chosen)
-      return fail(chosen.error());
-    return run(*options);
-  };
+  return [options]() -> int { return with_decoder(*options, run); };
 }
 
 }  // namespace tool

@@ -15,7 +15,6 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "decoder_choice.hpp"
 #include "reading.hpp"
 #include "run_folder.hpp"
 
@@ -105,11 +104,7 @@ Command add_extract(Options& app) {
   app.flag("--any-decoder", options->any_decoder,
            "use this decoder even if the record of this key (KEY.record) names another one");
   app.writes("--json", options->json, OutputKind::words, "write bits and logits to this file");
-  return [options]() -> int {
-    if (const Result<Done> chosen = choose_decoder(options->reading.decoder, options->reading.model); !chosen)
-      return fail(chosen.error());
-    return run(*options);
-  };
+  return [options]() -> int { return with_decoder(*options, run); };
 }
 
 }  // namespace tool

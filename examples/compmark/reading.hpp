@@ -13,6 +13,8 @@
 #include <optional>
 #include <string>
 
+#include "common.hpp"
+#include "decoder_choice.hpp"
 #include "options.hpp"
 
 namespace tool {
@@ -37,6 +39,14 @@ struct ReadingOptions : compmark::ReadingSettings {
 };
 /// --decoder, --model, --unmarked, --images, --split, --views, --background, --memory-budget, --threads
 void add_reading_options(Options& app, ReadingOptions& options);
+
+/// Runs a command that reads, once its decoder is chosen. Returns its exit code.
+template <class Command, class Run>
+int with_decoder(Command& options, Run run) {
+  if (const auto chosen = choose_decoder(options.reading.decoder, options.reading.model); !chosen)
+    return fail(chosen.error());
+  return run(options);
+}
 
 [[nodiscard]] compmark::ReadingSettings reading_settings(const ReadingOptions& options);
 /// compmark::read_messages on the threads that are asked for.

@@ -13,7 +13,6 @@
 
 #include "commands.hpp"
 #include "common.hpp"
-#include "decoder_choice.hpp"
 #include "reading.hpp"
 #include "run_folder.hpp"
 
@@ -108,11 +107,7 @@ Command add_verify(Options& app) {
       "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive: tests times p is above --alpha but not above\n"
       "0.01, or no number of matches could reach --alpha with so few bits. The p-value is the probability that a key\n"
       "drawn at random, without knowing the images and the decoder, matches at least as well.");
-  return [options]() -> int {
-    if (const Result<Done> chosen = choose_decoder(options->reading.decoder, options->reading.model); !chosen)
-      return fail(chosen.error());
-    return run(*options);
-  };
+  return [options]() -> int { return with_decoder(*options, run); };
 }
 
 }  // namespace tool
