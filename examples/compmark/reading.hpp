@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <type_traits>
 
 #include "common.hpp"
 #include "decoder_choice.hpp"
@@ -41,8 +42,8 @@ struct ReadingOptions : compmark::ReadingSettings {
 void add_reading_options(Options& app, ReadingOptions& options);
 
 /// Runs a command that reads, once its decoder is chosen. Returns its exit code.
-template <class Command, class Run>
-int with_decoder(Command& options, Run run) {
+template <class Command>
+int with_decoder(Command& options, int (*run)(const std::type_identity_t<Command>&)) {
   if (const auto chosen = choose_decoder(options.reading.decoder, options.reading.model); !chosen)
     return fail(chosen.error());
   return run(options);
