@@ -137,6 +137,9 @@ TEST_CASE("tool: attack changes a model by the attacks of a list, in turn, the s
   CHECK(*read_file(attacked(marked(), options)) == bytes);
   CHECK(*read_file(attacked(marked(), "--attack prune:0.5 --attack noise:0.02 --seed 4")) != bytes);
   CHECK(psnr_of(attacked(marked(), "--attack prune:0.5")) < psnr_of(marked()));
+  const std::string doubled = attacked(marked(), "--attack clone:1");
+  CHECK(anchors(doubled) == 2 * all);
+  CHECK(psnr_of(doubled) < psnr_of(marked()));
 }
 
 TEST_CASE("tool: attack changes images by the attacks of a list, and their message is read or gone") {
@@ -162,7 +165,7 @@ TEST_CASE("tool: attack changes images by the attacks of a list, and their messa
 
 TEST_CASE("tool: attack refuses what it cannot do in a sentence") {
   const std::string model = "attack --model " + marked() + " --out " + at("x.safetensors");
-  check_refused(tool(model + " --attack blur"), {"attack", "none of int8, noise, prune"});
+  check_refused(tool(model + " --attack blur"), {"attack", "none of int8, noise, prune, clone"});
   check_refused(tool(model + " --attack prune:2"), {"prune:2", "from 0 to 0.99", "share"});
   check_refused(tool(model + " --attack prune --int8 tensor"), {"--attack, --int8", "do not go together"});
   check_refused(tool(model + " --attack prune --symmetric"), {"--symmetric"});

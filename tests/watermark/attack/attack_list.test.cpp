@@ -87,7 +87,14 @@ TEST_CASE(
   CHECK(attack_picture<PictureAttacks>("blur:21", image).error().line() ==
         "attack: \"blur:21\" has no strength from 0.1 to 20; give the deviation of the blur in pixels");
   ParameterArena<float> arena;
-  CHECK(attack_model<ModelAttacks>("crop", arena).error().line().find("none of int8, noise, prune") !=
+  for (const char* text : {"clone:-0.1", "clone:1.1", "clone:nan", "clone:", "clone:half"}) {
+    CAPTURE(text);
+    CHECK(attack_model<ModelAttacks>(text, arena)
+              .error()
+              .line()
+              .find("has no strength from 0 to 1; give the share of the anchors that is doubled") != std::string::npos);
+  }
+  CHECK(attack_model<ModelAttacks>("crop", arena).error().line().find("none of int8, noise, prune, clone") !=
         std::string::npos);
 }
 

@@ -19,7 +19,7 @@ using namespace compmark;
 
 struct Numbers {
   ParameterArena<float> arena;
-  BlockHandle feature, position, mask, weight, training;
+  BlockHandle feature, position, scaling, mask, weight, training;
   Numbers() {
     const auto add = [&](const char* name, std::size_t rows, std::size_t columns, RowKind kind, BlockRole role,
                          double scale) {
@@ -29,6 +29,7 @@ struct Numbers {
     const std::vector<std::pair<BlockHandle, double>> blocks{
         add("anchor.feature", 400, 8, RowKind::anchor, BlockRole::rendering, 2),
         add("anchor.position", 400, 3, RowKind::anchor, BlockRole::rendering, 1),
+        add("anchor.scaling", 400, 6, RowKind::anchor, BlockRole::rendering, 1),
         add("anchor.mask", 400, 2, RowKind::anchor, BlockRole::mask, 1),
         add("mlp.weight", 16, 8, RowKind::fixed, BlockRole::rendering, 0.1),
         add("noise.weight", 16, 8, RowKind::fixed, BlockRole::training, 0.1)};
@@ -39,9 +40,10 @@ struct Numbers {
     }
     feature = blocks[0].first;
     position = blocks[1].first;
-    mask = blocks[2].first;
-    weight = blocks[3].first;
-    training = blocks[4].first;
+    scaling = blocks[2].first;
+    mask = blocks[3].first;
+    weight = blocks[4].first;
+    training = blocks[5].first;
   }
   [[nodiscard]] std::vector<float> of(BlockHandle block) const {
     const MatrixView<const float> values = arena.values(block);
@@ -71,7 +73,10 @@ TEST_CASE(
       for (const float value : once.arena.all_values()) CHECK(std::isfinite(value));
       CHECK(once.of(once.feature) == again.of(again.feature));
       CHECK(once.of(once.training) == before.of(before.training));
-      if (A::name != "prune") CHECK(once.of(once.mask) == before.of(before.mask));
+      if (A::name == "prune") continue;
+      std::vector<float> mask = once.of(once.mask);
+      mask.resize(before.of(before.mask).size());  // without the rows of anchors that were added
+      CHECK(mask == before.of(before.mask));
     }
     CHECK(attacked(std::string(A::name)).of(before.feature) != before.of(before.feature));
   });
@@ -105,6 +110,58 @@ TEST_CASE("attack/model_attacks: each does what it is called") {
   }
   CHECK(found == rows);
   CHECK(attacked("prune:0.99").arena.values(before.feature).rows >= 1);
+}
+
+TEST_CASE("attack/model_attacks: clone doubles the share that was asked for, beside the originals, which stay") {
+  const Numbers before, more = attacked("clone:0.5");
+  const std::size_t rows = more.arena.values(more.feature).rows;
+  CHECK((rows > 560 && rows < 640));
+  CHECK(attacked("clone:1").arena.values(before.feature).rows == 800);
+  CHECK(attacked("clone:0").of(before.feature) == before.of(before.feature));
+  CHECK(attacked("clone:0.5", 2).arena.values(before.feature).rows != rows);
+  for (const BlockHandle block : {before.feature, before.position, before.scaling, before.mask}) {
+    std::vector<float> values = more.of(block);
+    CHECK(values.size() / before.arena.values(block).columns == rows);
+    values.resize(before.of(block).size());
+    CHECK(values == before.of(block));
+  }
+  CHECK(more.of(more.weight) == before.of(before.weight));
+
+  const auto position = more.arena.values(more.position), scaling = more.arena.values(more.scaling);
+  const auto feature = more.arena.values(more.feature), mask = more.arena.values(more.mask);
+  std::set<std::size_t> parents;
+  double squares = 0;
+  for (std::size_t row = 400; row < rows; ++row) {
+    std::size_t parent = 0;
+    while (parent < 400 && !std::equal(feature.row(row), feature.row(row) + 8, feature.row(parent))) ++parent;
+    REQUIRE(parent < 400);
+    parents.insert(parent);
+    CHECK(std::equal(mask.row(row), mask.row(row) + 2, mask.row(parent)));
+    CHECK(std::equal(scaling.row(row), scaling.row(row) + 6, scaling.row(parent)));
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double extent = std::exp(static_cast<double>(scaling(parent, axis)));
+      const double moved = static_cast<double>(position(row, axis) - position(parent, axis)) / extent;
+      CHECK(moved != 0);
+      squares += moved * moved / static_cast<double>(3 * (rows - 400));
+    }
+  }
+  CHECK(parents.size() == rows - 400);  // nobody is doubled twice
+  CHECK(std::sqrt(squares) == doctest::Approx(0.1).epsilon(0.1));
+}
+
+TEST_CASE("attack/model_attacks: clone stays finite where an anchor's extent is not, and needs no places") {
+  Numbers numbers;
+  for (float& value : numbers.arena.values(numbers.scaling).flat()) value = 1000;
+  REQUIRE(attack_model<ModelAttacks>("clone:1", numbers.arena, 1).ok());
+  for (const float value : numbers.arena.all_values()) CHECK(std::isfinite(value));
+
+  ParameterArena<float> bare;
+  const BlockHandle block =
+      bare.add("anchor.feature", 3, 1, RowKind::anchor, BlockRole::rendering, LearningSchedule::fixed());
+  bare.values(block)(2, 0) = 5;
+  REQUIRE(attack_model<ModelAttacks>("clone:1", bare).ok());
+  CHECK(bare.values(block).rows == 6);
+  CHECK(bare.values(block)(5, 0) == 5);
 }
 
 }  // namespace model_attacks_test

@@ -17,11 +17,22 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/splat/anchor/table.hpp"
 #include "compmark/splat/quantizer/int8_quantizer.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 #include "compmark/watermark/attack/quantize_model.hpp"
 
 namespace compmark {
+
+namespace detail {
+[[nodiscard]] inline std::size_t anchor_rows(const ArenaLayout& layout) {
+  std::size_t rows = 0;
+  for (const ArenaLayout::Block& block : layout.blocks()) {
+    if (block.kind == RowKind::anchor) rows = std::max(rows, block.rows);
+  }
+  return rows;
+}
+}  // namespace detail
 
 /// The general quantization of the paper: every number that a render reads in 8 bits.
 struct Int8Attack {
@@ -69,10 +80,7 @@ struct PruneAttack {
   static constexpr std::string_view name = "prune";
   static constexpr AttackAmount amount{0.1, 0, 0.99, "the share of the anchors that is thrown away"};
   [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double share, std::uint64_t seed) {
-    std::size_t rows = 0;
-    for (const ArenaLayout::Block& block : arena.layout().blocks()) {
-      if (block.kind == RowKind::anchor) rows = std::max(rows, block.rows);
-    }
+    const std::size_t rows = detail::anchor_rows(arena.layout());
     const Random random(seed, 0, random_stage("attack/prune"));
     std::vector<std::uint32_t> kept;
     for (std::uint32_t row = 0; row < rows; ++row) {
@@ -84,7 +92,45 @@ struct PruneAttack {
   }
 };
 
+/// Anchors are doubled at random, as densification doubles them: the copy has every number of its anchor and lies a
+/// tenth of the anchor's extent, exp(scaling[0:3]), beside it, in deviations along each axis. Its opacity is that of
+/// the anchor, not the half that would look as before, since published tests of robustness duplicate primitives as they
+/// are; so what is doubled also becomes more opaque. Originals keep their rows and their numbers, copies come behind.
+struct CloneAttack {
+  static constexpr std::string_view name = "clone";
+  static constexpr AttackAmount amount{0.5, 0, 1, "the share of the anchors that is doubled"};
+  static constexpr double moved = 0.1;  ///< the copy's distance along an axis, in deviations, per extent of its anchor
+  [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double share, std::uint64_t seed) {
+    const std::size_t rows = detail::anchor_rows(arena.layout());
+    const Random random(seed, 0, random_stage("attack/clone"));
+    std::vector<std::uint32_t> kept(rows), parents;
+    for (std::uint32_t row = 0; row < rows; ++row) {
+      kept[row] = row;
+      if (random.uniform(row) < share) parents.push_back(row);
+    }
+    arena.edit_rows({kept, parents.size()});
+    for (const ArenaLayout::Block& block : arena.layout().blocks()) {
+      if (block.kind != RowKind::anchor) continue;
+      float* const values = arena.all_values().data() + block.offset;
+      for (std::size_t i = 0; i < parents.size(); ++i)
+        std::copy_n(values + parents[i] * block.columns, block.columns, values + (rows + i) * block.columns);
+    }
+    const AnchorHandles handles = find_anchor_blocks(arena.layout());
+    if (!handles.position.valid() || !handles.scaling.valid()) return Done{};
+    const MatrixView<float> position = arena.values(handles.position), scaling = arena.values(handles.scaling);
+    const Random beside(seed, 0, random_stage("attack/clone/beside"));
+    for (std::size_t row = rows; row < position.rows; ++row) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const double extent = std::exp(static_cast<double>(scaling(row, axis)));
+        const float there = position(row, axis) + static_cast<float>(moved * extent * beside.normal(3 * row + axis));
+        if (std::isfinite(there)) position(row, axis) = there;
+      }
+    }
+    return Done{};
+  }
+};
+
 /// All that are shipped.
-using ModelAttacks = AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack>;
+using ModelAttacks = AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack, CloneAttack>;
 
 }  // namespace compmark
