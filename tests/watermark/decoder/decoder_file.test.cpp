@@ -63,7 +63,14 @@ TEST_CASE("decoder/decoder_file: what is written comes back, every kind, to the 
   strided.whiten_bias.clear();
   strided.note = "note, with \"quotes\"";
   for (DecoderWeights weights : {testing::small_decoder(4, 5, 2), strided, carrier}) {
-    weights.input = {2, 0.1, {0.1, 0.2, 0.3}, {1.0 / 3, 2, 3}, 100, weights.stem == 1 ? 90 : 0, weights.stem == 1};
+    weights.input = {2,
+                     0.1,
+                     {0.1, 0.2, 0.3},
+                     {1.0 / 3, 2, 3},
+                     100,
+                     weights.stem == 1 ? 90 : 0,
+                     weights.stem == 1,
+                     weights.stem == 1 ? 0.8 : 0};
     weights.logit_scale = 1.0 / 7;
     const auto path = folder() / "round.safetensors";
     REQUIRE(write_decoder<SafetensorsWriter>(weights, path).ok());
@@ -71,6 +78,7 @@ TEST_CASE("decoder/decoder_file: what is written comes back, every kind, to the 
     REQUIRE(file.ok());
     CHECK(file->metadata.contains("smallest_side") == (weights.input.smallest_side != 0));  // else the bytes of before
     CHECK(file->metadata.contains("reads") == weights.input.subject_alone);
+    CHECK(file->metadata.contains("middle") == (weights.input.middle != 0));
     const auto back = read_decoder(*file);
     REQUIRE_MESSAGE(back.ok(), back.error().line());
     CHECK(back->kind == weights.kind);
@@ -145,6 +153,11 @@ TEST_CASE("decoder/decoder_file: bad files are refused with one line that names 
           w.metadata["smallest_side"] = "257";
         }) == "__metadata__.smallest_side: \"257\" is not an integer from 0 to 256");
   CHECK(with("reads", "frame") == "__metadata__.reads: \"frame\" is not picture or subject");
+  for (const char* share : {"0", "1", "-0.5"}) {
+    CAPTURE(share);
+    CHECK(with("middle", share) == "__metadata__.middle: is not between 0 and 1");
+  }
+  CHECK(with("middle", "nan") == "__metadata__.middle: \"nan\" is not 1 finite number");
   CHECK(with("stem", "2") == "__metadata__.stem: a hidden decoder has none (1)");
   CHECK(with("activation", "tanh") == "__metadata__.activation: \"tanh\" is not gelu or relu");
 

@@ -211,3 +211,58 @@ TEST_CASE("decoder/subject_box: a decoder of subjects reads in a frame what it r
   CHECK(testing::gradient_law(loss, framed.values, gradient) == "");
   CHECK(gradient[0] == 0);
 }
+
+TEST_CASE(
+    "decoder/subject_box: a decoder that reads the middle too takes the mean of both readings, and its gradient") {
+  CHECK(middle_of({10, 20, 100, 50}, 0.8) == PictureBox{20, 25, 80, 40});
+  CHECK(middle_of({0, 0, 1, 7}, 0.1) == PictureBox{0, 3, 1, 1});
+  DecoderWeights weights = testing::small_decoder(5, 9, 2);
+  weights.input = imagenet_convention(0);
+  weights.input.largest_side = weights.input.smallest_side = 24;
+  weights.input.subject_alone = true;
+  const auto once = HiddenDecoder<0, 0, 0, double>::create(weights);
+  weights.input.middle = 0.75;
+  const auto twice = HiddenDecoder<0, 0, 0, double>::create(weights);
+  REQUIRE(once.ok());
+  REQUIRE(twice.ok());
+  CHECK(testing::message_decoder_laws(*twice, 40, 44) == "");
+  ThreadExecutor executor(2);
+  HiddenDecoder<0, 0, 0, double>::Context context;
+  const auto logits = [&](const auto& reader, Picture& picture) {
+    std::vector<double> result(5);
+    reader.forward(ImageView<const double>(picture.view()), std::span<double>(result), context, executor);
+    return result;
+  };
+  Picture framed = Picture(40, 40, {1, 1, 1}).with_object({0, 0, 40, 40}).framed(10, {1, 0.5, 0.2});
+  Picture middle(30, 30, {0, 0, 0});
+  for (int c = 0; c < 3; ++c) {
+    for (int y = 0; y < 30; ++y) {
+      for (int x = 0; x < 30; ++x) middle.view()(c, y, x) = framed.view()(c, y + 15, x + 15);
+    }
+  }
+  const std::vector<double> whole = logits(*once, framed), part = logits(*once, middle);
+  std::vector<double> both = logits(*twice, framed);
+  const auto exact = reference_logits<double>(weights, ImageView<const double>(framed.view()));
+  for (std::size_t i = 0; i < 5; ++i) {
+    CHECK(std::abs(both[i] - (whole[i] + part[i]) / 2) < 1e-12);
+    CHECK(std::abs(both[i] - exact[i]) < 1e-12);
+    CHECK(std::abs(both[i] - whole[i]) > 1e-6);  // the control: the middle says something else
+  }
+  const std::vector<double> slope{1, -0.5, 0.3, 2, -1};
+  const auto loss = [&] {
+    const std::vector<double> z = logits(*twice, framed);
+    double sum = 0;
+    for (std::size_t i = 0; i < z.size(); ++i) sum += slope[i] * z[i];
+    return sum;
+  };
+  static_cast<void>(loss());
+  std::vector<double> gradient(framed.values.size(), 3.0);
+  twice->backward(std::span<const double>(slope), {gradient.data(), 3, framed.height, framed.width}, context, executor);
+  for (double& value : gradient) value -= 3;  // it adds
+  CHECK(testing::gradient_law(loss, framed.values, gradient) == "");
+  // A middle that would be too small is left alone, and what follows it is read as ever.
+  Picture least(twice->minimum_size(), twice->minimum_size(), {0.2, 0.6, 0.4});
+  least.with_object({0, 0, least.height, least.width});
+  CHECK(logits(*twice, least) == logits(*once, least));
+  CHECK(logits(*twice, framed) == both);
+}

@@ -260,6 +260,11 @@ template <class TensorFile>
         reader.fail(ErrorKind::unsupported, "__metadata__.reads",
                     "\"" + reads.substr(0, 40) + "\" is not picture or subject", reader.remedy);
     }
+    if (file.metadata.contains("middle")) {  // not in older files
+      weights.input.middle = reader.numbers("middle", 1)[0];
+      if (!(weights.input.middle > 0 && weights.input.middle < 1))
+        reader.fail(ErrorKind::invalid, "__metadata__.middle", "is not between 0 and 1", reader.remedy);
+    }
     weights.input.gain = reader.numbers("input_gain", 1)[0];
     const std::vector<double> mean = reader.numbers("input_mean", 3), deviation = reader.numbers("input_deviation", 3);
     for (std::size_t c = 0; c < 3; ++c) {

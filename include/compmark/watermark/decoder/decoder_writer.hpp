@@ -53,6 +53,7 @@ void add_decoder(const DecoderWeights& weights, Writer& writer) {
   m["largest_side"] = std::to_string(weights.input.largest_side);
   if (weights.input.smallest_side != 0) m["smallest_side"] = std::to_string(weights.input.smallest_side);
   if (weights.input.subject_alone) m["reads"] = "subject";
+  if (weights.input.middle != 0) m["middle"] = detail::exact_text(weights.input.middle);
   m["input_gain"] = detail::exact_text(weights.input.gain);
   m["input_mean"] = three(weights.input.mean);
   m["input_deviation"] = three(weights.input.deviation);

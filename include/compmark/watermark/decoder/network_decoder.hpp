@@ -55,17 +55,23 @@ class NetworkDecoder {
 
   /// What a forward pass leaves for the backward pass, and scratch; grow-only.
   struct Context {
-    typename DecoderInput<T>::Context input;
-    SubjectCut<T> subject;               ///< what is read of the image
-    Buffer<T> converted;                 ///< [3, h, w] the image as the network sees it, then its gradient
+    /// Of one part of the image.
+    struct Reading {
+      typename DecoderInput<T>::Context input;
+      PictureCut<T> cut;
+      Buffer<T> converted;                 ///< [3, h, w] the part as the network sees it, then its gradient
+      std::vector<FeatureMaps<T>> slopes;  ///< of each layer's activation, in the layout of its output
+      std::vector<Buffer<std::uint8_t>> choices;
+      int height = 0;  ///< of the network's input, before the stem
+      int width = 0;
+    };
+    std::array<Reading, ReadParts::most> readings;
+    ReadParts parts;
     std::array<FeatureMaps<T>, 2> maps;  ///< values, then gradients: of this layer and the next
-    std::vector<FeatureMaps<T>> slopes;  ///< of each layer's activation, in the layout of its output
-    std::vector<Buffer<std::uint8_t>> choices;
     typename Kernel<T>::Scratch convolution;
     Buffer<double> features;
+    Buffer<double> part_features;
     Buffer<double> d_features;
-    int height = 0;  ///< of the network's input, before the stem
-    int width = 0;
   };
 
   NetworkDecoder() = default;
@@ -95,18 +101,29 @@ class NetworkDecoder {
   /// Smaller images would leave a kernel that sees more border than image, or a layer without a position.
   [[nodiscard]] int minimum_size() const { return minimum_size_; }
 
-  /// Fills features() means over positions, before the head: what whitening statistics are made of.
+  /// Fills features() means over positions and parts of the image, before the head: what whitening statistics are made
+  /// of.
   template <Executor E>
   void forward_features(ImageView<const T> image, std::span<double> features, Context& context, E& executor) const {
-    run(image, features, context, executor, false);
+    context.parts = read_parts(input(), image, minimum_size());
+    run(image, 0, features, context, executor, false);
+    if (context.parts.count == 1) return;
+    context.part_features.resize(features.size());
+    for (std::size_t part = 1; part < context.parts.count; ++part) {
+      run(image, part, context.part_features.span(), context, executor, false);
+      for (std::size_t f = 0; f < features.size(); ++f) features[f] += context.part_features[f];
+    }
+    for (double& feature : features) feature /= static_cast<double>(context.parts.count);
   }
 
-  /// ADDS the means of the last layer before its activation, and those of its squares, for batch normalisation.
+  /// ADDS the means of the last layer before its activation, and those of its squares, for batch normalisation; of the
+  /// first part alone.
   template <Executor E>
   void add_moments(ImageView<const T> image, std::span<double> mean, std::span<double> square, Context& context,
                    E& executor) const {
     context.features.resize(mean.size());
-    const FeatureView<T> maps = run(image, context.features.span(), context, executor, true);
+    context.parts = read_parts(input(), image, minimum_size());
+    const FeatureView<T> maps = run(image, 0, context.features.span(), context, executor, true);
     for (std::size_t c = 0; c < mean.size(); ++c) mean[c] += context.features[c];
     for (int c = 0; c < maps.channels; ++c) {
       for (int y = 0; y < maps.height; ++y) {
@@ -133,21 +150,37 @@ class NetworkDecoder {
   template <Executor E>
   void backward(std::span<const T> d_logits, ImageView<T> d_image, Context& context, E& executor) const {
     COMPMARK_ASSERT(d_logits.size() == static_cast<std::size_t>(bits()), "NetworkDecoder: d_logits");
-    COMPMARK_ASSERT(context.slopes.size() == layers_.size(), "NetworkDecoder: backward after forward");
+    COMPMARK_ASSERT(context.readings[0].slopes.size() == layers_.size(), "NetworkDecoder: backward after forward");
+    const double share = 1 / static_cast<double>(context.parts.count);
     context.d_features.resize(static_cast<std::size_t>(features()));
     std::fill(context.d_features.begin(), context.d_features.end(), 0.0);
     for (std::size_t r = 0; r < d_logits.size(); ++r) {
       const double* const row = head_.matrix.data() + r * context.d_features.size();
       for (std::size_t f = 0; f < context.d_features.size(); ++f)
-        context.d_features[f] += static_cast<double>(d_logits[r]) * row[f];
+        context.d_features[f] += share * static_cast<double>(d_logits[r]) * row[f];
     }
+    for (std::size_t part = 0; part < context.parts.count; ++part)
+      backward(context.readings[part], d_image, context, executor);
+  }
+
+ private:
+  using Reading = typename Context::Reading;
+  struct Layer {
+    Kernel<T> convolution;
+    bool pool = false;
+    bool tap = false;
+  };
+
+  /// ADDS to d_image what comes through one part.
+  template <class E>
+  void backward(Reading& reading, ImageView<T> d_image, Context& context, E& executor) const {
     FeatureMaps<T>* now = &context.maps[0];
     FeatureMaps<T>* next = &context.maps[1];
     std::size_t first = context.d_features.size();  // of the layer's features
-    start(first, context, executor);
+    start(first, reading, context, executor);
     for (std::size_t l = layers_.size(); l-- > 1;) {
       const Layer& layer = layers_[l];
-      const FeatureView<const T> slope = std::as_const(context.slopes[l - 1]).view();
+      const FeatureView<const T> slope = std::as_const(reading.slopes[l - 1]).view();
       const T share = tap_share(slope);
       if (layers_[l - 1].tap) first -= static_cast<std::size_t>(slope.channels);
       const double* const d_tap = context.d_features.data() + first;
@@ -165,28 +198,21 @@ class NetworkDecoder {
         layer.convolution.backward(std::as_const(*now).view(), next->view(), context.convolution, executor,
                                    IdentityFinish{});
         now->resize(slope.channels, slope.height, slope.width, slope.row_stride, slope.plane_stride);
-        max_pool_adjoint(std::as_const(*next).view(), context.choices[l], now->view(), executor);
+        max_pool_adjoint(std::as_const(*next).view(), reading.choices[l], now->view(), executor);
         apply_finish(now->view(), finish, executor);
         continue;
       }
       std::swap(now, next);
     }
     const Layer& layer = layers_.front();
-    next->resize(layer.convolution.shape().in, stem_size(context.height, stem_), stem_size(context.width, stem_));
+    next->resize(layer.convolution.shape().in, stem_size(reading.height, stem_), stem_size(reading.width, stem_));
     layer.convolution.backward(std::as_const(*now).view(), next->view(), context.convolution, executor,
                                IdentityFinish{});
-    const ImageView<T> d_converted{context.converted.data(), 3, context.height, context.width};
+    const ImageView<T> d_converted{reading.converted.data(), 3, reading.height, reading.width};
     depth_to_space(std::as_const(*next).view(), stem_, d_converted, executor);
-    context.subject.add(d_image,
-                        [&](ImageView<T> d_read) { input_.backward(d_converted, d_read, context.input, executor); });
+    reading.cut.add(d_image,
+                    [&](ImageView<T> d_read) { input_.backward(d_converted, d_read, reading.input, executor); });
   }
-
- private:
-  struct Layer {
-    Kernel<T> convolution;
-    bool pool = false;
-    bool tap = false;
-  };
 
   /// Whether a network input of n positions a side leaves every layer one.
   [[nodiscard]] bool fits(int n) const {
@@ -203,29 +229,30 @@ class NetworkDecoder {
   }
 
   template <class E>
-  FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor,
-                     bool raw) const {
+  FeatureView<T> run(ImageView<const T> image, std::size_t part, std::span<double> features, Context& context,
+                     E& executor, bool raw) const {
+    COMPMARK_ASSERT(image.channels == 3, "NetworkDecoder: an RGB image");
+    Reading& reading = context.readings[part];
+    image = reading.cut.of(image, context.parts.boxes[part]);
     return activation_ == DecoderActivation::gelu
-               ? run(image, features, context, executor, raw, detail::GeluActivation{})
-               : run(image, features, context, executor, raw, detail::ReluActivation{});
+               ? run(image, features, reading, context, executor, raw, detail::GeluActivation{})
+               : run(image, features, reading, context, executor, raw, detail::ReluActivation{});
   }
   /// Fills the features and returns the last maps; `raw`: without the last activation.
   template <class E, class Activation>
-  FeatureView<T> run(ImageView<const T> image, std::span<double> features, Context& context, E& executor, bool raw,
-                     const Activation& activation) const {
-    COMPMARK_ASSERT(image.channels == 3, "NetworkDecoder: an RGB image");
-    image = context.subject.of(image, input().subject_alone, minimum_size());
+  FeatureView<T> run(ImageView<const T> image, std::span<double> features, Reading& reading, Context& context,
+                     E& executor, bool raw, const Activation& activation) const {
     const auto size = input().output_size(image.height, image.width);
-    context.height = size[0];
-    context.width = size[1];
+    reading.height = size[0];
+    reading.width = size[1];
     COMPMARK_ASSERT(fits(stem_size(std::min(size[0], size[1]), stem_)),
                     "NetworkDecoder: the image is below minimum_size()");
-    context.converted.resize(3 * static_cast<std::size_t>(size[0]) * static_cast<std::size_t>(size[1]));
-    const ImageView<T> converted{context.converted.data(), 3, size[0], size[1]};
-    input_.forward(image, converted, context.input, executor);
-    if (context.slopes.size() != layers_.size()) {
-      context.slopes.resize(layers_.size());
-      context.choices.resize(layers_.size());
+    reading.converted.resize(3 * static_cast<std::size_t>(size[0]) * static_cast<std::size_t>(size[1]));
+    const ImageView<T> converted{reading.converted.data(), 3, size[0], size[1]};
+    input_.forward(image, converted, reading.input, executor);
+    if (reading.slopes.size() != layers_.size()) {
+      reading.slopes.resize(layers_.size());
+      reading.choices.resize(layers_.size());
     }
     FeatureMaps<T>* now = &context.maps[0];  // roles, not contents, are swapped: each buffer is as large in every call
     FeatureMaps<T>* next = &context.maps[1];
@@ -234,13 +261,13 @@ class NetworkDecoder {
     for (std::size_t l = 0; l < layers_.size(); ++l) {
       const Layer& layer = layers_[l];
       if (layer.pool) {
-        max_pool(std::as_const(*now).view(), *next, context.choices[l], executor);
+        max_pool(std::as_const(*now).view(), *next, reading.choices[l], executor);
         std::swap(now, next);
       }
       layer.convolution.prepare(std::as_const(*now).view(), *next, context.convolution, executor);
       const FeatureView<T> output = next->view();
-      context.slopes[l].resize(output.channels, output.height, output.width, output.row_stride, output.plane_stride);
-      T* const slopes = context.slopes[l].view().data;
+      reading.slopes[l].resize(output.channels, output.height, output.width, output.row_stride, output.plane_stride);
+      T* const slopes = reading.slopes[l].view().data;
       const bool linear = raw && l + 1 == layers_.size();
       layer.convolution.forward(output, context.convolution, executor, [&](auto value, const ConvPlace<T>& place) {
         if (linear) return value;
@@ -260,8 +287,8 @@ class NetworkDecoder {
 
   /// The gradient before the last activation: d mean, the same at all positions, times the slope.
   template <class E>
-  void start(std::size_t& first, Context& context, E& executor) const {
-    const FeatureView<const T> slope = std::as_const(context.slopes.back()).view();
+  void start(std::size_t& first, const Reading& reading, Context& context, E& executor) const {
+    const FeatureView<const T> slope = reading.slopes.back().view();
     first -= static_cast<std::size_t>(slope.channels);
     const double* const d_tap = context.d_features.data() + first;
     const T share = tap_share(slope);

@@ -142,19 +142,17 @@ template <class S>
 
 }  // namespace detail
 
-/// The features of an image: means of the tapped layers.
+/// The features of a part of an image: means of the tapped layers.
 template <class S>
-[[nodiscard]] std::vector<S> reference_features(const DecoderWeights& weights, ImageView<const S> image) {
-  std::vector<S> subject;
-  if (weights.input.subject_alone) {
-    const PictureBox box = subject_box(image, smallest_picture(weights));
-    for (int c = 0; c < 3; ++c) {
-      for (int y = 0; y < box.height; ++y) {
-        for (int x = 0; x < box.width; ++x) subject.push_back(image(c, box.top + y, box.left + x));
-      }
+[[nodiscard]] std::vector<S> reference_features_of(const DecoderWeights& weights, ImageView<const S> image,
+                                                   const PictureBox& box) {
+  std::vector<S> part;
+  for (int c = 0; c < 3; ++c) {
+    for (int y = 0; y < box.height; ++y) {
+      for (int x = 0; x < box.width; ++x) part.push_back(image(c, box.top + y, box.left + x));
     }
-    image = {subject.data(), 3, box.height, box.width};
   }
+  image = {part.data(), 3, box.height, box.width};
   detail::ReferenceMaps<S> input = detail::reference_input<S>(weights.input, image);
   detail::ReferenceMaps<S> maps(3 * weights.stem * weights.stem, stem_size(input.height, weights.stem),
                                 stem_size(input.width, weights.stem));
@@ -176,6 +174,18 @@ template <class S>
     }
   }
   return features;
+}
+
+/// The features of an image: means over the parts of it that are read.
+template <class S>
+[[nodiscard]] std::vector<S> reference_features(const DecoderWeights& weights, ImageView<const S> image) {
+  const ReadParts parts = read_parts(weights.input, image, smallest_picture(weights));
+  std::vector<S> sum(static_cast<std::size_t>(weights.features()));
+  for (std::size_t p = 0; p < parts.count; ++p) {
+    const std::vector<S> features = reference_features_of<S>(weights, image, parts.boxes[p]);
+    for (std::size_t f = 0; f < sum.size(); ++f) sum[f] += features[f] / S(parts.count);
+  }
+  return sum;
 }
 
 /// Logits of a hidden or strided decoder.

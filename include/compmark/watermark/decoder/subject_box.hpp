@@ -205,46 +205,53 @@ template <class T>
   return std::min(box.height, box.width) < least ? PictureBox{0, 0, image.height, image.width} : box;
 }
 
-/// What is read of a picture, and the gradient of that as one of the picture. The box is taken for constant.
+/// The middle of a box, `share` of each of its sides.
+[[nodiscard]] inline PictureBox middle_of(const PictureBox& box, double share) {
+  const auto part = [&](int side) { return std::max(1, static_cast<int>(std::lround(share * side))); };
+  const int height = part(box.height), width = part(box.width);
+  return {box.top + (box.height - height) / 2, box.left + (box.width - width) / 2, height, width};
+}
+
+/// A part of a picture, and the gradient of that as one of the picture. The box is taken for constant.
 template <class T>
-class SubjectCut {
+class PictureCut {
  public:
-  /// The subject, or the picture itself where `alone` is false; valid until the next call, as long as the picture is.
-  [[nodiscard]] ImageView<const T> of(ImageView<const T> image, bool alone, int least) {
-    const PictureBox whole{0, 0, image.height, image.width};
-    box_ = alone ? subject_box(image, least) : whole;
-    if (box_ == whole) return image;
-    const ImageView<T> subject = view(image.channels);
+  /// What is in the box: the picture itself where that is all of it; valid until the next call, as long as the picture
+  /// is.
+  [[nodiscard]] ImageView<const T> of(ImageView<const T> image, const PictureBox& box) {
+    box_ = box;
+    if (box_ == PictureBox{0, 0, image.height, image.width}) return image;
+    const ImageView<T> part = view(image.channels);
     for (int c = 0; c < image.channels; ++c) {
       for (int y = 0; y < box_.height; ++y)
-        std::copy_n(image.row(c, box_.top + y) + box_.left, box_.width, subject.row(c, y));
+        std::copy_n(image.row(c, box_.top + y) + box_.left, box_.width, part.row(c, y));
     }
-    return subject;
+    return part;
   }
-  /// ADDS to d_image what `backward` adds to the gradient of the subject.
+  /// ADDS to d_image what `backward` adds to the gradient of the part.
   template <class Backward>
   void add(ImageView<T> d_image, const Backward& backward) {
     if (box_ == PictureBox{0, 0, d_image.height, d_image.width}) return backward(d_image);
-    const ImageView<T> d_subject = view(d_image.channels);
-    std::fill_n(d_subject.data, d_subject.size(), T(0));
-    backward(d_subject);
+    const ImageView<T> d_part = view(d_image.channels);
+    std::fill_n(d_part.data, d_part.size(), T(0));
+    backward(d_part);
     for (int c = 0; c < d_image.channels; ++c) {
       for (int y = 0; y < box_.height; ++y) {
         T* const to = d_image.row(c, box_.top + y) + box_.left;
-        for (int x = 0; x < box_.width; ++x) to[x] += d_subject(c, y, x);
+        for (int x = 0; x < box_.width; ++x) to[x] += d_part(c, y, x);
       }
     }
   }
 
  private:
   [[nodiscard]] ImageView<T> view(int channels) {
-    const ImageView<T> subject{nullptr, channels, box_.height, box_.width};
-    values_.resize(subject.size());
+    const ImageView<T> part{nullptr, channels, box_.height, box_.width};
+    values_.resize(part.size());
     return {values_.data(), channels, box_.height, box_.width};
   }
 
   PictureBox box_;
-  Buffer<T> values_;  ///< of the subject, then their gradient
+  Buffer<T> values_;  ///< of the part, then their gradient
 };
 
 }  // namespace compmark
