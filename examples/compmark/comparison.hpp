@@ -37,6 +37,8 @@ class ShownModels : public compmark::CompareObserver {
 ReportGrid comparison_grid(const Comparison& comparison);
 /// A line a view of one model.
 ReportGrid view_grid(const Comparison& comparison, const ComparedModel& model);
+/// A line a model and attack; empty without an attack.
+ReportGrid attack_grid(const Comparison& comparison);
 /// A line a kind of section, a column a compressed model, and the sum, which is the file; empty without one.
 ReportGrid section_grid(const Comparison& comparison);
 /// The grid as text.

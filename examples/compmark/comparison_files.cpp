@@ -34,13 +34,19 @@ nlohmann::ordered_json figures(const Comparison& comparison, const ComparedModel
     json["codec"] = model.codec;
     for (const auto& [name, bytes] : model.sections) json["sections"][name] = bytes;
   }
-  if (model.verification) {
-    const BitAccuracy accuracy = bit_accuracy(*model.verification);
-    json["bits"] = model.verification->bits;
-    json["bit_accuracy"] = {{"mean", accuracy.mean}, {"min", accuracy.min}, {"views", accuracy.views}};
-    json["bits_right"] = model.verification->evidence.matches;
-    json["p_value"] = model.verification->evidence.p_value;
-    json["largest_view_p_value"] = accuracy.largest_p;
+  const auto add_read = [](nlohmann::ordered_json& to, const Verification& verification) {
+    const BitAccuracy accuracy = bit_accuracy(verification);
+    to["bits"] = verification.bits;
+    to["bit_accuracy"] = {{"mean", accuracy.mean}, {"min", accuracy.min}, {"views", accuracy.views}};
+    to["bits_right"] = verification.evidence.matches;
+    to["p_value"] = verification.evidence.p_value;
+    to["largest_view_p_value"] = accuracy.largest_p;
+  };
+  if (model.verification) add_read(json, *model.verification);
+  for (const ReadAfterAttack& after : model.attacked) {
+    nlohmann::ordered_json entry{{"attack", after.attack}};
+    add_read(entry, after.verification);
+    json["attacks"].push_back(std::move(entry));
   }
   if (model.unmarked) json["twin"] = *model.unmarked;
   return json;
@@ -93,7 +99,8 @@ constexpr std::array csv_first = {"model",
                                   "anchors",
                                   "bit_accuracy",
                                   "bit_accuracy_min",
-                                  "largest_view_p_value"};
+                                  "largest_view_p_value",
+                                  "attack"};
 
 /// A line's cells by the name of their column; what is not there is empty.
 using Cells = std::map<std::string, std::string>;
@@ -107,6 +114,15 @@ Cells cells_of(const Comparison& comparison, const ComparedModel& model) {
   if (model.unmarked) cells["unmarked"] = csv_text(comparison.models[*model.unmarked].name);
   if (model.verification) cells["bits"] = std::to_string(model.verification->bits);
   return cells;
+}
+/// What all views of a model say together, and in the mean.
+void add_read(Cells& cells, const Verification& verification) {
+  const BitAccuracy accuracy = bit_accuracy(verification);
+  cells["bits_right"] = std::to_string(verification.evidence.matches);
+  cells["bit_accuracy"] = number(accuracy.mean);
+  cells["bit_accuracy_min"] = number(accuracy.min);
+  cells["p_value"] = number(verification.evidence.p_value);
+  cells["largest_view_p_value"] = number(accuracy.largest_p);
 }
 Cells view_cells(const Comparison& comparison, const ComparedModel& model, std::size_t view) {
   Cells cells = cells_of(comparison, model);
@@ -130,14 +146,15 @@ Cells model_cells(const Comparison& comparison, const ComparedModel& model) {
       number(model.evaluation.mean([](const ViewResult& v) { return static_cast<double>(v.gaussians); }));
   for (const Measure& measure : measures) cells[measure.name] = number(mean_of(measure, comparison, model));
   for (const auto& [name, bytes] : model.sections) cells["section: " + name] = std::to_string(bytes);
-  if (model.verification) {
-    const BitAccuracy accuracy = bit_accuracy(*model.verification);
-    cells["bits_right"] = std::to_string(model.verification->evidence.matches);
-    cells["bit_accuracy"] = number(accuracy.mean);
-    cells["bit_accuracy_min"] = number(accuracy.min);
-    cells["p_value"] = number(model.verification->evidence.p_value);
-    cells["largest_view_p_value"] = number(accuracy.largest_p);
-  }
+  if (model.verification) add_read(cells, *model.verification);
+  return cells;
+}
+/// A line of all views after an attack.
+Cells attack_cells(const Comparison& comparison, const ComparedModel& model, const ReadAfterAttack& after) {
+  Cells cells = cells_of(comparison, model);
+  cells["scope"] = "attack";
+  cells["attack"] = csv_text(after.attack);
+  add_read(cells, after.verification);
   return cells;
 }
 
@@ -179,6 +196,7 @@ std::string comparison_csv(const Comparison& comparison) {
   for (const ComparedModel& model : comparison.models) {
     for (std::size_t i = 0; i < model.evaluation.views.size(); ++i) line(view_cells(comparison, model, i));
     line(model_cells(comparison, model));
+    for (const ReadAfterAttack& after : model.attacked) line(attack_cells(comparison, model, after));
   }
   return text;
 }

@@ -29,6 +29,17 @@ std::string cell(const Measure& measure, std::optional<double> value) {
 }
 std::string title_of(const ComparedModel& model) { return model.name + (model.is_unmarked ? " (unmarked)" : ""); }
 
+const std::vector<std::string> read_columns = {"bits a view", "worst view", "its p", "all views", "p"};
+/// In these columns.
+void add_read(std::vector<std::string>& row, const Verification& verification) {
+  const BitAccuracy accuracy = bit_accuracy(verification);
+  row.push_back(format_text("%.4f", accuracy.mean));
+  row.push_back(format_text("%.4f", accuracy.min));
+  row.push_back(format_text("%.1e", accuracy.largest_p));
+  row.push_back(format_text("%zu of %zu", verification.evidence.matches, verification.bits));
+  row.push_back(format_text("%.1e", verification.evidence.p_value));
+}
+
 /// The columns that have a value for these models.
 std::vector<const Measure*> measures_of(const Comparison& comparison) {
   std::vector<const Measure*> found;
@@ -49,22 +60,28 @@ ReportGrid comparison_grid(const Comparison& comparison) {
   grid.columns = {"model", "codec", "bytes", "anchors"};
   for (const Measure* measure : shown) grid.columns.emplace_back(measure->heading);
   if (counterparts) grid.columns.emplace_back("unmarked counterpart");
-  if (reads) grid.columns.insert(grid.columns.end(), {"bits a view", "worst view", "its p", "all views", "p"});
+  if (reads) grid.columns.insert(grid.columns.end(), read_columns.begin(), read_columns.end());
   for (const ComparedModel& model : comparison.models) {
     std::vector<std::string> row{title_of(model), model.codec.empty() ? "none" : model.codec,
                                  std::to_string(model.bytes), std::to_string(model.anchors)};
     for (const Measure* measure : shown) row.push_back(cell(*measure, mean_of(*measure, comparison, model)));
     if (counterparts) row.push_back(model.unmarked ? comparison.models[*model.unmarked].name : std::string());
-    if (reads) {
-      const Verification& verification = *model.verification;
-      const BitAccuracy accuracy = bit_accuracy(verification);
-      row.push_back(format_text("%.4f", accuracy.mean));
-      row.push_back(format_text("%.4f", accuracy.min));
-      row.push_back(format_text("%.1e", accuracy.largest_p));
-      row.push_back(format_text("%zu of %zu", verification.evidence.matches, verification.bits));
-      row.push_back(format_text("%.1e", verification.evidence.p_value));
-    }
+    if (reads) add_read(row, *model.verification);
     grid.rows.push_back(std::move(row));
+  }
+  return grid;
+}
+
+ReportGrid attack_grid(const Comparison& comparison) {
+  ReportGrid grid;
+  grid.heading = "Read after an edit of every render";
+  grid.columns = {"model", "edit"};
+  grid.columns.insert(grid.columns.end(), read_columns.begin(), read_columns.end());
+  for (const ComparedModel& model : comparison.models) {
+    for (const compmark::ReadAfterAttack& after : model.attacked) {
+      grid.rows.push_back({title_of(model), after.attack});
+      add_read(grid.rows.back(), after.verification);
+    }
   }
   return grid;
 }
@@ -171,6 +188,7 @@ ReportInput comparison_report(const Comparison& comparison, const std::vector<st
     }
   }
   report.grids.push_back(comparison_grid(comparison));
+  if (ReportGrid attacks = attack_grid(comparison); !attacks.rows.empty()) report.grids.push_back(std::move(attacks));
   if (ReportGrid sections = section_grid(comparison); !sections.rows.empty())
     report.grids.push_back(std::move(sections));
   for (const ComparedModel& model : comparison.models) report.grids.push_back(view_grid(comparison, model));
@@ -199,6 +217,7 @@ std::string evaluation_text(const Comparison& comparison) {
     }
   }
   text += format_text("mean over %zu views\n", views.size()) + grid_text(comparison_grid(comparison));
+  if (const ReportGrid attacks = attack_grid(comparison); !attacks.rows.empty()) text += grid_text(attacks);
   for (const ComparedModel& model : comparison.models) {
     if (model.sections.empty()) continue;
     text += model.name + "\n";

@@ -5,6 +5,7 @@
 // of a mark and the bits of a message; bytes by section and milliseconds.
 #include <compmark/app/run/mark_record.hpp>
 #include <compmark/io/json_file.hpp>
+#include <compmark/watermark/attack/picture_attacks.hpp>
 #include <compmark/watermark/proof/report.hpp>
 #include <cstdio>
 #include <memory>
@@ -69,6 +70,9 @@ Command add_evaluate(Options& app) {
             "for each --model in their order");
   app.reads("--key", input.key, InputKind::key, "owner's key; its message is read from the renders");
   app.reads("--decoder", input.decoder, InputKind::decoder, reading_decoder_text);
+  app.words("--attack", input.attacks,
+            "edit every render so before it is read once more, in 8 bits: " + PictureAttacks::names() +
+                ", each with its strength, as jpeg:50; may be given several times");
   app.word("--split", options->split, "test or train")->capture_default_str()->check(CLI::IsMember({"test", "train"}));
   app.writes("--json", options->files.json, OutputKind::words, "write the figures to this file");
   app.writes("--csv", options->files.csv, OutputKind::words,

@@ -62,7 +62,7 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
   app.number("--fidelity", options.fidelity, RealRange{0, 1e6},
              "weight of the distortion, the mean square difference between marked and unmarked "
              "renders; 0: the message joins the loss of the photographs, as published (default: "
-             "1200 with the decoder of the program; docs/watermark.md has the others)");
+             "1600 with the decoder of the program; docs/watermark.md has the others)");
   app.number("--fidelity-fall", options.fall, RealRange{0, 4},
              "exponent by which --fidelity falls with the distance of a view from the nearest "
              "photograph, where the scene has larger errors of its own; 0: no fall (default: 2)");

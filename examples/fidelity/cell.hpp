@@ -39,6 +39,8 @@ struct Settings {
   std::int64_t iterations = 10000;
   double rate_lambda = 0.004;
   std::int64_t fit_codec = 0;  ///< above 0: the codec is fitted to a finished model, in so many iterations (fitted.hpp)
+  bool universal = false;  ///< read by the decoder that comes with the tool; else by one that is fitted to the scene
+  std::vector<std::string> attacks;  ///< on pictures: what is read after each of them is measured too
   int bits = 48;
   std::size_t threads = 0;
   fs::path lpips;                  ///< LPIPS-Alex weights; may be empty
@@ -61,6 +63,7 @@ struct Figures {
   double accuracy = 0, worst = 0;         ///< shares of the bits: mean over the views, and of the worst
   double p_value = 1, worst_p_value = 1;  ///< of all views together; of the worst by itself
   std::size_t views = 0;
+  std::vector<std::pair<std::string, double>> attacked;  ///< mean share of the bits after each of Settings::attacks
 };
 
 struct Row {
@@ -100,6 +103,7 @@ struct Cell {
                                  {"train", words_that_count(settings.extra)}};
   if (settings.fit_codec > 0) json["fit_codec"] = settings.fit_codec;
   if (!settings.key_id.empty()) json["key"] = settings.key_id;
+  if (settings.universal) json["decoder"] = "universal";
   // Defaults that have changed: cells of earlier ones do not belong into one table with new ones.
   if (cell.codec == "context_gs") json["steps"] = "held";
   json["regions"] = "limited";
@@ -189,7 +193,15 @@ struct Cell {
 /// Whether the models were measured after they were trained, with the measures that are asked for.
 [[nodiscard]] inline bool is_measured(const fs::path& folder, const Settings& settings) {
   const Result<nlohmann::json> found = compmark::read_json(folder / "evaluate.json");
+  const auto has_attacks = [&](const nlohmann::json& measured) {
+    const std::size_t count = measured.contains("attacks") ? measured["attacks"].size() : 0;
+    bool same = count == settings.attacks.size();
+    for (std::size_t a = 0; same && a < count; ++a)
+      same = measured["attacks"][a].value("attack", std::string()) == settings.attacks[a];
+    return same;
+  };
   return found && found->is_object() && (settings.lpips.empty() || found->contains("lpips_alex")) &&
+         has_attacks(*found) &&
          fs::last_write_time(folder / "evaluate.json") >= fs::last_write_time(folder / "results.json");
 }
 
@@ -238,11 +250,16 @@ struct Cell {
       figures.views = accuracy.at("views").get<std::size_t>();
       figures.p_value = model.at("p_value").get<double>();
       figures.worst_p_value = model.at("largest_view_p_value").get<double>();
+      if (!model.contains("attacks")) continue;
+      for (const nlohmann::json& attack : model.at("attacks")) {
+        figures.attacked.emplace_back(attack.at("attack").get<std::string>(),
+                                      attack.at("bit_accuracy").at("mean").get<double>());
+      }
     }
     std::vector<std::tuple<std::string, const char*, double*>> timed = {
         {"results.json", "train_seconds", &row.mark_seconds},
-        {"unmarked/results.json", "train_seconds", &row.train_seconds},
-        {"decoder.json", "seconds", &row.fit_seconds}};
+        {"unmarked/results.json", "train_seconds", &row.train_seconds}};
+    if (!settings.universal) timed.emplace_back("decoder.json", "seconds", &row.fit_seconds);
     if (settings.fit_codec > 0)
       timed.emplace_back("../" + row.scene + "_host/results.json", "train_seconds", &row.train_seconds);
     for (const auto& [name, field, seconds] : timed) {

@@ -5,8 +5,10 @@
 #include <compmark/app/compare.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
+#include <utility>
 
 #include "../compmark/comparison.hpp"
+#include "../compmark/decoder_choice.hpp"
 #include "../compmark/evaluation.hpp"
 #include "stopping.hpp"
 
@@ -17,7 +19,14 @@ Result<Done> measure_cell(const Cell& cell, const Settings& settings) {
   for (const char* file : model_files) compared.models.push_back(folder / file);
   compared.unmarked = counterparts(folder);
   compared.key = settings.key();
-  compared.decoder = folder / "decoder.safetensors";
+  if (settings.universal) {
+    Result<fs::path> shipped = tool::shipped_decoder();
+    if (!shipped) return shipped.error();
+    compared.decoder = std::move(*shipped);
+  } else {
+    compared.decoder = folder / "decoder.safetensors";
+  }
+  compared.attacks = settings.attacks;
   compared.data = cell.scene.folder;
   compared.downscale = cell.scene.downscale;
   compared.evaluate = tool::evaluation_settings({settings.lpips, {}, false});

@@ -33,19 +33,27 @@ namespace fidelity {
 [[nodiscard]] inline Settings settings_of(Settings settings, const Point& point) {
   settings.iterations = point.iterations;
   settings.rate_lambda = point.rate_lambda;
+  settings.universal = !point.fits;
+  settings.attacks = point_attacks();
   settings.extra.insert(settings.extra.begin(), point.words.begin(), point.words.end());
   return settings;
 }
 
-/// Whether a point's training is over and its decoder fitted.
-[[nodiscard]] inline bool has_unmarked_model(const fs::path& folder) {
+/// The files of a decoder that was fitted to a point's scene.
+[[nodiscard]] inline std::vector<const char*> decoder_files(const Point& point) {
+  if (!point.fits) return {};
+  return {"decoder.safetensors", "decoder.json"};
+}
+/// Whether a point's training is over and its decoder, if it has one of its own, fitted.
+[[nodiscard]] inline bool has_unmarked_model(const fs::path& folder, const Point& point) {
+  const std::vector<const char*> files = decoder_files(point);
   return fs::exists(folder / "unmarked/results.json") && !fs::exists(folder / "unmarked/checkpoint.safetensors") &&
-         fs::exists(folder / "decoder.safetensors") && fs::exists(folder / "decoder.json");
+         std::all_of(files.begin(), files.end(), [&](const char* file) { return fs::exists(folder / file); });
 }
 
 /// The training and the decoder of a point with the same unmarked model, for one that has none: a training that is
 /// resumed takes what is there.
-[[nodiscard]] inline Result<Done> share_unmarked_model(const fs::path& from, const fs::path& to) {
+[[nodiscard]] inline Result<Done> share_unmarked_model(const fs::path& from, const fs::path& to, const Point& point) {
   if (fs::exists(to / "unmarked")) return Done{};
   const HoldStop hold;
   std::error_code status;
@@ -57,7 +65,7 @@ namespace fidelity {
   fs::create_directories(to, status);
   fs::copy(from / "unmarked", partial, fs::copy_options::recursive, status);
   if (status) return failed(partial);
-  for (const char* file : {"decoder.safetensors", "decoder.json"}) {
+  for (const char* file : decoder_files(point)) {
     fs::copy_file(from / file, to / file, fs::copy_options::overwrite_existing, status);
     if (status) return failed(to / file);
   }
@@ -77,7 +85,9 @@ namespace fidelity {
                        "from the file. Seconds are those of the iterations and of the fit, on this machine.",
                        scene.downscale, settings.bits);
   const std::string note =
-      "* No other point is as good in minutes, bytes, decibels and bits and better in one of them.";
+      "* No other point is as good in minutes, bytes, decibels, bits, bits after JPEG 50 and bits after the worst "
+      "edit, "
+      "and better in one of them.";
   if (Result<Done> r = compmark::write_json(settings.out / "tradeoff.json", price_json(scene, settings, points)); !r)
     return r;
   if (Result<Done> r =
@@ -110,10 +120,10 @@ namespace fidelity {
     const auto is_this = [&](const PricedPoint& other) { return other.point.label() == point.label(); };
     if (std::any_of(finished.begin(), finished.end(), is_this)) continue;
     const auto source = std::find_if(points.begin(), points.end(), [&](const Point& other) {
-      return other.same_unmarked_model(point) && has_unmarked_model(folder(other)) && same_run(other);
+      return other.same_unmarked_model(point) && has_unmarked_model(folder(other), point) && same_run(other);
     });
     if (source != points.end()) {
-      if (Result<Done> shared = share_unmarked_model(folder(*source), folder(point)); !shared)
+      if (Result<Done> shared = share_unmarked_model(folder(*source), folder(point), point); !shared)
         return RunEnd{fail(program, shared.error()), {}};
     }
     Result<std::optional<Row>> row = finish_cell(program, cell_of(scene, point), settings_of(settings, point), steps);

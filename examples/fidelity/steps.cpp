@@ -95,6 +95,9 @@ Parsed<tool::TrainOptions> training(Step step, const Cell& cell, const Settings&
   if (step == Step::train_marked) {
     bound.settings.mark.key = settings.key();
     bound.settings.mark.bits = static_cast<std::size_t>(settings.bits);
+    if (settings.universal) {
+      if (Result<Done> chosen = tool::choose_decoder(bound.settings.mark); !chosen) return chosen.error();
+    }
   }
   return command;
 }

@@ -163,6 +163,35 @@ TEST_CASE("tool: attack changes images by the attacks of a list, and their messa
   CHECK(*read_file(at("bright/" + *names.begin())) != *read_file(at("renders/" + *names.begin())));
 }
 
+TEST_CASE("tool: evaluate reads after an attack what verify reads from the pictures that attack wrote") {
+  const std::string scene = at("scene"), key = " --key " + at("owner.key") + " --decoder " + at("decoder.safetensors");
+  const std::vector<std::string> attacks = {"jpeg:30", "noise:0.05", "saturation:0", "brightness:1"};
+  std::string words;
+  for (const std::string& attack : attacks) words += " --attack " + attack;
+  const std::string evaluate = "evaluate --data " + scene + " --model " + marked();
+  done(evaluate + key + words + " --json " + at("after.json") + " --csv " + at("after.csv"));
+  const nlohmann::json report = json_of(at("after.json"));
+  REQUIRE(report["attacks"].size() == attacks.size());
+  done("render --model " + marked() + " --out " + at("to_edit"));
+  for (std::size_t a = 0; a < attacks.size(); ++a) {
+    CAPTURE(attacks[a]);
+    const std::string edited = at("after_" + std::to_string(a));
+    done("attack --images " + at("to_edit") + " --into " + edited + " --attack " + attacks[a]);
+    (void)tool("verify --images " + edited + key + " --json " + at("read.json"));
+    const nlohmann::json read = json_of(at("read.json")), &said = report["attacks"][a];
+    CHECK(said["attack"] == attacks[a]);
+    CHECK(said["bits_right"] == read["matches"]);
+    CHECK(said["bit_accuracy"]["mean"].get<double>() ==
+          doctest::Approx(read["bit_accuracy"]["mean"].get<double>()).epsilon(1e-9));
+  }
+  CHECK(report["attacks"][3]["bit_accuracy"] == report["bit_accuracy"]);  // nothing was done to them
+  CHECK(report["attacks"][0]["p_value"] != report["p_value"]);            // the control: this scene's mark feels JPEG
+  CHECK(testing::text_of(at("after.csv")).find("saturation:0") != std::string::npos);
+  check_refused(tool(evaluate + words), {"--key", "is missing"});
+  check_refused(tool(evaluate + key + " --attack poster"), {"attack", "none of crop"});
+  check_refused(tool(evaluate + key + " --attack frame:0"), {"frame:0", "from 1 to 4096"});
+}
+
 TEST_CASE("tool: attack refuses what it cannot do in a sentence") {
   const std::string model = "attack --model " + marked() + " --out " + at("x.safetensors");
   check_refused(tool(model + " --attack blur"), {"attack", "none of int8, noise, prune, clone"});

@@ -44,6 +44,7 @@ PricedPoint priced(const char* name, double seconds, double bytes, double psnr, 
   one.row.models[marked_coded].bytes = bytes;
   one.row.models[marked_coded].psnr = psnr;
   one.row.models[marked_coded].accuracy = accuracy;
+  one.row.models[marked_coded].attacked = {{"jpeg:50", 0.9}, {"noise:0.1", 0.8}};
   return one;
 }
 
@@ -61,13 +62,18 @@ class InstantSteps final : public Steps {
     for (const std::string& word : settings.extra) words += " " + word;
     if (step == Step::evaluate) {
       const json trained = json_of(folder / "unmarked/results.json");
+      json attacks = json::array();
+      for (const std::string& attack : settings.attacks)
+        attacks.push_back({{"attack", attack}, {"bit_accuracy", {{"mean", attack == "hue:10" ? 0.7 : 0.8}}}});
       const json model = {{"psnr", trained["train_seconds"]},
                           {"ssim", 0.9},
                           {"bytes", 1000},
                           {"bit_accuracy", {{"mean", 0.99}, {"min", 0.9}, {"views", 3}}},
                           {"p_value", 1e-9},
-                          {"largest_view_p_value", 1e-7}};
-      REQUIRE(write_json(folder / "evaluate.json", json{{"models", {model, model, model, model}}}).ok());
+                          {"largest_view_p_value", 1e-7},
+                          {"attacks", attacks}};
+      REQUIRE(write_json(folder / "evaluate.json", json{{"models", {model, model, model, model}}, {"attacks", attacks}})
+                  .ok());
       return true;
     }
     REQUIRE(step == Step::train_marked);
@@ -78,8 +84,10 @@ class InstantSteps final : public Steps {
       fs::create_directories(folder / "unmarked");
       REQUIRE(write_json(folder / "unmarked/results.json", json{{"train_seconds", settings.iterations}}).ok());
       REQUIRE(write_file(folder / "unmarked/model.safetensors", std::string("model")).ok());
-      REQUIRE(write_file(folder / "decoder.safetensors", std::string("decoder\n")).ok());
-      REQUIRE(write_json(folder / "decoder.json", json{{"seconds", 10}}).ok());
+      if (!settings.universal) {
+        REQUIRE(write_file(folder / "decoder.safetensors", std::string("decoder\n")).ok());
+        REQUIRE(write_json(folder / "decoder.json", json{{"seconds", 10}}).ok());
+      }
     }
     REQUIRE(write_json(folder / "results.json", json{{"train_seconds", 20}}).ok());
     return true;
@@ -129,7 +137,7 @@ TEST_CASE("tradeoff: names of near points stand on no other name, and each is in
   CHECK(std::abs(x[1] - x[0]) < 6.4 * 17);
 }
 
-TEST_CASE("tradeoff: a point is on the front where none is as good in all four and better in one") {
+TEST_CASE("tradeoff: a point is on the front where none is as good in all six and better in one") {
   const std::vector<PricedPoint> points = {
       priced("cheap", 10, 100, 30, .9),     priced("good", 100, 100, 35, .99), priced("dominated", 101, 100, 35, .99),
       priced("small", 200, 50, 30, .9),     priced("same", 10, 100, 30, .9),   priced("readable", 300, 200, 20, 1.0),
@@ -141,9 +149,16 @@ TEST_CASE("tradeoff: a point is on the front where none is as good in all four a
   }
   // Equals do not exclude each other.
   CHECK(front == std::vector<std::string>{"cheap", "good", "small", "same", "readable"});
+  CHECK(beaten_by(points[2], points) == "good_hac");
+  CHECK(beaten_by(points[1], points).empty());
+  CHECK(points[0].worst_edit()->first == "noise:0.1");
+  // What survives an edit counts by itself.
+  std::vector<PricedPoint> sturdy = points;
+  sturdy[2].row.models[marked_coded].attacked[0].second = 0.95;
+  CHECK(beaten_by(sturdy[2], sturdy).empty());
   const tool::Table table = price_table(points);
   for (const auto& line : table.rows) CHECK(line.size() == table.columns.size());
-  CHECK(price_plots(points).size() == 3);
+  CHECK(price_plots(points).size() == 4);
 }
 
 TEST_CASE("tradeoff: the presets have points with both codecs, and every point a name of its own") {
@@ -181,7 +196,7 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(times_in(steps.log, "marked ") == 1);  // with the unmarked model that is there
   CHECK(times_in(steps.log, "--seed 3") == 3);
   CHECK(times_in(steps.log, "--mark-iterations 8000") == 1);
-  CHECK(text_of(at("run/standard_marked_longer_hac/decoder.safetensors")) == "decoder\n");
+  CHECK_FALSE(fs::exists(at("run/standard_marked_longer_hac/decoder.safetensors")));  // the decoder for every scene
   nlohmann::json json = json_of(at("run/tradeoff.json"));
   REQUIRE(json["points"].size() == 3);
   CHECK(json["points"][1]["name"] == "standard_hac");
@@ -189,7 +204,10 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(json["points"][1]["psnr"] == 10000);
   for (const char* file : {"tradeoff.md", "tradeoff.html"})
     CHECK(times_in(text_of(scratch.path / "run" / file), "standard_hac") > 0);
-  CHECK(times_in(text_of(at("run/tradeoff.svg")), "<title>marked longer, HAC</title>") == 3);  // in three plots
+  CHECK(times_in(text_of(at("run/tradeoff.svg")), "<title>marked longer, HAC</title>") == 4);  // in four plots
+  CHECK(json["points"][1]["attacked"]["jpeg:50"] == 0.8);
+  CHECK(json["points"][1]["decoder"] == "universal");
+  CHECK(times_in(text_of(at("run/tradeoff.md")), "| 80.0 | 70.0 | hue:10 |") == 3);
   CHECK(json["scene"] == "one");
   CHECK(json["train"] == nlohmann::json({"--seed", "3"}));
 
@@ -201,14 +219,20 @@ TEST_CASE("tradeoff: points that differ in the mark share a training, and what i
   CHECK(json["points"].size() == 4);
   CHECK(json["points"][2]["pareto"] == true);
 
+  // A point with a decoder of its own is trained by itself, and has it.
+  REQUIRE(run({"standard_fit_hac"}, "3") == 0);
+  CHECK(times_in(steps.log, "trained ") == 4);
+  CHECK(text_of(at("run/standard_fit_hac/decoder.safetensors")) == "decoder\n");
+  CHECK(json_of(at("run/tradeoff.json"))["points"].size() == 5);
+
   // An unmarked model is found wherever in the list it was trained, one of other settings is not.
   REQUIRE(run({"draft_context_gs"}, "4") == 0);
   fs::remove_all(at("run/standard_hac"));
   REQUIRE(run({"standard_hac"}, "3") == 0);
-  CHECK(times_in(steps.log, "trained ") == 4);
+  CHECK(times_in(steps.log, "trained ") == 5);
   CHECK(times_in(steps.log, "marked ") == 2);
   CHECK(run({"draft_hac"}, "4") == 1);  // another's folder
-  CHECK(json_of(at("run/tradeoff.json"))["points"].size() == 4);
+  CHECK(json_of(at("run/tradeoff.json"))["points"].size() == 5);
 
   const auto refused = [&](const std::string& words) {
     const Outcome outcome = run_tool(COMPMARK_TRADEOFF, "--data " + at("one") + " --out " + at("none") + " " + words);

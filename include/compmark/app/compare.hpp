@@ -33,6 +33,7 @@ struct CompareSettings {
   std::filesystem::path data;
   Split split = Split::test;
   double downscale = 1;
+  std::vector<std::string> attacks;  ///< on pictures: "jpeg:50" (watermark/attack); what is read after each by itself
   EvaluateSettings evaluate;
 };
 
@@ -42,6 +43,12 @@ struct AgainstUnmarked {
   double psnr = 0;  ///< dB
   double ssim = 0;
   std::optional<double> lpips_alex, lpips_squeeze;
+};
+
+/// What was read of all views after an attack on each.
+struct ReadAfterAttack {
+  std::string attack;
+  Verification verification;
 };
 
 struct ComparedModel {
@@ -54,6 +61,7 @@ struct ComparedModel {
   std::size_t anchors = 0;
   Evaluation evaluation;
   std::optional<Verification> verification;
+  std::vector<ReadAfterAttack> attacked;          ///< of CompareSettings::attacks, in their order; empty without a key
   std::optional<std::size_t> unmarked;            ///< its counterpart, in Comparison::models
   std::vector<AgainstUnmarked> against_unmarked;  ///< of every view; empty without a counterpart
 };
@@ -74,7 +82,8 @@ struct CompareObserver {
 };
 
 /// Loads, renders and measures every model. Cost: a render a view and model, and as many of the unmarked ones, whose
-/// photographs stay in memory together.
+/// photographs stay in memory together; an attack and a reading for each view, model and attack. Error: an attack that
+/// PictureAttacks does not name, attacks without a key, a picture that an attack leaves too small to be read.
 [[nodiscard]] Result<Comparison> compare_models(const CompareSettings& settings, ThreadExecutor& executor,
                                                 CompareObserver& observer);
 

@@ -79,13 +79,17 @@ TEST_CASE(
   const std::vector<float> pixels(3 * 8 * 8, 0.5f);
   const ImageView<const float> image{pixels.data(), 3, 8, 8};
   CHECK(attack_picture<PictureAttacks>("poster", image).error().line() ==
-        "attack: \"poster\" is none of crop, resize, rotation, blur, noise, brightness; choose one of them");
+        "attack: \"poster\" is none of crop, resize, rotation, blur, noise, brightness, gamma, hue, saturation, jpeg, "
+        "frame, chat; choose one of them");
   for (const char* text : {"blur:", "blur:x", "blur:1.5x", "blur:0", "blur:21", "blur:nan", "", ":", "blur:1:2"}) {
     CAPTURE(text);
     CHECK_FALSE(attack_picture<PictureAttacks>(text, image).ok());
+    CHECK_FALSE(check_attack<PictureAttacks>(text).ok());
   }
   CHECK(attack_picture<PictureAttacks>("blur:21", image).error().line() ==
         "attack: \"blur:21\" has no strength from 0.1 to 20; give the deviation of the blur in pixels");
+  CHECK(check_attack<PictureAttacks>("blur:20").ok());
+  CHECK(check_attack<PictureAttacks>("chat").ok());
   ParameterArena<float> arena;
   for (const char* text : {"clone:-0.1", "clone:1.1", "clone:nan", "clone:", "clone:half"}) {
     CAPTURE(text);

@@ -66,6 +66,32 @@ TEST_CASE("attack/picture_attacks: each does what it is called") {
   for (std::size_t i = 0; i < dark.planes.size(); ++i) CHECK(dark.planes[i] == 0.5f * picture.pixels[i]);
   CHECK(attacked(picture, "brightness:1").planes == picture.pixels);
   CHECK(attacked(picture, "noise:0").planes == picture.pixels);
+  const AttackedPicture gamma = attacked(picture, "gamma:2"), grey = attacked(picture, "saturation:0"),
+                        hue = attacked(picture, "hue:120"), same = attacked(picture, "hue:0");
+  for (std::size_t i = 0; i < gamma.planes.size(); ++i)
+    CHECK(gamma.planes[i] == doctest::Approx(picture.pixels[i] * picture.pixels[i]).epsilon(1e-5));
+  const std::size_t plane = picture.view.plane_size();
+  for (std::size_t i = 0; i < plane; ++i) {
+    const float luma =
+        0.299f * picture.pixels[i] + 0.587f * picture.pixels[plane + i] + 0.114f * picture.pixels[2 * plane + i];
+    for (std::size_t c = 0; c < 3; ++c) CHECK(grey.planes[c * plane + i] == doctest::Approx(luma).epsilon(2e-3));
+  }
+  CHECK(hue.planes != picture.pixels);
+  for (std::size_t i = 0; i < same.planes.size(); ++i)
+    CHECK(same.planes[i] == doctest::Approx(picture.pixels[i]).epsilon(1e-4));
+  double fine = 0, coarse = 0;
+  const AttackedPicture good = attacked(picture, "jpeg:95"), bad = attacked(picture, "jpeg:10");
+  for (std::size_t i = 0; i < good.planes.size(); ++i) {
+    fine += std::pow(static_cast<double>(good.planes[i] - picture.pixels[i]), 2);
+    coarse += std::pow(static_cast<double>(bad.planes[i] - picture.pixels[i]), 2);
+  }
+  CHECK((fine > 0 && fine < 0.3 * coarse));
+  const AttackedPicture framed = attacked(picture, "frame:5");
+  CHECK((framed.height == 34 && framed.width == 42));
+  CHECK(framed.view()(1, 5, 5) == picture.view(1, 0, 0));
+  CHECK(framed.view()(0, 4, 20) == 0.96f);
+  const AttackedPicture chat = attacked(picture, "chat:0.5");
+  CHECK((chat.height == 12 && chat.width == 16));
   CHECK(attacked(picture, "noise", 1).planes != attacked(picture, "noise", 2).planes);
 }
 

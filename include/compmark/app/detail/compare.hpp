@@ -25,6 +25,7 @@
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/metric/ssim.hpp"
+#include "compmark/watermark/attack/picture_attacks.hpp"
 #include "compmark/watermark/proof/key.hpp"
 
 namespace compmark {
@@ -62,6 +63,16 @@ struct MessageReader {
   reader->decoder = std::move(*decoder);
   reader->message = message_of(*key);
   return reader;
+}
+
+/// Attacks that nobody can read after, or that are none of the list: told before anything is rendered.
+[[nodiscard]] inline Result<Done> check_attacks(const CompareSettings& settings) {
+  if (!settings.attacks.empty() && settings.key.empty())
+    return Error{ErrorKind::invalid, {}, "--key", "is missing", "what is read after an attack needs a key"};
+  for (const std::string& attack : settings.attacks) {
+    if (Result<Done> known = check_attack<PictureAttacks>(attack); !known) return known;
+  }
+  return Done{};
 }
 
 /// The unmarked counterparts, each file once, and which of them a model has.
@@ -104,6 +115,7 @@ class ModelComparer {
   [[nodiscard]] Result<Comparison> run() {
     Comparison comparison;
     comparison.split = settings_.split;
+    if (const Result<Done> known = check_attacks(settings_); !known) return known.error();
     Result<std::unique_ptr<MessageReader>> reader = open_reader(settings_);
     if (!reader) return reader.error();
     reader_ = std::move(*reader);
@@ -230,6 +242,7 @@ class ModelComparer {
     found.anchors = opened.model->anchor_count();
     observer_.on_model(opened.path, opened.views.size());
     std::vector<ViewLogits> read;
+    std::vector<std::vector<ViewLogits>> attacked(settings_.attacks.size());
     Result<Evaluation> evaluation = evaluate_views(
         *opened.model, opened.views, settings_.evaluate, executor_, [&](const SeenView& view) -> Result<Done> {
           if (!observer_.on_view(view)) return stopped();
@@ -238,6 +251,7 @@ class ModelComparer {
                 read_logits(reader_->decoder, view.render, view.result.name, reader_->context, executor_);
             if (!logits) return logits.error();
             read.push_back(std::move(*logits));
+            if (Result<Done> after = read_after_attacks(view, attacked); !after) return after;
           }
           return unmarked == nullptr ? Result<Done>(Done{}) : add_against(*unmarked, view, found);
         });
@@ -248,7 +262,30 @@ class ModelComparer {
       if (!verification) return verification.error();
       found.verification = std::move(*verification);
     }
+    for (std::size_t a = 0; a < attacked.size(); ++a) {
+      Result<Verification> verification = verify_message(reader_->message, attacked[a], VerifySettings{});
+      if (!verification) return verification.error();
+      found.attacked.push_back({settings_.attacks[a], std::move(*verification)});
+    }
     return found;
+  }
+
+  /// Each attack on the view's render, as an image file has it.
+  [[nodiscard]] Result<Done> read_after_attacks(const SeenView& view, std::vector<std::vector<ViewLogits>>& read) {
+    for (std::size_t a = 0; a < read.size(); ++a) {
+      Result<AttackedPicture> picture = attack_picture<PictureAttacks>(settings_.attacks[a], view.render, view.index);
+      if (!picture) return picture.error();
+      const ImageView<float> image{picture->planes.data(), 3, picture->height, picture->width};
+      round_to_8bit<float>(image, image);
+      Result<ViewLogits> logits = read_logits(reader_->decoder, image, view.result.name, reader_->context, executor_);
+      if (!logits) {
+        Error error = logits.error();
+        error.problem = "after " + settings_.attacks[a] + ": " + error.problem;
+        return error;
+      }
+      read[a].push_back(std::move(*logits));
+    }
+    return Done{};
   }
 
   /// This view of a model against its counterpart's render of it.

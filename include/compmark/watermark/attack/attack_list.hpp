@@ -119,6 +119,12 @@ template <class List, class Returned, class Use>
 }
 }  // namespace detail
 
+/// Whether `text` names an attack of the list and a strength that it may have.
+template <class List>
+[[nodiscard]] Result<Done> check_attack(std::string_view text) {
+  return detail::with_attack<List, Done>(text, []<Attack A>(double) { return Result<Done>(Done{}); });
+}
+
 /// Does to a picture what `text` names: an attack of the list, "blur", at its usual strength, or "blur:1.5". Error: the
 /// list has no such attack, or its strength is out of its range.
 template <class List>

@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Attacks on a picture (attack_list.hpp): what happens to a render on its way. Those of place, sharpness and light are
-// the distortions of watermark/pretrain/augmentation.hpp at a chosen strength. To add one: its type here, and its name
-// in the list PictureAttacks. Cost: 1 to 6 ns a value.
+// the distortions of watermark/pretrain/augmentation.hpp at a chosen strength, those of colour and of files are those of
+// watermark/edit. To add one: its type here, and its name in the list PictureAttacks. Cost: 1 to 25 ns a value.
 #pragma once
 
+#include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
@@ -14,6 +16,8 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/edit/augmentation_edit.hpp"
+#include "compmark/watermark/edit/tone_edit.hpp"
 #include "compmark/watermark/pretrain/augmentation.hpp"
 
 namespace compmark {
@@ -31,6 +35,20 @@ namespace detail {
       image, draw, [](auto&&...) {}, executor);
   AttackedPicture result{seen.height, seen.width, {seen.data, seen.data + seen.size()}};
   for (float& value : result.planes) value = value > 0 ? (value < 1 ? value : 1.0f) : 0.0f;
+  return result;
+}
+/// A matrix [3, 3] of every pixel's colour.
+[[nodiscard]] inline AttackedPicture recoloured_picture(ImageView<const float> image,
+                                                        const std::array<double, 9>& matrix) {
+  AttackedPicture result{image.height, image.width, std::vector<float>(image.size())};
+  const std::size_t plane = image.plane_size();
+  for (std::size_t i = 0; i < plane; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      double sum = 0;
+      for (std::size_t k = 0; k < 3; ++k) sum += matrix[3 * c + k] * static_cast<double>(image.data[k * plane + i]);
+      result.planes[c * plane + i] = static_cast<float>(sum > 0 ? (sum < 1 ? sum : 1) : 0);
+    }
+  }
   return result;
 }
 }  // namespace detail
@@ -77,8 +95,70 @@ struct BrightnessAttack {
     return detail::distorted_picture(Augmentation::brightness, image, factor, seed);
   }
 };
+struct GammaAttack {
+  static constexpr std::string_view name = "gamma";
+  static constexpr AttackAmount amount{1.25, 0.1, 10, "the exponent of the colours"};
+  [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double exponent, std::uint64_t /*seed*/) {
+    AttackedPicture result{image.height, image.width, {image.data, image.data + image.size()}};
+    for (float& value : result.planes) {
+      const double power = std::pow(static_cast<double>(value), exponent);
+      value = power > 0 ? (power < 1 ? static_cast<float>(power) : 1.0f) : 0.0f;
+    }
+    return result;
+  }
+};
+struct HueAttack {
+  static constexpr std::string_view name = "hue";
+  static constexpr AttackAmount amount{10, -180, 180, "the angle in degrees"};
+  [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double degrees, std::uint64_t /*seed*/) {
+    return detail::recoloured_picture(image, ToneEdit::colour_matrix({1, 1, 1}, 1, degrees * std::numbers::pi / 180));
+  }
+};
+struct SaturationAttack {
+  static constexpr std::string_view name = "saturation";
+  static constexpr AttackAmount amount{0.7, 0, 4, "the factor of the saturation, 0 for grey"};
+  [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double factor, std::uint64_t /*seed*/) {
+    return detail::recoloured_picture(image, ToneEdit::colour_matrix({1, 1, 1}, factor, 0));
+  }
+};
+struct JpegAttack {
+  static constexpr std::string_view name = "jpeg";
+  static constexpr AttackAmount amount{50, 1, 100, "the quality of a JPEG file"};
+  [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double quality, std::uint64_t /*seed*/) {
+    AttackedPicture result{image.height, image.width, std::vector<float>(image.size())};
+    jpeg_picture<float>(image, static_cast<int>(std::lround(quality)),
+                        {result.planes.data(), 3, image.height, image.width});
+    return result;
+  }
+};
+struct FrameAttack {
+  static constexpr std::string_view name = "frame";
+  static constexpr AttackAmount amount{20, 1, 4096, "the width of a nearly white frame in pixels, a whole number"};
+  [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double pixels, std::uint64_t /*seed*/) {
+    const int width = static_cast<int>(std::lround(pixels));
+    AttackedPicture result{image.height + 2 * width, image.width + 2 * width, {}};
+    result.planes.assign(3 * static_cast<std::size_t>(result.height) * static_cast<std::size_t>(result.width), 0.96f);
+    const ImageView<float> framed{result.planes.data(), 3, result.height, result.width};
+    for (int c = 0; c < 3; ++c) {
+      for (int y = 0; y < image.height; ++y) {
+        for (int x = 0; x < image.width; ++x) framed(c, y + width, x + width) = image(c, y, x);
+      }
+    }
+    return result;
+  }
+};
+/// What a chat service does: smaller, stronger colours, JPEG of quality 70.
+struct ChatAttack {
+  static constexpr std::string_view name = "chat";
+  static constexpr AttackAmount amount{0.6, 0.1, 1, "the factor of the sides"};
+  [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double factor, std::uint64_t seed) {
+    const AttackedPicture small = ResizeAttack::apply(image, factor, seed);
+    return JpegAttack::apply(SaturationAttack::apply(small.view(), 1.15, seed).view(), 70, seed);
+  }
+};
 
 /// All that are shipped.
-using PictureAttacks = AttackList<CropAttack, ResizeAttack, RotationAttack, BlurAttack, NoiseAttack, BrightnessAttack>;
+using PictureAttacks = AttackList<CropAttack, ResizeAttack, RotationAttack, BlurAttack, NoiseAttack, BrightnessAttack,
+                                  GammaAttack, HueAttack, SaturationAttack, JpegAttack, FrameAttack, ChatAttack>;
 
 }  // namespace compmark

@@ -134,7 +134,7 @@ namespace detail {
   // what each was measured with (docs/notebook/watermark_experiments.md)
   settings.mark.residual.learning_rate = fitted ? 0.006 : universal ? 0.01 : 0.001;
   if (universal) {
-    settings.mark.posthoc.fidelity = 1200;
+    settings.mark.posthoc.fidelity = 1600;
     settings.mark.posthoc.draw_by_cost = 1;
     settings.mark.message.edited_share = 0.7;
   }
