@@ -17,6 +17,7 @@
 
 #include "compmark/app/compare.hpp"
 #include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/detail/attacked_views.hpp"
 #include "compmark/app/detail/capture.hpp"
 #include "compmark/app/detail/compress.hpp"
 #include "compmark/app/detail/evaluate.hpp"
@@ -25,7 +26,6 @@
 #include "compmark/metric/psnr.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/metric/ssim.hpp"
-#include "compmark/watermark/attack/picture_attacks.hpp"
 #include "compmark/watermark/proof/key.hpp"
 
 namespace compmark {
@@ -63,16 +63,6 @@ struct MessageReader {
   reader->decoder = std::move(*decoder);
   reader->message = message_of(*key);
   return reader;
-}
-
-/// Attacks that nobody can read after, or that are none of the list: told before anything is rendered.
-[[nodiscard]] inline Result<Done> check_attacks(const CompareSettings& settings) {
-  if (!settings.attacks.empty() && settings.key.empty())
-    return Error{ErrorKind::invalid, {}, "--key", "is missing", "what is read after an attack needs a key"};
-  for (const std::string& attack : settings.attacks) {
-    if (Result<Done> known = check_attack<PictureAttacks>(attack); !known) return known;
-  }
-  return Done{};
 }
 
 /// The unmarked counterparts, each file once, and which of them a model has.
@@ -115,7 +105,7 @@ class ModelComparer {
   [[nodiscard]] Result<Comparison> run() {
     Comparison comparison;
     comparison.split = settings_.split;
-    if (const Result<Done> known = check_attacks(settings_); !known) return known.error();
+    if (const Result<Done> known = check_attacks(settings_.attacks, settings_.key); !known) return known.error();
     Result<std::unique_ptr<MessageReader>> reader = open_reader(settings_);
     if (!reader) return reader.error();
     reader_ = std::move(*reader);
@@ -251,7 +241,9 @@ class ModelComparer {
                 read_logits(reader_->decoder, view.render, view.result.name, reader_->context, executor_);
             if (!logits) return logits.error();
             read.push_back(std::move(*logits));
-            if (Result<Done> after = read_after_attacks(view, attacked); !after) return after;
+            const Result<Done> after =
+                read_after_attacks(settings_.attacks, view, reader_->decoder, reader_->context, attacked, executor_);
+            if (!after) return after;
           }
           return unmarked == nullptr ? Result<Done>(Done{}) : add_against(*unmarked, view, found);
         });
@@ -268,24 +260,6 @@ class ModelComparer {
       found.attacked.push_back({settings_.attacks[a], std::move(*verification)});
     }
     return found;
-  }
-
-  /// Each attack on the view's render, as an image file has it.
-  [[nodiscard]] Result<Done> read_after_attacks(const SeenView& view, std::vector<std::vector<ViewLogits>>& read) {
-    for (std::size_t a = 0; a < read.size(); ++a) {
-      Result<AttackedPicture> picture = attack_picture<PictureAttacks>(settings_.attacks[a], view.render, view.index);
-      if (!picture) return picture.error();
-      const ImageView<float> image{picture->planes.data(), 3, picture->height, picture->width};
-      round_to_8bit<float>(image, image);
-      Result<ViewLogits> logits = read_logits(reader_->decoder, image, view.result.name, reader_->context, executor_);
-      if (!logits) {
-        Error error = logits.error();
-        error.problem = "after " + settings_.attacks[a] + ": " + error.problem;
-        return error;
-      }
-      read[a].push_back(std::move(*logits));
-    }
-    return Done{};
   }
 
   /// This view of a model against its counterpart's render of it.

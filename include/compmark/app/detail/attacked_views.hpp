@@ -1,0 +1,56 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is read of a view after attacks on its render (watermark/attack), each by itself.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/app/detail/reading.hpp"
+#include "compmark/app/evaluate.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/metric/rounding.hpp"
+#include "compmark/watermark/attack/picture_attacks.hpp"
+
+namespace compmark::detail {
+
+/// Whether all attacks are of the list and somebody can read after them: told before anything is rendered.
+[[nodiscard]] inline Result<Done> check_attacks(const std::vector<std::string>& attacks,
+                                                const std::filesystem::path& key) {
+  if (!attacks.empty() && key.empty())
+    return Error{ErrorKind::invalid, {}, "--key", "is missing", "what is read after an attack needs a key"};
+  for (const std::string& attack : attacks) {
+    if (Result<Done> known = check_attack<PictureAttacks>(attack); !known) return known;
+  }
+  return Done{};
+}
+
+/// Adds to read[a] the logits after attack a on the view's render, in 8 bits, as an image file has it. The attack's
+/// seed is the view's number.
+template <class Decoder>
+[[nodiscard]] Result<Done> read_after_attacks(const std::vector<std::string>& attacks, const SeenView& view,
+                                              const Decoder& decoder, typename Decoder::Context& context,
+                                              std::vector<std::vector<ViewLogits>>& read, ThreadExecutor& executor) {
+  for (std::size_t a = 0; a < attacks.size(); ++a) {
+    Result<AttackedPicture> picture = attack_picture<PictureAttacks>(attacks[a], view.render, view.index);
+    if (!picture) return picture.error();
+    const ImageView<float> image{picture->planes.data(), 3, picture->height, picture->width};
+    round_to_8bit<float>(image, image);
+    Result<ViewLogits> logits = read_logits(decoder, image, view.result.name, context, executor);
+    if (!logits) {
+      Error error = logits.error();
+      error.problem = "after " + attacks[a] + ": " + error.problem;
+      return error;
+    }
+    read[a].push_back(std::move(*logits));
+  }
+  return Done{};
+}
+
+}  // namespace compmark::detail
