@@ -87,6 +87,7 @@ constexpr GroupedOption grouped_options[] = {
     {"--message-margin", expert_group},
     {"--message-power", expert_group},
     {"--message-rate", expert_group},
+    {"--step-rate", expert_group},
     {"--message-weight", expert_group},
     {"--fidelity-fall", expert_group},
     {"--sample-by-loss", expert_group},

@@ -53,6 +53,7 @@ nlohmann::ordered_json to_json(const ProgressLine& line) {
                               {"psnr", line.psnr},           {"anchors", line.anchors}, {"gaussians", line.gaussians}};
   if (line.bits_per_scalar) json["bits_per_scalar"] = *line.bits_per_scalar;
   if (line.bit_accuracy) json["bit_accuracy"] = *line.bit_accuracy;
+  if (line.revivals != 0) json["revivals"] = line.revivals;
   if (line.test_psnr) json["test_psnr"] = *line.test_psnr;
   return json;
 }
@@ -306,6 +307,7 @@ Result<std::vector<ProgressLine>> read_progress_log(const std::filesystem::path&
     line.psnr = number_of("psnr");
     line.anchors = count_of("anchors");
     line.gaussians = count_of("gaussians");
+    line.revivals = count_of("revivals");
     if (json.contains("bits_per_scalar")) line.bits_per_scalar = number_of("bits_per_scalar");
     if (json.contains("bit_accuracy")) line.bit_accuracy = number_of("bit_accuracy");
     if (json.contains("test_psnr")) line.test_psnr = number_of("test_psnr");

@@ -59,6 +59,9 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
              "learning rate of the mark; a smaller rate gives a less visible mark and takes longer"
              " (default: 0.01 with the decoder of the program, 0.006 with one that is fitted to the "
              "scene; docs/watermark.md has the others)");
+  app.number("--step-rate", options.step_rate, RealRange{0, 1e3},
+             "weight that holds the step of the published distortion layer, which then stays as large as the picture "
+             "allows; 0: none, as published, and the step falls to nothing (default: the profile's)");
   app.number("--fidelity", options.fidelity, RealRange{0, 1e6},
              "weight of the distortion, the mean square difference between marked and unmarked "
              "renders; 0: the message joins the loss of the photographs, as published (default: "

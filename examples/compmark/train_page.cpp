@@ -242,6 +242,11 @@ ReportInput run_page(const RunFindings& f, const std::vector<ProgressLine>& curv
   if (results.watermark)
     page.tables.push_back(
         mark_table(f.coded ? "Watermark before the codec" : "Watermark", *results.watermark, *f.mark));
+  if (const std::optional<compmark::StepSummary>& step = results.distortion_step) {
+    page.tables.push_back(
+        {"Distortion layer, last iteration",
+         {{"mean step, of Q0", decimals(step->mean, 4)}, {"median step, of Q0", decimals(step->median, 4)}}});
+  }
   page.tables.push_back({"Settings",
                          {{"seed", std::to_string(settings.seed)},
                           {"lambda (1 - SSIM)", decimals(settings.lambda_dssim, 3)},

@@ -307,6 +307,7 @@
 #include "compmark/splat/training/observer.hpp"
 #include "compmark/splat/training/pipeline.hpp"
 #include "compmark/splat/training/recipe.hpp"
+#include "compmark/splat/training/revival.hpp"
 #include "compmark/splat/training/run_policies.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/settings_json.hpp"

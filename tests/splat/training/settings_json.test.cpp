@@ -26,6 +26,9 @@ struct ChangeOne {
   void operator()(Number& number) {
     if (seen++ == wanted) number = static_cast<Number>(number + 1);
   }
+  void operator()(HueSource& source) {
+    if (seen++ == wanted) source = HueSource::either;
+  }
   void operator()(std::string& text) {
     if (seen++ == wanted) text += "x";
   }
@@ -47,20 +50,20 @@ struct ChangeOne {
     all(exposure, alpha, origin, radius);
   }
   void operator()(MessageSettings& message) {
-    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9] = message;
-    all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9);
+    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11] = message;
+    all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11);
   }
   void operator()(PosthocSettings& posthoc) {
     auto& [f0, f1, f2, f3, f4] = posthoc;
     all(f0, f1, f2, f3, f4);
   }
   void operator()(HsvSettings& hsv) {
-    auto& [lambda, as_written, after] = hsv;
-    all(lambda, as_written, after);
+    auto& [lambda, as_written, source, after] = hsv;
+    all(lambda, as_written, source, after);
   }
   void operator()(FrequencySettings& frequency) {
-    auto& [f0, f1, f2, f3, f4, f5] = frequency;
-    all(f0, f1, f2, f3, f4, f5);
+    auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8] = frequency;
+    all(f0, f1, f2, f3, f4, f5, f6, f7, f8);
   }
   void operator()(ResidualSettings& residual) {
     auto& [learning_rate, decay, after] = residual;
@@ -80,9 +83,9 @@ struct ChangeOne {
   }
   void operator()(TrainSettings& settings) {
     auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13, f14, f15, f16, f17, f18, f19, f20, f21, f22, f23,
-           f24, f25, f26, f27, effects, mark, rate] = settings;
+           f24, f25, f26, f27, f28, effects, mark, rate] = settings;
     all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13, f14, f15, f16, f17, f18, f19, f20, f21, f22, f23,
-        f24, f25, f26, f27, effects, mark, rate);
+        f24, f25, f26, f27, f28, effects, mark, rate);
   }
 };
 

@@ -19,6 +19,7 @@ struct RunProgress {
   double psnr = 0;  ///< of the training view rendered last, dB; measured in every tenth iteration
   std::uint64_t anchors = 0;
   std::uint64_t gaussians = 0;            ///< of this view
+  std::uint64_t revivals = 0;             ///< so often the opacities of a training that had died were set anew
   std::optional<double> bits_per_scalar;  ///< of what would be stored, where the rate is a loss
   std::optional<double> bit_accuracy;     ///< of the training view, where a message was read from it
 };

@@ -14,6 +14,7 @@
 
 #include "compmark/app/compiled.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/splat/quantizer/concept.hpp"
 
 namespace compmark {
 
@@ -63,6 +64,8 @@ struct RunResults {
   double peak_memory_mb = 0;                    ///< resident, 10^6 bytes
   std::optional<TestMetrics> test;              ///< null when the data set has no test views
   std::string model_sha256;                     ///< of RUN/model.safetensors
+  std::uint64_t revivals = 0;                   ///< opacities were set anew; in the file above 0 alone
+  std::optional<StepSummary> distortion_step;   ///< of the distortion layer in the last iteration
   std::optional<double> rate_lambda;            ///< of a run for a codec
   std::vector<std::string> effects;             ///< names of the scene effects that the recipe models
   std::optional<WatermarkMetrics> watermark;    ///< not in the file of an unmarked run

@@ -41,6 +41,7 @@ struct MarkSettings {
   std::optional<double> margin;        ///< of the hinge, in logits
   std::optional<double> power;         ///< of the hinge
   std::optional<double> rate;          ///< at which the mark is learned
+  std::optional<double> step_rate;     ///< of the distortion layer (DistortionSettings::rate_weight)
   std::optional<double> fidelity;      ///< of the marked renders to the unmarked ones
   std::optional<double> fall;          ///< power by which the fidelity falls with the distance from the photographs
   std::optional<double> by_cost;       ///< share of the draw of cameras that follows what the message costs there
@@ -53,7 +54,7 @@ struct MarkSettings {
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !unmarked.empty() || period || tone || weight || margin ||
-           power || rate || fidelity || fall || by_cost || edits || lost_anchors || calibrate_steps ||
+           power || rate || step_rate || fidelity || fall || by_cost || edits || lost_anchors || calibrate_steps ||
            message_every != 1 || for_compression;
   }
 };

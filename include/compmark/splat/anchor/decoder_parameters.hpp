@@ -72,12 +72,14 @@ HeadHandles add_head(ParameterArena<T>& arena, const std::string& name, int inpu
   return head;
 }
 
-/// PyTorch's default for Linear: weights and biases uniform in +-1 / sqrt(fan_in).
+/// PyTorch's default for Linear: weights and biases uniform in +-1 / sqrt(fan_in). `iteration` is above 0 where a head
+/// begins anew.
 template <class T>
-void initialise_head(ParameterArena<T>& arena, const HeadHandles& head, std::uint64_t seed) {
+void initialise_head(ParameterArena<T>& arena, const HeadHandles& head, std::uint64_t seed,
+                     std::uint64_t iteration = 0) {
   const auto fill = [&](BlockHandle handle, std::size_t fan_in) {
     const double bound = 1 / std::sqrt(static_cast<double>(fan_in));
-    const Random random(seed, 0, random_stage(arena.layout().block(handle).name));
+    const Random random(seed, iteration, random_stage(arena.layout().block(handle).name));
     std::size_t index = 0;
     for (T& value : arena.values(handle).flat()) value = static_cast<T>(bound * (2 * random.uniform(index++) - 1));
   };

@@ -72,6 +72,15 @@ struct AdamState {
   } scratch;
 };
 
+/// Fresh moments and step count of one block, for a block whose values begin anew.
+template <class T>
+void forget_block(const ArenaLayout& layout, BlockHandle block, AdamState<T>& state) {
+  const ArenaLayout::Block& forgotten = layout.block(block);
+  for (Buffer<T>* moment : {&state.first_moment, &state.second_moment})
+    std::fill_n(moment->data() + forgotten.offset, forgotten.size(), T{});
+  state.steps[block.index] = 0;
+}
+
 namespace detail {
 
 /// Fresh state, and moments that follow a row edit: shared by Adam and its reference.

@@ -51,6 +51,7 @@ struct DistortionPhase {
   bool round = false;          ///< … or hard rounding by that step
   double scaling = 0;          ///< width of the noise on exp(scaling), world units
   double offset = 0;           ///< width of the noise on offsets
+  double rate = 1;             ///< factor of the layer's own rate weight: that of the image's losses
   std::uint64_t seed = 0, iteration = 0;
 
   [[nodiscard]] bool active() const { return feature_uniform != 0 || adaptive || scaling != 0 || offset != 0; }
@@ -59,6 +60,11 @@ struct DistortionPhase {
 struct DistortionReport {
   double mean_step = 0;  ///< of q over visible anchors and channels, 0 while it is not adaptive
   double rate_loss = 0;  ///< rate_weight * mean(-log2(q / Q0))
+};
+
+/// Steps of a layer in units of Q0, over the visible anchors and their channels.
+struct StepSummary {
+  double mean = 0, median = 0;
 };
 
 template <class Q>

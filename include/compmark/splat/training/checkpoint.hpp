@@ -26,6 +26,7 @@
 #include "compmark/io/safetensors.hpp"
 #include "compmark/splat/training/checkpoint_state.hpp"
 #include "compmark/splat/training/model_file.hpp"
+#include "compmark/splat/training/revival.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/settings_json.hpp"
 
@@ -73,6 +74,7 @@ template <class State, class Json = nlohmann::json>
   Json progress;
   progress["iteration"] = state.iteration;
   progress["seconds"] = seconds;
+  detail::add_revival(progress, state);
   writer.metadata = {{"format", "compmark.checkpoint"},
                      {"version", "1"},
                      {"info", detail::info_text(detail::numbers_of(state.model), info)},
@@ -156,6 +158,10 @@ template <class Json = nlohmann::json>
                        key + " is " + found.dump() + " in the checkpoint and " + value.dump() + " now");
     }
   }
+  for (const auto& [key, value] : stored.items()) {  // what is named only where it was changed
+    if (key != "effects" && key != "mark" && key != "rate" && !wanted.contains(key))
+      return other_run(file, "settings", key + " is " + value.dump() + " in the checkpoint and another number now");
+  }
   if (stored.value("effects", Json()) != wanted.value("effects", Json()))
     return other_run(file, "settings", "the numbers of effects are others in the checkpoint");
   if (stored.value("mark", Json()) != wanted.value("mark", Json()))
@@ -207,6 +213,7 @@ template <class Json = nlohmann::json>
 struct CheckpointProgress {
   std::int64_t iteration = 0;
   double seconds = 0;
+  Revival revival;
 };
 template <class Json = nlohmann::json>
 [[nodiscard]] Result<CheckpointProgress> progress_of(const SafetensorsFile& file, std::int64_t iterations) {
@@ -217,8 +224,9 @@ template <class Json = nlohmann::json>
       !json.value("seconds", Json()).is_number()) {
     return other_run(file, "__metadata__.progress", "lacks iteration or seconds");
   }
-  const CheckpointProgress progress{json["iteration"].template get<std::int64_t>(),
-                                    json["seconds"].template get<double>()};
+  CheckpointProgress progress{
+      json["iteration"].template get<std::int64_t>(), json["seconds"].template get<double>(), {}};
+  if (!read_revival(json, progress.revival)) return other_run(file, "progress.revival", "is no two counts");
   if (progress.iteration < 0 || progress.iteration > iterations)
     return other_run(file, "iteration", "is outside the run");
   if (!(progress.seconds >= 0) || !std::isfinite(progress.seconds))
@@ -259,6 +267,7 @@ template <class Loop, class Json = nlohmann::json>
   typename Loop::State& state = checkpoint.state;
   state.model = std::move(model->model);
   state.iteration = progress->iteration;
+  if constexpr (requires { state.revival; }) state.revival = progress->revival;
   typename R::Optimizer{}.prepare(state.model.arena.layout(), state.optimizer);
   Result<Done> result = Done{};
   const auto fill = [&](const char* name, auto& column) {

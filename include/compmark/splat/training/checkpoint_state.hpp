@@ -13,12 +13,31 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/safetensors.hpp"
+#include "compmark/splat/training/revival.hpp"
 
 namespace compmark::detail {
 
 [[nodiscard]] inline Error no_state(const SafetensorsFile& file, std::string field, std::string problem) {
   return Error{ErrorKind::malformed, file.path, std::move(field), std::move(problem),
                "the file is damaged: resume from a copy of it, or remove it to start over"};
+}
+
+/// Names how near to death a training is in the progress of a checkpoint; nothing where it is alive and well.
+template <class Json, class State>
+void add_revival(Json& progress, const State& state) {
+  if constexpr (requires { state.revival; }) {
+    if (state.revival != Revival{}) progress["revival"] = {state.revival.empty, state.revival.revivals};
+  }
+}
+/// Reads the same. False: what is there is no two counts.
+template <class Json>
+[[nodiscard]] bool read_revival(const Json& progress, Revival& revival) {
+  const Json counts = progress.value("revival", Json());
+  if (counts.is_null()) return true;
+  if (!counts.is_array() || counts.size() != 2 || !counts[0].is_number_unsigned() || !counts[1].is_number_unsigned())
+    return false;
+  revival = {counts[0].template get<std::int64_t>(), counts[1].template get<std::int64_t>()};
+  return true;
 }
 
 /// Checks that moments and counts are possible in a run of so many iterations. Sums of the growth statistics may be

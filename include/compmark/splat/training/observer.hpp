@@ -25,6 +25,7 @@ struct IterationReport {
   std::size_t grown = 0;    ///< anchors born in this iteration
   std::size_t pruned = 0;   ///< anchors removed in this iteration
   bool adjusted = false;    ///< growing and pruning ran
+  bool revived = false;     ///< the training had died: no Gaussian was drawn, and opacities were set anew
   std::size_t skipped_blocks =
       0;  ///< parameter blocks whose gradient was not finite and whose step was therefore skipped
 };

@@ -9,6 +9,7 @@
 #include <type_traits>
 
 #include "compmark/core/absent.hpp"
+#include "compmark/splat/anchor/frequency_selector.hpp"
 #include "compmark/splat/optim/phases.hpp"
 #include "compmark/splat/training/recipe.hpp"
 #include "compmark/splat/training/settings.hpp"
@@ -33,6 +34,7 @@ template <Recipe R>
     settings.in_window = in_window;
     settings.band.lowest = run.mark.frequency.band_lowest;
     settings.band.highest = run.mark.frequency.band_highest;
+    settings.band.mapping = run.mark.frequency.published_pixels ? PixelMapping::published : PixelMapping::correct;
   } else {
     static_cast<void>(in_window);
   }
@@ -60,11 +62,27 @@ template <Recipe R>
 template <Recipe R>
 [[nodiscard]] typename R::HsvLoss hsv_loss(const MarkNumbers& mark) {
   if constexpr (requires { R::HsvLoss::Settings::paper(); }) {
-    if (mark.hsv.as_written) return typename R::HsvLoss(R::HsvLoss::Settings::paper());
+    auto settings = mark.hsv.as_written ? R::HsvLoss::Settings::paper() : typename R::HsvLoss::Settings();
+    settings.source = mark.hsv.source;
+    return typename R::HsvLoss(settings);
   } else {
     static_cast<void>(mark);
+    return typename R::HsvLoss();
   }
-  return typename R::HsvLoss();
+}
+
+/// Of a recipe with a FrequencyLoss.
+template <Recipe R>
+[[nodiscard]] typename R::FrequencyLoss frequency_loss(const MarkNumbers& mark) {
+  if constexpr (requires { R::FrequencyLoss::Settings::intended(); }) {
+    auto settings =
+        mark.frequency.high_pass ? R::FrequencyLoss::Settings::intended() : typename R::FrequencyLoss::Settings();
+    settings.side = mark.frequency.side;
+    return typename R::FrequencyLoss(settings);
+  } else {
+    static_cast<void>(mark);
+    return typename R::FrequencyLoss();
+  }
 }
 
 /// Of a recipe with a DistortionLayer; one without Settings takes no numbers.

@@ -47,6 +47,8 @@ struct MessageSettings {
   double hinge_power = 1;   ///< at least 1: of the hinge, in units of its margin; above 1 wrong bits are pulled harder
   std::int64_t novel_view_every = 0;  ///< every n-th iteration reads a view between two training views too; 0: never
   double image_weight = 1;            ///< of every other loss once the message has begun
+  bool sum = false;                   ///< the loss is the sum over the bits, as in the paper, and not their mean
+  bool own_scale = false;             ///< logit_scale is that of the profile, whatever a decoder file states
   double edited_share = 0;  ///< of the readings, before which a picture is edited where the decoder can do that
 
   friend bool operator==(const MessageSettings&, const MessageSettings&) = default;
@@ -72,10 +74,15 @@ struct PosthocSettings {
   friend bool operator==(const PosthocSettings&, const PosthocSettings&) = default;
 };
 
+/// The image whose hues decide which pixels are saturated. If it is the render alone (as released), a wrong colour can
+/// leave the mask and is then free.
+enum class HueSource : std::uint8_t { rendered, target, either };
+
 /// Numbers of the loss of saturated colours (docs/spec/method.md, 5.4).
 struct HsvSettings {
   double lambda = 0.6;
   bool as_written = false;  ///< saturated colours by the paper's thresholds, not by those that were released
+  HueSource source = HueSource::rendered;
   std::int64_t after = 20000;
 
   friend bool operator==(const HsvSettings&, const HsvSettings&) = default;
@@ -89,6 +96,9 @@ struct FrequencySettings {
                grow_until = 15000;  ///< window of frequency-aware growing; it looks where the loss is on
   /// Of the error beside its median: where growing looks; the paper's is -0.3 to 0.3.
   double band_lowest = 0.1, band_highest = 0.3;
+  int side = 0;                   ///< images are brought to side x side first, as released: 1024; 0: their own size
+  bool high_pass = false;         ///< the filter passes high frequencies alone; else all but a ring, as released
+  bool published_pixels = false;  ///< growing looks at the pixel that the released program takes, not at the true one
 
   friend bool operator==(const FrequencySettings&, const FrequencySettings&) = default;
 };
@@ -112,7 +122,7 @@ struct DistortionSettings {
   std::int64_t adaptive_after = 10000;
   double hard_fraction = 0;  ///< of the adaptive iterations that round instead of drawing noise
   double least_step = 0;     ///< against the collapse of the step, see watermark/embed/distortion.hpp
-  double rate_weight = 0;    ///< likewise
+  double rate_weight = 0;    ///< likewise; held_step_rate in the profiles of CompMarkGS
 
   friend bool operator==(const DistortionSettings&, const DistortionSettings&) = default;
 };
@@ -172,9 +182,10 @@ struct TrainSettings {
   LearningRate appearance{0.05, 0.0005};
 
   // anchors
-  double voxel_size = 0.001;    ///< world units; 0 or less: the median distance of nearest neighbours
-  int init_factor = 16;         ///< growing starts at cells of voxel_size * init_factor
-  std::size_t max_anchors = 0;  ///< 0: no limit
+  double voxel_size = 0.001;       ///< world units; 0 or less: the median distance of nearest neighbours
+  int init_factor = 16;            ///< growing starts at cells of voxel_size * init_factor
+  std::size_t max_anchors = 0;     ///< 0: no limit
+  std::int64_t most_revivals = 3;  ///< a training that died is brought back so often (splat/training/revival.hpp)
 
   // density control; windows in iterations of a 30,000 run, scaled to this run
   double gradient_threshold = 0.0002;
@@ -228,6 +239,10 @@ struct TrainSettings {
   return settings;
 }
 
+/// The rate weight that holds the step of the distortion layer in the profiles of CompMarkGS. Nothing that is published
+/// holds it, so that it falls until the layer does nothing (docs/spec/method.md, 7.11).
+inline constexpr double held_step_rate = 0.001;
+
 /// "scaffold": Scaffold-GS defaults. "hac": those with the pause in growing that the codecs' authors make. "official":
 /// what the published CompMarkGS code does. "paper": what its paper says.
 [[nodiscard]] inline std::optional<TrainSettings> profile_settings(std::string_view profile) {
@@ -246,11 +261,20 @@ struct TrainSettings {
     settings.pause_until = 4000;
     settings.mark.message.lambda = 0.45;
     settings.mark.message.image_weight = 10;
+    settings.mark.frequency.side = 1024;
+    settings.mark.frequency.published_pixels = true;
+    settings.mark.distortion.rate_weight = held_step_rate;
     return settings;
   }
   if (profile == "paper") {
     settings.seed = 42;
+    settings.mark.message.after = settings.mark.message.ramp = 0;
+    settings.mark.message.sum = settings.mark.message.own_scale = true;
+    settings.mark.message.logit_scale = 1;
     settings.mark.frequency.band_lowest = -0.3;
+    settings.mark.frequency.high_pass = true;
+    settings.mark.distortion.scaling_noise = settings.mark.distortion.offset_noise = 0;
+    settings.mark.distortion.rate_weight = held_step_rate;
     settings.mark.hsv.as_written = true;
     settings.grow_after = 1599;
     return settings;

@@ -32,6 +32,7 @@ template <class Json = nlohmann::json>
   json["voxel_size"] = s.voxel_size;
   json["init_factor"] = s.init_factor;
   json["max_anchors"] = s.max_anchors;
+  if (s.most_revivals != 3) json["most_revivals"] = s.most_revivals;  // checkpoints are older than this number
   json["gradient_threshold"] = s.gradient_threshold;
   json["success_threshold"] = s.success_threshold;
   json["min_opacity"] = s.min_opacity;
@@ -65,12 +66,15 @@ template <class Json = nlohmann::json>
     mark["between_every"] = m.message.novel_view_every;
     if (m.posthoc.fidelity != 0) mark["fidelity"] = m.posthoc.fidelity;  // checkpoints are older than this number
     if (m.posthoc.fidelity_fall != 0) mark["fidelity_fall"] = m.posthoc.fidelity_fall;
+    if (m.message.sum) mark["message_sum"] = true;
+    if (m.message.own_scale) mark["own_logit_scale"] = true;
     if (m.message.edited_share != 0) mark["edited_share"] = m.message.edited_share;
     if (m.posthoc.lost_anchors != 0) mark["lost_anchors"] = m.posthoc.lost_anchors;
     if (m.posthoc.draw_by_cost != 0) mark["draw_by_cost"] = m.posthoc.draw_by_cost;
     if (m.posthoc.calibrate_steps_every != 0) mark["hold_steps_every"] = m.posthoc.calibrate_steps_every;
     mark["lambda_hsv"] = m.hsv.lambda;
     if (m.hsv.as_written) mark["hsv_as_written"] = true;  // as fidelity
+    if (m.hsv.source != HueSource::rendered) mark["hsv_source"] = static_cast<int>(m.hsv.source);
     mark["hsv_after"] = m.hsv.after;
     mark["lambda_frequency"] = m.frequency.lambda;
     mark["frequency_after"] = m.frequency.after;
@@ -78,6 +82,9 @@ template <class Json = nlohmann::json>
       mark["frequency_grow"] = {m.frequency.grow_from, m.frequency.grow_until};
     if (m.frequency.band_lowest != 0.1 || m.frequency.band_highest != 0.3)
       mark["frequency_band"] = {m.frequency.band_lowest, m.frequency.band_highest};
+    if (m.frequency.side != 0) mark["frequency_side"] = m.frequency.side;
+    if (m.frequency.high_pass) mark["frequency_high_pass"] = true;
+    if (m.frequency.published_pixels) mark["frequency_published_pixels"] = true;
     mark["image_weight"] = m.message.image_weight;
     mark["residual_rate"] = m.residual.learning_rate;
     mark["residual_decay"] = m.residual.decay;

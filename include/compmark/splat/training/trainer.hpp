@@ -28,6 +28,7 @@
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/observer.hpp"
 #include "compmark/splat/training/pipeline.hpp"
+#include "compmark/splat/training/revival.hpp"
 #include "compmark/splat/training/run_policies.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/stage.hpp"
@@ -37,20 +38,6 @@
 #include "compmark/splat/training/training_views.hpp"
 
 namespace compmark {
-
-/// The arguments of a stage's hook between the backward pass of a photographed view and the step of the optimiser.
-template <class PipelineType, class ModelType, class Views, class E>
-struct TrainingPass {
-  const PipelineType& pipeline;
-  ModelType& model;
-  Views& views;
-  std::size_t view;
-  std::uint64_t seed;
-  std::int64_t t;
-  const typename PipelineType::Phases& phases;
-  E& executor;
-  bool adjusted;  ///< anchors were born or died: the gradients of this iteration are gone
-};
 
 template <Recipe R, Executor E>
 class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
@@ -75,6 +62,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     typename Optimizer::State optimizer;
     typename Growth::State growth;
     std::int64_t iteration = 0;  ///< finished iterations
+    Revival revival;
   };
 
   /// `scene_extent` is 1.1 times the largest distance of a training camera to their mean (docs/spec/method.md, 3.2).
@@ -180,6 +168,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
       report.skipped_blocks =
           optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
       Stages::forward([&]<class S>() { S::after_step(model.arena, model.template blocks<S>(), rates_); });
+      report.revived = revive(t, report.forward);
     }
     report.anchors = model.anchor_count();
     state_.iteration = t;
@@ -206,6 +195,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   void start(std::size_t rows) {
     set_schedules(state_.model, settings_);
     state_.iteration = 0;
+    state_.revival = {};
     optimizer_.prepare(state_.model.arena.layout(), state_.optimizer);
     growth_.prepare(rows, state_.growth);
   }
@@ -269,6 +259,21 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     report.grown = grown.grown;
     report.pruned = grown.pruned;
     report.adjusted = true;
+  }
+
+  /// Brings a training back that has died, if it has not died too often. Statistics begin anew too: by the old ones
+  /// every anchor would be pruned.
+  bool revive(std::int64_t t, const ForwardReport& seen) {
+    Revival& revival = state_.revival;
+    [[maybe_unused]] const bool dead = revival.count(seen.visible_anchors, seen.gaussians);
+    if constexpr (has_opacity_head<decltype(state_.model.decoder)>) {
+      if (!dead || revival.revivals >= settings_.most_revivals) return false;
+      renew_opacities(state_.model.arena, state_.model.decoder, state_.optimizer, settings_.seed, t);
+      growth_.prepare(state_.model.anchor_count(), state_.growth);
+      revival = {0, revival.revivals + 1};
+      return true;
+    }
+    return false;
   }
 
   void learning_rates(std::int64_t t) {

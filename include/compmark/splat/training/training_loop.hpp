@@ -26,6 +26,20 @@
 
 namespace compmark {
 
+/// The arguments of a stage's hook between the backward pass of a photographed view and the step of the optimiser.
+template <class PipelineType, class ModelType, class Views, class E>
+struct TrainingPass {
+  const PipelineType& pipeline;
+  ModelType& model;
+  Views& views;
+  std::size_t view;
+  std::uint64_t seed;
+  std::int64_t t;
+  const typename PipelineType::Phases& phases;
+  E& executor;
+  bool adjusted;  ///< anchors were born or died: the gradients of this iteration are gone
+};
+
 template <class Self, Recipe R, Executor E>
 class TrainingLoop {
  public:

@@ -7,7 +7,7 @@
 // or, in an iteration of hard rounding, the rounding itself: u = round(f / q) - f / q, with gradients straight through.
 // One q a channel (the published code) or an anchor (the paper). Nothing in the published losses rewards a large q, so
 // it collapses (docs/spec/numerics.md, QD2); three measures, each off by itself: a least step, a rate term -w log2(q /
-// Q0), and q without gradient. Random numbers are keyed by (seed, iteration, row, channel). Cost an anchor: 4 D^2 flop
+// Q0), which the published profiles take (docs/spec/method.md, 7.11), and q without gradient. Random numbers are keyed by (seed, iteration, row, channel). Cost an anchor: 4 D^2 flop
 // forward, 12 D^2 backward; 2 ns a random number. Longer than 300 lines: forward and backward share one panel layout.
 #pragma once
 
@@ -17,6 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
@@ -135,8 +136,27 @@ class QuantizationNoise {
     }
     const double count = static_cast<double>(n) * steps;
     report.mean_step = sum / count;
-    report.rate_loss = -settings_.rate_weight * sum_log / count;
+    report.rate_loss = -settings_.rate_weight * phase.rate * sum_log / count;
     return report;
+  }
+
+  /// The steps of the last forward pass; zeros if it was not adaptive. Cost: a partial sort of them.
+  [[nodiscard]] StepSummary step_summary(const Context& context) const {
+    StepSummary summary;
+    const std::size_t count = context.raw_step.size();
+    if (!context.phase.adaptive || count == 0) return summary;
+    std::vector<double> relative(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t c = i % out;
+      relative[i] =
+          static_cast<double>(Quantizer::step(context.raw_step[i], base_step(context, c), least_step(context, c))) /
+          base(context, c);
+      summary.mean += relative[i] / static_cast<double>(count);
+    }
+    const auto middle = relative.begin() + static_cast<std::ptrdiff_t>((count - 1) / 2);
+    std::nth_element(relative.begin(), middle, relative.end());
+    summary.median = *middle;
+    return summary;
   }
 
   /// Turns the gradients by the distorted rows into those by the rows before (in place) and ADDS the network's, rate
@@ -159,7 +179,8 @@ class QuantizationNoise {
     const std::size_t chunks = chunk_count(panels, grain);
     context.chunk_gradients.resize(chunks * network_size);
     std::fill(context.chunk_gradients.begin(), context.chunk_gradients.end(), T(0));
-    const T rate = static_cast<T>(-settings_.rate_weight / std::log(2.0) / (static_cast<double>(n) * steps));
+    const T rate =
+        static_cast<T>(-settings_.rate_weight * context.phase.rate / std::log(2.0) / (static_cast<double>(n) * steps));
     executor.for_chunks(panels, grain, [&](std::size_t first, std::size_t last, std::size_t) {
       T* const sums = context.chunk_gradients.data() + first / grain * network_size;
       for (std::size_t index = first; index < last; ++index) {

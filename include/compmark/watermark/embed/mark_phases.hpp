@@ -82,6 +82,7 @@ class MarkPhases {
     phase.iteration = static_cast<std::uint64_t>(t);
     phase.scaling = numbers_.distortion.scaling_noise;
     phase.offset = numbers_.distortion.offset_noise;
+    phase.rate = weights(t).image;
     if (t > adaptive_after_) {
       phase.adaptive = numbers_.distortion.feature_noise != 0;
       if (phase.adaptive && numbers_.distortion.hard_fraction > 0) {

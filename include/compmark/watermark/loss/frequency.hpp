@@ -40,15 +40,10 @@ class FrequencyLoss {
   using Scalar = T;
   struct Settings {
     FrequencyGain gain;
-    int side = 0;  ///< 0: the image's own size; else planes are resized to side x side first
+    int side = 0;  ///< 0: the image's own size; else planes are resized to side x side first, as released: 1024
     bool modulus =
         true;  ///< of the filter's response, as published; a high pass, whose response has signs, goes without
 
-    [[nodiscard]] static Settings released() {
-      Settings settings;
-      settings.side = 1024;
-      return settings;
-    }
     [[nodiscard]] static Settings intended() {
       Settings settings;
       settings.gain.band = FrequencyBand::high_pass;

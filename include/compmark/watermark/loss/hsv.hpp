@@ -17,6 +17,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/pack.hpp"
+#include "compmark/splat/training/settings.hpp"
 
 namespace compmark {
 
@@ -25,9 +26,6 @@ enum class HueThirds {
   closed,  ///< as released: 60 and 180 and 300 degrees belong to both neighbours, so a tie of two channels counts twice
   half_open,  ///< as in the paper: [300, 360) and [0, 60), [60, 180), [180, 300)
 };
-/// The image that decides the masks. If it is the render alone (as released), a wrong colour can leave the mask and is
-/// then free.
-enum class HueSource { rendered, target, either };
 /// |Omega|: what a colour's squared error is divided by.
 enum class HueNorm {
   image,  ///< all pixels, as released

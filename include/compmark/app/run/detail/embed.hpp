@@ -138,6 +138,7 @@ namespace detail {
     settings.mark.posthoc.draw_by_cost = 1;
     settings.mark.message.edited_share = 0.7;
   }
+  if (Result<Done> fits = check_step_rate(plan.mark, false); !fits) return fits.error();
   Result<RunMark> mark = load_mark(plan.mark, settings, *plan.executor, warnings_of(observer));
   if (!mark) return mark.error();
   // Rounding changes the file far more than a mark does, and a mark that moves values by whole steps is noise in other

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -28,6 +29,8 @@ struct RunEnd {
   double voxel_size = 0;
   double train_seconds = 0;
   double peak_memory_mb = 0;
+  std::uint64_t revivals = 0;
+  std::optional<StepSummary> distortion_step;
   std::optional<CodecModel> coded;  ///< of a run for compression
 };
 
@@ -107,6 +110,8 @@ struct RunEnd {
   results.gaussians_per_view = evaluation->mean([](const ViewResult& v) { return static_cast<double>(v.gaussians); });
   results.train_seconds = end.train_seconds;
   results.peak_memory_mb = end.peak_memory_mb;
+  results.revivals = end.revivals;
+  results.distortion_step = end.distortion_step;
   if (has_test) {
     TestMetrics metrics{mean_psnr, mean_ssim, {}, static_cast<int>(measured.size()), {}};
     if (!plan.lpips.alex.empty())

@@ -32,7 +32,7 @@ struct OptionOfSetting {
   const char* setting;
   const char* option;
 };
-inline constexpr std::array<OptionOfSetting, 19> options_of_settings{{
+inline constexpr std::array<OptionOfSetting, 20> options_of_settings{{
     {"iterations", "--iterations"},
     {"seed", "--seed"},
     {"profile", "--profile"},
@@ -46,6 +46,7 @@ inline constexpr std::array<OptionOfSetting, 19> options_of_settings{{
     {"mark.hinge_margin", "--message-margin"},
     {"mark.hinge_power", "--message-power"},
     {"mark.residual_rate", "--message-rate"},
+    {"mark.step_rate_weight", "--step-rate"},
     {"mark.fidelity", "--fidelity"},
     {"mark.fidelity_fall", "--fidelity-fall"},
     {"mark.draw_by_cost", "--sample-by-loss"},

@@ -58,12 +58,18 @@ struct TrainObserver {
       const auto& rate = trainer.context().template of<RateStage>().report;
       if (rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
     }
+    if constexpr (requires { trainer.state().revival; })
+      line.revivals = static_cast<std::uint64_t>(trainer.state().revival.revivals);
     const MarkReport mark = mark_report(trainer);
     if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
     stopped = !told->on_iteration(line);
     if (report.skipped_blocks != 0) {
       told->on_note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
                     " parameter blocks had a gradient that is not finite and were not updated");
+    }
+    if (report.revived) {
+      told->on_note("iteration " + std::to_string(report.iteration) + ": no Gaussian had been drawn for " +
+                    std::to_string(Revival::patience) + " iterations, so that the opacities were set anew");
     }
     // Opacities of zero or less get no gradient, so that such a scene can never change: the remaining hours would train
     // nothing.

@@ -91,6 +91,16 @@ inline void take_universal(MarkSettings& mark) {
   return Done{};
 }
 
+/// An error if a number of the published distortion layer is given to a run without it.
+[[nodiscard]] inline Result<Done> check_step_rate(const MarkSettings& options, bool has_layer) {
+  if (!options.step_rate || has_layer) return Done{};
+  return Error{ErrorKind::unsupported,
+               {},
+               "--step-rate",
+               "belongs to the published distortion layer, which this run does not have",
+               "leave it out, or train with --profile official or paper and without --codec"};
+}
+
 /// Reads key and decoder, which must agree on the length, and sets the numbers of the mark in the settings of the run.
 [[nodiscard]] inline Result<RunMark> load_mark(const MarkSettings& options, TrainSettings& settings,
                                                ThreadExecutor& executor, const SentenceSink& warn) {
@@ -137,7 +147,7 @@ inline void take_universal(MarkSettings& mark) {
   }
   if (mark.posthoc.fidelity > 0 && (fitted_decoder(options.decoder) || universal_decoder(options.decoder)))
     mark.message.hinge_power = 2;
-  mark.message.logit_scale = decoder->logit_scale();
+  if (!mark.message.own_scale) mark.message.logit_scale = decoder->logit_scale();
   if (options.weight) mark.message.lambda = *options.weight;
   if (options.margin) mark.message.hinge_margin = *options.margin * mark.message.logit_scale;
   if (options.power && mark.message.hinge_margin <= 0) {
@@ -148,6 +158,7 @@ inline void take_universal(MarkSettings& mark) {
                  "give --message-margin too, or leave this option out"};
   }
   if (options.power) mark.message.hinge_power = *options.power;
+  if (options.step_rate) mark.distortion.rate_weight = *options.step_rate;
   if (options.rate) mark.residual.learning_rate = *options.rate;
   if (options.fidelity) mark.posthoc.fidelity = *options.fidelity;
   if (Result<Done> held = check_held(options, mark.posthoc.fidelity); !held) return held.error();

@@ -139,6 +139,12 @@ Result<RunOutcome> run_iterations(Loop& loop, const RunParts<R>& parts, const st
   end.peak_memory_mb = told.peak_memory_mb();
   end.anchors = loop.model().anchor_count();
   end.voxel_size = loop.model().voxel_size;
+  if constexpr (requires { loop.context(); } && has_stage<typename Loop::Stages, DistortionStage>) {
+    end.distortion_step =
+        loop.pipeline().template stage<DistortionStage>().step_summary(loop.context().template of<DistortionStage>());
+  }
+  if constexpr (requires { loop.state().revival; })
+    end.revivals = static_cast<std::uint64_t>(loop.state().revival.revivals);
   const auto keep = [&](const auto& model) -> Result<Done> {
     if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
     if constexpr (present<typename R::EntropyModel>) {

@@ -54,6 +54,9 @@ COMPMARK_APP_INLINE Result<Done> write_results(const std::filesystem::path& path
     target["psnr_cost_vs_unmarked"] = or_null(m.psnr_cost_vs_unmarked);
     target["psnr_marked_vs_unmarked"] = or_null(m.psnr_marked_vs_unmarked);
   };
+  if (results.revivals != 0) json["revivals"] = results.revivals;
+  if (const std::optional<StepSummary>& step = results.distortion_step)
+    json["distortion_step"] = {{"mean", step->mean}, {"median", step->median}};
   if (results.rate_lambda) json["rate_lambda"] = *results.rate_lambda;
   if (results.watermark) add_mark(json, *results.watermark);
   if (results.compressed) {
@@ -132,6 +135,13 @@ COMPMARK_APP_INLINE Result<RunResults> read_results(const std::filesystem::path&
     for (const nlohmann::json& effect : (*json)["effects"]) {
       if (effect.is_string()) results.effects.push_back(effect.get<std::string>());
     }
+  }
+  if (json->contains("revivals")) read(*json, "revivals", results.revivals, "");
+  if (json->contains("distortion_step")) {
+    StepSummary step;
+    read((*json)["distortion_step"], "mean", step.mean, "distortion_step");
+    read((*json)["distortion_step"], "median", step.median, "distortion_step");
+    results.distortion_step = step;
   }
   if (json->contains("rate_lambda")) {
     double lambda = 0;

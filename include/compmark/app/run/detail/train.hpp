@@ -171,6 +171,8 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
   const detail::RunPlan plan = detail::plan_of(chosen, executor, observer);
   if (chosen.mark.wanted()) {
     if (Result<Done> fits = detail::check_published_mark(chosen); !fits) return fits.error();
+    const bool has_layer = !coded && (detail::is_published_profile(chosen.profile) || chosen.mark.for_compression);
+    if (Result<Done> fits = detail::check_step_rate(chosen.mark, has_layer); !fits) return fits.error();
     if (marks_afterwards(chosen)) return detail::train_then_mark(plan, *settings, chosen.mark_iterations);
     if (Result<Done> fits = detail::check_mark_while_training(chosen); !fits) return fits.error();
     if (Result<Done> fits = detail::check_to_fit(chosen.mark); !fits) return fits.error();

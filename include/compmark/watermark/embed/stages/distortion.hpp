@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <utility>
 
 #include "compmark/core/parameters.hpp"
@@ -80,6 +81,14 @@ class DistortionStage : public Stage<DistortionStage<Layer>> {
         pass.context.overlay.coded_gradients(arena, pass.model.anchors);
     layer_.backward(arena, own.blocks, std::as_const(pass.context.visible).span(), d_feature, d_scaling,
                     own.context.layer, pass.executor);
+  }
+
+  /// The steps of the last pass, of a layer that tells them and that was adaptive.
+  [[nodiscard]] std::optional<StepSummary> step_summary(const Context& context) const {
+    if constexpr (requires { layer_.step_summary(context.layer); }) {
+      if (context.report.mean_step != 0) return layer_.step_summary(context.layer);
+    }
+    return std::nullopt;
   }
 
  private:

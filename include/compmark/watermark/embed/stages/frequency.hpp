@@ -5,6 +5,8 @@
 // the context's scratch (splat/anchor/frequency_growth.hpp). Cost: that of the loss.
 #pragma once
 
+#include "compmark/splat/training/run_policies.hpp"
+#include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/stage.hpp"
 #include "compmark/watermark/embed/stages/image_loss.hpp"
 
@@ -12,9 +14,15 @@ namespace compmark {
 
 template <class Loss>
 class FrequencyStage : public ImageLossStage<FrequencyStage<Loss>, Loss> {
+  using Base = ImageLossStage<FrequencyStage<Loss>, Loss>;
+
  public:
-  void set_phase(const StageIteration& iteration,
-                 typename ImageLossStage<FrequencyStage<Loss>, Loss>::Phase& phase) const {
+  template <class R>
+  void configure(const TrainSettings& settings) {
+    Base::template configure<R>(settings);
+    this->image_loss = frequency_loss<R>(settings.mark);
+  }
+  void set_phase(const StageIteration& iteration, typename Base::Phase& phase) const {
     phase.weight = this->schedule_.weights(iteration.t).frequency;
   }
 };

@@ -31,7 +31,7 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   using Scalar = typename Decoder::Scalar;
   using Own = StageOfLoss<MessageStage>;
   struct Phase {
-    double weight = 0;         ///< of the mean loss of a bit; 0: the message is not read
+    double weight = 0;         ///< of the loss of the bits; 0: the message is not read
     StageIteration iteration;  ///< whose edits a decoder draws that has some (watermark/edit/edit_chain.hpp)
   };
   struct Context {
@@ -53,6 +53,7 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
     COMPMARK_ASSERT(static_cast<std::size_t>(reader.bits()) == bits.size(), "MessageStage: message length");
     auto& loss = message_loss.settings;
     loss.logit_scale = static_cast<Scalar>(mark.message.logit_scale);
+    loss.reduction = mark.message.sum ? MessageReduction::sum : MessageReduction::mean;
     if (mark.message.hinge_margin > 0) {
       loss.rule = MessageRule::hinge;
       loss.margin = static_cast<Scalar>(mark.message.hinge_margin);
