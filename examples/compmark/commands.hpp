@@ -17,6 +17,7 @@ Command add_probe(Options& app);
 Command add_train(Options& app);
 Command add_embed(Options& app);
 Command add_fit(Options& app);
+Command add_interference(Options& app);
 Command add_pretrain(Options& app);
 Command add_compress(Options& app);
 Command add_fit_codec(Options& app);

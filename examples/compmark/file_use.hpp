@@ -20,6 +20,7 @@ enum class InputKind {
   trained_model,  ///< model.safetensors alone
   compressed,     ///< .cmk alone
   decoder,        ///< of messages
+  interference,   ///< of an unmarked scene
   key,            ///< an owner's
   images,         ///< files, or folders of them
   dataset,        ///< a capture: its folder, or its transforms file
@@ -29,13 +30,14 @@ enum class InputKind {
 
 /// Kinds of outputs, and so of the existing files that they may replace.
 enum class OutputKind {
-  words,       ///< JSON, CSV, HTML, a log: text without a kind of its own
-  splats,      ///< PLY
-  model,       ///< model.safetensors
-  compressed,  ///< .cmk
-  decoder,     ///< of messages
-  key,         ///< an owner's: never replaced
-  any,         ///< a file of a run's own folder
+  words,         ///< JSON, CSV, HTML, a log: text without a kind of its own
+  splats,        ///< PLY
+  model,         ///< model.safetensors
+  compressed,    ///< .cmk
+  decoder,       ///< of messages
+  interference,  ///< of an unmarked scene
+  key,           ///< an owner's: never replaced
+  any,           ///< a file of a run's own folder
 };
 
 struct UsedFile {

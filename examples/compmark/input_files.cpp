@@ -28,6 +28,8 @@ Taken taken_by(InputKind kind) {
       return {"a compressed model (.cmk)", {K::cmk}};
     case InputKind::decoder:
       return {"a message decoder", {K::decoder, K::safetensors}};
+    case InputKind::interference:
+      return {"the cover interference of a scene", {K::interference, K::safetensors}};
     case InputKind::key:
       return {"an owner's key", {K::owner_key, K::json}};
     case InputKind::images:
@@ -75,6 +77,7 @@ Result<Done> check_output_kinds(const FileUse& use) {
     if (output.written == OutputKind::model) right = replaces({K::model});
     if (output.written == OutputKind::compressed) right = replaces({K::cmk});
     if (output.written == OutputKind::decoder) right = replaces({K::decoder});
+    if (output.written == OutputKind::interference) right = replaces({K::interference});
     if (right) continue;
     return Error{
         ErrorKind::unwritable, output.path.string(), output.said,

@@ -41,6 +41,7 @@ int main(int argc, char** argv) {
   add("train", "train a splat from a dataset", tool::add_train);
   add("embed", "hide a message in a finished model", tool::add_embed);
   add("fit", "fit a message decoder to one scene, from its unmarked model", tool::add_fit);
+  add("interference", "measure what an unmarked scene says to a message decoder by itself", tool::add_interference);
   add("pretrain", "train a message decoder for all scenes, from photographs", tool::add_pretrain);
   add("compress", "write the compressed file (.cmk) of a model that was trained for it", tool::add_compress);
   add("fit-codec", "fit a codec to a finished model and write its compressed file (.cmk)", tool::add_fit_codec);

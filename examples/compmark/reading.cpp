@@ -47,6 +47,9 @@ void add_reading_options(Options& app, ReadingOptions& options) {
   app.reads("--unmarked", options.unmarked, InputKind::model,
             "the unmarked model; its reading at the same cameras is subtracted (informed reading)")
       ->needs(model);
+  app.reads(
+      "--interference", options.interference, InputKind::interference,
+      "what the unmarked scene says to the decoder by itself (a file of compmark interference); it is subtracted");
   images->excludes(model);
   model->excludes(images);
   app.word("--split", options.split_word, "cameras of the model: test, train or all")

@@ -38,7 +38,7 @@ struct ReadingOptions : compmark::ReadingSettings {
   std::string behind;  ///< transparent pixels of images: "white", "black" or empty
   std::size_t threads = 0;
 };
-/// --decoder, --model, --unmarked, --images, --split, --views, --background, --memory-budget, --threads
+/// --decoder, --model, --unmarked, --interference, --images, --split, --views, --background, --memory-budget, --threads
 void add_reading_options(Options& app, ReadingOptions& options);
 
 /// Runs a command that reads, once its decoder is chosen. Returns its exit code.

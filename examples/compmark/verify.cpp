@@ -67,6 +67,10 @@ int run(const VerifyOptions& options) {
     std::printf("less        %s, sha256 %s: published earlier, it shows that it was not made to fit\n",
                 from.unmarked.c_str(), from.unmarked_sha256.c_str());
   }
+  if (!from.interference.empty()) {
+    std::printf("less        %s, sha256 %s: what the unmarked scene says by itself\n", from.interference.c_str(),
+                from.interference_sha256.c_str());
+  }
   if (payload) std::fputs(payload->line.c_str(), stdout);
   if (report.mirrored) {
     std::printf("mirrored    %s; both ways were read, which is two tests\n",

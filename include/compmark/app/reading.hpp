@@ -18,6 +18,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/owner_key.hpp"
+#include "compmark/watermark/decoder/cover_interference.hpp"
 #include "compmark/watermark/decoder/decoder_winograd.hpp"
 #include "compmark/watermark/decoder/stored_decoder.hpp"
 #include "compmark/watermark/proof/report.hpp"
@@ -33,9 +34,16 @@ using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
 /// key.
 [[nodiscard]] Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key);
 
+/// Reads a file of measure_interference (interference.hpp), as that of the logits of the decoder `decoder`; of a
+/// carrier file, with the key. Error: it was measured for another decoder.
+[[nodiscard]] Result<CoverInterference> open_interference(const std::filesystem::path& path,
+                                                          const std::filesystem::path& decoder, const OwnerKey* key);
+
 /// What a decoder reads from a render of `view`, rounded to 8 bits as others have it; with the SHA-256 of those pixels.
+/// `interference`, if any, is subtracted.
 [[nodiscard]] Result<ViewLogits> read_render(AnyModel& model, const StoredView& view, const FileDecoder& decoder,
-                                             FileDecoder::Context& context, ThreadExecutor& executor);
+                                             FileDecoder::Context& context, ThreadExecutor& executor,
+                                             const CoverInterference* interference = nullptr);
 
 /// Which of the cameras that a model stores.
 enum class ViewChoice { test, train, all };
@@ -45,6 +53,7 @@ struct ReadingSettings {
   std::filesystem::path decoder;
   std::filesystem::path model;                ///< or images
   std::filesystem::path unmarked;             ///< of the model: what it says by itself is subtracted; may be empty
+  std::filesystem::path interference;         ///< of the unmarked scene (interference.hpp): subtracted; may be empty
   std::vector<std::filesystem::path> images;  ///< files and folders
   ViewChoice split = ViewChoice::test;        ///< a model without test views gives those of its training
   std::size_t views = 0;                      ///< at most so many, evenly spaced; 0: all

@@ -105,6 +105,7 @@ inline constexpr std::array<FileMagic, 35> file_magics{{
   if (format == "compmark decoder") return FileKind::decoder;
   if (format == "compmark.checkpoint") return FileKind::checkpoint;
   if (format == "compmark decoder training") return FileKind::decoder_training;
+  if (format == "compmark cover interference") return FileKind::interference;
   return FileKind::safetensors;
 }
 [[nodiscard]] inline FileKind safetensors_kind(std::string_view header) {

@@ -86,7 +86,29 @@ inline Result<Done> read_planes(const std::filesystem::path& path, const Reading
   return Done{};
 }
 
-inline Result<Done> read_images(const ReadingSettings& settings, const FileDecoder& decoder, ThreadExecutor& executor,
+/// Dimension of the carriers of a decoder file; 0 of a kind without carriers, and of one that its reader refuses.
+[[nodiscard]] inline std::size_t carrier_dimension(const SafetensorsFile& file) {
+  const auto kind = file.metadata.find("kind");
+  const auto whitening = file.tensors.find("whiten.weight");
+  if (kind == file.metadata.end() || kind->second != "carrier" || whitening == file.tensors.end() ||
+      whitening->second.shape.empty())
+    return 0;
+  return static_cast<std::size_t>(std::max<std::int64_t>(whitening->second.shape[0], 0));
+}
+
+/// read_logits, less the interference where there is one.
+[[nodiscard]] inline Result<ViewLogits> read_less(const FileDecoder& decoder, const CoverInterference* interference,
+                                                  ImageView<const float> image, const std::string& name,
+                                                  FileDecoder::Context& context, ThreadExecutor& executor) {
+  Result<ViewLogits> view = read_logits(decoder, image, name, context, executor);
+  if (!view || interference == nullptr) return view;
+  PictureSketch<float> sketch;
+  interference->subtract(sketch.of(image, executor), view->logits);
+  return view;
+}
+
+inline Result<Done> read_images(const ReadingSettings& settings, const FileDecoder& decoder,
+                                const CoverInterference* interference, ThreadExecutor& executor,
                                 const WorkObserver& observer, Reading& reading) {
   Result<std::vector<std::filesystem::path>> files = image_files(settings.images);
   if (!files) return files.error();
@@ -95,9 +117,8 @@ inline Result<Done> read_images(const ReadingSettings& settings, const FileDecod
   ReadImage image;
   for (const std::filesystem::path& path : *files) {
     if (Result<Done> done = read_planes(path, settings, image); !done) return done;
-    Result<ViewLogits> view =
-        read_logits(decoder, ImageView<const float>{image.planes.data(), 3, image.height, image.width}, path.string(),
-                    context, executor);
+    const ImageView<const float> planes{image.planes.data(), 3, image.height, image.width};
+    Result<ViewLogits> view = read_less(decoder, interference, planes, path.string(), context, executor);
     if (!view) return view.error();
     view->name = path.filename().string();
     view->sha256 = image.sha256;
@@ -125,7 +146,8 @@ inline Result<AnyModel> load_unmarked(const std::filesystem::path& path, const M
   return model;
 }
 
-inline Result<Done> read_renders(const ReadingSettings& settings, const FileDecoder& decoder, ThreadExecutor& executor,
+inline Result<Done> read_renders(const ReadingSettings& settings, const FileDecoder& decoder,
+                                 const CoverInterference* interference, ThreadExecutor& executor,
                                  const WorkObserver& observer, Reading& reading) {
   Result<AnyModel> model = AnyModel::open(settings.model, executor);
   if (!model) return model.error();
@@ -152,7 +174,7 @@ inline Result<Done> read_renders(const ReadingSettings& settings, const FileDeco
   }
   FileDecoder::Context context;
   for (const StoredView& view : views) {
-    Result<ViewLogits> read = read_render(*model, view, decoder, context, executor);
+    Result<ViewLogits> read = read_render(*model, view, decoder, context, executor, interference);
     if (!read) return read.error();
     if (unmarked) {
       const Result<ViewLogits> said = read_render(*unmarked, view, decoder, context, executor);
@@ -168,11 +190,13 @@ inline Result<Done> read_renders(const ReadingSettings& settings, const FileDeco
 }  // namespace detail
 
 COMPMARK_APP_INLINE Result<ViewLogits> read_render(AnyModel& model, const StoredView& view, const FileDecoder& decoder,
-                                                   FileDecoder::Context& context, ThreadExecutor& executor) {
+                                                   FileDecoder::Context& context, ThreadExecutor& executor,
+                                                   const CoverInterference* interference) {
   const Result<RenderedView> render = model.render(view, executor);
   if (!render) return render.error();
   round_to_8bit<float>(render->image, render->image);
-  Result<ViewLogits> logits = read_logits(decoder, ImageView<const float>(render->image), view.name, context, executor);
+  Result<ViewLogits> logits =
+      detail::read_less(decoder, interference, ImageView<const float>(render->image), view.name, context, executor);
   if (logits) logits->sha256 = pixels_sha256(render->image);
   return logits;
 }
@@ -209,6 +233,28 @@ COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path
   return decoder;
 }
 
+COMPMARK_APP_INLINE Result<CoverInterference> open_interference(const std::filesystem::path& path,
+                                                                const std::filesystem::path& decoder,
+                                                                const OwnerKey* key) {
+  const Result<SafetensorsFile> file = read_safetensors(path, FileKind::interference);
+  if (!file) return file.error();
+  Result<CoverInterference> interference = read_cover_interference(*file);
+  if (!interference) return interference;
+  const Result<SafetensorsFile> reader = read_safetensors(decoder, FileKind::decoder);
+  if (!reader) return reader.error();
+  const Result<std::string> digest = file_sha256(decoder);
+  if (!digest) return digest.error();
+  const std::size_t dimension = detail::carrier_dimension(*reader);
+  if (interference->decoder_sha256 != *digest || (dimension != 0 && interference->outputs() != dimension)) {
+    return Error{ErrorKind::invalid, path.string(), "--interference",
+                 "was measured for another decoder than " + decoder.filename().string(),
+                 "give the decoder that it was measured for, or measure it again with `compmark interference`"};
+  }
+  if (dimension == 0 || key == nullptr) return interference;
+  const DecoderKey secret = decoder_key(*key);
+  return interference->along(make_carriers(secret.seed, secret.bits, static_cast<int>(dimension)));
+}
+
 COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& settings, const std::optional<OwnerKey>& key,
                                                   ThreadExecutor& executor, const WorkObserver& observer) {
   if (settings.model.empty() && settings.images.empty()) {
@@ -218,7 +264,31 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   if (!decoder) return decoder.error();
   const Result<std::string> digest = file_sha256(settings.decoder);
   if (!digest) return digest.error();
+  if (!settings.interference.empty() && !settings.unmarked.empty()) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--interference, --unmarked",
+                 "do not go together",
+                 "give one: both subtract what the unmarked model says"};
+  }
+  std::optional<CoverInterference> interference;
   Reading reading;
+  if (!settings.interference.empty()) {
+    Result<CoverInterference> opened =
+        open_interference(settings.interference, settings.decoder, key ? &*key : nullptr);
+    if (!opened) return opened.error();
+    const Result<std::string> said = file_sha256(settings.interference);
+    if (!said) return said.error();
+    interference = std::move(*opened);
+    if (interference->outputs() != static_cast<std::size_t>(decoder->bits())) {
+      return Error{
+          ErrorKind::invalid, settings.interference.string(), "outputs",
+          std::to_string(interference->outputs()) + " are not the decoder's " + std::to_string(decoder->bits()),
+          "measure it again with `compmark interference`"};
+    }
+    reading.sources.interference = settings.interference.filename().string();
+    reading.sources.interference_sha256 = *said;
+  }
   reading.bits = static_cast<std::size_t>(decoder->bits());
   reading.sources.program = std::string("compmark ") + version;
   reading.sources.decoder = settings.decoder.filename().string();
@@ -228,9 +298,10 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
     reading.sources.key_commitment = key->commitment();
     reading.sources.key_created = key->created;
   }
+  const CoverInterference* const less = interference ? &*interference : nullptr;
   const Result<Done> read = settings.model.empty()
-                                ? detail::read_images(settings, *decoder, executor, observer, reading)
-                                : detail::read_renders(settings, *decoder, executor, observer, reading);
+                                ? detail::read_images(settings, *decoder, less, executor, observer, reading)
+                                : detail::read_renders(settings, *decoder, less, executor, observer, reading);
   if (!read) return read.error();
   return reading;
 }

@@ -27,6 +27,7 @@ enum class FileKind {
   decoder,
   checkpoint,
   decoder_training,  ///< checkpoint of a decoder's training
+  interference,      ///< what an unmarked scene says to a decoder
   lpips,             ///< weights of LPIPS
   cmk,               ///< a compressed model
   ply,
@@ -92,6 +93,8 @@ enum class FileKind {
       return "a training's checkpoint (safetensors)";
     case FileKind::decoder_training:
       return "a checkpoint of a decoder's training (safetensors)";
+    case FileKind::interference:
+      return "the cover interference of a scene (safetensors)";
     case FileKind::lpips:
       return "LPIPS weights (safetensors)";
     case FileKind::cmk:
@@ -167,6 +170,8 @@ enum class FileKind {
       return "train and embed --resume with the folder of the run take it";
     case FileKind::decoder_training:
       return "pretrain --resume takes it";
+    case FileKind::interference:
+      return "verify and extract --interference take it";
     case FileKind::lpips:
       return "evaluate takes it (--lpips-alex, --lpips-squeeze)";
     case FileKind::gif:

@@ -81,8 +81,9 @@ struct ReportSources {
   std::string program;  ///< name and version
   std::string key_id, key_commitment, key_created;
   std::string decoder, decoder_sha256;
-  std::string model, model_sha256;        ///< empty if images were given
-  std::string unmarked, unmarked_sha256;  ///< the model whose logits were subtracted, if any were
+  std::string model, model_sha256;                ///< empty if images were given
+  std::string unmarked, unmarked_sha256;          ///< the model whose logits were subtracted, if any were
+  std::string interference, interference_sha256;  ///< the file of what was subtracted, if anything was
 };
 
 struct VerificationReport {
@@ -112,8 +113,8 @@ template <class Json>
 }
 }  // namespace detail
 
-/// Decoder, model and key of a report or an extraction; entries that are empty are null. `unmarked` is there only if
-/// something was subtracted.
+/// Decoder, model and key of a report or an extraction; entries that are empty are null. `unmarked` and
+/// `interference` are there only if something was subtracted.
 template <class Json>
 void add_sources(Json& json, const ReportSources& s) {
   json["program"] = s.program;
@@ -125,6 +126,7 @@ void add_sources(Json& json, const ReportSources& s) {
   json["model"] = {{"file", detail::text_or_null<Json>(s.model)},
                    {"sha256", detail::text_or_null<Json>(s.model_sha256)}};
   if (!s.unmarked.empty()) json["unmarked"] = {{"file", s.unmarked}, {"sha256", s.unmarked_sha256}};
+  if (!s.interference.empty()) json["interference"] = {{"file", s.interference}, {"sha256", s.interference_sha256}};
 }
 
 /// Schema "compmark.verification.1" (docs/verification.md).
