@@ -50,7 +50,7 @@ class PictureSketch {
   [[nodiscard]] std::span<const T> of(ImageView<const T> image, E& executor) {
     sketch_.assign(values, T(0));
     if (image.channels != 3 || std::min(image.height, image.width) < side) return sketch_;
-    const ImageView<const T> subject = cut_.of(image, true, side);
+    const ImageView<const T> subject = cut_.of(image, subject_box(image, side));
     small_.resize(3 * values);
     const ImageView<T> small{small_.data(), 3, side, side};
     resize_.forward(subject, small, executor);
@@ -70,7 +70,7 @@ class PictureSketch {
   }
 
  private:
-  SubjectCut<T> cut_;
+  PictureCut<T> cut_;
   AreaResize<T> resize_;
   std::vector<T> small_, sketch_;
 };
