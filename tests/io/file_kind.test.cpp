@@ -49,6 +49,7 @@ TEST_CASE("io/file_kind: files of our own writers are told apart") {
                                                               {"compmark decoder", FileKind::decoder},
                                                               {"compmark.checkpoint", FileKind::checkpoint},
                                                               {"compmark decoder training", FileKind::decoder_training},
+                                                              {"compmark cover interference", FileKind::interference},
                                                               {"pt", FileKind::safetensors},
                                                               {"", FileKind::safetensors}};
   for (const auto& [format, kind] : formats) {

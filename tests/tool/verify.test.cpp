@@ -221,6 +221,23 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   check_refused(tool(arguments + " --mirrored"), {"model.safetensors", "--mirrored"});
   REQUIRE(tool(arguments + " --split train --views 4 --json " + at("train.json")).code != 2);
   CHECK(json_of(at("train.json"))["views"].size() == 4);
+  // What the scene says by itself, measured from the unmarked model once, is subtracted.
+  const std::string measure = "interference --views 30 --decoder " + s.decoder + " --model ";
+  const Outcome measured = tool(measure + at("run/model.safetensors") + " --out " + at("interference.safetensors"));
+  INFO(measured.text);
+  REQUIRE(measured.code == 0);
+  CHECK(measured.text.find("30 views") != std::string::npos);
+  const Outcome less =
+      tool(arguments + " --interference " + at("interference.safetensors") + " --json " + at("less.json"));
+  CHECK(less.code != 2);
+  CHECK(less.text.find("what the unmarked scene says by itself") != std::string::npos);
+  CHECK(json_of(at("less.json"))["interference"]["file"] == "interference.safetensors");
+  CHECK(json_of(at("less.json"))["views"][0]["logits"] != json["views"][0]["logits"]);
+  CHECK(json.count("interference") == 0);
+  check_refused(tool(arguments + " --interference " + s.decoder), {"--interference", "a message decoder"});
+  check_refused(tool(measure + at("run/model.safetensors") + " --out " + s.decoder), {"--out", "lattice.safetensors"});
+  check_refused(tool(measure + s.decoder + " --out " + at("x.safetensors")), {"--model", "a message decoder"});
+  CHECK(!fs::exists(at("x.safetensors")));
 }
 
 TEST_CASE("tool: a carrier decoder is read with the carriers of the key") {

@@ -78,7 +78,7 @@ class PictureSketch {
 struct CoverInterference {
   /// What is subtracted of what was said. A mark that was learned on a model knows its interference already and makes
   /// up for a part of it.
-  static constexpr double share = 0.75;
+  static constexpr double share = 0.5;
 
   std::vector<float> mean;         ///< [outputs]
   std::vector<float> sketch;       ///< [views, PictureSketch::values]
