@@ -16,6 +16,7 @@
 
 #include "compmark/app/detail/any_model.hpp"
 #include "compmark/app/detail/files.hpp"
+#include "compmark/app/detail/less_interference.hpp"
 #include "compmark/app/reading.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/safetensors.hpp"
@@ -84,27 +85,6 @@ inline Result<Done> read_planes(const std::filesystem::path& path, const Reading
       std::reverse(row, row + read.width);
   }
   return Done{};
-}
-
-/// Dimension of the carriers of a decoder file; 0 of a kind without carriers, and of one that its reader refuses.
-[[nodiscard]] inline std::size_t carrier_dimension(const SafetensorsFile& file) {
-  const auto kind = file.metadata.find("kind");
-  const auto whitening = file.tensors.find("whiten.weight");
-  if (kind == file.metadata.end() || kind->second != "carrier" || whitening == file.tensors.end() ||
-      whitening->second.shape.empty())
-    return 0;
-  return static_cast<std::size_t>(std::max<std::int64_t>(whitening->second.shape[0], 0));
-}
-
-/// read_logits, less the interference where there is one.
-[[nodiscard]] inline Result<ViewLogits> read_less(const FileDecoder& decoder, const CoverInterference* interference,
-                                                  ImageView<const float> image, const std::string& name,
-                                                  FileDecoder::Context& context, ThreadExecutor& executor) {
-  Result<ViewLogits> view = read_logits(decoder, image, name, context, executor);
-  if (!view || interference == nullptr) return view;
-  PictureSketch<float> sketch;
-  interference->subtract(sketch.of(image, executor), view->logits);
-  return view;
 }
 
 inline Result<Done> read_images(const ReadingSettings& settings, const FileDecoder& decoder,
