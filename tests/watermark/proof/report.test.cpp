@@ -39,7 +39,7 @@ std::vector<ViewLogits> views_of(const Message& message, const std::vector<std::
 VerificationReport report_of(const Message& message, const std::vector<std::size_t>& wrong,
                              const VerifySettings& settings = {}) {
   VerificationReport report{
-      {"compmark test", "id", "commitment", "2026-01-31T23:59:59Z", "d.safetensors", "dd", "", "", "", ""},
+      {"compmark test", "id", "commitment", "2026-01-31T23:59:59Z", "d.safetensors", "dd", "", "", "", "", "", ""},
       views_of(message, wrong),
       {}};
   const Result<Verification> verification = verify_message(message, report.views, settings);
