@@ -136,6 +136,8 @@ const char* input_kind_name(InputKind kind) {
       return "compressed model";
     case InputKind::decoder:
       return "decoder";
+    case InputKind::interference:
+      return "interference";
     case InputKind::key:
       return "key";
     case InputKind::images:
