@@ -284,11 +284,13 @@ TEST_CASE("options: a file of another kind is named for what it is") {
   tensors("model.safetensors", "compmark.model");
   tensors("decoder.safetensors", "compmark decoder");
   tensors("checkpoint.safetensors", "compmark.checkpoint");
+  tensors("interference.safetensors", "compmark cover interference");
   REQUIRE(write_key(place.folder / "owner.key", testing::fixed_key(1, 8)).ok());
   const std::map<std::string, std::vector<std::string>> taken{{"model", {"model.safetensors", "small.cmk"}},
                                                               {"trained model", {"model.safetensors", "small.cmk"}},
                                                               {"compressed model", {"small.cmk"}},
                                                               {"decoder", {"decoder.safetensors"}},
+                                                              {"interference", {"interference.safetensors"}},
                                                               {"key", {"owner.key"}},
                                                               {"images", {"photographs/a.png", "photographs"}},
                                                               {"dataset", {"cameras.json", "photographs"}},
@@ -298,9 +300,9 @@ TEST_CASE("options: a file of another kind is named for what it is") {
   for (const auto& [command, options] : table()) {
     for (const Option& option : options) {
       if (option.role != "input") continue;
-      for (const char* file :
-           {"splats.ply", "cameras.json", "small.cmk", "page.html", "archive.zip", "array.npy", "model.safetensors",
-            "decoder.safetensors", "checkpoint.safetensors", "owner.key", "photographs/a.png", "photographs"}) {
+      for (const char* file : {"splats.ply", "cameras.json", "small.cmk", "page.html", "archive.zip", "array.npy",
+                               "model.safetensors", "decoder.safetensors", "checkpoint.safetensors",
+                               "interference.safetensors", "owner.key", "photographs/a.png", "photographs"}) {
         const std::vector<std::string>& own = taken.at(option.reads);
         if (std::find(own.begin(), own.end(), file) != own.end()) continue;
         const std::string line = with_required(command, place, {{option.name, place.at(file)}});
