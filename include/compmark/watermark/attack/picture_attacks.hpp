@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Attacks on a picture (attack_list.hpp): what happens to a render on its way. Those of place, sharpness and light are
-// the distortions of watermark/pretrain/augmentation.hpp at a chosen strength, those of colour and of files are those of
-// watermark/edit. To add one: its type here, and its name in the list PictureAttacks. Cost: 1 to 25 ns a value.
+// the distortions of watermark/pretrain/augmentation.hpp at a chosen strength, those of colour and of files are those
+// of watermark/edit. To add one: its type here, and its name in the list PictureAttacks. Cost: 1 to 25 ns a value.
 #pragma once
 
 #include <array>

@@ -6,8 +6,8 @@
 // "kernel/stride/padding" each, m: max pool before, t: tap behind), norm_epsilon, logit_scale, and the input
 // convention. Files without a format are the published HiDDeN decoders: sizes come from their tensors, the convention
 // is the raw Haar LL (docs/spec/method.md, 5.3). No number is believed before its tensor has that shape. `TensorFile`
-// is anything with path, metadata, tensors, has() and floats(): io is not included. Longer than 300 lines: the checks of
-// one format, in its order.
+// is anything with path, metadata, tensors, has() and floats(): io is not included. Longer than 300 lines: the checks
+// of one format, in its order.
 #pragma once
 
 #include <charconv>

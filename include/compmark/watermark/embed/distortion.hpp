@@ -7,8 +7,8 @@
 // or, in an iteration of hard rounding, the rounding itself: u = round(f / q) - f / q, with gradients straight through.
 // One q a channel (the published code) or an anchor (the paper). Nothing in the published losses rewards a large q, so
 // it collapses (docs/spec/numerics.md, QD2); three measures, each off by itself: a least step, a rate term -w log2(q /
-// Q0), which the published profiles take (docs/spec/method.md, 7.11), and q without gradient. Random numbers are keyed by (seed, iteration, row, channel). Cost an anchor: 4 D^2 flop
-// forward, 12 D^2 backward; 2 ns a random number. Longer than 300 lines: forward and backward share one panel layout.
+// Q0), as the published profiles have it, and q without gradient. Random numbers: of (seed, iteration, row, channel).
+// An anchor: 4 D^2 flop forward, 12 D^2 backward; 2 ns a random number. Longer than 300 lines: one layout of panels.
 #pragma once
 
 #include <algorithm>
