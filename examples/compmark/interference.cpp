@@ -3,6 +3,7 @@
 //
 // compmark interference: measures what an unmarked model says to a message decoder by itself, and writes it to a small
 // file for --interference of the commands that read.
+#include <algorithm>
 #include <compmark/app/interference.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <cstddef>
@@ -30,7 +31,8 @@ int interference(InterferenceOptions& options) {
   const auto measured = compmark::measure_interference(options.settings, executor);
   if (!measured) return fail(measured.error());
   std::printf("%s: %zu views, deviation of the outputs %.2f, of which other views tell %.0f %%\n",
-              options.settings.out.string().c_str(), options.settings.views, measured->deviation, 100 * measured->told);
+              options.settings.out.string().c_str(), options.settings.views, measured->deviation,
+              100 * std::max(0.0, measured->told));
   return success;
 }
 
