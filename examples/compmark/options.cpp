@@ -91,6 +91,7 @@ constexpr GroupedOption grouped_options[] = {
     {"--message-weight", expert_group},
     {"--fidelity-fall", expert_group},
     {"--sample-by-loss", expert_group},
+    {"--orbit", expert_group},
     {"--edits", expert_group},
     {"--lost-anchors", expert_group},
     {"--calibrate-steps", expert_group},

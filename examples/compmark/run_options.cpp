@@ -73,6 +73,9 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
              "share of the sampled novel views that go where the message loss was high lately, so "
              "that hard views are seen more often; 0: none (default: 1 with the decoder of the program, "
              "else 0)");
+  app.number("--orbit", options.orbit, share_range,
+             "share of the sampled views that orbit a training view, in every direction; the others lie between "
+             "neighbours (default: 0.5 with the decoder of the program, else 0)");
   app.number("--edits", options.edits, share_range,
              "share of the readings before which the render is edited, as pictures are on their way (resized, turned, "
              "cropped, other colours, softer, noisy, JPEG), so that the mark is learned to survive it (default: 0.7 "

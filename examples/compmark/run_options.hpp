@@ -22,7 +22,7 @@ struct RunOptions {
 void add_finished_model_options(Options& app, compmark::RunSettings& run, RunOptions& options);
 
 /// --bits, --key, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin, --message-power,
-/// --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --calibrate-steps, --message-every, --for-compression
+/// --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --orbit, --calibrate-steps, --message-every, --for-compression
 void add_mark_options(Options& app, compmark::MarkSettings& options, bool required);
 
 /// The files of a run, from its options.

@@ -29,10 +29,11 @@ struct DividedWords {
 };
 
 /// Names of options that are the mark's alone; each takes a value.
-inline constexpr std::array<std::string_view, 12> mark_option_names = {
-    "--period",          "--tone",           "--fidelity",       "--fidelity-fall", "--sample-by-loss",
-    "--calibrate-steps", "--message-weight", "--message-margin", "--message-power", "--message-rate",
-    "--message-every",   "--mark-iterations"};
+inline constexpr std::array<std::string_view, 13> mark_option_names = {
+    "--period",         "--tone",          "--fidelity",        "--fidelity-fall",
+    "--sample-by-loss", "--orbit",         "--calibrate-steps", "--message-weight",
+    "--message-margin", "--message-power", "--message-rate",    "--message-every",
+    "--mark-iterations"};
 
 [[nodiscard]] inline DividedWords divide(const std::vector<std::string>& words) {
   DividedWords divided;

@@ -121,6 +121,7 @@
 #include "compmark/scene/lens_rays.hpp"
 #include "compmark/scene/novel_view.hpp"
 #include "compmark/scene/open.hpp"
+#include "compmark/scene/orbit_view.hpp"
 #include "compmark/scene/point_file.hpp"
 #include "compmark/scene/pose.hpp"
 #include "compmark/scene/procedural.hpp"

@@ -62,16 +62,18 @@ inline constexpr double same_way =
     0.5;  ///< least cosine between the directions of two cameras that see the same things
 }
 
-/// One of the `nearest` views that stand closest to `view` and look the same way within 60 degrees, drawn with number
-/// `draw` of `random`; `view` itself where there is none. `cameras(i)` gives the camera of view i < views.
+/// Up to six views that stand closest to one and look the same way within 60 degrees, nearest first.
+struct NearestViews {
+  static constexpr std::size_t most = 6;
+  std::array<double, most> square{};  ///< of the distance
+  std::array<std::size_t, most> index{};
+  std::size_t count = 0;
+};
+/// `cameras(i)` gives the camera of view i < views.
 template <class Cameras>
-[[nodiscard]] std::size_t neighbouring_view(const Cameras& cameras, std::size_t views, std::size_t view,
-                                            const Random& random, std::uint64_t draw = 0) {
-  constexpr std::size_t nearest = 6;
-  std::array<double, nearest> distance;
-  std::array<std::size_t, nearest> index{};
-  distance.fill(std::numeric_limits<double>::infinity());
-  std::size_t found = 0;
+[[nodiscard]] NearestViews nearest_views(const Cameras& cameras, std::size_t views, std::size_t view) {
+  NearestViews found;
+  found.square.fill(std::numeric_limits<double>::infinity());
   const Camera<double> self = cameras(view);
   for (std::size_t i = 0; i < views; ++i) {
     if (i == view) continue;
@@ -82,16 +84,23 @@ template <class Cameras>
       square += d * d;
       cosine += other.rotation_camera_world[6 + c] * self.rotation_camera_world[6 + c];  // the viewing directions
     }
-    if (!(cosine >= detail::same_way) || !(square < distance.back())) continue;
-    std::size_t place = found < nearest ? found++ : nearest - 1;
-    for (; place > 0 && square < distance[place - 1]; --place) {
-      distance[place] = distance[place - 1];
-      index[place] = index[place - 1];
+    if (!(cosine >= detail::same_way) || !(square < found.square.back())) continue;
+    std::size_t place = found.count < NearestViews::most ? found.count++ : NearestViews::most - 1;
+    for (; place > 0 && square < found.square[place - 1]; --place) {
+      found.square[place] = found.square[place - 1];
+      found.index[place] = found.index[place - 1];
     }
-    distance[place] = square;
-    index[place] = i;
+    found.square[place] = square;
+    found.index[place] = i;
   }
-  return found == 0 ? view : index[random.below(draw, found)];
+  return found;
+}
+/// One of them, drawn with number `draw` of `random`; `view` itself where there is none.
+template <class Cameras>
+[[nodiscard]] std::size_t neighbouring_view(const Cameras& cameras, std::size_t views, std::size_t view,
+                                            const Random& random, std::uint64_t draw = 0) {
+  const NearestViews near = nearest_views(cameras, views, view);
+  return near.count == 0 ? view : near.index[random.below(draw, near.count)];
 }
 
 /// The clearance round every view: the square of its distance to the third nearest other view, which is an area where
@@ -225,6 +234,15 @@ template <class AnyCamera>
   return camera;
 }
 
+namespace detail {
+/// Turned by up to 15 degrees and zoomed by up to a fifth either way, by the numbers 4 and 5 of `random`.
+template <class AnyCamera>
+[[nodiscard]] AnyCamera camera_perturbed(const AnyCamera& camera, const Random& random) {
+  constexpr double most_roll = 0.26, most_zoom = 1.2;
+  return camera_turned(camera, most_roll * (2 * random.uniform(4) - 1), std::pow(most_zoom, 2 * random.uniform(5) - 1));
+}
+}  // namespace detail
+
 /// A sampled novel view near view `view`: in the triangle of it and two neighbours, turned by up to 15 degrees and
 /// zoomed by up to a fifth either way, so that what is learned there also holds away from the training views. With a
 /// `reach` above 1 the triangle is stretched away from `view`, beyond the neighbours, to cover the rim of a capture.
@@ -233,12 +251,11 @@ template <class AnyCamera>
 template <class Cameras>
 [[nodiscard]] auto novel_view_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
                                      double reach = 1) {
-  constexpr double most_roll = 0.26, most_zoom = 1.2;
   const std::size_t second = neighbouring_view(cameras, views, view, random, 0);
   const std::size_t third = neighbouring_view(cameras, views, view, random, 1);
   const auto side = camera_between(cameras(second), cameras(third), random.uniform(2));
   const auto camera = camera_between(cameras(view), side, reach * random.uniform(3));
-  return camera_turned(camera, most_roll * (2 * random.uniform(4) - 1), std::pow(most_zoom, 2 * random.uniform(5) - 1));
+  return detail::camera_perturbed(camera, random);
 }
 
 }  // namespace compmark

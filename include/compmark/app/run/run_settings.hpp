@@ -45,6 +45,7 @@ struct MarkSettings {
   std::optional<double> fidelity;      ///< of the marked renders to the unmarked ones
   std::optional<double> fall;          ///< power by which the fidelity falls with the distance from the photographs
   std::optional<double> by_cost;       ///< share of the draw of cameras that follows what the message costs there
+  std::optional<double> orbit;         ///< share of the sampled views that orbit a training view
   std::optional<double> edits;         ///< share of the readings before which the render is edited (CommonEdits)
   std::optional<double> lost_anchors;  ///< largest share of the anchors that is left out of a reading
   std::optional<std::int64_t> calibrate_steps;  ///< cadence of PosthocSettings::calibrate_steps_every
@@ -54,8 +55,8 @@ struct MarkSettings {
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !unmarked.empty() || period || tone || weight || margin ||
-           power || rate || step_rate || fidelity || fall || by_cost || edits || lost_anchors || calibrate_steps ||
-           message_every != 1 || for_compression;
+           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || lost_anchors ||
+           calibrate_steps || message_every != 1 || for_compression;
   }
 };
 

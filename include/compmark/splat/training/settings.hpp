@@ -65,6 +65,7 @@ struct PosthocSettings {
   double fidelity_fall = 0;
   /// The share of the sampled views that is drawn by the message loss near them, 0 (by clearance alone) to 1.
   double draw_by_cost = 0;
+  double orbit_share = 0;  ///< of the sampled views that orbit a training view; the others lie between neighbours
   double lost_anchors =
       0;  ///< largest share of the anchors that is left out of a reading, where the recipe can do that
   /// Where the context reads ancestors (ContextGS): iterations between step-bias calibrations

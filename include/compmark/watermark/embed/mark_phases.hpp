@@ -67,6 +67,9 @@ class MarkPhases {
     return fidelity() * std::max(least, 2 / (1 + std::pow(medians, numbers_.posthoc.fidelity_fall)));
   }
 
+  /// The share of the sampled views that orbit a training view.
+  [[nodiscard]] double orbit_share() const { return numbers_.posthoc.orbit_share; }
+
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
   [[nodiscard]] bool reads_between(std::int64_t t) const {
     return novel_view_every() > 0 && t % novel_view_every() == 0 && novel_view_weight(t) != 0;

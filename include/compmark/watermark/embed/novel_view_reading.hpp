@@ -20,6 +20,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/scene/novel_view.hpp"
+#include "compmark/scene/orbit_view.hpp"
 #include "compmark/splat/training/recipe.hpp"
 #include "compmark/splat/training/stage.hpp"
 #include "compmark/watermark/embed/mark_phases.hpp"
@@ -129,7 +130,7 @@ class NovelViewReading {
   template <class Views, Executor E>
   auto read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
             std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) {
-    const ViewCamera<R> camera = sampled_camera(views, view, seed, t);
+    const ViewCamera<R> camera = sampled_camera(views, view, seed, t, schedule);
     return read_at(pipeline, model, camera, view, without_photograph(phases), schedule.novel_view_weight(t), 0,
                    executor);
   }
@@ -138,7 +139,7 @@ class NovelViewReading {
   template <class Views, Executor E>
   auto read_held(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
                  std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) requires(can_be_held) {
-    const ViewCamera<R> camera = sampled_camera(views, view, seed, t);
+    const ViewCamera<R> camera = sampled_camera(views, view, seed, t, schedule);
     const Phases marked = without_photograph(phases);
     Phases unmarked = marked;
     Pipeline<R>::Stages::forward([&]<class S>() { S::leave_mark(unmarked.template of<S>()); });
@@ -159,9 +160,11 @@ class NovelViewReading {
  private:
   template <class Views>
   [[nodiscard]] static ViewCamera<R> sampled_camera(const Views& views, std::size_t view, std::uint64_t seed,
-                                                    std::int64_t t) {
+                                                    std::int64_t t, const MarkPhases& schedule) {
     const Random random(seed, static_cast<std::uint64_t>(t), random_stage("between"));
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views.camera(i); };
+    if (schedule.orbit_share() > 0 && random.uniform(6) < schedule.orbit_share())
+      return orbit_view_camera(camera_of, views.size(), view, random);
     return novel_view_camera(camera_of, views.size(), view, random, reach);
   }
   template <class Views>

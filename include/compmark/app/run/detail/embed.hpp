@@ -136,6 +136,7 @@ namespace detail {
   if (universal) {
     settings.mark.posthoc.fidelity = 1600;
     settings.mark.posthoc.draw_by_cost = 1;
+    settings.mark.posthoc.orbit_share = 0.5;
     settings.mark.message.edited_share = 0.7;
   }
   if (Result<Done> fits = check_step_rate(plan.mark, false); !fits) return fits.error();

@@ -32,7 +32,7 @@ struct OptionOfSetting {
   const char* setting;
   const char* option;
 };
-inline constexpr std::array<OptionOfSetting, 20> options_of_settings{{
+inline constexpr std::array<OptionOfSetting, 21> options_of_settings{{
     {"iterations", "--iterations"},
     {"seed", "--seed"},
     {"profile", "--profile"},
@@ -50,6 +50,7 @@ inline constexpr std::array<OptionOfSetting, 20> options_of_settings{{
     {"mark.fidelity", "--fidelity"},
     {"mark.fidelity_fall", "--fidelity-fall"},
     {"mark.draw_by_cost", "--sample-by-loss"},
+    {"mark.orbit_share", "--orbit"},
     {"mark.edited_share", "--edits"},
     {"mark.lost_anchors", "--lost-anchors"},
     {"mark.hold_steps_every", "--calibrate-steps"},
