@@ -83,8 +83,9 @@ Result<CoverInterferenceFit> fitted(std::size_t views, std::uint64_t seed, E& ex
   return fit_cover_interference(PatternDecoder{}, views, picture, executor);
 }
 
-/// Share of the bits that are right in marked pictures from seven other cameras.
-double right(const CoverInterference* interference) {
+/// Share of the bits that are right in marked pictures from seven other cameras, less a part of the interference. These
+/// marks know nothing of the scene, so that all of it is the right part.
+double right(const CoverInterference* interference, double part = 1) {
   SerialExecutor executor;
   PictureSketch<float> sketch;
   double found = 0;
@@ -95,7 +96,7 @@ double right(const CoverInterference* interference) {
     PatternDecoder::Context context;
     PatternDecoder{}.forward(image, std::span<float>(logits), context, executor);
     std::vector<double> less(logits.begin(), logits.end());
-    if (interference != nullptr) interference->subtract(sketch.of(image, executor), less);
+    if (interference != nullptr) interference->subtract(sketch.of(image, executor), less, part);
     for (std::size_t b = 0; b < bits; ++b) found += less[b] * bit_sign(b) > 0 ? 1.0 / (7 * bits) : 0.0;
   }
   return found;
@@ -113,6 +114,7 @@ TEST_CASE("fit/cover_interference_fit: a scene that shouts down its mark blind i
   CAPTURE(fit->told);
   CHECK(blind < 0.85);
   CHECK(informed > 0.99);
+  CHECK(right(&fit->interference, CoverInterference::share) > blind + 0.1);  // half of it is half the way
   CHECK(fit->told > 0.9);
   CHECK(fit->deviation == doctest::Approx(100 * 0.04 / std::sqrt(2.0)).epsilon(0.2));
   // Negative controls: the mean alone, and the interference of another scene, leave it as it was.

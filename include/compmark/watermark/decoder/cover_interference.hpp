@@ -88,8 +88,8 @@ struct CoverInterference {
   [[nodiscard]] std::size_t outputs() const { return mean.size(); }
   [[nodiscard]] std::size_t views() const { return sketch.size() / PictureSketch<float>::values; }
 
-  /// Subtracts from outputs [outputs()] what the unmarked scene says in a picture of this sketch.
-  void subtract(std::span<const float> picture, std::span<double> outputs) const {
+  /// Subtracts from outputs [outputs()] that `part` of what the unmarked scene says in a picture of this sketch.
+  void subtract(std::span<const float> picture, std::span<double> outputs, double part = share) const {
     constexpr std::size_t values = PictureSketch<float>::values;
     COMPMARK_ASSERT(picture.size() == values && outputs.size() == mean.size(), "CoverInterference: sizes");
     std::vector<double> said(mean.begin(), mean.end());
@@ -103,7 +103,7 @@ struct CoverInterference {
       for (std::size_t d = 0; d < said.size(); ++d)
         said[d] += weight * static_cast<double>(coefficient[i * said.size() + d]);
     }
-    for (std::size_t d = 0; d < said.size(); ++d) outputs[d] -= share * said[d];
+    for (std::size_t d = 0; d < said.size(); ++d) outputs[d] -= part * said[d];
   }
 
   /// That of the logits of a key with these carriers [bits, outputs()] (proof/carriers.hpp).
