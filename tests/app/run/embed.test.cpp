@@ -47,6 +47,7 @@ struct Unmarked {
     settings.model = model;
     settings.mark.key = scene.key;
     settings.mark.decoder = decoder;
+    settings.mark.fidelity = 300;  // loud, so that few iterations do
     settings.iterations = 150;
     return settings;
   }
