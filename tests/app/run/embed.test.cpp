@@ -47,7 +47,6 @@ struct Unmarked {
     settings.model = model;
     settings.mark.key = scene.key;
     settings.mark.decoder = decoder;
-    settings.mark.fidelity = 300;  // loud, so that few iterations do
     settings.iterations = 150;
     return settings;
   }
@@ -68,8 +67,17 @@ TEST_CASE("app/run/embed: the message of the key is in the renders, and was not 
   const auto without = verify_files(unmarked.key, reading, {}, unmarked.executor);
   REQUIRE(with_mark.ok());
   REQUIRE(without.ok());
-  CHECK(with_mark->verification.evidence.matches == 8);
-  CHECK(with_mark->verification.evidence.matches > without->verification.evidence.matches);
+  // How far all bits together lean towards the message. So brief a mark need not turn every one of them.
+  const auto signal = [&](const Verification& verification) {
+    const Message message = message_of(unmarked.key);
+    double sum = 0;
+    for (std::size_t b = 0; b < 8; ++b) sum += (message[b] ? 1 : -1) * verification.fused[b] / 8;
+    return sum;
+  };
+  CAPTURE(signal(with_mark->verification));
+  CAPTURE(signal(without->verification));
+  CHECK(with_mark->verification.evidence.matches >= 6);
+  CHECK(signal(with_mark->verification) > signal(without->verification) + 0.5);
   CHECK(outcome->results.watermark->psnr_marked_vs_unmarked.value_or(0) > 20);
   const auto record = read_mark(settings.out / "mark.json");
   REQUIRE(record.has_value());
