@@ -34,10 +34,8 @@ TrainSettings dying_settings(std::int64_t most_revivals) {
   return settings;
 }
 
-/// A training whose opacities are all below 0 after its first iterations, as a step too long leaves them.
-void kill(Run& run, BlobViews& views) {
-  REQUIRE(run.initialise(compmark::testing::cloud(300, 7)));
-  for (int i = 0; i < 3; ++i) REQUIRE(run.step(views));
+/// Sets all opacities below 0, as a step too long leaves them.
+void make_transparent(Run& run) {
   Run::State state = run.state();
   const HeadHandles& head = state.model.decoder.opacity;
   const auto weight = state.model.arena.values(head.weight2).flat();
@@ -45,6 +43,12 @@ void kill(Run& run, BlobViews& views) {
   const auto bias = state.model.arena.values(head.bias2).flat();
   std::fill(bias.begin(), bias.end(), -2.0f);
   run.restore(std::move(state));
+}
+/// A training that dies after its first iterations.
+void kill(Run& run, BlobViews& views) {
+  REQUIRE(run.initialise(compmark::testing::cloud(300, 7)));
+  for (int i = 0; i < 3; ++i) REQUIRE(run.step(views));
+  make_transparent(run);
 }
 
 struct Life {
@@ -135,13 +139,7 @@ TEST_CASE("training/revival: what is not drawn for want of anchors is no death, 
     REQUIRE(report.ok());
     if (!report->revived) continue;
     ++revived;
-    Run::State state = run.state();
-    const HeadHandles& head = state.model.decoder.opacity;
-    const auto weight = state.model.arena.values(head.weight2).flat();
-    std::fill(weight.begin(), weight.end(), 0.0f);
-    const auto bias = state.model.arena.values(head.bias2).flat();
-    std::fill(bias.begin(), bias.end(), -2.0f);
-    run.restore(std::move(state));
+    make_transparent(run);
   }
   CHECK(revived == 3);
   CHECK(run.state().revival.empty > Revival::patience);
