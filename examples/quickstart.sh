@@ -55,6 +55,7 @@ fi
 split=test # what is measured; a capture without test views is measured in its training views
 case $("$compmark" probe --data "$data" --json) in *'"views_test": 0,'*) split=train ;; esac
 [ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
+"$compmark" claim --key "$out/owner.key" --out "$out/owner.claim"
 "$compmark" train --data "$data" --downscale "$downscale" --out "$out/run" --iterations "$iterations" ${voxel_size:+--voxel-size "$voxel_size"} \
   --codec hac --lambda 0.001 --key "$out/owner.key" ${mark_iterations:+--mark-iterations "$mark_iterations"} --resume
 small=$out/run/model.cmk
@@ -71,7 +72,7 @@ rm -rf "$renders"
 "$compmark" decompress --model "$small" --out "$out/run/decoded.safetensors"
 "$compmark" render --model "$out/run/decoded.safetensors" --split "$split" --out "$renders"
 verdict=0
-"$compmark" verify --images "$renders" --key "$out/owner.key" --json "$out/proof.json" || verdict=$?
+"$compmark" verify --images "$renders" --key "$out/owner.key" --claim "$out/owner.claim" --json "$out/proof.json" || verdict=$?
 case $verdict in 0 | 1 | 3) ;; *) exit "$verdict" ;; esac # an error, and it has been said
 
 # A number or a word at the top of a JSON file as the tool writes it.
@@ -95,7 +96,7 @@ row "time, without the build" "$(date +%s | LC_ALL=C awk -v begin="$begin" '{ pr
 echo
 echo "the report: $out/run/report.html"
 echo "the codec:  $out/before_and_after.html"
-echo "the proof:  $out/proof.json"
+echo "the proof:  $out/proof.json, with the claim $out/owner.claim, which an owner publishes before the file"
 echo "the file:   $small"
 echo "its images: $renders"
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ] && command -v xdg-open >/dev/null 2>&1; then

@@ -27,6 +27,7 @@ Command add_evaluate(Options& app);
 Command add_export(Options& app);
 Command add_info(Options& app);
 Command add_keygen(Options& app);
+Command add_claim(Options& app);
 Command add_extract(Options& app);
 Command add_verify(Options& app);
 Command add_calibrate(Options& app);

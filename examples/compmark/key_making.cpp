@@ -37,9 +37,8 @@ Result<std::string> make_dated_key(KeySettings settings) {
           key.created + "\ncommitment  " + key.commitment() + "\n";
   if (key.corrects != 0)
     text += "payload     " + key.payload + ", up to " + std::to_string(key.corrects) + " wrong bits corrected\n";
-  text +=
-      "Publish the commitment before you publish a marked model. If the decoder is your "
-      "own, publish its SHA-256 too. Do so\nwhere others date it\n";
+  text += "next: compmark claim --key " + settings.out.string() + " --out " + settings.out.string() +
+          ".claim, and publish its SHA-256 where others date it, before a marked model\n";
   if (!match_threshold(key.bits, VerifySettings{}.false_positive_rate)) {
     print_warning(std::to_string(key.bits) + " bits can never be evidence at a false-positive rate of 1e-06");
   }

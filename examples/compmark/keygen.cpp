@@ -16,6 +16,10 @@ namespace {
 
 using namespace compmark;
 
+struct KeygenOptions : KeySettings {
+  bool quick = false;
+};
+
 int keygen(const KeySettings& settings) {
   const Result<std::string> told = make_dated_key(settings);
   if (!told) return fail(told.error());
@@ -26,7 +30,7 @@ int keygen(const KeySettings& settings) {
 }  // namespace
 
 Command add_keygen(Options& app) {
-  auto options = std::make_shared<KeySettings>();
+  auto options = std::make_shared<KeygenOptions>();
   app.writes("--out", options->out, OutputKind::key, "key file to write, readable by you only")->required();
   app.number("--bits", options->bits, WholeRange{1, OwnerKey::bits_limit},
              "length of the message, the same as that of the decoder (1 to 128)")
@@ -40,8 +44,13 @@ Command add_keygen(Options& app) {
   app.reads("--from", options->from, InputKind::key,
             "use the secret of this key: one key then reads the payloads of all, but see "
             "docs/verification.md");
+  app.flag("--quick", options->quick,
+           "derive without scrypt, at once: for experiments, since such keys can be tried by the million");
   app.flag("--force", options->force, "move an existing key to FILE.<id>.old");
-  return [options]() -> int { return keygen(*options); };
+  return [options]() -> int {
+    if (options->quick) options->hardness = 0;
+    return keygen(*options);
+  };
 }
 
 }  // namespace tool

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark verify: is the message of this key in a model or in images, and how likely would that be by chance.
+#include <compmark/app/proof.hpp>
 #include <compmark/app/run/mark_record.hpp>
 #include <compmark/app/verify.hpp>
 #include <compmark/core/thread_executor.hpp>
@@ -25,6 +26,7 @@ struct VerifyOptions {
   ReadingOptions reading;
   std::filesystem::path key;
   std::filesystem::path json;
+  ProofSettings proof;
   bool any_decoder = false;
   bool mirrored = false;
   double alpha = 1e-6;
@@ -38,6 +40,8 @@ int run(const VerifyOptions& options) {
   if (const Result<Done> checked = check_settings(settings); !checked) return fail(checked.error());
   const Result<OwnerKey> key = load_key(options.key);
   if (!key) return fail(key.error());
+  // A claim that is not of this key is told before the reading.
+  if (const Result<ProofBasis> claimed = proof_basis(*key, {}, options.proof); !claimed) return fail(claimed.error());
   if (!options.any_decoder) {
     const Result<Done> recorded =
         check_recorded(options.key, *key, options.reading.decoder, options.reading.model, print_warning);
@@ -50,22 +54,27 @@ int run(const VerifyOptions& options) {
                                                                : verify_files(*key, reading, settings, executor);
   if (!verified) return fail(verified.error());
   const VerificationReport& report = *verified;
+  const Result<ProofBasis> basis = proof_basis(*key, report.sources, options.proof);
+  if (!basis) return fail(basis.error());
+  const Standing standing = standing_of(report.verification, *basis);
   const std::optional<PayloadText> payload =
       key->corrects == 0 ? std::nullopt : std::optional(payload_text(*key, report.verification.read));
   if (!options.json.empty()) {
     nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(report);
+    json["proof"] = standing_json<nlohmann::ordered_json>(standing, *basis);
     if (payload) json["payload"] = payload->json;
     if (Result<Done> written = write_json(options.json, json); !written) return fail(written.error());
   }
   const ReportSources& from = report.sources;
   std::printf("key         %s, created %s according to the key file\n", from.key_id.c_str(), from.key_created.c_str());
-  std::printf("commitment  %s: published earlier, it shows that the key was not made to fit\n",
-              from.key_commitment.c_str());
+  std::printf("commitment  %s\n", from.key_commitment.c_str());
   std::printf("decoder     %s, sha256 %s\n", from.decoder.c_str(), from.decoder_sha256.c_str());
+  if (basis->claimed)
+    std::printf("claim       sha256 %s%s%s\n", basis->claim_sha256.c_str(), basis->dated.empty() ? "" : ", stamped ",
+                basis->dated.c_str());
   if (!from.model.empty()) std::printf("model       %s, sha256 %s\n", from.model.c_str(), from.model_sha256.c_str());
   if (!from.unmarked.empty()) {
-    std::printf("less        %s, sha256 %s: published earlier, it shows that it was not made to fit\n",
-                from.unmarked.c_str(), from.unmarked_sha256.c_str());
+    std::printf("less        %s, sha256 %s\n", from.unmarked.c_str(), from.unmarked_sha256.c_str());
   }
   if (!from.interference.empty()) {
     std::printf("less        %s, sha256 %s: what the unmarked scene says by itself\n", from.interference.c_str(),
@@ -76,10 +85,10 @@ int run(const VerifyOptions& options) {
     std::printf("mirrored    %s; both ways were read, which is two tests\n",
                 *report.mirrored ? "the images are read better so" : "the images are read as they are");
   }
-  std::fputs(report_text(report.verification).c_str(), stdout);
+  std::fputs(report_text(report.verification, standing).c_str(), stdout);
   switch (report.verification.verdict) {
     case Verdict::detected:
-      return success;
+      return standing.kind == StandingKind::not_a_proof ? inconclusive : success;
     case Verdict::not_detected:
       return not_detected;
     case Verdict::inconclusive:
@@ -104,13 +113,19 @@ Command add_verify(Options& app) {
   app.flag("--mirrored", options->mirrored,
            "the images may have been mirrored: read them both ways, which counts as two tests");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
+  app.reads("--claim", options->proof.claim, InputKind::other,
+            "the claim that was published before the images (compmark claim)");
+  app.reads("--time-stamp", options->proof.time_stamp, InputKind::other,
+            "the claim's time stamp, as an authority answered it (RFC 3161)");
   app.flag("--any-decoder", options->any_decoder,
            "use this decoder even if the record of this key (KEY.record) names another one");
   app.writes("--json", options->json, OutputKind::words, "write the report to this file");
   app.footer(
       "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive: tests times p is above --alpha but not above\n"
-      "0.01, or no number of matches could reach --alpha with so few bits. The p-value is the probability that a key\n"
-      "drawn at random, without knowing the images and the decoder, matches at least as well.");
+      "0.01, or no number of matches could reach --alpha with so few bits; or no proof, since decoder or key could "
+      "have\n"
+      "been made to fit and no claim names them. The p-value is the probability that a key drawn at random, without\n"
+      "knowing the images and the decoder, matches at least as well.");
   return [options]() -> int { return with_decoder(*options, run); };
 }
 

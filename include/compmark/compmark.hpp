@@ -69,6 +69,8 @@
 #include "compmark/watermark/proof/ecc.hpp"
 #include "compmark/watermark/proof/key.hpp"
 #include "compmark/watermark/proof/report.hpp"
+#include "compmark/watermark/proof/shipped_decoders.hpp"
+#include "compmark/watermark/proof/standing.hpp"
 #include "compmark/watermark/proof/verify.hpp"
 
 #include "compmark/io/anchor_ply.hpp"
@@ -86,6 +88,7 @@
 #include "compmark/io/json_shape.hpp"
 #include "compmark/io/os_random.hpp"
 #include "compmark/io/output_target.hpp"
+#include "compmark/io/owner_claim.hpp"
 #include "compmark/io/owner_key.hpp"
 #include "compmark/io/ply.hpp"
 #include "compmark/io/read_file.hpp"
@@ -93,8 +96,10 @@
 #include "compmark/io/safetensors_dtype.hpp"
 #include "compmark/io/safetensors_reader.hpp"
 #include "compmark/io/safetensors_writer.hpp"
+#include "compmark/io/scrypt.hpp"
 #include "compmark/io/sha256.hpp"
 #include "compmark/io/splat_ply.hpp"
+#include "compmark/io/time_stamp.hpp"
 #include "compmark/io/utf8.hpp"
 #include "compmark/io/xxh64.hpp"
 

@@ -35,7 +35,7 @@ struct Place {
 
 bool same_key(const OwnerKey& a, const OwnerKey& b) {
   return a.secret == b.secret && a.created == b.created && a.bits == b.bits && a.note == b.note &&
-         a.payload == b.payload && a.corrects == b.corrects;
+         a.payload == b.payload && a.corrects == b.corrects && a.hardness == b.hardness && a.root == b.root;
 }
 
 void look(const Place& place, std::span<const std::byte> bytes, std::size_t damage) {
@@ -64,11 +64,12 @@ std::vector<std::byte> repaired(std::span<const std::byte> bytes) {
   auto json = json_from({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   if (!json.is_object()) return {};
   json["format"] = OwnerKey::format;
-  json["version"] = OwnerKey::version;
   const auto word = [&](const char* name) {
     return json.contains(name) && json[name].is_string() ? json[name].template get<std::string>() : std::string();
   };
   OwnerKey key;
+  if (json.contains("hardness")) json["hardness"] = key.hardness = OwnerKey::least_hardness;  // the quickest
+  json["version"] = key.version();
   if (from_hex(word("secret"), key.secret)) {
     key.created = word("created");
     if (json.contains("bits") && json["bits"].is_number_unsigned()) key.bits = json["bits"].template get<std::size_t>();

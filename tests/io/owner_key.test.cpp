@@ -138,7 +138,10 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   for (const char* field : {"format", "version", "secret", "created", "bits", "commitment", "id"})
     refused(field, [&](nlohmann::json& json) { json.erase(field); });
   refused("format", [](nlohmann::json& json) { json["format"] = "something"; });
-  refused("version", [](nlohmann::json& json) { json["version"] = 2; });
+  refused("version", [](nlohmann::json& json) { json["version"] = 3; });
+  refused("version", [](nlohmann::json& json) { json["version"] = 0; });
+  refused("hardness", [](nlohmann::json& json) { json["version"] = 2; });
+  refused("hardness", [](nlohmann::json& json) { json["hardness"] = 10; });
   refused("secret", [&](nlohmann::json& json) { json["secret"] = secret.substr(2); });
   refused("secret", [&](nlohmann::json& json) { json["secret"] = "zz" + secret.substr(2); });
   refused("secret", [](nlohmann::json& json) { json["secret"] = std::string(64, '0'); });
@@ -169,4 +172,44 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   CHECK(other_length.error().field == "bits");
   CHECK_FALSE(make_key(some_secret(), "2026-01-31", 48).ok());
   CHECK_FALSE(make_key(some_secret(), "2026-01-31T23:59:59Z", 0).ok());
+}
+
+TEST_CASE("io/owner_key: a key of version 2 derives through scrypt, and is another one at another hardness") {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "hard.key", bad = folder.path() / "bad.key";
+  const OwnerKey key = *make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "a note", 10);
+  REQUIRE(write_key(path, key).ok());
+  const Result<OwnerKey> read = read_key(path, 48);
+  REQUIRE(read.ok());
+  CHECK(read->version() == 2);
+  CHECK(read->hardness == 10);
+  CHECK(read->root == key.root);
+  CHECK(read->commitment() == key.commitment());
+  // The label of the message over scrypt's output, which RFC 7914's vectors prove (io/scrypt).
+  std::array<std::byte, 32> derived{}, direct{}, easy{};
+  Digest256 root{};
+  scrypt(some_secret(), bytes_of("compmark/key/v2"), {10, 8, 1}, root);
+  hkdf_sha256(root, bytes_of("compmark"), bytes_of("compmark/message/v1"), direct);
+  read->derive("compmark/message/v1", derived);
+  some_key().derive("compmark/message/v1", easy);
+  CHECK(derived == direct);
+  CHECK(derived != easy);
+  const OwnerKey harder = *make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "a note", 11);
+  CHECK(harder.root != key.root);
+  CHECK(harder.commitment() != key.commitment());
+  CHECK(key.commitment() != some_key().commitment());
+  CHECK_FALSE(make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "", 9).ok());
+  CHECK_FALSE(make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "", 21).ok());
+  const nlohmann::json good = *read_json(path);
+  for (const auto& [field, value] : {std::pair<const char*, nlohmann::json>{"hardness", 11},
+                                     {"hardness", 30},
+                                     {"hardness", -1},
+                                     {"hardness", "10"},
+                                     {"version", 1}}) {
+    nlohmann::json json = good;
+    json[field] = value;
+    REQUIRE(write_json(bad, json).ok());
+    CAPTURE(field);
+    CHECK_FALSE(read_key(bad).ok());
+  }
 }

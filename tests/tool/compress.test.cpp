@@ -218,7 +218,9 @@ TEST_CASE(
   CHECK(compressed["psnr_marked_vs_unmarked"].get<double>() > 20);
   CHECK(compressed["bytes"].get<double>() < 1.1 * static_cast<double>(fs::file_size(small())));
   const auto verdict = [&](const std::string& file, const std::string& whose) {
-    return tool("verify --alpha 1e-3 --split all --model " + file + " --key " + whose + " --decoder " + decoder).code;
+    return tool("verify --alpha 1e-3 --split all --model " + file + " --key " + whose + " --decoder " + decoder +
+                testing::claimed(whose, decoder))
+        .code;
   };
   CHECK(verdict(out + "/model.cmk", key) == 0);
   CHECK(verdict(out + "/model.cmk", other) != 0);  // negative controls

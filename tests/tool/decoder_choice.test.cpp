@@ -57,7 +57,8 @@ TEST_CASE("tool: who names no decoder hides and reads with the one of every scen
   CHECK(mark["draw_by_cost"] == 1.0);
   CHECK(mark["orbit_share"] == 0.5);
   CHECK(mark["hinge_power"] == 2.0);
-  const std::string key = " --key " + at("owner.key") + " --alpha 1e-3 --json " + at("proof.json");
+  const std::string key =
+      " --key " + at("owner.key") + " --alpha 1e-3 --json " + at("proof.json") + testing::claimed(at("owner.key"));
   CHECK(tool("verify --split all --model " + at("marked/model.safetensors") + key).code == 0);
   const nlohmann::json proof = json_of(at("proof.json"));
   MESSAGE("all views: ", proof["matches"].get<int>(), " of 48, in the mean ",

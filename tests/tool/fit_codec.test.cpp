@@ -186,7 +186,8 @@ TEST_CASE("tool: a message is hidden in a model that a codec was fitted to, as i
     CHECK(testing::file_bytes(out + "/unmarked.cmk") == testing::file_bytes(plain + "/model.cmk"));
     CHECK(compressed["bytes"].get<double>() < 1.1 * static_cast<double>(fs::file_size(plain + "/model.cmk")));
     const auto verdict = [&](const std::string& file, const std::string& key) {
-      return tool("verify --alpha 1e-3 --split all --model " + file + " --key " + at(key) + " --decoder " + decoder)
+      return tool("verify --alpha 1e-3 --split all --model " + file + " --key " + at(key) + " --decoder " + decoder +
+                  testing::claimed(at(key), decoder))
           .code;
     };
     CHECK(verdict(out + "/model.cmk", "owner.key") == 0);

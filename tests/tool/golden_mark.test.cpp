@@ -18,6 +18,7 @@ namespace golden_mark_test {
 namespace {
 
 using namespace compmark;
+using testing::done;
 using testing::json_of;
 using testing::Outcome;
 using testing::tool;
@@ -31,10 +32,18 @@ TEST_CASE("tool: marked files of another build: the same bits, the same p-value"
   REQUIRE(write_key(other, testing::fixed_key(2, 32)).ok());
   for (const std::string name : {"hac", "context_gs"}) {
     CAPTURE(name);
+    std::string claim;
     const auto verify = [&](const std::string& key) {
       return tool("verify --alpha 1e-3 --split all --model " + folder + name +
-                  ".cmk --decoder weights/lattice_32.safetensors --key " + key + " --json " + json);
+                  ".cmk --decoder weights/lattice_32.safetensors --key " + key + " --json " + json + claim);
     };
+    // 29 of 32 bits are a proof with a claim alone: of the keys of that version, millions can be tried.
+    CHECK(verify(folder + "owner.key").code == 3);
+    CHECK(json_of(json)["proof"]["standing"] == "not_a_proof");
+    CHECK(json_of(json)["proof"]["decoder"] == "shipped");
+    claim = " --claim " + (scratch.path / "owner.claim").string();
+    done("claim --key " + folder + "owner.key --decoder weights/lattice_32.safetensors --out " +
+         (scratch.path / "owner.claim").string());
     const Outcome outcome = verify(folder + "owner.key");
     INFO(outcome.text);
     CHECK(outcome.code == 0);
@@ -56,6 +65,7 @@ TEST_CASE("tool: marked files of another build: the same bits, the same p-value"
     }
     MESSAGE(name, ": logits differ by ", farthest, " of ", largest);
     CHECK(farthest < 1e-3 * largest);
+    claim = "";
     CHECK(verify(other).code == 1);  // negative control: another key is not in it
   }
 }

@@ -107,17 +107,21 @@ TEST_CASE(
   }
 
   // Line by line what verify says of the file, from the number of matches to the verdict.
-  const std::string said =
-      testing::tool("verify --model " + out + "/model.cmk --key " + key + " --decoder " + decoder).text;
+  const std::string said = testing::tool("verify --model " + out + "/model.cmk --key " + key + " --decoder " + decoder +
+                                         testing::claimed(key, decoder))
+                               .text;
   REQUIRE(said.find("\nmatches ") != std::string::npos);
   std::istringstream lines(said.substr(said.find("\nmatches ") + 1));
   std::size_t sentences = 0;
   for (std::string line; std::getline(lines, line); ++sentences) {
     CAPTURE(line);
+    // What it proves beyond its p-value is no matter of a page that its owner makes.
+    if (line.rfind("DETECTED, a proof", 0) == 0) line.replace(0, 17, "DETECTED");
+    if (line.rfind("standing", 0) == 0) continue;
     const bool labelled = line.compare(10, 2, "  ") == 0;
     CHECK(page.find(">" + (labelled ? line.substr(12) : line) + "<") != std::string::npos);
   }
-  CHECK(sentences == 5);
+  CHECK(sentences == (said.find("\nstanding ") == std::string::npos ? 5 : 6));
 
   for (const char* part : {"<h2>Training of the unmarked model</h2>", "href=\"../plain/report.html\"",
                            "<h2>Hiding the message</h2>", "<h2>Bytes by section</h2>", ">unmarked.cmk<"}) {

@@ -50,7 +50,8 @@ const Setting& setting() {
   return instance;
 }
 int verdict(const std::string& model, const std::string& key) {
-  return tool("verify --alpha 1e-3 --split all --model " + model + " --key " + key + " --decoder " + setting().decoder)
+  return tool("verify --alpha 1e-3 --split all --model " + model + " --key " + key + " --decoder " + setting().decoder +
+              testing::claimed(key, setting().decoder))
       .code;
 }
 

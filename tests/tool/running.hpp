@@ -62,6 +62,13 @@ inline std::vector<std::byte> file_bytes(const std::filesystem::path& path) {
   return *bytes;
 }
 
+/// Words for verify: a claim that names this key and decoder (none: the shipped one), written beside the key.
+inline std::string claimed(const std::string& key, const std::string& decoder = {}, const std::string& more = {}) {
+  const std::string file = key + ".claim";
+  done("claim --key " + key + (decoder.empty() ? "" : " --decoder " + decoder) + more + " --out " + file);
+  return " --claim " + file;
+}
+
 /// A key that is the same in every run.
 inline OwnerKey fixed_key(int number, std::size_t bits) {
   Digest256 secret{};

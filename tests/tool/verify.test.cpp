@@ -9,6 +9,7 @@
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>
+#include <compmark/io/owner_claim.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/watermark/decoder/carrier_decoder.hpp>
@@ -16,6 +17,7 @@
 #include <compmark/watermark/decoder/lattice_file.hpp>
 #include <compmark/watermark/pretrain/pixel_embedding.hpp>
 #include <compmark/watermark/proof/key.hpp>
+#include <compmark/watermark/proof/shipped_decoders.hpp>
 #include <compmark/watermark/proof/verify.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -77,7 +79,7 @@ void embed(const LatticeDecoder<float>& network, const Message& message, std::ui
 /// Files that all tests read, written once: a key, a decoder, three marked images and three unmarked ones.
 struct Setting {
   std::string key = at("owner.key"), other = at("other.key"), decoder = at("lattice.safetensors");
-  std::string marked = at("marked"), plain = at("plain");
+  std::string marked = at("marked"), plain = at("plain"), claim;
   Setting() {
     // Fixed keys: whether a decoder that nobody whitened can carry a message depends on the message.
     for (const auto& [path, number] : {std::pair(&key, 1), std::pair(&other, 2)}) {
@@ -98,9 +100,10 @@ struct Setting {
       REQUIRE(write_file(plain + name + ".jpg", encode_jpeg(to_bytes(view_of(image)), 95)).ok());
     }
     REQUIRE(write_file(marked + "/notes.txt", std::string_view("no image")).ok());
+    claim = testing::claimed(key, decoder);
   }
   [[nodiscard]] std::string with(const std::string& images) const {
-    return " --key " + key + " --decoder " + decoder + " --images " + images;
+    return " --key " + key + " --decoder " + decoder + " --images " + images + claim;
   }
 };
 const Setting& setting() {
@@ -115,7 +118,7 @@ TEST_CASE("tool: verify detects the key that marked, and no other, nor anything 
   const Outcome right = tool("verify" + s.with(s.marked) + " --json " + at("right.json"));
   INFO(right.text);
   CHECK(right.code == 0);
-  CHECK(right.text.find("\nDETECTED") != std::string::npos);
+  CHECK(right.text.find("\nDETECTED, a proof: ") != std::string::npos);
   const nlohmann::json json = json_of(at("right.json"));
   CHECK(json["verdict"] == "detected");
   CHECK(json["matches"].get<std::size_t>() >= 46);
@@ -266,7 +269,8 @@ TEST_CASE("tool: a payload is read apart from the verdict, by another key of the
   CHECK(read_key(at("copy1.key"))->secret == read_key(at("copy2.key"))->secret);
   embed(lattice(), message_of(*read_key(at("copy1.key"))), 2, at("copy1.png"));
   const std::string rest = " --decoder " + s.decoder + " --images " + at("copy1.png");
-  const Outcome own = tool("verify --key " + at("copy1.key") + rest + " --json " + at("payload.json"));
+  const Outcome own = tool("verify --key " + at("copy1.key") + rest + " --json " + at("payload.json") +
+                           testing::claimed(at("copy1.key"), s.decoder));
   INFO(own.text);
   CHECK(own.code == 0);
   CHECK(own.text.find("payload     5eed") != std::string::npos);
@@ -388,6 +392,108 @@ TEST_CASE("tool: bad input of extract, verify and calibrate is one error line, a
   CHECK(tool("verify --key " + s.other + " --decoder " + s.decoder + " " + images).text.find("warning") !=
         std::string::npos);
   fs::permissions(s.other, fs::perms::owner_read | fs::perms::owner_write);
+}
+
+TEST_CASE(
+    "tool: what a cheat can make is no proof: a decoder, a key that was tried, what is subtracted, a late claim") {
+  const Setting& s = setting();
+  const std::string words = " --key " + s.key + " --images ", file = s.claim.substr(std::string(" --claim ").size());
+  const auto proof = [&](const std::string& arguments, int code) {
+    const Outcome outcome = tool("verify" + arguments + " --json " + at("standing.json"));
+    INFO(outcome.text);
+    CHECK(outcome.code == code);
+    const nlohmann::json json = json_of(at("standing.json"));
+    CHECK((outcome.text.find("\nNOT A PROOF: ") != std::string::npos) == (json["proof"]["standing"] == "not_a_proof"));
+    CHECK((outcome.text.find("DETECTED, a proof") != std::string::npos) == (json["proof"]["standing"] == "proof"));
+    return json;
+  };
+
+  // Without a claim, a decoder that nobody published reads what its maker wants.
+  nlohmann::json json = proof(words + s.marked + " --decoder " + s.decoder, 3);
+  CHECK(json["verdict"] == "detected");
+  CHECK(json["proof"]["reason"].get<std::string>().find("this decoder could have been made for these pictures") == 0);
+  // The decoder turned round: rows of the claimed one negated until unmarked pictures say the thief's message.
+  LatticeDecoder<float> network = lattice();
+  const Outcome read = tool("extract --decoder " + s.decoder + " --images " + s.plain + " --json " + at("said.json"));
+  REQUIRE(read.code == 0);
+  const Message said = *Message::from_hex(json_of(at("said.json"))["hex"].get<std::string>(), 48),
+                wanted = message_of(*read_key(s.key));
+  LatticeWeights<float> weights = network.weights();
+  for (std::size_t b = 0; b < 48; ++b) {
+    if (said[b] == wanted[b]) continue;
+    for (float* const row = weights.head.data() + b * weights.head.size() / 48;
+         float& value : std::span(row, weights.head.size() / 48))
+      value = -value;
+    weights.bias[b] = -weights.bias[b];
+  }
+  REQUIRE(write_lattice<SafetensorsWriter>(LatticeDecoder<float>(network.settings(), weights), "",
+                                           fs::path(at("turned.safetensors")))
+              .ok());
+  json = proof(words + s.plain + " --decoder " + at("turned.safetensors") + s.claim, 3);
+  CHECK(json["matches"] == 48);
+  CHECK(json["proof"]["decoder"] == "unknown");
+
+  // Keys are tried until one fits: with a shipped decoder, unmarked pictures and keys of version 1, a microsecond each.
+  const Outcome shipped =
+      tool("extract --decoder weights/lattice_48.safetensors --images " + s.plain + " --json " + at("said.json"));
+  REQUIRE(shipped.code == 0);
+  const Message bits = *Message::from_hex(json_of(at("said.json"))["hex"].get<std::string>(), 48);
+  OwnerKey best = *read_key(s.key);
+  std::size_t most = 0;
+  for (std::uint32_t i = 1; i < 40'000; ++i) {
+    Digest256 secret{};
+    std::memcpy(secret.data(), &i, sizeof i);
+    const OwnerKey key = *make_key(secret, "2020-01-01T00:00:00Z", 48);
+    if (const std::size_t same = message_of(key).matches(bits); same > most) {
+      most = same;
+      best = key;
+    }
+  }
+  MESSAGE("of 40,000 keys, one matches ", most, " of 48");
+  CHECK(most >= *match_threshold(48, 1e-3));
+  REQUIRE(write_key(at("ground.key"), best).ok());
+  const std::string ground =
+      " --decoder weights/lattice_48.safetensors --alpha 1e-3 --key " + at("ground.key") + " --images " + s.plain;
+  json = proof(ground, 3);
+  CHECK(json["verdict"] == "detected");
+  CHECK(json["proof"]["decoder"] == "shipped");
+  CHECK(json["proof"]["reason"].get<std::string>().find("somebody could have tried keys") == 0);
+  CHECK(json["proof"]["p_value_if_tried"] == 1.0);
+
+  // A claim is of one key; its time stamp is of this claim; a claim that was changed is none.
+  check_refused(tool("verify --key " + s.other + " --images " + s.marked + " --decoder " + s.decoder + s.claim),
+                {"owner.key.claim", "key", "not the commitment of this key"});
+  check_refused(tool("verify" + s.with(s.marked) + " --time-stamp tests/golden/claim/owner.tsr"),
+                {"owner.tsr", "another file than the claim"});
+  check_refused(tool("verify" + s.with(s.marked) + " --time-stamp " + file), {"owner.key.claim", "no time stamp"});
+  check_refused(
+      tool("verify" + words + s.marked + " --decoder " + s.decoder + " --time-stamp tests/golden/claim/owner.tsr"),
+      {"--time-stamp", "without a claim"});
+  std::string text = testing::text_of(file);
+  text[30] = text[30] == '0' ? '1' : '0';
+  REQUIRE(write_file(at("changed.claim"), text).ok());
+  check_refused(tool("verify" + words + s.marked + " --decoder " + s.decoder + " --claim " + at("changed.claim")),
+                {"changed.claim", "not the commitment of this key"});
+  check_refused(tool("claim --key " + s.key + " --decoder " + s.key + " --out " + at("none.claim")), {"owner.key"});
+  check_refused(tool("claim --key " + s.key + " --decoder " + s.decoder + " --unmarked " + s.decoder + " --out " +
+                     at("none.claim")),
+                {"lattice.safetensors", "--unmarked"});
+  CHECK_FALSE(fs::exists(at("none.claim")));
+}
+
+TEST_CASE("tool: keygen makes keys that take half a second to derive, and quick ones where that is asked for") {
+  REQUIRE(tool("keygen --out " + at("hard.key")).code == 0);
+  CHECK(json_of(at("hard.key"))["version"] == 2);
+  CHECK(json_of(at("hard.key"))["hardness"] == 17);
+  REQUIRE(tool("keygen --quick --out " + at("quick.key")).code == 0);
+  CHECK(json_of(at("quick.key"))["version"] == 1);
+  const Outcome claim = tool("claim --key " + at("hard.key") + " --out " + at("hard.claim"));
+  REQUIRE(claim.code == 0);
+  const Result<OwnerClaim> read = read_claim(at("hard.claim"));
+  REQUIRE(read.ok());
+  CHECK(read->key == read_key(at("hard.key"))->commitment());
+  CHECK(shipped_decoder_of(read->decoder)->name == "universal3_64");
+  CHECK(claim.text.find(to_hex(read->digest())) != std::string::npos);
 }
 
 }  // namespace verify_test

@@ -75,9 +75,9 @@ const nlohmann::json& unmarked() {
 }
 /// Of all views, the training views among them: a few hundred iterations on a dozen small pictures do not carry a message to other places.
 int verdict(const std::string& model, const std::string& key, const std::string& more = "--split all",
-            const std::string& decoder = setting().decoder) {
+            const std::string& decoder = setting().decoder, const std::string& claims = {}) {
   const Outcome outcome = tool("verify --alpha 1e-3 --model " + at(model) + "/model.safetensors --key " + key +
-                               " --decoder " + decoder + " " + more);
+                               " --decoder " + decoder + " " + more + testing::claimed(key, decoder, claims));
   const std::size_t line = outcome.text.find("matches ");
   if (line != std::string::npos) MESSAGE(model, ": ", outcome.text.substr(line, outcome.text.find('\n', line) - line));
   return outcome.code;
@@ -352,15 +352,19 @@ TEST_CASE("tool: a decoder is fitted to an unmarked scene, and a message hidden 
 
   // Whoever has the unmarked model can take away what the scene says by itself: no key gains by it but the one that is there.
   const std::string less = " --unmarked " + at("unmarked/model.safetensors");
-  CHECK(verdict("fit-embedded", setting().key, "--split all --json " + at("less.json") + less, fitted) == 0);
+  CHECK(verdict("fit-embedded", setting().key, "--split all --json " + at("less.json") + less, fitted, less) == 0);
+  // … where the claim names the unmarked model: another one could have been made for this message.
+  CHECK(verdict("fit-embedded", setting().key, "--split all --json " + at("unclaimed.json") + less, fitted) == 3);
+  CHECK(json_of(at("unclaimed.json"))["verdict"] == "detected");
+  CHECK(json_of(at("unclaimed.json"))["proof"]["reason"].get<std::string>().find("what is subtracted") == 0);
   CHECK(json_of(at("less.json"))["unmarked"]["sha256"] == unmarked()["model_sha256"]);
   const double informed = json_of(at("less.json"))["bit_accuracy"]["mean"].get<double>(),
                blind = json_of(at("all.json"))["bit_accuracy"]["mean"].get<double>();
   MESSAGE("of all views ", blind, " of the bits, informed ", informed);
   // A bit that the scene says by itself needs less of a mark, so that some go with what the scene says: .021 of them here.
   CHECK(informed > blind - 0.03);
-  CHECK(not_detected(verdict("fit-embedded", setting().other, "--split all" + less, fitted)));
-  CHECK(not_detected(verdict("unmarked", setting().key, "--split all" + less, fitted)));  // nothing is left of it
+  CHECK(not_detected(verdict("fit-embedded", setting().other, "--split all" + less, fitted, less)));
+  CHECK(not_detected(verdict("unmarked", setting().key, "--split all" + less, fitted, less)));  // nothing is left of it
   check_refused(tool("verify --model " + at("fit-embedded/model.safetensors") + " --key " + setting().key +
                      " --decoder " + fitted + " --unmarked " + at("nowhere.safetensors")),
                 {"nowhere.safetensors"});

@@ -16,6 +16,7 @@
 #include "compmark/app/detail/interference.hpp"
 #include "compmark/app/detail/lpips_nets.hpp"
 #include "compmark/app/detail/model_source.hpp"
+#include "compmark/app/detail/proof.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/detail/verify.hpp"
 

@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // An owner's key and its file. One secret of 256 bits gives everything by HKDF under a label of its purpose
-// (watermark/proof/key.hpp), so that a message that becomes known says nothing about the carriers. The commitment binds
-// secret, creation time and message length and reveals none: published before a model is, it shows later that the key
-// is not one made to fit (docs/spec/watermark.md, 5). The file is JSON, readable by its owner only, never overwritten:
-// a lost key cannot be made again. The library has no clock: the caller gives the time.
+// (watermark/proof/key.hpp), so that a message that becomes known says nothing about the carriers. Of keys of version 2
+// scrypt comes first, 0.5 s and 128 MiB a key: of others, 200,000 a second can be tried until one fits a picture
+// (docs/threat_model.md). The commitment binds secret, creation time and message length and reveals none: published
+// before a model is, it shows later that the key is not one made to fit (docs/spec/watermark.md, 5). The file is JSON,
+// readable by its owner only, never overwritten: a lost key cannot be made again. The caller gives the time.
 #pragma once
 
 #include <algorithm>
@@ -23,12 +24,14 @@
 #include "compmark/io/checksum.hpp"
 #include "compmark/io/hmac_sha256.hpp"
 #include "compmark/io/json_file.hpp"
+#include "compmark/io/scrypt.hpp"
 
 namespace compmark {
 
 struct OwnerKey {
   static constexpr std::string_view format = "compmark-key";
-  static constexpr std::int64_t version = 1;
+  static constexpr std::int64_t newest_version = 2;
+  static constexpr unsigned least_hardness = 10, usual_hardness = 17, largest_hardness = 20;
   static constexpr std::size_t bits_limit = 128;
   static constexpr std::size_t note_limit = 1000;
 
@@ -38,9 +41,13 @@ struct OwnerKey {
   std::string note{};        ///< for the owner, no part of the commitment
   std::string payload{};     ///< payload of the message, hexadecimal (watermark/proof/key.hpp); empty: none
   std::size_t corrects = 0;  ///< wrong bits that the code of the payload corrects; 0: no payload
+  unsigned hardness = 0;     ///< log2 of scrypt's N, by which keys of version 2 derive; 0: a key of version 1
+  Digest256 root{};          ///< of scrypt, in keys of version 2 (make_hard_key)
 
+  [[nodiscard]] std::int64_t version() const { return hardness == 0 ? 1 : 2; }
   /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; with a payload,
-  /// of another label, secret, length, `corrects` (4 bytes), the creation time and the payload's digits. May be
+  /// of another label, secret, length, `corrects` (4 bytes), the creation time and the payload's digits. Of a key of
+  /// version 2: a third label, secret, length, `corrects`, `hardness` (4 bytes), creation time and digits. May be
   /// published.
   [[nodiscard]] std::string commitment() const {
     const auto number = [](std::size_t value) {
@@ -49,6 +56,10 @@ struct OwnerKey {
       return bytes;
     };
     const std::array<std::byte, 4> length = number(bits), errors = number(corrects);
+    if (hardness != 0) {
+      return to_hex(sha256_digest({bytes_of("compmark/commitment/v2"), secret, length, errors, number(hardness),
+                                   bytes_of(created), bytes_of(payload)}));
+    }
     if (corrects == 0)
       return to_hex(sha256_digest({bytes_of("compmark/commitment/v1"), secret, length, bytes_of(created)}));
     return to_hex(sha256_digest(
@@ -58,7 +69,7 @@ struct OwnerKey {
   [[nodiscard]] std::string id() const { return commitment().substr(0, 16); }
   /// Bytes for one purpose, named by its label.
   void derive(std::string_view label, std::span<std::byte> out) const {
-    hkdf_sha256(secret, bytes_of("compmark"), bytes_of(label), out);
+    hkdf_sha256(hardness == 0 ? secret : root, bytes_of("compmark"), bytes_of(label), out);
   }
 };
 
@@ -75,7 +86,8 @@ namespace detail {
 }
 }  // namespace detail
 
-/// A key from 32 random bytes (io/os_random.hpp), a time and a message length of 1 to 128.
+/// A key of version 1 from 32 random bytes (io/os_random.hpp), a time and a message length of 1 to 128: derived in a
+/// microsecond, for experiments, tests and keys of before. Its marks are a proof only with a claim that was published.
 [[nodiscard]] inline Result<OwnerKey> make_key(const Digest256& secret, std::string created, std::size_t bits,
                                                std::string note = {}) {
   if (bits < 1 || bits > OwnerKey::bits_limit) {
@@ -96,10 +108,27 @@ namespace detail {
   return OwnerKey{secret, std::move(created), bits, std::move(note)};
 }
 
+/// The same of version 2, which takes 0.5 s and 128 MiB at the usual hardness. `hardness` is log2 of scrypt's N, 10 to
+/// 20; each step doubles time and memory.
+[[nodiscard]] inline Result<OwnerKey> make_hard_key(const Digest256& secret, std::string created, std::size_t bits,
+                                                    std::string note = {},
+                                                    unsigned hardness = OwnerKey::usual_hardness) {
+  Result<OwnerKey> key = make_key(secret, std::move(created), bits, std::move(note));
+  if (!key) return key;
+  if (hardness < OwnerKey::least_hardness || hardness > OwnerKey::largest_hardness) {
+    return Error{ErrorKind::invalid, "", "hardness", std::to_string(hardness) + " is out of range",
+                 "give log2 of scrypt's N, " + std::to_string(OwnerKey::least_hardness) + " to " +
+                     std::to_string(OwnerKey::largest_hardness)};
+  }
+  key->hardness = hardness;
+  scrypt(secret, bytes_of("compmark/key/v2"), ScryptCost{hardness, 8, 1}, key->root);
+  return key;
+}
+
 namespace detail {
 /// All but the checksum. Another name is one that was damaged.
-inline constexpr std::array<std::string_view, 10> key_fields{
-    "format", "version", "id", "created", "bits", "derivation", "commitment", "secret", "note", "payload"};
+inline constexpr std::array<std::string_view, 11> key_fields{
+    "format", "version", "id", "created", "bits", "derivation", "hardness", "commitment", "secret", "note", "payload"};
 
 /// The checksum of all fields of a JSON object but its own, whatever their order and layout.
 template <class Json>
@@ -124,14 +153,18 @@ template <class Json = nlohmann::ordered_json>
   std::error_code status;
   if (std::filesystem::exists(path, status))
     return fail("exists already, a key is never overwritten", "choose another name");
-  Json json{{"format", OwnerKey::format},
-            {"version", OwnerKey::version},
-            {"id", key.id()},
-            {"created", key.created},
-            {"bits", key.bits},
-            {"derivation", "HKDF-SHA-256, salt \"compmark\", info = label of the purpose"},
-            {"commitment", key.commitment()},
-            {"secret", to_hex(key.secret)}};
+  Json json{
+      {"format", OwnerKey::format},
+      {"version", key.version()},
+      {"id", key.id()},
+      {"created", key.created},
+      {"bits", key.bits},
+      {"derivation", key.hardness == 0 ? "HKDF-SHA-256, salt \"compmark\", info = label of the purpose"
+                                       : "scrypt (RFC 7914), salt \"compmark/key/v2\", N = 2^hardness, r = 8, p "
+                                         "= 1; then HKDF-SHA-256, salt \"compmark\", info = label of the purpose"},
+      {"commitment", key.commitment()},
+      {"secret", to_hex(key.secret)}};
+  if (key.hardness != 0) json["hardness"] = key.hardness;
   if (!key.note.empty()) json["note"] = key.note;
   if (key.corrects != 0) json["payload"] = {{"hex", key.payload}, {"corrects", key.corrects}};
   json[std::string(checksum_key)] = detail::fields_checksum(json);
@@ -159,9 +192,19 @@ template <class Json = nlohmann::json>
     return fail(ErrorKind::malformed, "format", "is not that of a key file", "give the file that keygen wrote");
   const Result<std::int64_t> version = json_field<std::int64_t>(*json, "version", file);
   if (!version) return version.error();
-  if (*version != OwnerKey::version) {
-    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*version) + ", this program reads 1",
+  if (*version < 1 || *version > OwnerKey::newest_version) {
+    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*version) + ", this program reads 1 and 2",
                 "use the program that wrote it, or a newer one");
+  }
+  std::size_t hardness = 0;
+  if (*version == 2) {
+    const Result<std::size_t> number = json_field<std::size_t>(*json, "hardness", file);
+    if (!number) return number.error();
+    if (*number < OwnerKey::least_hardness || *number > OwnerKey::largest_hardness)
+      return fail(ErrorKind::invalid, "hardness", "is out of range", "restore the file from a copy");
+    hardness = *number;
+  } else if (json->contains("hardness")) {
+    return fail(ErrorKind::malformed, "hardness", "is no field of a key of version 1", "restore the file from a copy");
   }
   const Result<std::string> secret = json_field<std::string>(*json, "secret", file);
   if (!secret) return secret.error();
@@ -200,6 +243,7 @@ template <class Json = nlohmann::json>
     key->payload = *hex;
     key->corrects = *corrects;
   }
+  key->hardness = static_cast<unsigned>(hardness);
   for (const auto& [name, expected] : {std::pair<std::string, std::string>{"commitment", key->commitment()},
                                        std::pair<std::string, std::string>{"id", key->id()}}) {
     const Result<std::string> stored = json_field<std::string>(*json, name, file);
@@ -224,6 +268,8 @@ template <class Json = nlohmann::json>
         "the key is for messages of " + std::to_string(key->bits) + " bits, " + std::to_string(bits) + " are asked for",
         "use a key and a decoder of one message length");
   }
+  if (hardness != 0)  // last: a damaged file costs no derivation
+    scrypt(key->secret, bytes_of("compmark/key/v2"), ScryptCost{key->hardness, 8, 1}, key->root);
   return key;
 }
 

@@ -25,7 +25,8 @@ struct KeySettings {
   std::string payload;         ///< identifier in the message, hexadecimal digits; may be empty
   std::size_t corrects = 4;    ///< wrong bits that the code of the payload corrects
   std::filesystem::path from;  ///< key whose secret is used again, for another payload; empty: a new secret
-  bool force = false;          ///< move a key that is there to FILE.<id>.old
+  unsigned hardness = OwnerKey::usual_hardness;  ///< of scrypt (make_hard_key); 0: a key of version 1
+  bool force = false;                            ///< move a key that is there to FILE.<id>.old
 };
 
 struct MadeKey {

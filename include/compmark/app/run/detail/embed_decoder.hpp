@@ -4,7 +4,10 @@
 // The decoder of a mark that was given none: it is fitted to the scene, or is that of the run which is resumed.
 #pragma once
 
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -16,6 +19,7 @@
 #include "compmark/app/run/detail/told.hpp"
 #include "compmark/app/run/fit_decoder.hpp"
 #include "compmark/app/run/run_folder.hpp"
+#include "compmark/io/owner_key.hpp"
 #include "compmark/io/safetensors.hpp"
 
 namespace compmark::detail {
@@ -29,6 +33,17 @@ namespace compmark::detail {
   return Error{ErrorKind::invalid, decoder.string(), other_period ? "--period" : "--tone",
                "names another decoder than this run began with",
                "give the first decoder, or leave the option out, or choose another --out"};
+}
+
+/// The seed of a fit, from key and model: another owner who marks the same scene gets other waves, and the note of the
+/// decoder names it. It says nothing of the message, which has a label of its own. Keys of version 1 fit with the default.
+[[nodiscard]] inline std::optional<std::uint64_t> fit_seed(const OwnerKey& key, const std::string& model_sha256) {
+  if (key.hardness == 0) return std::nullopt;
+  std::array<std::byte, 6> bytes{};  // a whole number that every reader of JSON keeps
+  key.derive("compmark/fit seed/v2 " + model_sha256, bytes);
+  std::uint64_t seed = 0;
+  for (const std::byte byte : bytes) seed = seed << 8 | std::to_integer<std::uint64_t>(byte);
+  return seed;
 }
 
 /// Fits a decoder for the scene, of the key's length, into the run's folder; a run that is resumed has one.
@@ -74,7 +89,9 @@ namespace compmark::detail {
                  "continue it with its --decoder and --resume, or remove the file to start over"};
   }
   fit.fit.bits = static_cast<int>(key->bits);
-  if (plan.seed) fit.fit.seed = *plan.seed;
+  const Result<std::string> digest = file_sha256(plan.model);
+  if (!digest) return digest.error();
+  fit.fit.seed = plan.seed ? *plan.seed : fit_seed(*key, *digest).value_or(fit.fit.seed);
   if (plan.mark.period) fit.fit.period = *plan.mark.period;
   if (plan.mark.tone) fit.fit.tone = *plan.mark.tone;
   fit.downscale = plan.downscale;

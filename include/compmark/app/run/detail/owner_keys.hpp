@@ -50,14 +50,18 @@ COMPMARK_APP_INLINE Result<OwnerKey> open_private_key(const std::filesystem::pat
 
 COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, const SentenceSink& warn) {
   Digest256 secret{};
+  unsigned hardness = settings.hardness;
   if (!settings.from.empty()) {
     const Result<OwnerKey> other = open_private_key(settings.from, warn);
     if (!other) return other.error();
     secret = other->secret;
+    hardness = other->hardness;  // the mask of its payloads follows from it
   } else if (Result<Done> drawn = os_random(secret); !drawn) {
     return drawn.error();
   }
-  Result<OwnerKey> key = make_key(secret, settings.created, settings.bits, settings.note);
+  Result<OwnerKey> key = hardness == 0
+                             ? make_key(secret, settings.created, settings.bits, settings.note)
+                             : make_hard_key(secret, settings.created, settings.bits, settings.note, hardness);
   if (!key) return key.error();
   if (!settings.payload.empty()) {
     key->payload = settings.payload;

@@ -1,0 +1,55 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark claim: the line that an owner publishes before a marked model, so that what verify says later is a proof.
+#include <compmark/app/proof.hpp>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "commands.hpp"
+#include "common.hpp"
+#include "decoder_choice.hpp"
+#include "reading.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct ClaimOptions : ClaimSettings {
+  std::filesystem::path key, out;
+};
+
+int claim(ClaimOptions& options) {
+  if (const Result<Done> chosen = choose_decoder(options.decoder, {}); !chosen) return fail(chosen.error());
+  const Result<OwnerKey> key = load_key(options.key);
+  if (!key) return fail(key.error());
+  const Result<OwnerClaim> made = make_claim(*key, options);
+  if (!made) return fail(made.error());
+  if (const Result<Done> written = write_claim(options.out, *made); !written) return fail(written.error());
+  const std::string file = options.out.string();
+  std::printf("%s%s: sha256 %s\n", made->text().c_str(), file.c_str(), to_hex(made->digest()).c_str());
+  std::printf(
+      "Publish this SHA-256, or the file, where others date it, before the marked model. A time-stamping authority "
+      "answers\n  openssl ts -query -data %s -sha256 -cert -out request.tsq\n"
+      "next: compmark verify --claim %s --time-stamp ANSWER\n",
+      file.c_str(), file.c_str());
+  return success;
+}
+
+}  // namespace
+
+Command add_claim(Options& app) {
+  auto options = std::make_shared<ClaimOptions>();
+  app.reads("--key", options->key, InputKind::key, "the owner's key file (compmark keygen)")->required();
+  app.writes("--out", options->out, OutputKind::words, "claim to write: one line, which tells no secret")->required();
+  app.reads("--decoder", options->decoder, InputKind::decoder,
+            "the decoder that reads the marks of this key (default: the one that comes with the program)");
+  app.reads("--unmarked", options->unmarked, InputKind::model, "the unmarked model, if verify may subtract it");
+  app.reads("--interference", options->interference, InputKind::interference,
+            "what the unmarked model says by itself, if verify may subtract it (compmark interference)");
+  return [options]() -> int { return claim(*options); };
+}
+
+}  // namespace tool
