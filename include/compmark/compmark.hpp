@@ -172,6 +172,7 @@
 
 #include "compmark/splat/raster/accuracy.hpp"
 #include "compmark/splat/raster/bin.hpp"
+#include "compmark/splat/raster/camera_tangent.hpp"
 #include "compmark/splat/raster/concept.hpp"
 #include "compmark/splat/raster/depth_sort.hpp"
 #include "compmark/splat/raster/effects.hpp"
@@ -373,6 +374,7 @@
 #include "compmark/scene/probe_pixels.hpp"
 #include "compmark/scene/probe_sightings.hpp"
 #include "compmark/scene/random_points.hpp"
+#include "compmark/scene/register/camera_step.hpp"
 #include "compmark/scene/repeated.hpp"
 #include "compmark/scene/text_bytes.hpp"
 #include "compmark/scene/transforms.hpp"

@@ -9,6 +9,7 @@
 
 #include "compmark/codec/container/codec_model.hpp"
 #include "compmark/codec/model/coded_model.hpp"
+#include "compmark/core/gaussians.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
@@ -22,6 +23,9 @@ namespace compmark {
 struct RenderedView {
   ImageView<float> image;     ///< [3, height, width], in [0, 1] but for rounding; valid until the next render
   std::size_t gaussians = 0;  ///< with positive opacity
+  /// What was drawn, as the rasterizer got it: opacities <= 0 are not drawn. Valid as long as the image.
+  GaussianColumns<const float> drawn = {};
+  bool mip_filtered = false;  ///< drawn with the mip filter (splat/raster/effects.hpp)
 };
 
 namespace detail {

@@ -42,7 +42,8 @@ class RecipeModel final : public HeldModel {
       if (!is_pinhole(lens)) at.lens = *policy_;
     }
     const ForwardReport report = pipeline_.forward(model_, at, unseen_view, context_, executor);
-    return RenderedView{context_.image, report.gaussians};
+    return RenderedView{context_.image, report.gaussians, std::as_const(context_.gaussians).columns(),
+                        R::Rasterizer::EffectPolicy::Filter::active};
   }
   ParameterArena<float>& arena() override { return model_.arena; }
   [[nodiscard]] std::size_t anchor_count() const override { return model_.anchor_count(); }
