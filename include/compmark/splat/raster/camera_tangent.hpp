@@ -258,8 +258,12 @@ class CameraTangent {
     for (std::size_t chunk = 0; chunk < opened; ++chunk) {
       const std::size_t first = chunk * detail::chunk_splats;
       const auto part = list.subspan(first, std::min(detail::chunk_splats, list.size() - first));
-      for (std::size_t k = 0; k < part.size(); ++k)
+      for (std::size_t k = 0; k < part.size(); ++k) {
+        // Waiting for the moves of one splat after the other was two thirds of the time at 180,000 splats.
+        const char* const move = reinterpret_cast<const char*>(ctx.moves.data() + part[k]);
+        for (std::size_t line = 0; line < sizeof(detail::SplatMoves<T>); line += 64) __builtin_prefetch(move + line);
         detail::to_cell(ctx.raster.white[part[k]], static_cast<T>(place.x), static_cast<T>(place.y), scratch.splats[k]);
+      }
       const detail::ChunkRecord<T>& record = ctx.raster.chunks[ctx.raster.first_chunk[tile] + chunk];
       for (int block = 0; block < detail::cell_blocks; ++block)
         detail::tangent_block<accuracy, W, Filter>(part, ctx.moves.data(), record.blended[block], block, scratch);

@@ -1,0 +1,121 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <compmark/app/register.hpp>
+#include <compmark/core/random.hpp>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/training/model_file.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <vector>
+
+#include "small_models.hpp"
+#include "support/tool.hpp"
+
+namespace register_test {
+namespace {
+
+using namespace compmark;
+
+/// A small model on disk, opened, and a picture from a camera that it does not store.
+struct RegisterFiles {
+  testing::ScratchFolder folder{"compmark-app-register"};
+  std::filesystem::path file = folder.path / "model.safetensors";
+  ThreadExecutor executor{2};
+  RegisterSettings settings;
+  Camera<double> truth;
+
+  RegisterFiles() {
+    Model<recipes::Scaffold> model = testing::small_model<recipes::Scaffold>(5);
+    model.render.background = {0, 0, 0};
+    REQUIRE(write_model(file, model, testing::small_info("scaffold")).ok());
+    settings.places = 40;
+    truth = testing::small_info("scaffold").views[0].camera;
+    truth = moved(truth, {0.03, -0.02, 0.1, 0.05, 0.02, 0.04, 0, 0, 0}).resized(100, 80);
+  }
+  std::vector<float> picture(AnyModel& model) {
+    const Result<RenderedView> render = model.render(truth, executor);
+    REQUIRE(render.ok());
+    return {render->image.data, render->image.data + render->image.size()};
+  }
+  /// Where two cameras put the middle and two points about it, largest distance in pixels.
+  static double apart(const Camera<double>& a, const Camera<double>& b) {
+    double most = 0;
+    for (int k = 0; k < 9; ++k) {
+      const std::array<double, 3> point{0.3 * (k % 3 - 1), 0.3 * (k / 3 - 1), 0.2 * (k % 2)};
+      const auto pixel = [&](const Camera<double>& camera) {
+        std::array<double, 3> p{};
+        for (std::size_t r = 0; r < 3; ++r) {
+          for (std::size_t c = 0; c < 3; ++c)
+            p[r] += camera.rotation_camera_world[3 * r + c] * (point[c] - camera.center_world[c]);
+        }
+        return std::array<double, 2>{camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy};
+      };
+      most = std::max(most, std::hypot(pixel(a)[0] - pixel(b)[0], pixel(a)[1] - pixel(b)[1]));
+    }
+    return most;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a picture of a model is registered to a hundredth of a pixel, mirrored or in another tone too") {
+  RegisterFiles files;
+  Result<AnyModel> model = AnyModel::open(files.file, files.executor);
+  REQUIRE(model.ok());
+  const Result<std::vector<SearchPlace>> places = register_places(*model, files.settings, files.executor);
+  REQUIRE(places.ok());
+  CHECK(places->size() == 40);
+  std::vector<float> values = files.picture(*model);
+  const ImageView<float> view{values.data(), 3, 80, 100};
+  const Result<Registration> found = register_picture(*model, *places, view, files.settings, files.executor);
+  REQUIRE(found.ok());
+  CHECK(found->found);
+  CHECK(!found->mirrored);
+  CHECK(RegisterFiles::apart(found->camera, files.truth) < 0.01);
+  CHECK(found->uncertainty_pixels < 0.05);
+  CHECK(found->weight.size() == 100 * 80);
+  ThreadExecutor alone(1);
+  const Result<Registration> same = register_picture(*model, *places, view, files.settings, alone);
+  REQUIRE(same.ok());
+  CHECK(same->camera.center_world == found->camera.center_world);
+  CHECK(same->camera.rotation_camera_world == found->camera.rotation_camera_world);
+
+  for (float& value : values) value = std::pow(0.9f * value, 1.2f) + 0.02f;
+  for (int c = 0; c < 3; ++c) {
+    for (int y = 0; y < 80; ++y) std::reverse(view.row(c, y), view.row(c, y) + 100);
+  }
+  RegisterSettings both = files.settings;
+  both.mirrored = true;
+  const Result<Registration> turned = register_picture(*model, *places, view, both, files.executor);
+  REQUIRE(turned.ok());
+  CHECK(turned->found);
+  CHECK(turned->mirrored);
+  CHECK(RegisterFiles::apart(turned->camera, files.truth) < 0.3);
+}
+
+TEST_CASE("a picture of something else is not found, and one that is too small is refused") {
+  RegisterFiles files;
+  Result<AnyModel> model = AnyModel::open(files.file, files.executor);
+  REQUIRE(model.ok());
+  const Result<std::vector<SearchPlace>> places = register_places(*model, files.settings, files.executor);
+  REQUIRE(places.ok());
+  std::vector<float> noise(3 * 64 * 64);
+  const Random random(3, 0, random_stage("test/register"));
+  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = static_cast<float>(random.uniform(i / 4));
+  const Result<Registration> other = register_picture(*model, *places, ImageView<const float>{noise.data(), 3, 64, 64},
+                                                      files.settings, files.executor);
+  REQUIRE(other.ok());
+  CHECK(!other->found);
+  const Result<Registration> small = register_picture(*model, *places, ImageView<const float>{noise.data(), 3, 31, 64},
+                                                      files.settings, files.executor);
+  REQUIRE(!small.ok());
+  CHECK(small.error().field == "size");
+}
+
+}  // namespace register_test
