@@ -23,6 +23,7 @@ Command add_compress(Options& app);
 Command add_fit_codec(Options& app);
 Command add_decompress(Options& app);
 Command add_render(Options& app);
+Command add_register(Options& app);
 Command add_evaluate(Options& app);
 Command add_export(Options& app);
 Command add_info(Options& app);

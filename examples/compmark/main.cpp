@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
   add("fit-codec", "fit a codec to a finished model and write its compressed file (.cmk)", tool::add_fit_codec);
   add("decompress", "write the model of a compressed file, or the undamaged part of it", tool::add_decompress);
   add("render", "render views of a model to PNG", tool::add_render);
+  add("register", "find the cameras from which pictures show the scene of a model", tool::add_register);
   add("evaluate", "measure models against a dataset's test views", tool::add_evaluate);
   add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);
   add("info", "print the contents and the digest of a model file", tool::add_info);

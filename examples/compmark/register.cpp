@@ -1,0 +1,206 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// compmark register: the cameras from which pictures show the scene of a model, or that they show something else.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <compmark/app/files.hpp>
+#include <compmark/app/register.hpp>
+#include <compmark/core/thread_executor.hpp>
+#include <compmark/io/image_file.hpp>
+#include <compmark/io/json_file.hpp>
+#include <compmark/io/sha256.hpp>
+#include <compmark/metric/psnr.hpp>
+#include <compmark/metric/ssim.hpp>
+#include <compmark/scene/image.hpp>
+#include <compmark/scene/turn.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "commands.hpp"
+#include "common.hpp"
+#include "model_files.hpp"
+#include "report.hpp"
+
+namespace tool {
+namespace {
+
+using namespace compmark;
+
+struct RegisterOptions {
+  std::filesystem::path model;
+  std::vector<std::filesystem::path> images;
+  std::filesystem::path json;
+  std::filesystem::path html;
+  std::string behind = "black";
+  RegisterSettings settings;
+  std::size_t threads = 0;
+};
+
+/// A decoded picture, upright and opaque.
+struct Picture {
+  std::vector<float> values;
+  ImageView<const float> view;
+  std::string sha256;
+};
+
+Result<Picture> read_picture(const std::filesystem::path& path, float behind) {
+  const Result<std::vector<std::byte>> bytes = read_image_bytes(path);
+  if (!bytes) return bytes.error();
+  const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
+  if (!info) return info.error();
+  Result<ImageBytes> image = decode_image(*bytes, path.string());
+  if (!image) return image.error();
+  *image = turned(std::move(*image), info->orientation);
+  std::vector<std::uint8_t> planes(3 * static_cast<std::size_t>(image->width) *
+                                   static_cast<std::size_t>(image->height));
+  composite(image->pixels, image->channels, {behind, behind, behind}, AlphaRounding::nearest, planes);
+  Picture picture;
+  picture.sha256 = Sha256().update(*bytes).hex();
+  picture.values.resize(planes.size());
+  for (std::size_t k = 0; k < planes.size(); ++k) picture.values[k] = static_cast<float>(planes[k]) / 255.0f;
+  picture.view = {picture.values.data(), 3, image->height, image->width};
+  return picture;
+}
+
+nlohmann::ordered_json camera_json(const Camera<double>& camera, const ModelInfo& info) {
+  std::array<double, 3> center{};
+  for (std::size_t c = 0; c < 3; ++c) center[c] = info.origin[c] + info.unit * camera.center_world[c];
+  return {{"width", camera.width},
+          {"height", camera.height},
+          {"fx", camera.fx},
+          {"fy", camera.fy},
+          {"cx", camera.cx},
+          {"cy", camera.cy},
+          {"rotation_camera_world", camera.rotation_camera_world},
+          {"center_model", camera.center_world},
+          {"center_dataset", center}};
+}
+
+/// The render at the camera that was found, with the tone of the picture, and mirrored where the picture is.
+Result<std::vector<float>> aligned_render(AnyModel& model, const Registration& found, ThreadExecutor& executor) {
+  const Result<RenderedView> render = model.render(found.camera, executor);
+  if (!render) return render.error();
+  const ImageView<const float> image = render->image;
+  std::vector<float> values(image.size());
+  const ImageView<float> to{values.data(), 3, image.height, image.width};
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const std::array<double, 3> color{static_cast<double>(image(0, y, x)), static_cast<double>(image(1, y, x)),
+                                        static_cast<double>(image(2, y, x))};
+      for (int c = 0; c < 3; ++c)
+        to(c, y, found.mirrored ? image.width - 1 - x : x) =
+            static_cast<float>(std::clamp(found.tone(static_cast<std::size_t>(c), color), 0.0, 1.0));
+    }
+  }
+  return values;
+}
+
+std::string shown(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof(text), format, value);
+  return text;
+}
+
+int run(const RegisterOptions& options) {
+  const Result<std::vector<std::filesystem::path>> files = image_files(options.images);
+  if (!files) return fail(files.error());
+  Result<AnyModel> model = load_model(options.model, options.threads);
+  if (!model) return fail(model.error());
+  ThreadExecutor executor(options.threads);
+  tell_threads(executor, options.threads);
+  const Result<std::vector<SearchPlace>> places = register_places(*model, options.settings, executor);
+  if (!places) return fail(places.error());
+
+  nlohmann::ordered_json json{{"schema", "compmark.registration.1"},
+                              {"model", options.model.string()},
+                              {"enough", options.settings.enough},
+                              {"pictures", nlohmann::ordered_json::array()}};
+  ReportInput page;
+  page.title = "Where pictures were taken";
+  page.subtitle = "in " + options.model.string();
+  page.renders = "render at the camera that was found, in the tone of the picture";
+  ReportGrid grid{"Pictures", {"picture", "verdict", "likeness", "uncertainty, pixels", "focal length, pixels"}, {}};
+  std::size_t found_count = 0;
+  for (const std::filesystem::path& file : *files) {
+    const Result<Picture> picture = read_picture(file, options.behind == "white" ? 1.0f : 0.0f);
+    if (!picture) return fail(picture.error());
+    const Result<Registration> found = register_picture(*model, *places, picture->view, options.settings, executor);
+    if (!found) {
+      Error error = found.error();
+      if (error.file.empty()) error.file = file.string();
+      return fail(error);
+    }
+    const std::string name = file.filename().string();
+    nlohmann::ordered_json entry{
+        {"name", name}, {"sha256", picture->sha256}, {"found", found->found}, {"likeness", found->likeness}};
+    if (found->found) {
+      ++found_count;
+      entry["mirrored"] = found->mirrored;
+      entry["uncertainty_pixels"] = found->uncertainty_pixels;
+      entry["camera"] = camera_json(found->camera, model->info());
+      entry["tone"] = found->tone.term;
+    }
+    json["pictures"].push_back(std::move(entry));
+    const std::string verdict = !found->found ? "not of this scene" : found->mirrored ? "found, mirrored" : "found";
+    std::printf("%-32s %s, likeness %.3f", name.c_str(), verdict.c_str(), found->likeness);
+    if (found->found) std::printf(", within %.2g pixels if differences are noise", found->uncertainty_pixels);
+    std::printf("\n");
+    if (options.html.empty()) continue;
+    grid.rows.push_back({name, verdict, shown("%.3f", found->likeness),
+                         found->found ? shown("%.2g", found->uncertainty_pixels) : "",
+                         found->found ? shown("%.1f", found->camera.fx) : ""});
+    if (!found->found) continue;
+    const Result<std::vector<float>> render = aligned_render(*model, *found, executor);
+    if (!render) return fail(render.error());
+    const ImageView<const float> aligned{render->data(), 3, picture->view.height, picture->view.width};
+    page.views.push_back({name,
+                          make_report_image(picture->view),
+                          make_report_image(aligned),
+                          psnr(aligned, picture->view),
+                          ssim(aligned, picture->view),
+                          {},
+                          {}});
+  }
+  if (!options.json.empty()) {
+    if (Result<Done> written = write_json(options.json, json); !written) return fail(written.error());
+  }
+  if (!options.html.empty()) {
+    page.headline.emplace_back(std::to_string(found_count) + " of " + std::to_string(files->size()),
+                               "pictures found in the scene");
+    page.grids.push_back(std::move(grid));
+    if (Result<Done> written = write_report(options.html, page); !written) return fail(written.error());
+  }
+  std::printf("%zu of %zu found\n", found_count, files->size());
+  return found_count == files->size() ? success : not_detected;
+}
+
+}  // namespace
+
+Command add_register(Options& app) {
+  auto options = std::make_shared<RegisterOptions>();
+  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
+      ->required();
+  app.reads("--images", options->images, InputKind::images, "image files, or folders of them (PNG, JPEG)")->required();
+  app.writes("--json", options->json, OutputKind::words, "write the cameras to this file");
+  app.writes("--html", options->html, OutputKind::words,
+             "write a page with every picture, its render and their difference to this file");
+  app.flag("--mirrored", options->settings.mirrored, "look at the mirror image of every picture as well");
+  app.word("--background", options->behind, "colour behind transparent pixels of images: white or black")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"white", "black"}));
+  app.number("--places", options->settings.places, WholeRange{1, 5000},
+             "cameras that a picture is compared with: the model's, then drawn ones between and beyond")
+      ->capture_default_str();
+  app.number("--seed", options->settings.seed, any_seed, "seed of the drawn ones")->capture_default_str();
+  app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
+      ->capture_default_str();
+  return [options]() -> int { return run(*options); };
+}
+
+}  // namespace tool
