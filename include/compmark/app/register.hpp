@@ -227,6 +227,12 @@ struct RegisterPicture {
   }
   std::stable_sort(candidates.begin(), candidates.end(), by_likeness);
   Candidate best = std::move(candidates.front());
+  // Some valleys are long: one that comes nearer is given time.
+  if (best.fit.likeness > .45 && best.fit.likeness < .95) {
+    fit.steps = 30;
+    best = fitted(best, 128, fit);
+    if (failed) return render.error();
+  }
   Registration result;
   result.mirrored = best.side == 1;
   result.likeness = best.fit.likeness;
@@ -236,7 +242,7 @@ struct RegisterPicture {
   if (result.found) {
     const int finest = std::min(longest, settings.finest);
     if (finest > 192) {
-      fit.steps = 6;
+      fit.steps = 12;
       fit.least_scale = .03;
       best = fitted(best, std::min(256, (finest + 128) / 2), fit);
       if (failed) return render.error();
