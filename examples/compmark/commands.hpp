@@ -16,6 +16,7 @@ Command add_scene(Options& app);
 Command add_probe(Options& app);
 Command add_train(Options& app);
 Command add_embed(Options& app);
+Command add_spread(Options& app);
 Command add_fit(Options& app);
 Command add_interference(Options& app);
 Command add_pretrain(Options& app);

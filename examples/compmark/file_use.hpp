@@ -22,6 +22,8 @@ enum class InputKind {
   decoder,        ///< of messages
   interference,   ///< of an unmarked scene
   key,            ///< an owner's
+  claim,          ///< an owner's
+  time_stamp,     ///< of a claim
   images,         ///< files, or folders of them
   dataset,        ///< a capture: its folder, or its transforms file
   weights,        ///< of LPIPS

@@ -32,6 +32,10 @@ Taken taken_by(InputKind kind) {
       return {"the cover interference of a scene", {K::interference, K::safetensors}};
     case InputKind::key:
       return {"an owner's key", {K::owner_key, K::json}};
+    case InputKind::claim:
+      return {"an owner's claim", {K::text}};
+    case InputKind::time_stamp:
+      return {"a time stamp (RFC 3161)", {}};
     case InputKind::images:
       return {"an image (PNG, JPEG), or a folder of them", {K::png, K::jpeg, K::folder}};
     case InputKind::dataset:

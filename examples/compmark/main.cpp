@@ -40,6 +40,7 @@ int main(int argc, char** argv) {
   add("probe", "measure which effects of a capture a recipe should model", tool::add_probe);
   add("train", "train a splat from a dataset", tool::add_train);
   add("embed", "hide a message in a finished model", tool::add_embed);
+  add("spread", "hide a mark that single pictures prove to who has the unmarked model", tool::add_spread);
   add("fit", "fit a message decoder to one scene, from its unmarked model", tool::add_fit);
   add("interference", "measure what an unmarked scene says to a message decoder by itself", tool::add_interference);
   add("pretrain", "train a message decoder for all scenes, from photographs", tool::add_pretrain);

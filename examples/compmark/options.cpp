@@ -141,6 +141,10 @@ const char* input_kind_name(InputKind kind) {
       return "interference";
     case InputKind::key:
       return "key";
+    case InputKind::claim:
+      return "claim";
+    case InputKind::time_stamp:
+      return "time stamp";
     case InputKind::images:
       return "images";
     case InputKind::dataset:

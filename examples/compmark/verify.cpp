@@ -113,9 +113,9 @@ Command add_verify(Options& app) {
   app.flag("--mirrored", options->mirrored,
            "the images may have been mirrored: read them both ways, which counts as two tests");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
-  app.reads("--claim", options->proof.claim, InputKind::other,
+  app.reads("--claim", options->proof.claim, InputKind::claim,
             "the claim that was published before the images (compmark claim)");
-  app.reads("--time-stamp", options->proof.time_stamp, InputKind::other,
+  app.reads("--time-stamp", options->proof.time_stamp, InputKind::time_stamp,
             "the claim's time stamp, as an authority answered it (RFC 3161)");
   app.flag("--any-decoder", options->any_decoder,
            "use this decoder even if the record of this key (KEY.record) names another one");

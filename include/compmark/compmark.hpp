@@ -70,6 +70,7 @@
 #include "compmark/watermark/proof/key.hpp"
 #include "compmark/watermark/proof/report.hpp"
 #include "compmark/watermark/proof/shipped_decoders.hpp"
+#include "compmark/watermark/proof/spread_evidence.hpp"
 #include "compmark/watermark/proof/standing.hpp"
 #include "compmark/watermark/proof/verify.hpp"
 
@@ -438,3 +439,5 @@
 #include "compmark/watermark/pretrain/trainer.hpp"
 #include "compmark/watermark/pretrain/training_file.hpp"
 #include "compmark/watermark/pretrain/whitening.hpp"
+#include "compmark/watermark/spread/spread_mark.hpp"
+#include "compmark/watermark/spread/spread_residual.hpp"

@@ -292,6 +292,8 @@ TEST_CASE("options: a file of another kind is named for what it is") {
                                                               {"decoder", {"decoder.safetensors"}},
                                                               {"interference", {"interference.safetensors"}},
                                                               {"key", {"owner.key"}},
+                                                              {"claim", {}},
+                                                              {"time stamp", {}},
                                                               {"images", {"photographs/a.png", "photographs"}},
                                                               {"dataset", {"cameras.json", "photographs"}},
                                                               {"LPIPS weights", {}}};

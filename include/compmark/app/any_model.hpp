@@ -55,6 +55,15 @@ class AnyModel {
     return held_->render(view.camera, view.lens, executor);
   }
 
+  /// The gradient of sum d_image * render to the features of the anchors [anchors, features], at a camera whose picture
+  /// has the size of d_image. Valid until the next call; cost: a forward and a backward pass. Error: one of render, or a
+  /// model whose anchors have no features.
+  [[nodiscard]] Result<MatrixView<const float>> feature_gradient(const Camera<double>& camera, const Lens& lens,
+                                                                 ImageView<const float> d_image,
+                                                                 ThreadExecutor& executor) {
+    return held_->feature_gradient(camera, lens, d_image, executor);
+  }
+
   /// Recipe, profile, cameras, unit and origin of the lengths.
   [[nodiscard]] const ModelInfo& info() const { return held_->info; }
   [[nodiscard]] RenderSettings render_settings() const { return held_->render_settings(); }

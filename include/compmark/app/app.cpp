@@ -18,6 +18,7 @@
 #include "compmark/app/detail/model_source.hpp"
 #include "compmark/app/detail/proof.hpp"
 #include "compmark/app/detail/reading.hpp"
+#include "compmark/app/detail/spread.hpp"
 #include "compmark/app/detail/verify.hpp"
 
 namespace compmark {

@@ -37,6 +37,9 @@ class HeldModel {
   HeldModel& operator=(const HeldModel&) = delete;
   virtual ~HeldModel() = default;
   virtual Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) = 0;
+  virtual Result<MatrixView<const float>> feature_gradient(const Camera<double>& camera, const Lens& lens,
+                                                           ImageView<const float> d_image,
+                                                           ThreadExecutor& executor) = 0;
   virtual ParameterArena<float>& arena() = 0;
   [[nodiscard]] virtual std::size_t anchor_count() const = 0;
   [[nodiscard]] virtual RenderSettings render_settings() const = 0;

@@ -4,9 +4,11 @@
 // The model of one recipe as AnyModel holds it.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -25,25 +27,32 @@ class RecipeModel final : public HeldModel {
  public:
   explicit RecipeModel(LoadedModel<R> loaded) : model_(std::move(loaded.model)) { info = std::move(loaded.info); }
   Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
-    if (!is_pinhole(lens) && !(policy_ && lens == lens_)) {
-      policy_ = lens_policy<RecipeLens<R>>(lens);
-      lens_ = lens;
-      if (!policy_) {
-        return Error{ErrorKind::unsupported,
-                     {},
-                     "lens",
-                     "is not of the " + std::string(lens_family<RecipeLens<R>>) +
-                         " family, which is all that a model of recipe " + info.recipe + " projects through",
-                     "render it without the lens, or give data that were trained on"};
-      }
-    }
-    ViewCamera<R> at(camera);
-    if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
-      if (!is_pinhole(lens)) at.lens = *policy_;
-    }
-    const ForwardReport report = pipeline_.forward(model_, at, unseen_view, context_, executor);
+    const Result<ViewCamera<R>> at = view_camera(camera, lens);
+    if (!at) return at.error();
+    const ForwardReport report = pipeline_.forward(model_, *at, unseen_view, context_, executor);
     return RenderedView{context_.image, report.gaussians, std::as_const(context_.gaussians).columns(),
                         R::Rasterizer::EffectPolicy::Filter::active};
+  }
+  Result<MatrixView<const float>> feature_gradient(const Camera<double>& camera, const Lens& lens,
+                                                   ImageView<const float> d_image, ThreadExecutor& executor) override {
+    const BlockHandle feature = model_.arena.layout().find("anchor.feature");
+    if (!feature.valid()) {
+      return Error{ErrorKind::unsupported,
+                   {},
+                   "recipe",
+                   "\"" + info.recipe + "\" has anchors without features",
+                   "give a model of compmark train"};
+    }
+    const Result<ViewCamera<R>> at = view_camera(camera, lens);
+    if (!at) return at.error();
+    pipeline_.forward(model_, *at, unseen_view, context_, executor);
+    pipeline_.begin_loss(context_);
+    COMPMARK_ASSERT(d_image.size() == context_.d_image.size(), "feature_gradient: an image of the camera's size");
+    std::copy_n(d_image.data, d_image.size(), context_.d_image.data);
+    const std::span<float> gradients = model_.arena.all_gradients();
+    std::fill(gradients.begin(), gradients.end(), 0.0f);
+    pipeline_.backward(model_, *at, unseen_view, context_, executor);
+    return MatrixView<const float>(std::as_const(model_.arena).gradients(feature));
   }
   ParameterArena<float>& arena() override { return model_.arena; }
   [[nodiscard]] std::size_t anchor_count() const override { return model_.anchor_count(); }
@@ -67,6 +76,26 @@ class RecipeModel final : public HeldModel {
   [[nodiscard]] Model<R>& model() { return model_; }
 
  private:
+  [[nodiscard]] Result<ViewCamera<R>> view_camera(const Camera<double>& camera, const Lens& lens) {
+    if (!is_pinhole(lens) && !(policy_ && lens == lens_)) {
+      policy_ = lens_policy<RecipeLens<R>>(lens);
+      lens_ = lens;
+      if (!policy_) {
+        return Error{ErrorKind::unsupported,
+                     {},
+                     "lens",
+                     "is not of the " + std::string(lens_family<RecipeLens<R>>) +
+                         " family, which is all that a model of recipe " + info.recipe + " projects through",
+                     "render it without the lens, or give data that were trained on"};
+      }
+    }
+    ViewCamera<R> at(camera);
+    if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
+      if (!is_pinhole(lens)) at.lens = *policy_;
+    }
+    return at;
+  }
+
   Model<R> model_;
   Pipeline<R> pipeline_;
   typename Pipeline<R>::Context context_;

@@ -1,0 +1,63 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Informed reading: pictures of unknown camera, read by who has the unmarked model (docs/informed_reading.md). The
+// camera and the tone of each picture are found (register.hpp), the unmarked model is rendered as the picture would
+// show it, and what the picture says beyond that is read twice: as a spread-spectrum mark (spread.hpp), and as a
+// message, whose logits of the unmarked render are subtracted. Both tests are exact; as there are two, each counts
+// twice. A picture whose camera is not found says nothing to the first, and is read blind by the second.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "compmark/app/compiled.hpp"
+#include "compmark/app/observer.hpp"
+#include "compmark/app/reading.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/io/owner_key.hpp"
+#include "compmark/watermark/proof/report.hpp"
+#include "compmark/watermark/proof/spread_evidence.hpp"
+#include "compmark/watermark/proof/verify.hpp"
+
+namespace compmark {
+
+/// Of one picture.
+struct InformedPicture {
+  std::string name;
+  bool found = false;             ///< its camera
+  double likeness = 0;            ///< to the render at that camera, at most 1
+  double uncertainty_pixels = 0;  ///< of that camera
+  bool mirrored = false;
+  double blur = 0;        ///< that made the render as soft as the picture, pixels
+  SpreadEvidence spread;  ///< of this picture alone, for information
+};
+
+struct InformedReport {
+  /// Message, sources and views as those of verify_files; `verification` has the verdict and the corrected p-value of
+  /// both tests together, and counts twice the tries.
+  VerificationReport report;
+  std::vector<InformedPicture> pictures;
+  SpreadEvidence spread;  ///< of all pictures together
+};
+
+/// The longest side at which a picture is compared with the unmarked render, pixels.
+inline constexpr int informed_side = 800;
+
+/// Reads the images of `reading` by its unmarked model. Errors are those of verify_files and of register_picture; a
+/// model whose anchors have no features. Cost: 10 s a picture of 400 x 400 on two threads at most, mostly to find its
+/// camera.
+[[nodiscard]] Result<InformedReport> verify_informed(const OwnerKey& key, const ReadingSettings& reading,
+                                                     const VerifySettings& settings, ThreadExecutor& executor,
+                                                     const WorkObserver& observer = {});
+
+/// Both tests as one verdict: `message` was made with settings.tries already doubled; so is the spread evidence here.
+[[nodiscard]] Verification both_verdicts(Verification message, const SpreadEvidence& spread);
+
+}  // namespace compmark
+
+#if !defined(COMPMARK_APP_COMPILED)
+#include "compmark/app/detail/informed.hpp"
+#endif

@@ -1,0 +1,78 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <compmark/core/random.hpp>
+#include <compmark/math/binomial.hpp>
+#include <compmark/watermark/proof/spread_evidence.hpp>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+namespace spread_evidence_test {
+namespace {
+
+using namespace compmark;
+
+std::vector<std::int8_t> signs_of(std::uint64_t seed, std::size_t count) {
+  const Random random(seed, 0, random_stage("test/signs"));
+  std::vector<std::int8_t> signs;
+  for (std::size_t i = 0; i < count; ++i) signs.push_back((random.bits(i) & 1) != 0 ? 1 : -1);
+  return signs;
+}
+
+}  // namespace
+
+TEST_CASE("watermark/proof/spread_evidence: the bound lies above the exact tail of fair signs, and near it") {
+  // Sums of one size: T is a binomial.
+  for (const std::size_t right : {60u, 70u, 80u, 95u, 100u}) {
+    std::vector<std::int8_t> signs(100, 1);
+    std::vector<double> sums(100, 2.5);
+    for (std::size_t i = right; i < 100; ++i) sums[i] = -2.5;
+    const SpreadEvidence evidence = spread_evidence(signs, sums);
+    CHECK(evidence.deviations == doctest::Approx((2.0 * static_cast<double>(right) - 100) / 10));
+    CHECK(evidence.cells == 100);
+    CHECK(evidence.p_value >= binomial_tail(right, 100));
+    CHECK(std::log(evidence.p_value) <= 0.7 * std::log(binomial_tail(right, 100)));
+  }
+}
+
+TEST_CASE("watermark/proof/spread_evidence: random keys are at most p with probability p, whatever the pictures say") {
+  // Sums that are all alike, of very different sizes, and one that outweighs all: the last is where a normal law fails.
+  for (const int shape : {0, 1, 2}) {
+    const Random random(9, 0, random_stage("test/sums"));
+    std::vector<double> sums(500);
+    for (std::size_t i = 0; i < sums.size(); ++i) {
+      const double size = std::exp(3 * random.normal(i));
+      sums[i] = shape == 0 ? 1 : shape == 1 ? size : i == 0 ? 100 : 1;
+    }
+    for (const double level : {0.3, 0.1, 0.01, 1e-3}) {
+      std::size_t hits = 0;
+      constexpr std::size_t keys = 20'000;
+      for (std::size_t k = 0; k < keys; ++k)
+        if (spread_evidence(signs_of(k + 1, sums.size()), sums).p_value <= level) ++hits;
+      CAPTURE(shape, level, hits);
+      CHECK(static_cast<double>(hits) <= level * keys + 4 * std::sqrt(level * keys));
+    }
+  }
+}
+
+TEST_CASE("watermark/proof/spread_evidence: agreement is evidence; disagreement, nothing and extremes are none") {
+  std::vector<std::int8_t> signs = signs_of(4, 400);
+  std::vector<double> sums(signs.begin(), signs.end());
+  CHECK(spread_evidence(signs, sums).p_value == doctest::Approx(std::exp(-200.0)));
+  for (double& sum : sums) sum *= 1e200;  // whose squares overflow
+  CHECK(spread_evidence(signs, sums).deviations == doctest::Approx(20));
+  for (double& sum : sums) sum *= -1e-200;
+  CHECK(spread_evidence(signs, sums).p_value == 1);
+  for (double& sum : sums) sum *= 1e-300;  // whose squares are lost
+  CHECK(spread_evidence(signs, sums).deviations == doctest::Approx(-20));
+  std::fill(sums.begin(), sums.end(), 0.0);
+  CHECK(spread_evidence(signs, sums).p_value == 1);
+  CHECK(spread_evidence(signs, sums).cells == 0);
+  CHECK(spread_evidence({}, {}).p_value == 1);
+}
+
+}  // namespace spread_evidence_test
