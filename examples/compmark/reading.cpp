@@ -45,8 +45,7 @@ void add_reading_options(Options& app, ReadingOptions& options) {
   CLI::Option* images =
       app.reads("--images", options.images, InputKind::images, "image files, or folders of them (PNG, JPEG)");
   app.reads("--unmarked", options.unmarked, InputKind::model,
-            "the unmarked model; its reading at the same cameras is subtracted (informed reading)")
-      ->needs(model);
+            "the unmarked model; its reading at the same cameras is subtracted (informed reading)");
   app.reads(
       "--interference", options.interference, InputKind::interference,
       "what the unmarked scene says to the decoder by itself (a file of compmark interference); it is subtracted");

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark verify: is the message of this key in a model or in images, and how likely would that be by chance.
+#include <compmark/app/informed.hpp>
 #include <compmark/app/proof.hpp>
 #include <compmark/app/run/mark_record.hpp>
 #include <compmark/app/verify.hpp>
@@ -11,6 +12,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -50,10 +52,25 @@ int run(const VerifyOptions& options) {
   ThreadExecutor executor(options.reading.threads);
   tell_threads(executor, options.reading.threads);
   const ReadingSettings reading = reading_settings(options.reading);
-  const Result<VerificationReport> verified = options.mirrored ? verify_either_way(*key, reading, settings, executor)
-                                                               : verify_files(*key, reading, settings, executor);
-  if (!verified) return fail(verified.error());
-  const VerificationReport& report = *verified;
+  std::optional<InformedReport> informed;
+  std::optional<VerificationReport> verified;
+  if (reading.model.empty() && !reading.unmarked.empty()) {
+    if (!reading.interference.empty()) {
+      return fail(Error{ErrorKind::invalid, reading.interference.string(), "--interference",
+                        "is given with --unmarked, which says more", "leave it out"});
+    }
+    ReadingSettings either_way = reading;
+    either_way.mirrored = options.mirrored;  // which way is found without the key, and counts once
+    Result<InformedReport> read = verify_informed(*key, either_way, settings, executor);
+    if (!read) return fail(read.error());
+    informed = std::move(*read);
+  } else {
+    Result<VerificationReport> read = options.mirrored ? verify_either_way(*key, reading, settings, executor)
+                                                       : verify_files(*key, reading, settings, executor);
+    if (!read) return fail(read.error());
+    verified = std::move(*read);
+  }
+  const VerificationReport& report = informed ? informed->report : *verified;
   const Result<ProofBasis> basis = proof_basis(*key, report.sources, options.proof);
   if (!basis) return fail(basis.error());
   const Standing standing = standing_of(report.verification, *basis);
@@ -63,6 +80,7 @@ int run(const VerifyOptions& options) {
     nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(report);
     json["proof"] = standing_json<nlohmann::ordered_json>(standing, *basis);
     if (payload) json["payload"] = payload->json;
+    if (informed) json["informed"] = informed_json<nlohmann::ordered_json>(*informed);
     if (Result<Done> written = write_json(options.json, json); !written) return fail(written.error());
   }
   const ReportSources& from = report.sources;
@@ -85,6 +103,7 @@ int run(const VerifyOptions& options) {
     std::printf("mirrored    %s; both ways were read, which is two tests\n",
                 *report.mirrored ? "the images are read better so" : "the images are read as they are");
   }
+  if (informed) std::fputs(informed_text(*informed).c_str(), stdout);
   std::fputs(report_text(report.verification, standing).c_str(), stdout);
   switch (report.verification.verdict) {
     case Verdict::detected:

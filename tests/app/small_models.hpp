@@ -37,9 +37,9 @@ inline ModelInfo small_info(const std::string& recipe) {
 }
 
 template <class R>
-Model<R> small_model(std::uint64_t seed = 5) {
+Model<R> small_model(std::uint64_t seed = 5, std::size_t anchors = small_anchors) {
   Model<R> model;
-  model.create(small_anchors, small_views);
+  model.create(anchors, small_views);
   model.voxel_size = 0.0625;
   model.render.background = {0.25, 0.5, 1};
   R::GaussianDecoder::initialise(model.arena, model.decoder, seed);

@@ -3,6 +3,7 @@
 //
 // Writes first inputs of the fuzz targets that don't make their own: make_seeds FOLDER gives FOLDER/<target>/*.
 #include <compmark/io/image_file.hpp>
+#include <compmark/io/owner_claim.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/ply.hpp>
 #include <compmark/io/safetensors.hpp>
@@ -104,6 +105,8 @@ int main(int count, char** arguments) {
     put("file_kind", bytes);
     put_text("owner_key", "\1\2" + std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   }
+  const std::string digits(64, 'a');
+  put_text("owner_key", "\1\2" + OwnerClaim{key.commitment(), digits, digits, ""}.text());
   // Lengths, choices and the files themselves, so that there is something to change.
   const auto captured = [&](const char* target, const std::string& first, const std::string& second,
                             const std::string& third) {

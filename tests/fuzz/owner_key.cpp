@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any bytes as an owner's key, as its fields with commitment, id and checksum made right, and as the record beside a
+// Any bytes as a claim and as a time stamp, as an owner's key, as its fields with commitment, id and checksum made right, and as the record beside a
 // key: an answer, never a crash. A key that is accepted is written and read again the same; and one byte changed in
 // what was written never gives another key.
 #include <compmark/app/run/mark_record.hpp>
+#include <compmark/io/owner_claim.hpp>
 #include <compmark/io/owner_key.hpp>
+#include <compmark/io/time_stamp.hpp>
 #include <compmark/watermark/proof/key.hpp>
 #include <compmark/watermark/proof/message.hpp>
 
@@ -109,6 +111,20 @@ void look_at_record(const Place& place, std::span<const std::byte> bytes) {
   if (checked.ok() && text.find(own) == std::string::npos && given.find("\\u") == std::string::npos) std::abort();
 }
 
+/// A claim that is read is the text that was given; a time stamp is an answer or an error.
+void look_at_claim(const Place& place, std::span<const std::byte> bytes) {
+  testing::put_bytes(place.copy, bytes);
+  const Result<OwnerClaim> claim = read_claim(place.copy);
+  if (claim) {
+    const std::string text = claim->text();
+    if (text != std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size())) std::abort();
+  } else {
+    testing::require_words(claim.error());
+  }
+  const Result<TimeStamp> stamp = read_time_stamp(bytes, "a.tsr");
+  if (!stamp) testing::require_words(stamp.error());
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -119,5 +135,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   look(place, bytes, damage);
   if (const std::vector<std::byte> good = repaired(bytes); !good.empty()) look(place, good, damage);
   look_at_record(place, bytes);
+  look_at_claim(place, bytes);
   return 0;
 }

@@ -13,6 +13,7 @@
 #include "compmark/app/detail/evaluate.hpp"
 #include "compmark/app/detail/export.hpp"
 #include "compmark/app/detail/files.hpp"
+#include "compmark/app/detail/informed.hpp"
 #include "compmark/app/detail/interference.hpp"
 #include "compmark/app/detail/lpips_nets.hpp"
 #include "compmark/app/detail/model_source.hpp"

@@ -53,6 +53,30 @@ inline constexpr int informed_side = 800;
                                                      const VerifySettings& settings, ThreadExecutor& executor,
                                                      const WorkObserver& observer = {});
 
+/// What was read of each picture, in lines, and of all together.
+[[nodiscard]] std::string informed_text(const InformedReport& report);
+
+/// The entry "informed" of a report.
+template <class Json>
+[[nodiscard]] Json informed_json(const InformedReport& report) {
+  const auto spread_json = [](const SpreadEvidence& spread) {
+    return Json{{"deviations", spread.deviations}, {"p_value", spread.p_value}, {"cells", spread.cells}};
+  };
+  Json json;
+  json["spread"] = spread_json(report.spread);
+  json["pictures"] = Json::array();
+  for (const InformedPicture& picture : report.pictures) {
+    json["pictures"].push_back(Json{{"name", picture.name},
+                                    {"found", picture.found},
+                                    {"likeness", picture.likeness},
+                                    {"uncertainty_pixels", picture.uncertainty_pixels},
+                                    {"mirrored", picture.mirrored},
+                                    {"blur_pixels", picture.blur},
+                                    {"spread", spread_json(picture.spread)}});
+  }
+  return json;
+}
+
 /// Both tests as one verdict: `message` was made with settings.tries already doubled; so is the spread evidence here.
 [[nodiscard]] Verification both_verdicts(Verification message, const SpreadEvidence& spread);
 

@@ -7,6 +7,7 @@
 // there. Cost: one pass.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>

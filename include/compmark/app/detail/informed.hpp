@@ -127,6 +127,26 @@ COMPMARK_APP_INLINE Verification both_verdicts(Verification message, const Sprea
   return message;
 }
 
+COMPMARK_APP_INLINE std::string informed_text(const InformedReport& report) {
+  const auto number = [](double value, const char* format = "%.2g") { return detail::short_number(value, format); };
+  std::string text;
+  std::size_t found = 0;
+  for (const InformedPicture& picture : report.pictures) {
+    text += "picture     " + picture.name;
+    if (picture.found) {
+      ++found;
+      text += ": camera found" + std::string(picture.mirrored ? ", mirrored" : "") + ", spread mark at " +
+              number(picture.spread.deviations, "%.1f") + " deviations, p " + number(picture.spread.p_value) + "\n";
+    } else {
+      text += ": no camera of this scene shows it; its message is read blind\n";
+    }
+  }
+  text += "spread      " + number(report.spread.deviations, "%.1f") + " deviations over " +
+          std::to_string(report.spread.cells) + " cells in " + std::to_string(found) + " pictures together, p " +
+          number(report.spread.p_value) + ": so likely, at most, a key drawn at random would agree as well\n";
+  return text;
+}
+
 COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, const ReadingSettings& reading,
                                                            const VerifySettings& settings, ThreadExecutor& executor,
                                                            const WorkObserver& observer) {

@@ -237,6 +237,10 @@ COMPMARK_APP_INLINE Result<CoverInterference> open_interference(const std::files
 
 COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& settings, const std::optional<OwnerKey>& key,
                                                   ThreadExecutor& executor, const WorkObserver& observer) {
+  if (!settings.unmarked.empty() && settings.model.empty()) {
+    return Error{ErrorKind::invalid, settings.unmarked.string(), "--unmarked",
+                 "is for a model here, and these are images", "find their cameras with compmark verify --unmarked"};
+  }
   if (settings.model.empty() && settings.images.empty()) {
     return Error{ErrorKind::invalid, {}, "--model, --images", "are both missing", "give a model or images"};
   }

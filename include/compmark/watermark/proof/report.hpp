@@ -196,7 +196,7 @@ template <class Json>
   switch (v.verdict) {
     case Verdict::detected:
       return text +
-             "DETECTED: these images carry the message of this key; chance alone passes this test with a probability "
+             "DETECTED: these images carry the mark of this key; chance alone passes this test with a probability "
              "of at most " +
              rate + "\n";
     case Verdict::not_detected:

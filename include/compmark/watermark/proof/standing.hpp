@@ -123,7 +123,7 @@ template <class Json>
   const std::size_t verdict = text.rfind("DETECTED");
   switch (standing.kind) {
     case StandingKind::not_a_proof:
-      return text.substr(0, verdict) + "NOT A PROOF: the message is read, but " + standing.reason + "\n";
+      return text.substr(0, verdict) + "NOT A PROOF: the mark is read, but " + standing.reason + "\n";
     case StandingKind::evidence:
       return text + "standing    evidence; " + standing.reason +
              ". A claim published before (compmark claim) makes it a proof\n";

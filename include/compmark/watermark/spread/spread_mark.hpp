@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <map>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "compmark/core/views.hpp"
@@ -58,8 +59,8 @@ struct SpreadCells {
   return cells;
 }
 
-/// The side of a cube that covers `pixels` pixels, in the median over anchors and cameras (a sample of both). `camera(i)`
-/// gives camera i of `count`. 0 if there is no anchor.
+/// The side of a cube that covers `pixels` pixels, in the median over anchors and cameras (a sample of both).
+/// `camera(i)` gives camera i of `count`. 0 if there is no anchor.
 template <class Cameras>
 [[nodiscard]] double spread_side(MatrixView<const float> position, const Cameras& camera, std::size_t count,
                                  double pixels) {

@@ -63,8 +63,8 @@ inline constexpr float spread_least_variance = 1e-5f;  ///< (0.8 of a level of 2
 
 namespace detail {
 
-/// What a render and a picture differ by where neither is marked, to first order: a shift, a scale, a turn and a shear of
-/// the picture, its softness, and per channel a tone 1, v, v^2. [16] planes of [3, height, width] in one block.
+/// What a render and a picture differ by where neither is marked, to first order: a shift, a scale, a turn and a shear
+/// of the picture, its softness, and per channel a tone 1, v, v^2. [16] planes of [3, height, width] in one block.
 inline constexpr std::size_t spread_nuisances = 16;
 inline std::vector<float> nuisance_planes(const std::vector<float>& render, int width, int height) {
   const std::size_t w = static_cast<std::size_t>(width), plane = w * static_cast<std::size_t>(height), all = 3 * plane;

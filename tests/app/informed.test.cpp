@@ -1,0 +1,139 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <compmark/app/informed.hpp>
+#include <compmark/app/spread.hpp>
+#include <compmark/core/random.hpp>
+#include <compmark/io/image_file.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <compmark/scene/register/camera_step.hpp>
+#include <compmark/splat/training/model_file.hpp>
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "small_decoder.hpp"
+#include "small_models.hpp"
+#include "support/picture.hpp"
+#include "support/tool.hpp"
+
+namespace informed_test {
+namespace {
+
+using namespace compmark;
+namespace fs = std::filesystem;
+
+/// A model, the same with a spread mark, and pictures of both from a camera that neither stores.
+struct InformedFiles {
+  testing::ScratchFolder folder{"compmark-app-informed"};
+  fs::path unmarked = folder.path / "unmarked.safetensors", marked = folder.path / "marked.safetensors";
+  ThreadExecutor executor{2};
+  OwnerKey key = testing::small_key(1, 32), other = testing::small_key(2, 32);
+  ReadingSettings reading;
+
+  InformedFiles() {
+    Model<recipes::Scaffold> model = testing::small_model<recipes::Scaffold>(5, 500);
+    model.render.background = {0, 0, 0};
+    REQUIRE(write_model(unmarked, model, testing::small_info("scaffold")).ok());
+    SpreadMarkSettings settings;
+    settings.model = unmarked;
+    settings.out = marked;
+    settings.psnr = 36;
+    REQUIRE(mark_spread(key, settings, executor).ok());
+    reading.unmarked = unmarked;
+    reading.decoder = folder.path / "decoder.safetensors";
+    testing::write_decoder(reading.decoder, 32);
+  }
+  /// A render from an unknown camera, darker, with noise, in a grey page where that is asked for.
+  fs::path picture(const fs::path& model, const std::string& name, bool mirrored = false) {
+    Result<AnyModel> opened = AnyModel::open(model, executor);
+    REQUIRE(opened.ok());
+    Camera<double> camera = testing::small_info("scaffold").views[0].camera;
+    camera = moved(camera, {0.03, -0.02, 0.1, 0.05, 0.02, 0.04, 0, 0, 0}).resized(120, 96);
+    const Result<RenderedView> render = opened->render(camera, executor);
+    REQUIRE(render.ok());
+    std::vector<float> pixels(render->image.data, render->image.data + render->image.size());
+    const Random random(8, 0, random_stage("test/noise"));
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+      pixels[i] = std::clamp(0.9f * pixels[i] + static_cast<float>(0.01 * random.normal(i)), 0.0f, 1.0f);
+    if (mirrored) {
+      for (auto row = pixels.begin(); row != pixels.end(); row += 120) std::reverse(row, row + 120);
+    }
+    const fs::path path = folder.path / name;
+    REQUIRE(write_png(path, ImageView<const float>{pixels.data(), 3, 96, 120}).ok());
+    return path;
+  }
+  Result<InformedReport> verify(const OwnerKey& whose, const fs::path& image) {
+    reading.images = {image};
+    return verify_informed(whose, reading, VerifySettings{}, executor);
+  }
+};
+
+}  // namespace
+
+TEST_CASE(
+    "app/informed: one picture of unknown camera proves the mark of this key, and no other; an unmarked one nothing") {
+  InformedFiles files;
+  const Result<InformedReport> own = files.verify(files.key, files.picture(files.marked, "marked.png"));
+  REQUIRE(own.ok());
+  REQUIRE(own->pictures.size() == 1);
+  MESSAGE("deviations ", own->spread.deviations, ", likeness ", own->pictures[0].likeness);
+  CHECK(own->pictures[0].found);
+  CHECK(own->spread.p_value < 1e-8);
+  CHECK(own->report.verification.verdict == Verdict::detected);
+  CHECK(own->report.verification.settings.tries == 2);
+  CHECK(own->report.verification.p_corrected == doctest::Approx(2 * own->spread.p_value));
+  CHECK(own->report.sources.unmarked == "unmarked.safetensors");
+  const std::string text = informed_text(*own);
+  CHECK(text.find("picture     marked.png: camera found, spread mark at ") == 0);
+  const auto json = informed_json<nlohmann::json>(*own);
+  CHECK(json["pictures"][0]["name"] == "marked.png");
+  CHECK(json["spread"]["p_value"] == own->spread.p_value);
+
+  const Result<InformedReport> wrong = files.verify(files.other, files.folder.path / "marked.png"),
+                               none = files.verify(files.key, files.picture(files.unmarked, "plain.png"));
+  REQUIRE(wrong.ok());
+  REQUIRE(none.ok());
+  CHECK(wrong->spread.p_value > 1e-3);
+  CHECK(wrong->report.verification.verdict != Verdict::detected);
+  CHECK(none->pictures[0].found);
+  CHECK(none->spread.p_value > 1e-3);
+  CHECK(none->report.verification.verdict != Verdict::detected);
+
+  // Mirrored, where that is looked for; and a picture of something else has no camera.
+  const fs::path turned = files.picture(files.marked, "mirrored.png", true);
+  files.reading.mirrored = true;
+  const Result<InformedReport> mirrored = files.verify(files.key, turned);
+  REQUIRE(mirrored.ok());
+  CHECK(mirrored->pictures[0].mirrored);
+  CHECK(mirrored->spread.p_value < 1e-8);
+  files.reading.mirrored = false;
+  const std::vector<float> elsewhere = testing::textured_picture(96, 3);
+  REQUIRE(write_png(files.folder.path / "elsewhere.png", ImageView<const float>{elsewhere.data(), 3, 96, 96}).ok());
+  const Result<InformedReport> far = files.verify(files.key, files.folder.path / "elsewhere.png");
+  REQUIRE(far.ok());
+  CHECK_FALSE(far->pictures[0].found);
+  CHECK(far->spread.p_value == 1);
+  CHECK(informed_text(*far).find("no camera of this scene") != std::string::npos);
+}
+
+TEST_CASE("app/informed: two tests are one verdict, at twice the price") {
+  Verification message;
+  message.settings.tries = 2;
+  message.p_corrected = 0.4;
+  CHECK(both_verdicts(message, {10, 1e-9, 100}).verdict == Verdict::detected);
+  CHECK(both_verdicts(message, {10, 1e-9, 100}).p_corrected == doctest::Approx(2e-9));
+  CHECK(both_verdicts(message, {3, 1e-3, 100}).verdict == Verdict::inconclusive);
+  CHECK(both_verdicts(message, {0, 1, 100}).verdict == Verdict::not_detected);
+  CHECK(both_verdicts(message, {0, 1, 100}).p_corrected == 0.4);
+  message.p_corrected = 1e-9;
+  message.verdict = Verdict::detected;
+  CHECK(both_verdicts(message, {0, 1, 100}).verdict == Verdict::detected);
+}
+
+}  // namespace informed_test
