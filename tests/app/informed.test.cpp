@@ -39,7 +39,7 @@ struct InformedFiles {
   InformedFiles() {
     Model<recipes::Scaffold> model = testing::small_model<recipes::Scaffold>(5, 500);
     model.render.background = {0, 0, 0};
-    REQUIRE(write_model(unmarked, model, testing::small_info("scaffold")).ok());
+    REQUIRE(write_model(unmarked, model, testing::larger_info("scaffold", 4)).ok());
     SpreadMarkSettings settings;
     settings.model = unmarked;
     settings.out = marked;
@@ -53,8 +53,8 @@ struct InformedFiles {
   fs::path picture(const fs::path& model, const std::string& name, bool mirrored = false) {
     Result<AnyModel> opened = AnyModel::open(model, executor);
     REQUIRE(opened.ok());
-    Camera<double> camera = testing::small_info("scaffold").views[0].camera;
-    camera = moved(camera, {0.03, -0.02, 0.1, 0.05, 0.02, 0.04, 0, 0, 0}).resized(120, 96);
+    Camera<double> camera = testing::larger_info("scaffold", 4).views[0].camera;
+    camera = moved(camera, {0.03, -0.02, 0.1, 0.05, 0.02, 0.04, 0, 0, 0}).resized(160, 128);
     const Result<RenderedView> render = opened->render(camera, executor);
     REQUIRE(render.ok());
     std::vector<float> pixels(render->image.data, render->image.data + render->image.size());
@@ -62,10 +62,10 @@ struct InformedFiles {
     for (std::size_t i = 0; i < pixels.size(); ++i)
       pixels[i] = std::clamp(0.9f * pixels[i] + static_cast<float>(0.01 * random.normal(i)), 0.0f, 1.0f);
     if (mirrored) {
-      for (auto row = pixels.begin(); row != pixels.end(); row += 120) std::reverse(row, row + 120);
+      for (auto row = pixels.begin(); row != pixels.end(); row += 160) std::reverse(row, row + 160);
     }
     const fs::path path = folder.path / name;
-    REQUIRE(write_png(path, ImageView<const float>{pixels.data(), 3, 96, 120}).ok());
+    REQUIRE(write_png(path, ImageView<const float>{pixels.data(), 3, 128, 160}).ok());
     return path;
   }
   Result<InformedReport> verify(const OwnerKey& whose, const fs::path& image) {

@@ -36,6 +36,13 @@ inline ModelInfo small_info(const std::string& recipe) {
   return info;
 }
 
+/// The same, at `times` the size.
+inline ModelInfo larger_info(const std::string& recipe, int times) {
+  ModelInfo info = small_info(recipe);
+  for (StoredView& view : info.views) view.camera = view.camera.resized(40 * times, 32 * times);
+  return info;
+}
+
 template <class R>
 Model<R> small_model(std::uint64_t seed = 5, std::size_t anchors = small_anchors) {
   Model<R> model;

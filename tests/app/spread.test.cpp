@@ -28,7 +28,7 @@ struct SpreadFiles {
   SpreadFiles() {
     Model<recipes::Scaffold> model = testing::small_model<recipes::Scaffold>(5, 500);
     model.render.background = {0, 0, 0};
-    REQUIRE(write_model(unmarked, model, testing::small_info("scaffold")).ok());
+    REQUIRE(write_model(unmarked, model, testing::larger_info("scaffold", 4)).ok());
   }
 };
 
@@ -62,9 +62,9 @@ TEST_CASE(
   Result<SpreadReader> reader = SpreadReader::make(*unmarked, files.executor);
   REQUIRE(reader.ok());
   CHECK(reader->cells().place.size() == made->cells);
-  const Camera<double> camera = testing::small_info("scaffold").views[0].camera.resized(120, 96);
+  const Camera<double> camera = testing::larger_info("scaffold", 4).views[0].camera.resized(160, 128);
   const std::vector<float> render = shown(*unmarked, camera, files.executor), weight(render.size() / 3, 1.0f);
-  const ImageView<const float> plain{render.data(), 3, 96, 120};
+  const ImageView<const float> plain{render.data(), 3, 128, 160};
   const auto sums_of = [&](AnyModel& model, double noise, ThreadExecutor& executor) {
     std::vector<float> picture = shown(model, camera, executor);
     const Random random(8, 0, random_stage("test/noise"));
@@ -73,7 +73,7 @@ TEST_CASE(
       picture[i] = std::round(255 * std::clamp(picture[i], 0.0f, 1.0f)) / 255;
     }
     std::vector<double> sums(reader->cells().place.size(), 0.0);
-    REQUIRE(reader->add({picture.data(), 3, 96, 120}, plain, weight, camera, executor, sums).ok());
+    REQUIRE(reader->add({picture.data(), 3, 128, 160}, plain, weight, camera, executor, sums).ok());
     return sums;
   };
   const std::vector<std::int8_t> own = spread_signs(key, reader->cells()),
