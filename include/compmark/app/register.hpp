@@ -34,7 +34,7 @@
 namespace compmark {
 
 /// Likeness from which a picture is of the scene: docs/registration.md says how it was chosen.
-inline constexpr double found_likeness = 0.6;
+inline constexpr double found_likeness = 0.45;
 
 struct RegisterSettings {
   std::size_t places = 300;        ///< cameras that a picture is compared with: the model's, then drawn ones
@@ -215,7 +215,8 @@ struct RegisterPicture {
     if (candidates[i].fit.likeness > .9) candidates.resize(i + 1);
   }
   std::stable_sort(candidates.begin(), candidates.end(), by_likeness);
-  candidates.resize(std::min<std::size_t>(2, candidates.size()));
+  // What is nowhere near after the first fit is no picture of the scene; another look would take as long again.
+  candidates.resize(std::min<std::size_t>(candidates.front().fit.likeness < .3 ? 1 : 2, candidates.size()));
   fit.steps = 20;
   fit.damping = 1e-5;
   fit.least_scale = .05;
