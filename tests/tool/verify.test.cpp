@@ -465,7 +465,7 @@ TEST_CASE(
                 {"owner.key.claim", "key", "not the commitment of this key"});
   check_refused(tool("verify" + s.with(s.marked) + " --time-stamp tests/golden/claim/owner.tsr"),
                 {"owner.tsr", "another file than the claim"});
-  check_refused(tool("verify" + s.with(s.marked) + " --time-stamp " + file), {"owner.key.claim", "no time stamp"});
+  check_refused(tool("verify" + s.with(s.marked) + " --time-stamp " + file), {"owner.key.claim", "not a time stamp"});
   check_refused(
       tool("verify" + words + s.marked + " --decoder " + s.decoder + " --time-stamp tests/golden/claim/owner.tsr"),
       {"--time-stamp", "without a claim"});
