@@ -168,8 +168,10 @@
 #include "compmark/splat/anchor/visibility.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 #include "compmark/watermark/attack/model_attacks.hpp"
+#include "compmark/watermark/attack/number_attacks.hpp"
 #include "compmark/watermark/attack/picture_attacks.hpp"
 #include "compmark/watermark/attack/quantize_model.hpp"
+#include "compmark/watermark/attack/viewer_attacks.hpp"
 
 #include "compmark/splat/raster/accuracy.hpp"
 #include "compmark/splat/raster/bin.hpp"

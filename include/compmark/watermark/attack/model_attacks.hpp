@@ -20,6 +20,7 @@
 #include "compmark/splat/anchor/table.hpp"
 #include "compmark/splat/quantizer/int8_quantizer.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/attack/number_attacks.hpp"
 #include "compmark/watermark/attack/quantize_model.hpp"
 
 namespace compmark {
@@ -131,6 +132,7 @@ struct CloneAttack {
 };
 
 /// All that are shipped.
-using ModelAttacks = AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack, CloneAttack>;
+using ModelAttacks =
+    AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack, CloneAttack, MantissaAttack, JitterAttack, ColourBiasAttack>;
 
 }  // namespace compmark

@@ -3,7 +3,7 @@
 //
 // Attacks on a picture (attack_list.hpp): what happens to a render on its way. Those of place, sharpness and light are
 // the distortions of watermark/pretrain/augmentation.hpp at a chosen strength, those of colour and of files are those
-// of watermark/edit. To add one: its type here, and its name in the list PictureAttacks. Cost: 1 to 25 ns a value.
+// of watermark/edit; viewer_attacks.hpp has others. To add one: its type here, and its name in the list PictureAttacks. Cost: 1 to 25 ns a value.
 #pragma once
 
 #include <array>
@@ -16,6 +16,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/attack/viewer_attacks.hpp"
 #include "compmark/watermark/edit/augmentation_edit.hpp"
 #include "compmark/watermark/edit/tone_edit.hpp"
 #include "compmark/watermark/pretrain/augmentation.hpp"
@@ -136,15 +137,7 @@ struct FrameAttack {
   static constexpr AttackAmount amount{20, 1, 4096, "the width of a nearly white frame in pixels, a whole number"};
   [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double pixels, std::uint64_t /*seed*/) {
     const int width = static_cast<int>(std::lround(pixels));
-    AttackedPicture result{image.height + 2 * width, image.width + 2 * width, {}};
-    result.planes.assign(3 * static_cast<std::size_t>(result.height) * static_cast<std::size_t>(result.width), 0.96f);
-    const ImageView<float> framed{result.planes.data(), 3, result.height, result.width};
-    for (int c = 0; c < 3; ++c) {
-      for (int y = 0; y < image.height; ++y) {
-        for (int x = 0; x < image.width; ++x) framed(c, y + width, x + width) = image(c, y, x);
-      }
-    }
-    return result;
+    return detail::picture_on_page(image, image.height + 2 * width, image.width + 2 * width, width, width, 0.96f);
   }
 };
 /// What a chat service does: smaller, stronger colours, JPEG of quality 70.
@@ -157,8 +150,20 @@ struct ChatAttack {
   }
 };
 
+/// A photograph of a screen that was cut out roughly: smaller, a frame, JPEG of quality 80.
+struct ScreenshotAttack {
+  static constexpr std::string_view name = "screenshot";
+  static constexpr AttackAmount amount{0.8, 0.1, 2, "the factor of the sides"};
+  [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double factor, std::uint64_t seed) {
+    const AttackedPicture small = ResizeAttack::apply(image, factor, seed);
+    return JpegAttack::apply(FrameAttack::apply(small.view(), 16, seed).view(), 80, seed);
+  }
+};
+
 /// All that are shipped.
-using PictureAttacks = AttackList<CropAttack, ResizeAttack, RotationAttack, BlurAttack, NoiseAttack, BrightnessAttack,
-                                  GammaAttack, HueAttack, SaturationAttack, JpegAttack, FrameAttack, ChatAttack>;
+using PictureAttacks =
+    AttackList<CropAttack, ResizeAttack, RotationAttack, BlurAttack, NoiseAttack, BrightnessAttack, GammaAttack,
+               ContrastAttack, HueAttack, SaturationAttack, JpegAttack, FrameAttack, PageAttack, PaintAttack,
+               MirrorAttack, MedianAttack, SharpenAttack, LevelsAttack, ChatAttack, ScreenshotAttack>;
 
 }  // namespace compmark
