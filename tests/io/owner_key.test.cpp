@@ -209,7 +209,8 @@ TEST_CASE("io/owner_key: a key of version 2 derives through scrypt, and is anoth
     nlohmann::json json = good;
     json[field] = value;
     REQUIRE(write_json(bad, json).ok());
-    CAPTURE(field);
+    const std::string changed = field;
+    CAPTURE(changed);
     CHECK_FALSE(read_key(bad).ok());
   }
 }
