@@ -107,8 +107,9 @@ namespace detail {
 }
 
 /// A place from the render of search_camera(camera), [3, height, width].
-[[nodiscard]] inline SearchPlace search_place(const Camera<double>& camera, ImageView<const float> render,
-                                              FieldTransform& transform) {
+template <class T>
+[[nodiscard]] SearchPlace search_place(const Camera<double>& camera, ImageView<const float> render,
+                                       BasicFieldTransform<T>& transform) {
   SearchPlace place{camera, gradient_field(detail::grey_of(render), {}, render.width, render.height,
                                            (field_side - render.width) / 2, (field_side - render.height) / 2)};
   transform.forward(place.field);

@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <type_traits>
 #include <vector>
 
 #include "compmark/core/config.hpp"
@@ -77,13 +78,17 @@ inline constexpr int field_picture = 48;
   return field;
 }
 
-/// Transforms of fields and their correlation. One for each thread: it has scratch.
-class FieldTransform {
+/// Transforms of fields and their correlation. One for each thread: it has scratch. A template, so that who only
+/// includes this does not compile the Fourier transforms in float and long double.
+template <class T>
+class BasicFieldTransform {
+  static_assert(std::is_same_v<T, float>, "a ComplexField is of floats");
+
  public:
-  FieldTransform() : fft_(field_side), turned_{std::vector<float>(count), std::vector<float>(count)} {
-    static_assert(field_side % Fft<float>::lanes == 0);
+  BasicFieldTransform() : fft_(field_side), turned_{std::vector<float>(count), std::vector<float>(count)} {
+    static_assert(field_side % Fft<T>::lanes == 0);
     for (std::vector<float>* room : {&a_re_, &a_im_, &b_re_, &b_im_})
-      room->resize(fft_.room() * static_cast<std::size_t>(Fft<float>::lanes));
+      room->resize(fft_.room() * static_cast<std::size_t>(Fft<T>::lanes));
   }
 
   /// The field becomes its transform, with the axes exchanged.
@@ -121,14 +126,14 @@ class FieldTransform {
 
   template <bool ahead>
   void columns(ComplexField& field) {
-    constexpr auto lanes = static_cast<std::size_t>(Fft<float>::lanes);
+    constexpr auto lanes = static_cast<std::size_t>(Fft<T>::lanes);
     for (std::size_t first = 0; first < field_side; first += lanes) {
       for (std::size_t y = 0; y < field_side; ++y) {
         std::copy_n(field.re.data() + y * field_side + first, lanes, a_re_.data() + y * lanes);
         std::copy_n(field.im.data() + y * field_side + first, lanes, a_im_.data() + y * lanes);
       }
-      const ComplexLanes<float> data{a_re_.data(), a_im_.data()}, spare{b_re_.data(), b_im_.data()};
-      const ComplexLanes<float> result = ahead ? fft_.forward(data, spare) : fft_.backward(data, spare);
+      const ComplexLanes<T> data{a_re_.data(), a_im_.data()}, spare{b_re_.data(), b_im_.data()};
+      const ComplexLanes<T> result = ahead ? fft_.forward(data, spare) : fft_.backward(data, spare);
       for (std::size_t y = 0; y < field_side; ++y) {
         std::copy_n(result.re + y * lanes, lanes, field.re.data() + y * field_side + first);
         std::copy_n(result.im + y * lanes, lanes, field.im.data() + y * field_side + first);
@@ -148,9 +153,10 @@ class FieldTransform {
     columns<ahead>(field);
   }
 
-  Fft<float> fft_;
+  Fft<T> fft_;
   std::vector<float> a_re_, a_im_, b_re_, b_im_;
   ComplexField turned_;
 };
+using FieldTransform = BasicFieldTransform<float>;
 
 }  // namespace compmark
