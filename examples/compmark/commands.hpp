@@ -32,6 +32,7 @@ Command add_keygen(Options& app);
 Command add_claim(Options& app);
 Command add_extract(Options& app);
 Command add_verify(Options& app);
+Command add_certify(Options& app);
 Command add_calibrate(Options& app);
 Command add_attack(Options& app);
 

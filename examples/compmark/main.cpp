@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   add("claim", "write the line that an owner publishes before a marked model", tool::add_claim);
   add("extract", "read the bits of a model's renders or of images", tool::add_extract);
   add("verify", "test whether a key's message is in a model or in images, with a p-value", tool::add_verify);
+  add("certify", "verify, and write a record of it for somebody else", tool::add_certify);
   add("calibrate", "measure false positives of random keys on images", tool::add_calibrate);
   add("attack", "write an attacked model, or attacked images", tool::add_attack);
 

@@ -11,6 +11,7 @@
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/sha256.hpp>
+#include <compmark/math/mirror.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/ssim.hpp>
 #include <compmark/scene/image.hpp>
@@ -87,17 +88,10 @@ Result<std::vector<float>> aligned_render(AnyModel& model, const Registration& f
   const Result<RenderedView> render = model.render(found.camera, executor);
   if (!render) return render.error();
   const ImageView<const float> image = render->image;
-  std::vector<float> values(image.size());
+  std::vector<float> values(image.data, image.data + image.size());
   const ImageView<float> to{values.data(), 3, image.height, image.width};
-  for (int y = 0; y < image.height; ++y) {
-    for (int x = 0; x < image.width; ++x) {
-      const std::array<double, 3> color{static_cast<double>(image(0, y, x)), static_cast<double>(image(1, y, x)),
-                                        static_cast<double>(image(2, y, x))};
-      for (int c = 0; c < 3; ++c)
-        to(c, y, found.mirrored ? image.width - 1 - x : x) =
-            static_cast<float>(std::clamp(found.tone(static_cast<std::size_t>(c), color), 0.0, 1.0));
-    }
-  }
+  apply_tone(found.tone, to);
+  if (found.mirrored) mirror_rows(to);
   return values;
 }
 

@@ -37,7 +37,8 @@ inline void write_decoder(const std::filesystem::path& path, int bits) {
 }
 inline OwnerKey small_key(int number, std::size_t bits) {
   Digest256 secret{};
-  secret[0] = static_cast<std::byte>(number);
+  secret[0] = static_cast<std::byte>(number & 0xff);
+  secret[1] = static_cast<std::byte>(number >> 8);
   const Result<OwnerKey> key = make_key(secret, "2026-01-01T00:00:00Z", bits);
   REQUIRE(key.ok());
   return *key;

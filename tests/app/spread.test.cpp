@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <compmark/app/spread.hpp>
 #include <compmark/core/random.hpp>
@@ -85,6 +86,19 @@ TEST_CASE(
   CHECK(evidence.p_value < 1e-4);
   CHECK(wrong.p_value > 1e-3);
   CHECK(nothing.p_value > 1e-3);
+  // The null on what real pictures say, marked and not: other keys are at most p with probability p.
+  for (const std::vector<double>& said : {sums, sums_of(*unmarked, 0.02, files.executor)}) {
+    constexpr std::size_t keys = 2000;
+    std::array<std::size_t, 2> hits{};
+    for (int number = 100; number < 100 + static_cast<int>(keys); ++number) {
+      const double p = spread_evidence(spread_signs(testing::small_key(number, 48), reader->cells()), said).p_value;
+      hits[0] += p <= 0.1;
+      hits[1] += p <= 0.01;
+    }
+    CHECK(static_cast<double>(hits[0]) <= 0.1 * keys + 4 * std::sqrt(0.1 * keys));
+    CHECK(static_cast<double>(hits[1]) <= 0.01 * keys + 4 * std::sqrt(0.01 * keys));
+    CHECK(hits[0] > 0);
+  }
   ThreadExecutor alone(1);
   CHECK(sums_of(*marked, 0.02, alone) == sums);
 }

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "compmark/app/reading.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/core/views.hpp"
 #include "compmark/io/owner_key.hpp"
 #include "compmark/watermark/proof/report.hpp"
 #include "compmark/watermark/proof/spread_evidence.hpp"
@@ -36,9 +38,10 @@ struct InformedPicture {
 };
 
 struct InformedReport {
-  /// Message, sources and views as those of verify_files; `verification` has the verdict and the corrected p-value of
-  /// both tests together, and counts twice the tries.
+  /// As that of verify_files, of the message alone; its verification counts twice the tries, since there are two tests.
   VerificationReport report;
+  /// The same with the verdict and the corrected p-value of both tests together: what was found.
+  Verification together;
   std::vector<InformedPicture> pictures;
   SpreadEvidence spread;  ///< of all pictures together
 };
@@ -46,15 +49,25 @@ struct InformedReport {
 /// The longest side at which a picture is compared with the unmarked render, pixels.
 inline constexpr int informed_side = 800;
 
+/// Told of every picture whose camera was found: its name, the picture as it is compared (turned back if it is
+/// mirrored, at most informed_side), and the unmarked render of that camera in the picture's colours; both
+/// [3, height, width], for the time of the call.
+using ComparedObserver =
+    std::function<void(const std::string& name, ImageView<const float> picture, ImageView<const float> render)>;
+
 /// Reads the images of `reading` by its unmarked model. Errors are those of verify_files and of register_picture; a
-/// model whose anchors have no features. Cost: 10 s a picture of 400 x 400 on two threads at most, mostly to find its
-/// camera.
+/// model whose anchors have no features. Cost: mostly to find the camera; 2 to 26 s a picture of 400 x 400 were
+/// measured on two threads, beside other work.
 [[nodiscard]] Result<InformedReport> verify_informed(const OwnerKey& key, const ReadingSettings& reading,
                                                      const VerifySettings& settings, ThreadExecutor& executor,
-                                                     const WorkObserver& observer = {});
+                                                     const WorkObserver& observer = {},
+                                                     const ComparedObserver& compared = {});
 
 /// What was read of each picture, in lines, and of all together.
 [[nodiscard]] std::string informed_text(const InformedReport& report);
+
+/// What both tests say together, in a line; it stands between the evidence of the message and the verdict.
+[[nodiscard]] std::string together_text(const InformedReport& report);
 
 /// The entry "informed" of a report.
 template <class Json>
@@ -64,6 +77,8 @@ template <class Json>
   };
   Json json;
   json["spread"] = spread_json(report.spread);
+  json["message"] = Json{{"verdict", std::string(verdict_name(report.report.verification.verdict))},
+                         {"p_corrected", report.report.verification.p_corrected}};
   json["pictures"] = Json::array();
   for (const InformedPicture& picture : report.pictures) {
     json["pictures"].push_back(Json{{"name", picture.name},
@@ -77,7 +92,8 @@ template <class Json>
   return json;
 }
 
-/// Both tests as one verdict: `message` was made with settings.tries already doubled; so is the spread evidence here.
+/// Both tests as one verdict: `message` was made with settings.tries already doubled; the spread evidence is multiplied
+/// by the same here.
 [[nodiscard]] Verification both_verdicts(Verification message, const SpreadEvidence& spread);
 
 }  // namespace compmark

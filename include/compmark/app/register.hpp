@@ -26,6 +26,7 @@
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/area_resize.hpp"
+#include "compmark/math/mirror.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/orbit_view.hpp"
 #include "compmark/scene/register/camera_fit.hpp"
@@ -149,27 +150,27 @@ struct RegisterPicture {
   return places;
 }
 
-/// Finds the camera of a picture [3, height, width] of colours in [0, 1]. Error: a side below 32 pixels, or one of
-/// AnyModel::render. A picture of something else is no error: `found` is false.
+/// The least side of a picture whose camera is looked for, pixels.
+inline constexpr int register_least_side = 32;
+
+/// Finds the camera of a picture [3, height, width] of colours in [0, 1]. Error: a side below register_least_side, or
+/// one of AnyModel::render. A picture of something else, or of one colour, is no error: `found` is false.
 [[nodiscard]] inline Result<Registration> register_picture(AnyModel& model, std::span<const SearchPlace> places,
                                                            ImageView<const float> picture,
                                                            const RegisterSettings& settings, ThreadExecutor& executor) {
-  if (std::min(picture.width, picture.height) < 32)
+  if (std::min(picture.width, picture.height) < register_least_side)
     return Error{ErrorKind::invalid, "", "size",
                  "is " + std::to_string(picture.width) + " x " + std::to_string(picture.height) +
                      " pixels, too little to find a camera",
-                 "give pictures of at least 32 pixels a side"};
+                 "give pictures of at least " + std::to_string(register_least_side) + " pixels a side"};
   const int longest = std::max(picture.width, picture.height);
   // Mirrored pictures are candidates like the others.
   std::vector<float> turned;
   std::array<ImageView<const float>, 2> sides{picture, picture};
   if (settings.mirrored) {
-    turned.resize(picture.size());
+    turned.assign(picture.data, picture.data + picture.size());
     const ImageView<float> view{turned.data(), 3, picture.height, picture.width};
-    for (int c = 0; c < 3; ++c) {
-      for (int y = 0; y < picture.height; ++y)
-        std::reverse_copy(picture.row(c, y), picture.row(c, y) + picture.width, view.row(c, y));
-    }
+    mirror_rows(view);
     sides[1] = view;
   }
   struct Candidate {

@@ -38,8 +38,8 @@ struct SpreadMarked {
   double cell_side = 0;   ///< units of the model
 };
 
-/// Marks a model. Error: too few anchors for evidence, or no features. Cost: 30 forward and backward passes, then some
-/// 100 renders.
+/// Marks a model. Error: too few anchors for evidence, or no features. Cost: 30 forward and backward passes, then 72
+/// renders.
 [[nodiscard]] Result<SpreadMarked> mark_spread(const OwnerKey& key, const SpreadMarkSettings& settings,
                                                ThreadExecutor& executor, const WorkObserver& observer = {});
 

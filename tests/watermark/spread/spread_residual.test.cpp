@@ -77,6 +77,36 @@ TEST_CASE("watermark/spread_residual: a picture that was blurred is compared wit
   CHECK(told(soft.values) > 3 * std::abs(told(plain)));
 }
 
+TEST_CASE("watermark/spread_residual: a camera that errs by a fraction of a pixel and another tone hide no mark") {
+  const std::vector<float> render = testing::textured_picture(side, 5), mark = pattern(0.004f);
+  std::vector<float> picture(3 * plane);
+  for (std::size_t i = 0; i < picture.size(); ++i) {
+    const std::size_t next = i % side + 1 < side ? i + 1 : i;
+    picture[i] = std::pow(0.7f * render[i] + 0.3f * render[next] + mark[i], 1.1f);
+  }
+  const auto told = [&](const std::vector<float>& residual) {
+    return product(residual, mark) / std::sqrt(product(residual, residual) * product(mark, mark));
+  };
+  const Residual residual(picture, render);
+  // Negative control: the same without what a camera and a tone explain being taken out.
+  std::vector<float> left(3 * plane), variance(3 * plane);
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    left[i] = picture[i] - render[i];
+    variance[i] = left[i] * left[i];
+  }
+  detail::blur_planes(variance, side, side, spread_window);
+  for (std::size_t i = 0; i < left.size(); ++i) left[i] /= variance[i] + spread_least_variance;
+  MESSAGE("correlation with the mark ", told(residual.values), ", without it ", told(left));
+  CHECK(told(residual.values) > 2 * std::abs(told(left)));
+}
+
+TEST_CASE("watermark/spread_residual: what is no number breaks nothing") {
+  const std::vector<float> render = testing::textured_picture(side, 6), none(3 * plane, NAN);
+  CHECK(Residual(none, render).blur == 0);
+  CHECK(Residual(render, none).blur == 0);
+  CHECK(Residual(render, render, std::vector<float>(plane, NAN)).blur == 0);
+}
+
 TEST_CASE("watermark/spread_residual: what does not show the scene says nothing, and nothing is divided by zero") {
   const std::vector<float> render = testing::textured_picture(side, 4);
   std::vector<float> picture = render, weight(plane, 1.0f);

@@ -6,9 +6,11 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "compmark/app/files.hpp"
@@ -17,6 +19,24 @@
 #include "compmark/io/sha256.hpp"
 
 namespace compmark {
+namespace detail {
+
+/// The items a user asked for, evenly spaced: the same ones for everybody. 0: all.
+template <class T>
+void keep_evenly(std::vector<T>& items, std::size_t count) {
+  if (count == 0 || count >= items.size()) return;
+  std::vector<T> kept;
+  for (std::size_t i = 0; i < count; ++i) kept.push_back(std::move(items[i * items.size() / count]));
+  items = std::move(kept);
+}
+
+/// An error that names a file: this one, if it named none.
+inline Error named(Error error, const std::filesystem::path& file) {
+  if (error.file.empty()) error.file = file.string();
+  return error;
+}
+
+}  // namespace detail
 
 COMPMARK_APP_INLINE Result<std::string> file_sha256(const std::filesystem::path& path) {
   const Result<std::vector<std::byte>> bytes = read_file(path);

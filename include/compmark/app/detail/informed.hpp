@@ -22,6 +22,7 @@
 #include "compmark/app/informed.hpp"
 #include "compmark/app/register.hpp"
 #include "compmark/math/area_resize.hpp"
+#include "compmark/math/mirror.hpp"
 #include "compmark/watermark/decoder/subject_box.hpp"
 #include "compmark/watermark/proof/key.hpp"
 
@@ -52,19 +53,17 @@ inline std::vector<float> resized_weight(const std::vector<float>& from, int fro
   return to;
 }
 
-/// Leaves a part of an image.
-inline void cut_to(ReadImage& image, const PictureBox& box) {
-  std::vector<float> part;
-  part.reserve(3 * static_cast<std::size_t>(box.width) * static_cast<std::size_t>(box.height));
+/// A part of an image.
+inline ReadImage part_of(const ReadImage& image, const PictureBox& box) {
+  ReadImage part{{}, box.width, box.height, image.sha256};
+  part.planes.reserve(3 * static_cast<std::size_t>(box.width) * static_cast<std::size_t>(box.height));
   for (int c = 0; c < 3; ++c) {
     for (int y = box.top; y < box.top + box.height; ++y) {
       const auto row = image.planes.begin() + (static_cast<std::ptrdiff_t>(c) * image.height + y) * image.width;
-      part.insert(part.end(), row + box.left, row + box.left + box.width);
+      part.planes.insert(part.planes.end(), row + box.left, row + box.left + box.width);
     }
   }
-  image.planes = std::move(part);
-  image.width = box.width;
-  image.height = box.height;
+  return part;
 }
 
 inline Result<ComparedPicture> compare_picture(AnyModel& model, const Registration& found,
@@ -89,21 +88,20 @@ inline Result<ComparedPicture> compare_picture(AnyModel& model, const Registrati
     std::vector<float> shown(small.view.size());
     AreaResize<float>().forward(ImageView<const float>(render->image), ImageView<float>{shown.data(), 3, height, width},
                                 executor);
-    const std::size_t plane = shown.size() / 3;
+    apply_tone(found.tone, ImageView<float>{shown.data(), 3, height, width});
+    const std::size_t plane = compared.weight.size();
     double error = 0;
-    for (std::size_t i = 0; i < plane; ++i) {
-      std::array<double, 3> color{};
-      for (std::size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(shown[c * plane + i]);
-      for (std::size_t c = 0; c < 3; ++c) {
-        shown[c * plane + i] = static_cast<float>(std::clamp(found.tone(c, color), 0.0, 1.0));
-        const double d =
-            static_cast<double>(shown[c * plane + i]) - static_cast<double>(compared.picture[c * plane + i]);
-        error += static_cast<double>(compared.weight[i]) * d * d;
-      }
+    for (std::size_t i = 0; i < shown.size(); ++i) {
+      const double d = static_cast<double>(shown[i]) - static_cast<double>(compared.picture[i]);
+      error += static_cast<double>(compared.weight[i % plane]) * d * d;
     }
     if (!(error < least)) continue;
     least = error;
     compared.render = std::move(shown);
+  }
+  if (compared.render.empty()) {
+    return Error{ErrorKind::invalid, model.file().string(), "render", "is not finite at the camera of the picture",
+                 "check the unmarked model"};
   }
   const std::size_t plane = compared.weight.size();
   compared.filled = compared.render;
@@ -147,22 +145,22 @@ COMPMARK_APP_INLINE std::string informed_text(const InformedReport& report) {
   return text;
 }
 
+COMPMARK_APP_INLINE std::string together_text(const InformedReport& report) {
+  return "together    " + detail::short_number(report.together.p_corrected) +
+         ": the smaller p-value of message and spread mark, corrected for both tests\n";
+}
+
 COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, const ReadingSettings& reading,
                                                            const VerifySettings& settings, ThreadExecutor& executor,
-                                                           const WorkObserver& observer) {
+                                                           const WorkObserver& observer, const ComparedObserver& each) {
   if (const Result<Done> checked = check_settings(settings); !checked) return checked.error();
   const Result<FileDecoder> decoder = open_decoder(reading.decoder, &key);
   if (!decoder) return decoder.error();
-  const Result<std::string> decoder_digest = file_sha256(reading.decoder);
-  if (!decoder_digest) return decoder_digest.error();
   Result<AnyModel> model = AnyModel::open(reading.unmarked, executor);
   if (!model) return model.error();
   const Result<std::string> digest = file_sha256(reading.unmarked);
   if (!digest) return digest.error();
-  const auto of_model = [&](Error error) {
-    if (error.file.empty()) error.file = reading.unmarked.string();
-    return error;
-  };
+  const auto of_model = [&](const Error& error) { return detail::named(error, reading.unmarked); };
   Result<SpreadReader> spread = SpreadReader::make(*model, executor);
   if (!spread) return of_model(spread.error());
   RegisterSettings registration;
@@ -174,15 +172,11 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   detail::keep_evenly(*files, reading.views);
 
   InformedReport result;
-  ReportSources& sources = result.report.sources;
-  sources.program = std::string("compmark ") + version;
-  sources.decoder = reading.decoder.filename().string();
-  sources.decoder_sha256 = *decoder_digest;
-  sources.unmarked = reading.unmarked.filename().string();
-  sources.unmarked_sha256 = *digest;
-  sources.key_id = key.id();
-  sources.key_commitment = key.commitment();
-  sources.key_created = key.created;
+  Result<ReportSources> sources = detail::sources_of(reading.decoder, &key);
+  if (!sources) return sources.error();
+  result.report.sources = std::move(*sources);
+  result.report.sources.unmarked = reading.unmarked.filename().string();
+  result.report.sources.unmarked_sha256 = *digest;
   const std::vector<std::int8_t> signs = spread_signs(key, spread->cells());
   std::vector<double> all(signs.size(), 0.0);
   FileDecoder::Context context;
@@ -192,24 +186,25 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   for (const std::filesystem::path& path : *files) {
     if (Result<Done> done = detail::read_planes(path, as_is, image); !done) return done.error();
     ImageView<float> planes{image.planes.data(), 3, image.height, image.width};
-    Result<Registration> found =
-        register_picture(*model, *places, ImageView<const float>(planes), registration, executor);
+    const auto look = [&](ImageView<const float> picture) -> Result<Registration> {
+      if (std::min(picture.width, picture.height) < register_least_side) return Registration{};
+      Result<Registration> found = register_picture(*model, *places, picture, registration, executor);
+      return found ? std::move(found) : Result<Registration>(detail::named(found.error(), path));
+    };
+    Result<Registration> found = look(ImageView<const float>(planes));
     // A page or a frame round the subject hides what it looks like: without flat lines, it is looked for again.
     const PictureBox box = subject_box(ImageView<const float>(planes), 64);
     if (found && !found->found && (box.height < image.height || box.width < image.width)) {
-      detail::cut_to(image, box);
-      planes = {image.planes.data(), 3, image.height, image.width};
-      found = register_picture(*model, *places, ImageView<const float>(planes), registration, executor);
+      detail::ReadImage part = detail::part_of(image, box);
+      found = look(ImageView<const float>{part.planes.data(), 3, part.height, part.width});
+      if (found && found->found) {
+        image = std::move(part);
+        planes = {image.planes.data(), 3, image.height, image.width};
+      }
     }
-    if (!found) {
-      Error error = found.error();
-      if (error.file.empty()) error.file = path.string();
-      return error;
-    }
-    if (found->mirrored) {
-      for (auto row = image.planes.begin(); row != image.planes.end(); row += image.width)
-        std::reverse(row, row + image.width);
-    }
+    if (!found) return found.error();
+    // A picture without a camera is read as it is.
+    if (found->found && found->mirrored) mirror_rows(planes);
     InformedPicture said{path.filename().string(),
                          found->found,
                          found->likeness,
@@ -225,6 +220,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
       if (!both) return both.error();
       compared = std::move(*both);
       read = {compared.picture.data(), 3, compared.camera.height, compared.camera.width};
+      if (each) each(said.name, read, {compared.render.data(), 3, read.height, read.width});
       std::vector<double> sums(signs.size(), 0.0);
       const Result<double> blur = spread->add(read, {compared.render.data(), 3, read.height, read.width},
                                               compared.weight, compared.camera, executor, sums);
@@ -258,7 +254,8 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   twice.tries *= 2;
   Result<Verification> message = verify_message(message_of(key), result.report.views, twice);
   if (!message) return message.error();
-  result.report.verification = both_verdicts(std::move(*message), result.spread);
+  result.report.verification = std::move(*message);
+  result.together = both_verdicts(result.report.verification, result.spread);
   return result;
 }
 

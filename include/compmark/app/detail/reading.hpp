@@ -21,6 +21,7 @@
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/io/sha256.hpp"
+#include "compmark/math/mirror.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/scene/image.hpp"
 #include "compmark/scene/turn.hpp"
@@ -30,17 +31,24 @@
 namespace compmark {
 namespace detail {
 
-/// The views a user asked for, evenly spaced: the same ones for everybody.
-template <class T>
-void keep_evenly(std::vector<T>& items, std::size_t count) {
-  if (count == 0 || count >= items.size()) return;
-  std::vector<T> kept;
-  for (std::size_t i = 0; i < count; ++i) kept.push_back(std::move(items[i * items.size() / count]));
-  items = std::move(kept);
-}
-
 /// Of an image while it is read, at most: its floats, their blurs and what is read at each position.
 inline constexpr std::uint64_t read_bytes_a_pixel = 56;
+
+/// What every report says of its decoder and its key (none: nullptr).
+inline Result<ReportSources> sources_of(const std::filesystem::path& decoder, const OwnerKey* key) {
+  const Result<std::string> digest = file_sha256(decoder);
+  if (!digest) return digest.error();
+  ReportSources sources;
+  sources.program = std::string("compmark ") + version;
+  sources.decoder = decoder.filename().string();
+  sources.decoder_sha256 = *digest;
+  if (key != nullptr) {
+    sources.key_id = key->id();
+    sources.key_commitment = key->commitment();
+    sources.key_created = key->created;
+  }
+  return sources;
+}
 
 /// An image as floats in [0, 1], and the name of its file. A large image is never held in two forms longer than needed:
 /// the file, its pixels, their planes and the floats are 20 bytes a pixel together, and the floats alone are 12.
@@ -80,10 +88,7 @@ inline Result<Done> read_planes(const std::filesystem::path& path, const Reading
   }
   read.planes.resize(planes.size());
   for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
-  if (settings.mirrored) {
-    for (auto row = read.planes.begin(); row != read.planes.end(); row += read.width)
-      std::reverse(row, row + read.width);
-  }
+  if (settings.mirrored) mirror_rows(ImageView<float>{read.planes.data(), 3, read.height, read.width});
   return Done{};
 }
 
@@ -246,8 +251,8 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   }
   Result<FileDecoder> decoder = open_decoder(settings.decoder, key ? &*key : nullptr);
   if (!decoder) return decoder.error();
-  const Result<std::string> digest = file_sha256(settings.decoder);
-  if (!digest) return digest.error();
+  Result<ReportSources> sources = detail::sources_of(settings.decoder, key ? &*key : nullptr);
+  if (!sources) return sources.error();
   if (!settings.interference.empty() && !settings.unmarked.empty()) {
     return Error{ErrorKind::invalid,
                  {},
@@ -257,6 +262,7 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   }
   std::optional<CoverInterference> interference;
   Reading reading;
+  reading.sources = std::move(*sources);
   if (!settings.interference.empty()) {
     Result<CoverInterference> opened =
         open_interference(settings.interference, settings.decoder, key ? &*key : nullptr);
@@ -274,14 +280,6 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
     reading.sources.interference_sha256 = *said;
   }
   reading.bits = static_cast<std::size_t>(decoder->bits());
-  reading.sources.program = std::string("compmark ") + version;
-  reading.sources.decoder = settings.decoder.filename().string();
-  reading.sources.decoder_sha256 = *digest;
-  if (key) {
-    reading.sources.key_id = key->id();
-    reading.sources.key_commitment = key->commitment();
-    reading.sources.key_created = key->created;
-  }
   const CoverInterference* const less = interference ? &*interference : nullptr;
   const Result<Done> read = settings.model.empty()
                                 ? detail::read_images(settings, *decoder, less, executor, observer, reading)

@@ -14,7 +14,9 @@
 #include <vector>
 
 #include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/detail/files.hpp"
 #include "compmark/app/spread.hpp"
+#include "compmark/metric/psnr.hpp"
 #include "compmark/watermark/spread/spread_residual.hpp"
 
 namespace compmark {
@@ -27,10 +29,8 @@ inline std::vector<StoredView> spread_views(const ModelInfo& info, std::size_t c
     if (!view.test) views.push_back(view);
   }
   if (views.empty()) views = info.views;
-  std::vector<StoredView> kept;
-  const std::size_t most = std::min(count, views.size());
-  for (std::size_t i = 0; i < most; ++i) kept.push_back(views[i * views.size() / most]);
-  return kept;
+  keep_evenly(views, count);
+  return views;
 }
 
 inline MatrixView<float> feature_rows(AnyModel& model) {
@@ -110,11 +110,7 @@ COMPMARK_APP_INLINE Result<SpreadMarked> mark_spread(const OwnerKey& key, const 
   Result<AnyModel> model = AnyModel::open(settings.model, executor);
   if (!model) return model.error();
   const Result<SpreadReader> reader = SpreadReader::make(*model, executor);
-  if (!reader) {
-    Error error = reader.error();
-    if (error.file.empty()) error.file = settings.model.string();
-    return error;
-  }
+  if (!reader) return detail::named(reader.error(), settings.model);
   const std::vector<std::int8_t> signs = spread_signs(key, reader->cells());
   const MatrixView<float> feature = detail::feature_rows(*model);
   const std::vector<float> before(feature.data, feature.data + feature.size());
@@ -136,19 +132,16 @@ COMPMARK_APP_INLINE Result<SpreadMarked> mark_spread(const OwnerKey& key, const 
     for (std::size_t i = 0; i < views.size(); ++i) {
       const Result<RenderedView> render = model->render(views[i], executor);
       if (!render) return render.error();
-      double sum = 0;
-      for (std::size_t p = 0; p < plain[i].size(); ++p) {
-        const double d = static_cast<double>(render->image.data[p]) - static_cast<double>(plain[i][p]);
-        sum += d * d;
-      }
-      error += sum / static_cast<double>(plain[i].size()) / static_cast<double>(views.size());
+      const ImageView<const float> marked_view(render->image);
+      const ImageView<const float> plain_view{plain[i].data(), 3, marked_view.height, marked_view.width};
+      error += mean_squared_error(marked_view, plain_view) / static_cast<double>(views.size());
     }
     if (Result<Done> on = detail::tell(observer, static_cast<std::size_t>(round) + 1, rounds); !on) return on.error();
     if (!(error > 0)) {
       return Error{ErrorKind::unsupported, settings.model.string(), "anchor.feature",
                    "no training view changes with the features", "give a trained model"};
     }
-    marked.psnr = -10 * std::log10(error);
+    marked.psnr = psnr_from_mse(error);
     if (round + 1 < rounds) marked.strength *= std::sqrt(wanted / error);
   }
   if (Result<Done> written = model->write(settings.out); !written) return written.error();

@@ -117,7 +117,7 @@ template <class T>
 }
 
 /// The `wanted` most alike places for a picture [3, height, width], best first, each with its best turn, scale and
-/// shift. Ties go to the earlier place; same order at any thread count.
+/// shift; none for a picture of one colour. Ties go to the earlier place; same order at any thread count.
 template <Executor E>
 [[nodiscard]] std::vector<SearchMatch> search_cameras(std::span<const SearchPlace> places,
                                                       ImageView<const float> picture, const SearchSettings& settings,
@@ -154,12 +154,16 @@ template <Executor E>
       for (const Variant& variant : variants) {
         const FieldTransform::Peak peak = own.peak(variant.field, places[p].field);
         if (!(peak.value > best[p].likeness)) continue;
+        // A place's render of an odd side lies half a pixel beside the middle of the square (search_place).
+        const Camera<double> drawn = search_camera(places[p].camera);
         best[p] = {detail::matched_camera(places[p].camera, picture.width, picture.height, variant.angle, variant.scale,
-                                          peak.x, peak.y),
+                                          peak.x + 0.5 * (drawn.width & 1), peak.y + 0.5 * (drawn.height & 1)),
                    peak.value, p};
       }
     }
   });
+  // A picture without an edge is like no place.
+  std::erase_if(best, [](const SearchMatch& match) { return !(match.likeness > 0); });
   std::stable_sort(best.begin(), best.end(),
                    [](const SearchMatch& a, const SearchMatch& b) { return a.likeness > b.likeness; });
   best.resize(std::min(best.size(), wanted));

@@ -110,4 +110,15 @@ template <Executor E>
   return tone;
 }
 
+/// `image` [3, height, width] in the colours of the picture, kept in [0, 1], in place.
+inline void apply_tone(const ToneMap& tone, ImageView<float> image) {
+  const std::size_t plane = image.plane_size();
+  for (std::size_t i = 0; i < plane; ++i) {
+    std::array<double, 3> color{};
+    for (std::size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(image.data[c * plane + i]);
+    for (std::size_t c = 0; c < 3; ++c)
+      image.data[c * plane + i] = static_cast<float>(std::clamp(tone(c, color), 0.0, 1.0));
+  }
+}
+
 }  // namespace compmark

@@ -169,8 +169,9 @@ template <class Json>
   return json;
 }
 
-/// The verdict in sentences, for whoever has to decide on it. Lines end with '\n'.
-[[nodiscard]] inline std::string report_text(const Verification& v) {
+/// What was read and how likely chance reads it, for whoever has to decide: all lines of a report but the verdict. Each
+/// ends with '\n'.
+[[nodiscard]] inline std::string evidence_text(const Verification& v) {
   const auto number = [](double x) { return detail::short_number(x); };
   const auto percent = [](double x) { return detail::short_number(100 * x, "%.1f") + " %"; };
   const auto count = [](std::size_t n, const char* thing) {
@@ -191,23 +192,30 @@ template <class Json>
   text += v.threshold ? std::to_string(*v.threshold) + " matches, for a false-positive rate of " + rate + "\n"
                       : count(v.bits, "bit") + " cannot reach a false-positive rate of " + rate + " with " +
                             count(static_cast<std::size_t>(v.settings.tries), "test") + "\n";
-  text += "each view   mean bit accuracy " + percent(accuracy.mean) + ", lowest " + percent(accuracy.min) + " (p " +
-          number(accuracy.largest_p) + "); views of one scene are no independent proofs and are not multiplied\n";
+  return text + "each view   mean bit accuracy " + percent(accuracy.mean) + ", lowest " + percent(accuracy.min) +
+         " (p " + number(accuracy.largest_p) +
+         "); views of one scene are no independent proofs and are not multiplied\n";
+}
+
+/// The verdict as one line, which ends with '\n'.
+[[nodiscard]] inline std::string verdict_text(const Verification& v) {
   switch (v.verdict) {
     case Verdict::detected:
-      return text +
-             "DETECTED: these images carry the mark of this key; chance alone passes this test with a probability "
-             "of at most " +
-             rate + "\n";
+      return "DETECTED: these images carry the mark of this key; chance alone passes this test with a probability of "
+             "at "
+             "most " +
+             detail::short_number(v.settings.false_positive_rate) + "\n";
     case Verdict::not_detected:
-      return text + "NOT DETECTED: no evidence of this key's message. It does not prove that there never was one\n";
+      return "NOT DETECTED: no evidence of this key's message. It does not prove that there never was one\n";
     case Verdict::inconclusive:
       break;
   }
-  return text + (v.threshold
-                     ? "INCONCLUSIVE: more than chance would suggest, less than the chosen rate asks for (p up to " +
-                           number(v.settings.suspicion) + "). Read more views\n"
-                     : "INCONCLUSIVE: no number of matches could decide at this rate. Use a longer message\n");
+  if (!v.threshold) return "INCONCLUSIVE: no number of matches could decide at this rate. Use a longer message\n";
+  return "INCONCLUSIVE: more than chance would suggest, less than the chosen rate asks for (p up to " +
+         detail::short_number(v.settings.suspicion) + "). Read more views\n";
 }
+
+/// Both: the report in sentences.
+[[nodiscard]] inline std::string report_text(const Verification& v) { return evidence_text(v) + verdict_text(v); }
 
 }  // namespace compmark

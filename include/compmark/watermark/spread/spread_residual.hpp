@@ -3,7 +3,7 @@
 //
 // What a picture says beyond the unmarked render at its camera: their difference, after the render was made as soft as
 // the picture, over its local variance, so that edges and covered parts do not speak louder than the plain areas where
-// a mark is heard. Nothing here knows a key, so that nothing here can make evidence. Serial; 400 x 400 takes 0.15 s.
+// a mark is heard. Nothing here knows a key, so that nothing here can make evidence. Serial; 400 x 400 takes 0.2 s.
 #pragma once
 
 #include <algorithm>
@@ -14,44 +14,27 @@
 #include <span>
 #include <vector>
 
+#include "compmark/core/buffer.hpp"
+#include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/math/separable_map.hpp"
 #include "compmark/math/symmetric.hpp"
 
 namespace compmark {
 
 namespace detail {
 
-/// Gaussian blur of each plane, by its two passes; a border repeats its last pixel.
+/// Gaussian blur of planes [..., height, width].
 inline void blur_planes(std::vector<float>& planes, int width, int height, double sigma) {
-  const int reach = static_cast<int>(std::ceil(3 * sigma));
-  std::vector<float> taps;
-  double total = 0;
-  for (int i = -reach; i <= reach; ++i) total += std::exp(-0.5 * i * i / (sigma * sigma));
-  for (int i = -reach; i <= reach; ++i)
-    taps.push_back(static_cast<float>(std::exp(-0.5 * i * i / (sigma * sigma)) / total));
-  const std::size_t w = static_cast<std::size_t>(width), plane = w * static_cast<std::size_t>(height);
-  std::vector<float> row(w + 2 * static_cast<std::size_t>(reach)), turned(plane);
-  for (std::size_t begin = 0; begin < planes.size(); begin += plane) {
-    for (int y = 0; y < height; ++y) {
-      const float* const from = planes.data() + begin + static_cast<std::size_t>(y) * w;
-      for (int x = -reach; x < width + reach; ++x)
-        row[static_cast<std::size_t>(x + reach)] = from[std::clamp(x, 0, width - 1)];
-      float* const to = turned.data() + static_cast<std::size_t>(y) * w;
-      std::fill_n(to, w, 0.0f);
-      for (std::size_t i = 0; i < taps.size(); ++i) {
-        for (std::size_t x = 0; x < w; ++x) to[x] += taps[i] * row[x + i];
-      }
-    }
-    for (int y = 0; y < height; ++y) {
-      float* const to = planes.data() + begin + static_cast<std::size_t>(y) * w;
-      std::fill_n(to, w, 0.0f);
-      for (int i = -reach; i <= reach; ++i) {
-        const float* const from = turned.data() + static_cast<std::size_t>(std::clamp(y + i, 0, height - 1)) * w;
-        const float tap = taps[static_cast<std::size_t>(i + reach)];
-        for (std::size_t x = 0; x < w; ++x) to[x] += tap * from[x];
-      }
-    }
-  }
+  const SeparableMap<float> map{RunTable<float>::gaussian(height, sigma), RunTable<float>::gaussian(width, sigma)};
+  const auto channels =
+      static_cast<int>(planes.size() / (static_cast<std::size_t>(width) * static_cast<std::size_t>(height)));
+  std::vector<float> soft(planes.size());
+  Buffer<float> scratch;
+  SerialExecutor serial;
+  map.apply(ImageView<const float>{planes.data(), channels, height, width},
+            ImageView<float>{soft.data(), channels, height, width}, scratch, serial);
+  planes.swap(soft);
 }
 
 }  // namespace detail
@@ -128,7 +111,7 @@ inline double spread_residual(ImageView<const float> picture, ImageView<const fl
                               std::span<const float> weight, ImageView<float> residual) {
   const int width = picture.width, height = picture.height;
   const std::size_t plane = picture.plane_size(), count = picture.size();
-  std::vector<float> best;
+  std::vector<float> best(render.data, render.data + count);  // stays, if nothing can be compared
   double least = std::numeric_limits<double>::infinity(), blur = 0;
   for (const double sigma : spread_blurs) {
     std::vector<float> soft(render.data, render.data + count);

@@ -1,0 +1,136 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+#include "verification.hpp"
+
+#include <compmark/app/run/mark_record.hpp>
+#include <compmark/app/verify.hpp>
+#include <utility>
+
+#include "common.hpp"
+#include "run_folder.hpp"
+
+namespace tool {
+
+using namespace compmark;
+
+void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& options) {
+  app.reads("--key", options->key, InputKind::key, "the owner's key file (compmark keygen)")->required();
+  add_reading_options(app, options->reading);
+  app.number("--alpha", options->alpha, RealRange{0, 1, true},
+             "false-positive rate you accept; choose it before you look")
+      ->capture_default_str();
+  app.number("--tests", options->tests, WholeRange{1, 1'000'000'000'000'000},
+             "number of tests in all: keys times crops times models; the p-value is multiplied by "
+             "it")
+      ->capture_default_str();
+  app.flag("--mirrored", options->mirrored,
+           "the images may have been mirrored: read them both ways, which counts as two tests");
+  app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
+  app.reads("--claim", options->proof.claim, InputKind::claim,
+            "the claim that was published before the images (compmark claim)");
+  app.reads("--time-stamp", options->proof.time_stamp, InputKind::time_stamp,
+            "the claim's time stamp, as an authority answered it (RFC 3161)");
+  app.flag("--any-decoder", options->any_decoder,
+           "use this decoder even if the record of this key (KEY.record) names another one");
+}
+
+Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver& compared) {
+  VerifySettings settings;
+  settings.false_positive_rate = options.alpha;
+  settings.tries = options.tests;
+  if (const Result<Done> checked = check_settings(settings); !checked) return checked.error();
+  Result<OwnerKey> key = load_key(options.key);
+  if (!key) return key.error();
+  Verified verified{std::move(*key), {}, {}, {}, {}, {}, {}};
+  // A claim that is not of this key is told before the reading.
+  if (const Result<ProofBasis> claimed = proof_basis(verified.key, {}, options.proof); !claimed) return claimed.error();
+  if (!options.any_decoder) {
+    const Result<Done> recorded =
+        check_recorded(options.key, verified.key, options.reading.decoder, options.reading.model, print_warning);
+    if (!recorded) return recorded.error();
+  }
+  ThreadExecutor executor(options.reading.threads);
+  tell_threads(executor, options.reading.threads);
+  const ReadingSettings reading = reading_settings(options.reading);
+  if (reading.model.empty() && !reading.unmarked.empty()) {
+    if (!reading.interference.empty()) {
+      return Error{ErrorKind::invalid, reading.interference.string(), "--interference",
+                   "is given with --unmarked, which says more", "leave it out"};
+    }
+    ReadingSettings either_way = reading;
+    either_way.mirrored = options.mirrored;  // which way is found without the key, and counts once
+    Result<InformedReport> read = verify_informed(verified.key, either_way, settings, executor, {}, compared);
+    if (!read) return read.error();
+    verified.report = read->report;
+    verified.verdict = read->together;
+    verified.informed = std::move(*read);
+  } else {
+    Result<VerificationReport> read = options.mirrored ? verify_either_way(verified.key, reading, settings, executor)
+                                                       : verify_files(verified.key, reading, settings, executor);
+    if (!read) return read.error();
+    verified.report = std::move(*read);
+    verified.verdict = verified.report.verification;
+  }
+  Result<ProofBasis> basis = proof_basis(verified.key, verified.report.sources, options.proof);
+  if (!basis) return basis.error();
+  verified.basis = std::move(*basis);
+  verified.standing = standing_of(verified.verdict, verified.basis);
+  if (verified.key.corrects != 0) verified.payload = payload_text(verified.key, verified.report.verification.read);
+  return verified;
+}
+
+nlohmann::ordered_json verified_json(const Verified& verified) {
+  nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(verified.report);
+  json["proof"] = standing_json<nlohmann::ordered_json>(verified.standing, verified.basis);
+  if (verified.payload) json["payload"] = verified.payload->json;
+  if (verified.informed) {
+    json["verdict"] =
+        std::string(verdict_name(verified.verdict.verdict));  // of both tests; the message's is in "informed"
+    json["p_corrected"] = verified.verdict.p_corrected;
+    json["informed"] = informed_json<nlohmann::ordered_json>(*verified.informed);
+  }
+  return json;
+}
+
+std::string verified_text(const Verified& verified) {
+  const ReportSources& from = verified.report.sources;
+  std::string text;
+  const auto line = [&](const char* label, const std::string& rest) { text += label + rest + "\n"; };
+  line("key         ", from.key_id + ", created " + from.key_created + " according to the key file");
+  line("commitment  ", from.key_commitment);
+  line("decoder     ", from.decoder + ", sha256 " + from.decoder_sha256);
+  if (verified.basis.claimed) {
+    line("claim       ", "sha256 " + verified.basis.claim_sha256 +
+                             (verified.basis.dated.empty() ? "" : ", stamped " + verified.basis.dated));
+  }
+  if (!from.model.empty()) line("model       ", from.model + ", sha256 " + from.model_sha256);
+  if (!from.unmarked.empty()) line("less        ", from.unmarked + ", sha256 " + from.unmarked_sha256);
+  if (!from.interference.empty()) {
+    line("less        ",
+         from.interference + ", sha256 " + from.interference_sha256 + ": what the unmarked scene says by itself");
+  }
+  if (verified.payload) text += verified.payload->line;
+  if (verified.report.mirrored) {
+    line("mirrored    ",
+         std::string(*verified.report.mirrored ? "the images are read better so" : "the images are read as they are") +
+             "; both ways were read, which is two tests");
+  }
+  if (verified.informed) text += informed_text(*verified.informed);
+  text += evidence_text(verified.report.verification);
+  if (verified.informed) text += together_text(*verified.informed);
+  return text + verdict_text(verified.verdict, verified.standing);
+}
+
+int verified_code(const Verified& verified) {
+  switch (verified.verdict.verdict) {
+    case Verdict::detected:
+      return verified.standing.kind == StandingKind::not_a_proof ? inconclusive : success;
+    case Verdict::not_detected:
+      return not_detected;
+    case Verdict::inconclusive:
+      break;
+  }
+  return inconclusive;
+}
+
+}  // namespace tool
