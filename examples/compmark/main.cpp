@@ -5,7 +5,7 @@
 // detected), 1 verify: not detected, 2 error (one line says what, where and what to do), 3 verify: inconclusive, 4
 // decompress --salvage: something was lost, 130 interrupted (a checkpoint was written).
 #include <CLI/CLI.hpp>
-#include <algorithm>
+#include <compmark/version.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
   CLI::App app{"compmark: train, protect and ship 3D Gaussian splats on the CPU"};
   app.require_subcommand(1);
   app.set_help_all_flag("--help-all", "help of all subcommands");
+  app.set_version_flag("--version", std::string("compmark ") + compmark::version);
 
   struct Entry {
     std::string name;
@@ -71,12 +72,11 @@ int main(int argc, char** argv) {
       "print all options of all commands as JSON: files that are read, files that are "
       "written, ranges of numbers");
 
-  std::vector<std::string> words = tool::with_new_names({argv + 1, argv + argc});
-  std::reverse(words.begin(), words.end());  // the parser takes them from the end
+  const std::vector<std::string> words = tool::with_new_names({argv + 1, argv + argc});
   try {
-    app.parse(words);
+    app.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // the parser takes them from the end
   } catch (const CLI::ParseError& error) {
-    return tool::finish_output(tool::answer_parser(app, error));
+    return tool::finish_output(tool::answer_parser(app, error, words));
   }
   try {
     for (const Entry& entry : entries) {

@@ -6,14 +6,18 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <exception>
 #include <new>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "common.hpp"
+#include "nearest_word.hpp"
 #include "numbers.hpp"
 
 namespace tool {
@@ -42,9 +46,46 @@ int finish_output(int code) {
                "the output of this command is incomplete; free some space and run it again"});
 }
 
-int answer_parser(const CLI::App& app, const CLI::ParseError& error) {
+namespace {
+
+/// The first word that is no command, or no option of its command, as an error that names the nearest one.
+std::optional<compmark::Error> unknown_word(const CLI::App& app, const std::vector<std::string>& words) {
+  std::vector<std::string> known;
+  const auto unknown = [&](const std::string& word, const char* what, const std::string& help) {
+    const std::string nearest = nearest_word(word, known);
+    return compmark::Error{compmark::ErrorKind::invalid,
+                           {},
+                           word,
+                           std::string("is no ") + what,
+                           (nearest.empty() ? "" : "did you mean " + nearest + "? ") + help + " lists them"};
+  };
+  const std::vector<const CLI::App*> commands = app.get_subcommands({});
+  const auto command = std::find_if(commands.begin(), commands.end(), [&](const CLI::App* one) {
+    return !words.empty() && one->get_name() == words.front();
+  });
+  if (command == commands.end()) {
+    if (words.empty() || words.front().rfind('-', 0) == 0) return std::nullopt;
+    for (const CLI::App* one : commands) known.push_back(one->get_name());
+    return unknown(words.front(), "command", "compmark --help");
+  }
+  for (const CLI::Option* option : (*command)->get_options()) {
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  }
+  for (std::size_t i = 1; i < words.size(); ++i) {
+    const std::string name = words[i].substr(0, words[i].find('='));
+    if (name.size() < 3 || name.rfind("--", 0) != 0) continue;
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    return unknown(name, "option", "compmark " + (*command)->get_name() + " --help");
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+int answer_parser(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
   if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success))
     return app.exit(error) == 0 ? success : failure;
+  if (const std::optional<compmark::Error> unknown = unknown_word(app, words)) return fail(*unknown);
   std::string command = "compmark";
   for (const CLI::App* sub : app.get_subcommands()) command += " " + sub->get_name();
   return fail(words_error(command, error));

@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 #include <compmark/core/result.hpp>
 #include <string>
+#include <vector>
 
 namespace tool {
 
@@ -20,7 +21,8 @@ int finish_output(int code);
 [[nodiscard]] compmark::Error caught_error();
 /// What is wrong with the words of this command of the tool.
 [[nodiscard]] compmark::Error words_error(const std::string& command, const CLI::ParseError& error);
-/// Prints help, or one line of what is wrong with the command; returns the exit code.
-int answer_parser(const CLI::App& app, const CLI::ParseError& error);
+/// Prints help, or one line of what is wrong with the command's words, the nearest known one where a word is mistyped;
+/// returns the exit code.
+int answer_parser(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words);
 
 }  // namespace tool

@@ -12,6 +12,7 @@
 #include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <utility>
 #include <vector>
 
 #include "small_models.hpp"
@@ -99,6 +100,33 @@ TEST_CASE("a picture of a model is registered to a hundredth of a pixel, mirrore
   CHECK(RegisterFiles::apart(turned->camera, files.truth) < 0.3);
 }
 
+TEST_CASE("the uncertainty of a camera is what noise scatters it by") {
+  RegisterFiles files;
+  Result<AnyModel> model = AnyModel::open(files.file, files.executor);
+  REQUIRE(model.ok());
+  const Result<std::vector<SearchPlace>> places = register_places(*model, files.settings, files.executor);
+  REQUIRE(places.ok());
+  const std::vector<float> clean = files.picture(*model);
+  double square = 0, said = 0;
+  constexpr std::uint64_t draws = 8;
+  for (std::uint64_t draw = 0; draw < draws; ++draw) {
+    std::vector<float> values = clean;
+    const Random random(draw, 0, random_stage("test/register noise"));
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] += static_cast<float>(0.05 * random.normal(i));
+    const Result<Registration> found = register_picture(
+        *model, *places, ImageView<const float>{values.data(), 3, 80, 100}, files.settings, files.executor);
+    REQUIRE(found.ok());
+    REQUIRE(found->found);
+    const double apart = RegisterFiles::apart(found->camera, files.truth);
+    square += apart * apart / draws;
+    said += found->uncertainty_pixels / draws;
+  }
+  MESSAGE("scattered by ", std::sqrt(square), " pixels, said ", said);
+  // The largest of nine points' distances against the mean over the Gaussians in view: within a factor of four.
+  CHECK(std::sqrt(square) < 4 * said);
+  CHECK(std::sqrt(square) > said / 4);
+}
+
 TEST_CASE("a picture of something else is not found, and one that is too small is refused") {
   RegisterFiles files;
   Result<AnyModel> model = AnyModel::open(files.file, files.executor);
@@ -112,6 +140,15 @@ TEST_CASE("a picture of something else is not found, and one that is too small i
                                                       files.settings, files.executor);
   REQUIRE(other.ok());
   CHECK(!other->found);
+  // One colour is like nothing, at sizes that shrink to odd ones too.
+  for (const auto& [width, height] : {std::pair(63, 51), std::pair(100, 80)}) {
+    const std::vector<float> flat(static_cast<std::size_t>(3 * width * height), 0.5f);
+    const Result<Registration> none = register_picture(
+        *model, *places, ImageView<const float>{flat.data(), 3, height, width}, files.settings, files.executor);
+    REQUIRE(none.ok());
+    CHECK(!none->found);
+    CHECK(none->weight.empty());
+  }
   const Result<Registration> small = register_picture(*model, *places, ImageView<const float>{noise.data(), 3, 31, 64},
                                                       files.settings, files.executor);
   REQUIRE(!small.ok());
