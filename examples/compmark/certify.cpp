@@ -109,6 +109,9 @@ std::vector<std::pair<std::string, std::string>> limits(const Verified& verified
       {"the key",
        "Whoever checks needs the key, and can mark with it afterwards. The bits that were read are in this "
        "record."}};
+  rows.push_back({"origin",
+                  "Where the pictures or the model come from, it does not say. Take them from the accused, and "
+                  "all there are: who chooses among pictures of many scenes can choose what they say."});
   if (!verified.basis.claimed)
     rows.insert(rows.begin(), {"claim",
                                "No claim was given: nothing shows that key and decoder are older than the "

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <system_error>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -27,6 +28,13 @@ int claim(ClaimOptions& options) {
   if (!key) return fail(key.error());
   const Result<OwnerClaim> made = make_claim(*key, options);
   if (!made) return fail(made.error());
+  // A claim may be stamped or published: the same one is written again, another one never over it.
+  if (std::error_code none; std::filesystem::exists(options.out, none)) {
+    if (const Result<OwnerClaim> before = read_claim(options.out); !before || before->text() != made->text()) {
+      return fail(Error{ErrorKind::invalid, options.out.string(), "--out", "is there already, and says something else",
+                        "name another file, or move it away"});
+    }
+  }
   if (const Result<Done> written = write_claim(options.out, *made); !written) return fail(written.error());
   const std::string file = options.out.string();
   std::printf("%s%s: sha256 %s\n", made->text().c_str(), file.c_str(), to_hex(made->digest()).c_str());

@@ -66,15 +66,32 @@ TEST_CASE("io/time_stamp: the answer of OpenSSL stamps the claim beside it") {
   REQUIRE(stamp.ok());
   CHECK(stamp->digest == claim->digest());
   CHECK(stamp->time == "2026-11-28T03:34:28Z");
-  // Cut short anywhere it is none; a flipped bit gives an answer or an error, and never this claim at another time.
+  // Cut short anywhere, or with something behind it, it is none. A flipped bit gives an answer or an error; one that
+  // gives this claim at another time is a bit of the time, which the signature guards, and OpenSSL checks that.
+  Bytes longer = bytes;
+  longer.push_back(std::byte{0});
+  CHECK_FALSE(read_time_stamp(longer, "a").ok());
+  const std::string written = "20261128033428Z";
+  const auto place = std::search(bytes.begin(), bytes.end(), written.begin(), written.end(),
+                                 [](std::byte a, char b) { return a == static_cast<std::byte>(b); });
+  REQUIRE(place != bytes.end());
+  const auto time_begins = static_cast<std::size_t>(place - bytes.begin());
+  std::size_t other_times = 0;
   for (std::size_t size = 0; size < bytes.size(); ++size)
     CHECK_FALSE(read_time_stamp(ByteSpan(bytes).first(size), "a").ok());
   for (std::size_t i = 0; i < 8 * bytes.size(); ++i) {
     Bytes flipped = bytes;
     flipped[i / 8] ^= static_cast<std::byte>(1u << (i % 8));
     const Result<TimeStamp> read = read_time_stamp(flipped, "a");
-    if (!read) CHECK(read.error().file == "a");
+    if (!read) {
+      CHECK(read.error().file == "a");
+    } else if (read->digest == claim->digest() && read->time != stamp->time) {
+      ++other_times;
+      CHECK(i / 8 >= time_begins);
+      CHECK(i / 8 < time_begins + written.size());
+    }
   }
+  CHECK(other_times > 0);  // so that the lines above were reached
 }
 
 TEST_CASE("io/time_stamp: a token, with fractions of a second or without, and what is none") {
@@ -98,6 +115,13 @@ TEST_CASE("io/time_stamp: a token, with fractions of a second or without, and wh
   CHECK(read_time_stamp(refused, "a").error().problem == "is no time stamp (RFC 3161), or a request that was refused");
   for (const char* broken : {"", "30", "3080", "3085ffffffffff", "3084ffffffff", "30820100", "3003020101"})
     CHECK_FALSE(read_time_stamp(hex(broken), "a").ok());
+  for (const char* none :
+       {"20311302030405Z", "20310002030405Z", "20310132030405Z", "20310102240405Z", "20310102036005Z",
+        "20310102030461Z", "20310102030405,5Z", "20310102030405.Z", "20310102030405.5x5Z"}) {
+    other = {};
+    other.time = none;
+    CHECK_FALSE(other.read().ok());
+  }
 }
 
 }  // namespace time_stamp_test

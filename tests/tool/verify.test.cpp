@@ -127,7 +127,8 @@ TEST_CASE("tool: verify detects the key that marked, and no other, nor anything 
   const Outcome right = tool("verify" + s.with(s.marked) + " --json " + at("right.json"));
   INFO(right.text);
   CHECK(right.code == 0);
-  CHECK(right.text.find("\nDETECTED, a proof: ") != std::string::npos);
+  CHECK(right.text.find("\nDETECTED, conditionally: ") != std::string::npos);
+  CHECK(right.text.find("if the decoder was made without this key's message") != std::string::npos);
   const nlohmann::json json = json_of(at("right.json"));
   CHECK(json["verdict"] == "detected");
   CHECK(json["matches"].get<std::size_t>() >= 46);
@@ -206,7 +207,7 @@ TEST_CASE("tool: calibrate measures false positives of keys that are derived as 
   const Outcome outcome =
       tool("calibrate --decoder " + s.decoder + " --images " + s.plain + " --json " + at("null.json"));
   INFO(outcome.text);
-  CHECK(outcome.code == 0);  // seed 1; one in a hundred would say 3
+  CHECK(outcome.code == 0);  // seed 1; one in thirty would say 3
   const nlohmann::json json = json_of(at("null.json"));
   CHECK(json["keys"] == 10000);
   CHECK(json["images"] == 3);
@@ -402,8 +403,7 @@ TEST_CASE("tool: bad input of extract, verify and calibrate is one error line, a
   fs::permissions(s.other, fs::perms::owner_read | fs::perms::owner_write);
 }
 
-TEST_CASE(
-    "tool: what a cheat can make is no proof: a decoder, a key that was tried, what is subtracted, a late claim") {
+TEST_CASE("tool: what a cheat can make is no proof: a decoder, a key that was tried, a claim of it") {
   const Setting& s = setting();
   const std::string words = " --key " + s.key + " --images ", file = s.claim.substr(std::string(" --claim ").size());
   const auto proof = [&](const std::string& arguments, int code) {
@@ -413,6 +413,8 @@ TEST_CASE(
     const nlohmann::json json = json_of(at("standing.json"));
     CHECK((outcome.text.find("\nNOT A PROOF: ") != std::string::npos) == (json["proof"]["standing"] == "not_a_proof"));
     CHECK((outcome.text.find("DETECTED, a proof") != std::string::npos) == (json["proof"]["standing"] == "proof"));
+    CHECK((outcome.text.find("DETECTED, conditionally") != std::string::npos) ==
+          (json["proof"]["standing"] == "conditional"));
     return json;
   };
 
@@ -440,6 +442,19 @@ TEST_CASE(
   json = proof(words + s.plain + " --decoder " + at("turned.safetensors") + s.claim, 3);
   CHECK(json["matches"] == 48);
   CHECK(json["proof"]["decoder"] == "unknown");
+
+  // Claimed after the key, it is one that nobody has to believe: the report says on what it depends.
+  REQUIRE(
+      tool("claim --key " + s.key + " --decoder " + at("turned.safetensors") + " --out " + at("turned.claim")).code ==
+      0);
+  json = proof(words + s.plain + " --decoder " + at("turned.safetensors") + " --claim " + at("turned.claim"), 0);
+  CHECK(json["proof"]["standing"] == "conditional");
+  CHECK(json["proof"]["reason"].get<std::string>().find("if the decoder was made without") != std::string::npos);
+  // A claim that is there is not written over by another one; the same one may be written again.
+  check_refused(tool("claim --key " + s.key + " --decoder " + s.decoder + " --out " + at("turned.claim")),
+                {"turned.claim", "--out", "says something else"});
+  CHECK(tool("claim --key " + s.key + " --decoder " + at("turned.safetensors") + " --out " + at("turned.claim")).code ==
+        0);
 
   // Keys are tried until one fits: with a shipped decoder, unmarked pictures and keys of version 1, a microsecond each.
   const Outcome shipped =

@@ -3,8 +3,9 @@
 //
 // An owner's key and its file. One secret of 256 bits gives everything by HKDF under a label of its purpose
 // (watermark/proof/key.hpp), so that a message that becomes known says nothing about the carriers. Of keys of version 2
-// scrypt comes first, 0.5 s and 128 MiB a key: of others, 200,000 a second can be tried until one fits a picture
-// (docs/threat_model.md). The commitment binds secret, creation time and message length and reveals none: published
+// scrypt comes first, 0.6 s and 128 MiB a key: of others, millions a second can be tried until one fits a picture
+// (docs/threat_model.md). The commitment binds secret, creation time and message length, in version 2 hardness and
+// payload too, and reveals none: published
 // before a model is, it shows later that the key is not one made to fit (docs/spec/watermark.md, 5). The file is JSON,
 // readable by its owner only, never overwritten: a lost key cannot be made again. The caller gives the time.
 #pragma once
@@ -108,7 +109,7 @@ namespace detail {
   return OwnerKey{secret, std::move(created), bits, std::move(note)};
 }
 
-/// The same of version 2, which takes 0.5 s and 128 MiB at the usual hardness. `hardness` is log2 of scrypt's N, 10 to
+/// The same of version 2, which takes 0.6 s and 128 MiB at the usual hardness. `hardness` is log2 of scrypt's N, 10 to
 /// 20; each step doubles time and memory.
 [[nodiscard]] inline Result<OwnerKey> make_hard_key(const Digest256& secret, std::string created, std::size_t bits,
                                                     std::string note = {},

@@ -3,7 +3,8 @@
 //
 // scrypt (RFC 7914): a derivation that takes time and memory on purpose, so that keys cannot be tried by the billion.
 // PBKDF2-HMAC-SHA-256 with one iteration, ROMix over N blocks of 128 r bytes, Salsa20/8. Cost: 4 N r Salsa cores and
-// 128 N r bytes; N = 2^17, r = 8 takes 128 MiB and 0.6 s of one thread (OpenSSL: 0.7). As sha256.hpp, not in constant time.
+// 128 N r bytes; N = 2^17, r = 8 takes 128 MiB and 0.6 s of one thread (OpenSSL: 0.7). As sha256.hpp, not in constant
+// time.
 #pragma once
 
 #include <algorithm>
@@ -46,8 +47,7 @@ inline void pbkdf2_once(ByteSpan password, ByteSpan salt, std::span<std::byte> o
 
 using SalsaBlock = std::array<std::uint32_t, 16>;
 
-/// Salsa20 with 8 rounds, in place (RFC 7914, 3). Its words are held by diagonals, so that the four quarter rounds of
-/// a step are one step of four lanes; the order of the words is the caller's.
+/// Salsa20 with 8 rounds, in place (RFC 7914, 3).
 inline void salsa20_8(SalsaBlock& block) {
   SalsaBlock x = block;
   const auto quarter = [&x](std::size_t a, std::size_t b, std::size_t c, std::size_t d) {

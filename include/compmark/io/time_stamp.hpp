@@ -56,6 +56,7 @@ class DerReader {
     rest_ = rest_.subspan(at + length);
     return element;
   }
+  [[nodiscard]] bool at_end() const { return rest_.empty(); }
   /// The content of the next element, if it has this tag.
   [[nodiscard]] std::optional<ByteSpan> next(unsigned tag) {
     const std::optional<Element> element = next();
@@ -84,7 +85,7 @@ inline constexpr unsigned der_integer = 0x02, der_octets = 0x04, der_object = 0x
   constexpr std::array<std::uint8_t, 11> info{0x2A, 0x86, 0x48, 0x86, 0xF7, 0x0D, 0x01, 0x09, 0x10, 0x01, 0x04};
   DerReader file(bytes);
   const std::optional<ByteSpan> outer = file.next(der_sequence);
-  if (!outer) return std::nullopt;
+  if (!outer || !file.at_end()) return std::nullopt;
   DerReader token(*outer);
   std::optional<DerReader::Element> first = token.next();
   if (first && first->tag == der_sequence) {  // an answer: its status, then the token
@@ -111,13 +112,20 @@ inline constexpr unsigned der_integer = 0x02, der_octets = 0x04, der_object = 0x
   return DerReader(*written).next(der_sequence);
 }
 
-/// "20260131235959Z" or "20260131235959.5Z" as "2026-01-31T23:59:59Z".
+/// "20260131235959Z" or "20260131235959.5Z" as "2026-01-31T23:59:59Z"; empty where that is no time.
 [[nodiscard]] inline std::optional<std::string> time_of_der(ByteSpan content) {
   const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
   if (text.size() < 15 || text.back() != 'Z') return std::nullopt;
-  for (std::size_t i = 0; i < 14; ++i) {
-    if (text[i] < '0' || text[i] > '9') return std::nullopt;
-  }
+  const auto digits = [](std::string_view part) {
+    return !part.empty() && part.find_first_not_of("0123456789") == std::string_view::npos;
+  };
+  const std::string_view fraction = text.substr(14, text.size() - 15);
+  if (!digits(text.substr(0, 14)) || !(fraction.empty() || (fraction[0] == '.' && digits(fraction.substr(1)))))
+    return std::nullopt;
+  const auto number = [&](std::size_t at) { return 10 * (text[at] - '0') + (text[at + 1] - '0'); };
+  if (number(4) < 1 || number(4) > 12 || number(6) < 1 || number(6) > 31 || number(8) > 23 || number(10) > 59 ||
+      number(12) > 60)  // 60: a leap second
+    return std::nullopt;
   const auto part = [&](std::size_t at, std::size_t count) { return std::string(text.substr(at, count)); };
   return part(0, 4) + "-" + part(4, 2) + "-" + part(6, 2) + "T" + part(8, 2) + ":" + part(10, 2) + ":" + part(12, 2) +
          "Z";

@@ -71,6 +71,9 @@ TEST_CASE("watermark/proof/spread_evidence: agreement is evidence; disagreement,
   std::vector<std::int8_t> signs = signs_of(4, 400);
   std::vector<double> sums(signs.begin(), signs.end());
   CHECK(std::log(spread_evidence(signs, sums).p_value) == doctest::Approx(-200));
+  // A p-value of 0 does not exist: the bound of 1,600 cells that all agree is e^-800.
+  const std::vector<std::int8_t> many = signs_of(5, 1600);
+  CHECK(spread_evidence(many, std::vector<double>(many.begin(), many.end())).p_value > 0);
   for (double& sum : sums) sum *= 1e200;  // whose squares overflow
   CHECK(spread_evidence(signs, sums).deviations == doctest::Approx(20));
   for (double& sum : sums) sum *= -1e-200;

@@ -37,6 +37,12 @@ ProofBasis claimed() {
   basis.claimed = basis.decoder_claimed = true;
   return basis;
 }
+ProofBasis stamped() {
+  ProofBasis basis = claimed();
+  basis.dated = "2026-11-28T03:34:28Z";
+  basis.claim_sha256 = std::string(64, 'c');
+  return basis;
+}
 
 }  // namespace
 
@@ -48,8 +54,46 @@ TEST_CASE("watermark/proof/standing: an unknown decoder proves nothing, whatever
   basis.claimed = true;  // of the key and another decoder
   CHECK(standing_of(verified(48), basis).kind == StandingKind::not_a_proof);
   basis.decoder_claimed = true;
-  CHECK(standing_of(verified(48), basis).kind == StandingKind::proof);
+  basis.dated = "2026-11-28T03:34:28Z";
+  // A decoder that says a message of every picture can be made after the key, and be claimed with it: no date helps.
+  standing = standing_of(verified(48), basis);
+  CHECK(standing.kind == StandingKind::conditional);
+  CHECK(standing.reason.find("if the decoder was made without this key's message") != std::string::npos);
   CHECK(standing_of(verified(24), basis).kind == StandingKind::none);
+}
+
+TEST_CASE("watermark/proof/standing: a claim of another decoder is no claim of this reading") {
+  ProofBasis basis = stamped();
+  basis.decoder_claimed = false;
+  CHECK(standing_of(verified(41), basis).kind == StandingKind::not_a_proof);
+  CHECK(standing_of(verified(48), basis).kind == StandingKind::evidence);
+  CHECK(standing_json<nlohmann::json>(standing_of(verified(48), basis), basis)["keys_a_cheat_could_try"] ==
+        std::exp2(27));
+}
+
+TEST_CASE("watermark/proof/standing: without a date a claim is a condition, and a file that is subtracted is one too") {
+  CHECK(standing_of(verified(48), stamped()).kind == StandingKind::proof);
+  CHECK(standing_of(verified(48), claimed()).kind == StandingKind::conditional);
+  ProofBasis less = stamped();
+  less.subtracts = less.subtracted_claimed = true;
+  CHECK(standing_of(verified(48), less).kind == StandingKind::proof);  // an unmarked model, older than the scene
+  less.subtracts_file = true;
+  const Standing standing = standing_of(verified(48), less);
+  CHECK(standing.kind == StandingKind::conditional);
+  CHECK(standing.reason.find("if the file of what the scene says was made without") != std::string::npos);
+}
+
+TEST_CASE("watermark/proof/standing: no accepted rate makes a proof of what chance does often") {
+  VerifySettings settings;
+  settings.false_positive_rate = 0.5;
+  const Message message = Message::from_hex("0123456789ab", 48).value();
+  ViewLogits view{"a", "", std::vector<double>(48)};
+  for (std::size_t i = 0; i < 48; ++i) view.logits[i] = (message[i] == (i < 26)) ? 1 : -1;
+  const Verification often = verify_message(message, std::array{view}, settings).value();
+  CHECK(often.verdict == Verdict::detected);
+  const Standing standing = standing_of(often, stamped());
+  CHECK(standing.kind == StandingKind::not_a_proof);
+  CHECK(standing.reason.find("the rate that was accepted is too high") != std::string::npos);
 }
 
 TEST_CASE("watermark/proof/standing: what is subtracted has to be claimed") {
@@ -70,7 +114,8 @@ TEST_CASE("watermark/proof/standing: keys that could have been tried are counted
   CHECK(ground.kind == StandingKind::not_a_proof);
   CHECK(ground.p_tried == 1);
   CHECK(ground.reason.find("somebody could have tried keys until one matched") == 0);
-  CHECK(standing_of(verified(41), claimed()).kind == StandingKind::proof);
+  CHECK(standing_of(verified(41), claimed()).kind == StandingKind::conditional);
+  CHECK(standing_of(verified(41), stamped()).kind == StandingKind::proof);
   // All 48: 2^-48 * 2^27 = 2^-21 is below 1e-6; 2^-48 * 2^43 is not.
   const Standing whole = standing_of(verified(48), shipped());
   CHECK(whole.kind == StandingKind::evidence);
@@ -80,29 +125,36 @@ TEST_CASE("watermark/proof/standing: keys that could have been tried are counted
   CHECK(standing_of(verified(48), quick).kind == StandingKind::not_a_proof);
 }
 
-TEST_CASE("watermark/proof/standing: a year of one processor, by the kind of key") {
+TEST_CASE("watermark/proof/standing: a year of one processor core, by the kind of key, and every shipped decoder") {
   Digest256 secret{};
   secret[0] = std::byte{1};
   OwnerKey key = *make_key(secret, "2026-01-31T23:59:59Z", 48);
-  CHECK(keys_a_cheat_could_try(key) == std::exp2(43));
+  CHECK(shipped_decoders_reading(48) == 5);  // four universal ones and the lattice of 48
+  CHECK(shipped_decoders_reading(24) == 4);
+  CHECK(shipped_decoders_reading(96) == 0);
+  const double quick = keys_a_cheat_could_try(key);
+  CHECK(quick == doctest::Approx(5 * 2.4e6 * 31'557'600));
   key.hardness = 17;
-  CHECK(keys_a_cheat_could_try(key) == std::exp2(27));
+  const double hard = keys_a_cheat_could_try(key);
+  CHECK(hard == doctest::Approx(5 * 1.6 * 31'557'600));
+  CHECK(hard * std::exp2(-48) < 1e-6);       // all of 48 bits are evidence without a claim
+  CHECK(49 * hard * std::exp2(-48) > 1e-6);  // 47 are not
+  CHECK(quick * std::exp2(-48) > 1e-6);
   key.hardness = 18;
-  CHECK(keys_a_cheat_could_try(key) == std::exp2(26));
+  CHECK(keys_a_cheat_could_try(key) == hard / 2);
   key.payload = "5eed";  // 16 bits, each of which is another message of one derivation
   key.corrects = 4;
-  CHECK(keys_a_cheat_could_try(key) == std::exp2(26 + 16));
+  CHECK(keys_a_cheat_could_try(key) == hard / 2 * std::exp2(16));
 }
 
 TEST_CASE("watermark/proof/standing: the report says it in its last lines and in JSON") {
   const Verification found = verified(48);
   const auto text = [&](const ProofBasis& basis) { return report_text(found, standing_of(found, basis)); };
-  CHECK(text(claimed()).find("\nDETECTED, a proof: ") != std::string::npos);
-  CHECK(text(claimed()).find("saw the claim published") != std::string::npos);
-  ProofBasis dated = claimed();
-  dated.dated = "2026-11-28T03:34:28Z";
-  dated.claim_sha256 = std::string(64, 'c');
-  CHECK(text(dated).find("2026-11-28T03:34:28Z is older") != std::string::npos);
+  CHECK(text(claimed()).find("\nDETECTED, conditionally: ") != std::string::npos);
+  CHECK(text(claimed()).find("if the claim was published before anything that shows this scene") != std::string::npos);
+  const ProofBasis dated = stamped();
+  CHECK(text(dated).find("\nDETECTED, a proof: ") != std::string::npos);
+  CHECK(text(dated).find("if 2026-11-28T03:34:28Z is before anything that shows this scene") != std::string::npos);
   CHECK(text(shipped()).find("\nDETECTED: ") != std::string::npos);
   CHECK(text(shipped()).find("\nstanding    evidence; ") != std::string::npos);
   CHECK(text({}).find("DETECTED") == std::string::npos);

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/app/detail/any_model.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/proof.hpp"
 #include "compmark/io/file_kind.hpp"
@@ -27,6 +28,10 @@ COMPMARK_APP_INLINE Result<OwnerClaim> make_claim(const OwnerKey& key, const Cla
   if (const FileKind kind = settings.unmarked.empty() ? FileKind::model : identify_file(settings.unmarked);
       kind != FileKind::model && kind != FileKind::cmk)
     return wrong_kind(kind, settings.unmarked.string(), "a model");
+  if (!settings.unmarked.empty()) {  // a damaged one could never be subtracted
+    ThreadExecutor alone(1);
+    if (const Result<AnyModel> model = AnyModel::open(settings.unmarked, alone); !model) return model.error();
+  }
   OwnerClaim claim;
   claim.key = key.commitment();
   for (const auto& [path, digits] :
@@ -46,6 +51,7 @@ COMPMARK_APP_INLINE Result<ProofBasis> proof_basis(const OwnerKey& key, const Re
   basis.keys_to_try = keys_a_cheat_could_try(key);
   basis.decoder_shipped = shipped_decoder_of(sources.decoder_sha256).has_value();
   basis.subtracts = !sources.unmarked.empty() || !sources.interference.empty();
+  basis.subtracts_file = !sources.interference.empty();
   if (settings.claim.empty()) {
     if (settings.time_stamp.empty()) return basis;
     return Error{ErrorKind::invalid, settings.time_stamp.string(), "--time-stamp", "is given without a claim",

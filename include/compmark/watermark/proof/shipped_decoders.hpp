@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <optional>
 #include <string_view>
 
@@ -33,6 +34,20 @@ inline constexpr std::array<ShippedDecoder, 7> shipped_decoders{{
     if (decoder.sha256 == sha256) return decoder;
   }
   return std::nullopt;
+}
+
+/// How many of them read a message of so many bits: the universal ones along 64 carriers or fewer, a lattice its own.
+[[nodiscard]] constexpr std::size_t shipped_decoders_reading(std::size_t bits) {
+  std::size_t count = 0;
+  for (const ShippedDecoder& decoder : shipped_decoders) {
+    const bool universal = decoder.name.substr(0, 9) == "universal";
+    count += universal ? bits <= 64
+                       : decoder.name == (bits == 32   ? "lattice_32"
+                                          : bits == 48 ? "lattice_48"
+                                          : bits == 64 ? "lattice_64"
+                                                       : "");
+  }
+  return count;
 }
 
 }  // namespace compmark

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 namespace compmark {
@@ -36,7 +37,10 @@ struct SpreadEvidence {
     if (sums[c] != 0) ++evidence.cells;
   }
   evidence.deviations = total / std::sqrt(energy);
-  if (total > 0) evidence.p_value = std::exp(-0.5 * evidence.deviations * evidence.deviations);
+  // From 38.6 deviations on the bound is less than a double can say; a p-value of 0 does not exist.
+  if (total > 0)
+    evidence.p_value = std::fmax(std::exp(-0.5 * evidence.deviations * evidence.deviations),
+                                 std::numeric_limits<double>::denorm_min());
   return evidence;
 }
 

@@ -17,6 +17,7 @@
 #include "compmark/watermark/proof/ecc.hpp"
 #include "compmark/watermark/proof/key.hpp"
 #include "compmark/watermark/proof/report.hpp"
+#include "compmark/watermark/proof/shipped_decoders.hpp"
 #include "compmark/watermark/proof/verify.hpp"
 
 namespace compmark {
@@ -30,14 +31,16 @@ struct ProofBasis {
   bool subtracted_claimed = false;  ///< … and the claim names it
   std::string claim_sha256;         ///< of the claim; empty: none
   std::string dated;                ///< UTC of its time stamp; empty: none
-  double keys_to_try = 1;           ///< keys of this kind that a cheat could have tried (keys_a_cheat_could_try)
+  bool subtracts_file = false;      ///< … and a file of what the scene says is among it (--interference)
+  double keys_to_try = 1;           ///< readings by which a cheat could have tried keys (keys_a_cheat_could_try)
 };
 
 enum class StandingKind : std::uint8_t {
   none,         ///< nothing was detected
   not_a_proof,  ///< detected, but somebody could have made it so
   evidence,     ///< with a shipped decoder, and better than any key that could have been tried
-  proof,        ///< and a claim names key and decoder: a proof for whom it was published before the pictures were
+  conditional,  ///< a claim names key and decoder; a proof if its reason holds, which no file here shows
+  proof,        ///< and a time stamp dates the claim, and the decoder is one that nobody made for this key
 };
 
 struct Standing {
@@ -46,52 +49,76 @@ struct Standing {
   double p_tried = 1;    ///< p-value for as many keys as could have been tried
 };
 
-/// Keys that a year of one processor's time tries: 2^43 of version 1 (0.2 million a second), 2^27 of version 2 at the
-/// usual hardness (4 a second; one thread was measured to try 1.6), half with each step. A key with a payload has as
-/// many messages as payloads.
+/// The largest p-value, corrected, that is called a proof or evidence, whatever rate was accepted.
+inline constexpr double proof_p_limit = 1e-3;
+
+/// How many readings a year of one processor core tries: keys a second (version 1: six compressions of SHA-256 each, of
+/// which OpenSSL does 14 million; version 2 at the usual hardness: 1.6 measured, half with each step), each read by
+/// every shipped decoder of its length, and as many messages as a payload has values.
 template <SecretKey K>
 [[nodiscard]] double keys_a_cheat_could_try(const K& key) {
-  double log2 = 43;
+  constexpr double seconds_a_year = 31'557'600, quick_keys_a_second = 2.4e6, hard_keys_a_second = 1.6;
+  double tried = seconds_a_year * quick_keys_a_second;
   if constexpr (requires { key.hardness; }) {
-    if (key.hardness != 0) log2 = 44 - static_cast<double>(key.hardness);
+    if (key.hardness != 0)
+      tried = seconds_a_year * hard_keys_a_second * std::exp2(17 - static_cast<double>(key.hardness));
   }
+  if constexpr (requires { key.bits; })
+    tried *= static_cast<double>(std::max<std::size_t>(1, shipped_decoders_reading(key.bits)));
   if constexpr (PayloadKey<K>) {
     if (key.corrects != 0) {
-      if (const Result<PayloadCode> code = payload_code(key); code) log2 += static_cast<double>(code->data_bits());
+      if (const Result<PayloadCode> code = payload_code(key); code)
+        tried *= std::exp2(static_cast<double>(code->data_bits()));
     }
   }
-  return std::exp2(log2);
+  return tried;
 }
 
 [[nodiscard]] inline Standing standing_of(const Verification& verification, const ProofBasis& basis) {
   Standing standing;
-  standing.p_tried = std::fmin(1, verification.p_corrected * (basis.claimed ? 1 : basis.keys_to_try));
+  // A claim of another decoder is no claim of this reading.
+  const bool claimed = basis.claimed && basis.decoder_claimed;
+  standing.p_tried = std::fmin(1, verification.p_corrected * (claimed ? 1 : basis.keys_to_try));
   if (verification.verdict != Verdict::detected) return standing;
   standing.kind = StandingKind::not_a_proof;
-  if (!basis.decoder_shipped && !basis.decoder_claimed) {
+  if (!basis.decoder_shipped && !claimed) {
     standing.reason =
         "this decoder could have been made for these pictures: it is none of those that come with the library, and no "
         "claim names it";
   } else if (basis.subtracts && !basis.subtracted_claimed) {
     standing.reason =
         "what is subtracted could have been made for this message: no claim names it, or not all that is subtracted";
-  } else if (!basis.claimed && standing.p_tried > verification.settings.false_positive_rate) {
-    standing.reason = "somebody could have tried keys until one matched: a year of one processor tries " +
+  } else if (verification.p_corrected > proof_p_limit) {
+    standing.reason = "chance reads as much with probability " + detail::short_number(verification.p_corrected) +
+                      ": the rate that was accepted is too high for a proof";
+  } else if (!claimed && standing.p_tried > verification.settings.false_positive_rate) {
+    standing.reason = "somebody could have tried keys until one matched: a year of one processor core tries " +
                       detail::short_number(basis.keys_to_try) +
                       " of this kind, of which one matches as well with probability " +
-                      detail::short_number(standing.p_tried) + ", and no claim names this key";
-  } else if (!basis.claimed) {
+                      detail::short_number(standing.p_tried) + ", and no claim names this key with this decoder";
+  } else if (!claimed) {
     standing.kind = StandingKind::evidence;
     standing.reason = "no claim dates this key and decoder. Were " + detail::short_number(basis.keys_to_try) +
-                      " keys tried, a year of one processor, one would match as well with probability " +
-                      detail::short_number(standing.p_tried);
+                      " keys tried, a year of one processor core, one would match as well with probability " +
+                      detail::short_number(standing.p_tried) +
+                      "; and nobody may have chosen these pictures among others";
   } else {
-    standing.kind = StandingKind::proof;
-    standing.reason =
-        basis.dated.empty()
-            ? "for whoever saw the claim published before these pictures: look its SHA-256 up where it was"
-            : "if its time stamp of " + basis.dated +
-                  " is older than these pictures: openssl ts -verify checks its signature";
+    // Older than the scene: who has seen it can make an "unmarked" model of it, or try keys on it.
+    standing.kind = basis.dated.empty() ? StandingKind::conditional : StandingKind::proof;
+    standing.reason = basis.dated.empty()
+                          ? "if the claim was published before anything that shows this scene: look its SHA-256 up "
+                            "where it was"
+                          : "if " + basis.dated +
+                                " is before anything that shows this scene, and the signature of the time stamp holds: "
+                                "openssl ts -verify checks it";
+    // A file that was made after the key can hold its message (a bias); a date of key and file together does not tell.
+    if (!basis.decoder_shipped || basis.subtracts_file) {
+      standing.kind = StandingKind::conditional;
+      standing.reason += std::string("; and if ") +
+                         (basis.decoder_shipped ? "the file of what the scene says" : "the decoder") +
+                         " was made without this key's message: have it made again, or find it in an older claim";
+    }
+    standing.reason += "; for pictures that the accuser neither made nor chose";
   }
   return standing;
 }
@@ -100,6 +127,7 @@ template <SecretKey K>
   return kind == StandingKind::none          ? "none"
          : kind == StandingKind::not_a_proof ? "not_a_proof"
          : kind == StandingKind::evidence    ? "evidence"
+         : kind == StandingKind::conditional ? "conditional"
                                              : "proof";
 }
 
@@ -112,7 +140,7 @@ template <class Json>
   json["decoder"] = basis.decoder_shipped ? "shipped" : basis.decoder_claimed ? "claimed" : "unknown";
   json["claim"] = {{"sha256", detail::text_or_null<Json>(basis.claim_sha256)},
                    {"dated", detail::text_or_null<Json>(basis.dated)}};
-  json["keys_a_cheat_could_try"] = basis.claimed ? 1 : basis.keys_to_try;
+  json["keys_a_cheat_could_try"] = basis.claimed && basis.decoder_claimed ? 1 : basis.keys_to_try;
   json["p_value_if_tried"] = standing.p_tried;
   return json;
 }
@@ -128,10 +156,12 @@ template <class Json>
     case StandingKind::evidence:
       return text + "standing    evidence; " + standing.reason +
              ". A claim published before (compmark claim) makes it a proof\n";
+    case StandingKind::conditional:
     case StandingKind::proof:
       break;
   }
-  text.replace(0, std::string_view("DETECTED").size(), "DETECTED, a proof");
+  text.replace(0, std::string_view("DETECTED").size(),
+               standing.kind == StandingKind::proof ? "DETECTED, a proof" : "DETECTED, conditionally");
   return text + "standing    a proof " + standing.reason + "\n";
 }
 

@@ -127,6 +127,9 @@ inline void fuse_logits(std::span<const ViewLogits> views, FusionRule rule, std:
   return {count, binomial_tail(count, expected.size())};
 }
 
+/// So that counting them twice never wraps.
+inline constexpr std::uint64_t largest_tries = std::uint64_t{1} << 62;
+
 /// One line where the settings are no test.
 [[nodiscard]] inline Result<Done> check_settings(const VerifySettings& settings) {
   if (!(settings.false_positive_rate > 0 && settings.false_positive_rate < 1)) {
@@ -135,6 +138,8 @@ inline void fuse_logits(std::span<const ViewLogits> views, FusionRule rule, std:
   }
   if (settings.tries < 1)
     return Error{ErrorKind::invalid, "", "tries", "is 0", "count every key and alignment that is tried"};
+  if (settings.tries > largest_tries)
+    return Error{ErrorKind::invalid, "", "tries", "is above 2^62", "no count of tests is that large"};
   return Done{};
 }
 
