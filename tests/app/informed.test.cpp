@@ -58,7 +58,7 @@ struct InformedFiles {
     const Result<RenderedView> render = opened->render(camera, executor);
     REQUIRE(render.ok());
     std::vector<float> pixels(render->image.data, render->image.data + render->image.size());
-    const Random random(8, 0, random_stage("test/noise"));
+    const Random random(further > 0 ? 9 : 8, 0, random_stage("test/noise"));
     for (std::size_t i = 0; i < pixels.size(); ++i)
       pixels[i] = std::clamp(0.9f * pixels[i] + static_cast<float>(0.01 * random.normal(i)), 0.0f, 1.0f);
     if (mirrored) {

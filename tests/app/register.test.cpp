@@ -122,9 +122,9 @@ TEST_CASE("the uncertainty of a camera is what noise scatters it by") {
     said += found->uncertainty_pixels / draws;
   }
   MESSAGE("scattered by ", std::sqrt(square), " pixels, said ", said);
-  // The largest of nine points' distances against the mean over the Gaussians in view: within a factor of four.
-  CHECK(std::sqrt(square) < 4 * said);
-  CHECK(std::sqrt(square) > said / 4);
+  // The largest of nine points' distances against the mean over the Gaussians in view: 0.028 and 0.035 were measured.
+  CHECK(std::sqrt(square) < 2.5 * said);
+  CHECK(std::sqrt(square) > said / 2.5);
 }
 
 TEST_CASE("a picture of something else is not found, and one that is too small is refused") {

@@ -504,7 +504,7 @@ TEST_CASE("tool: what a cheat can make is no proof: a decoder, a key that was tr
   CHECK_FALSE(fs::exists(at("none.claim")));
 }
 
-TEST_CASE("tool: keygen makes keys that take half a second to derive, and quick ones where that is asked for") {
+TEST_CASE("tool: keygen makes keys that take their time to derive, and quick ones where that is asked for") {
   REQUIRE(tool("keygen --out " + at("hard.key")).code == 0);
   CHECK(json_of(at("hard.key"))["version"] == 2);
   CHECK(json_of(at("hard.key"))["hardness"] == 17);

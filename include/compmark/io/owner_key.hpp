@@ -5,9 +5,9 @@
 // (watermark/proof/key.hpp), so that a message that becomes known says nothing about the carriers. Of keys of version 2
 // scrypt comes first, 0.6 s and 128 MiB a key: of others, millions a second can be tried until one fits a picture
 // (docs/threat_model.md). The commitment binds secret, creation time and message length, in version 2 hardness and
-// payload too, and reveals none: published
-// before a model is, it shows later that the key is not one made to fit (docs/spec/watermark.md, 5). The file is JSON,
-// readable by its owner only, never overwritten: a lost key cannot be made again. The caller gives the time.
+// payload too, and reveals none: published before a model is, it shows later that the key is not one made to fit
+// (docs/spec/watermark.md, 5). The file is JSON, readable by its owner only, never overwritten: a lost key cannot be
+// made again. The caller gives the time.
 #pragma once
 
 #include <algorithm>
