@@ -171,6 +171,24 @@ TEST_CASE("tool: verify detects the key that marked, and no other, nor anything 
   CHECK(json_of(at("both.json"))["p_corrected"].get<double>() == 2 * json["p_value"].get<double>());
 }
 
+TEST_CASE("tool: the record of a message has it as a soft binding, and every picture that was read") {
+  const Setting& s = setting();
+  const Outcome made = tool("certify" + s.with(s.marked) + " --views 2 --out " + at("record"));
+  INFO(made.text);
+  REQUIRE(made.code == 0);
+  const nlohmann::json record = json_of(at("record/record.json")),
+                       binding = nlohmann::json::from_cbor(testing::file_bytes(at("record/soft_binding.cbor")));
+  CHECK(binding["blocks"][0]["value"] == record["read"]["hex"]);
+  CHECK(binding["alg"] == "org.compmark.lattice.48");
+  CHECK(fs::exists(at("record/images/0001_image0.png")));
+  CHECK(fs::exists(at("record/images/0002_image1.png")));
+  CHECK_FALSE(fs::exists(at("record/images/0003_image2.png")));
+  CHECK(testing::text_of(at("record/record.html")).find("Is the message there?") != std::string::npos);
+  // The images of the record say the same.
+  REQUIRE(tool("verify" + s.with(at("record/images")) + " --json " + at("repeated.json")).code == 0);
+  CHECK(json_of(at("repeated.json"))["read"] == record["read"]);
+}
+
 TEST_CASE("tool: verify is inconclusive where the chosen rate cannot be reached, and says why") {
   const Setting& s = setting();
   const Outcome strict = tool("verify" + s.with(s.marked) + " --tests 1000000000000");
