@@ -37,6 +37,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   };
   for (const char* name : {"scene", "scene.splat", "scene.ksplat"}) judge(parse_splat(bytes, name));
   judge(parse_spz(bytes, "scene.spz"));  // without gzip too
-  if (const Result<SplatTable> table = parse_ksplat(bytes, "scene.ksplat"); !table) testing::require_words(table.error());
+  if (const Result<SplatTable> table = parse_ksplat(bytes, "scene.ksplat"); !table)
+    testing::require_words(table.error());
   return 0;
 }

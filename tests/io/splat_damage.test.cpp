@@ -28,14 +28,11 @@ struct SmallFile {
 };
 std::vector<SmallFile> small_files() {
   const SplatTable flat = random_splats(4, 0), round = random_splats(2, 3);
-  std::vector<SmallFile> files{{"plain.ply", permuted_ply_bytes(round, 1)},
-                                                   {"compressed.ply", compressed_ply_bytes(round, true)},
-                                                   {"small.splat", antimatter_bytes(flat)},
-                                                   {"floats.ksplat", ksplat_bytes(flat, 0)},
-                                                   {"bytes.ksplat", ksplat_bytes(round, 2)},
-                                                   {"gzip.spz", gzip_bytes(spz_content(round, 3))},
-                                                   {"second.spz", gzip_bytes(spz_content(flat, 2))},
-                                                   {"raw.spz", spz_content(round, 3)}};
+  std::vector<SmallFile> files{
+      {"plain.ply", permuted_ply_bytes(round, 1)},      {"compressed.ply", compressed_ply_bytes(round, true)},
+      {"small.splat", antimatter_bytes(flat)},          {"floats.ksplat", ksplat_bytes(flat, 0)},
+      {"bytes.ksplat", ksplat_bytes(round, 2)},         {"gzip.spz", gzip_bytes(spz_content(round, 3))},
+      {"second.spz", gzip_bytes(spz_content(flat, 2))}, {"raw.spz", spz_content(round, 3)}};
 #if defined(COMPMARK_WITH_ZSTD)
   files.push_back({"fourth.spz", spz4_bytes(round)});
 #endif
@@ -54,7 +51,8 @@ int refused(const Bytes& bytes, const std::string& name) {
   detail::for_each_splat_column(file->table, [&](const std::string& column, const std::vector<float>& values) {
     whole = whole && values.size() == file->table.count;
     for (const float value : values) {
-      whole = whole && !std::isnan(value) && (std::isfinite(value) || column == "opacity" || column.starts_with("scale"));
+      whole =
+          whole && !std::isnan(value) && (std::isfinite(value) || column == "opacity" || column.starts_with("scale"));
     }
   });
   if (!whole) FAIL_CHECK(name << ": a table that cannot be used");

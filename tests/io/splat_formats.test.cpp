@@ -53,7 +53,9 @@ Differences differences(const SplatTable& a, const SplatTable& b) {
     raise(most.rotation, std::sqrt(std::min(plus, minus)));
     const SmallestThree three = smallest_three(p);
     for (std::size_t k = 0, n = 0; k < 4; ++k) {
-      if (k != three.largest) raise(most.smallest_three, three.others[n++] - (plus < minus ? -1 : 1) * (p[three.largest] < 0 ? -1 : 1) * q[k]);
+      if (k != three.largest)
+        raise(most.smallest_three,
+              three.others[n++] - (plus < minus ? -1 : 1) * (p[three.largest] < 0 ? -1 : 1) * q[k]);
     }
   }
   return most;
@@ -117,10 +119,9 @@ TEST_CASE("io/splat_formats: a PLY with red green blue in bytes in place of f_dc
       "ply\nformat ascii 1.0\ncomment SplatRenderMode: mip\nelement vertex 1\nproperty float x\nproperty float y\n"
       "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nproperty float opacity\n"
       "property float scale_0\nproperty float scale_1\nproperty float scale_2\nproperty float rot_0\n"
-      "property float rot_1\nproperty float rot_2\nproperty float rot_3\nend_header\n1 2 3 255 0 51 0 -1 -2 -3 2 0 0 0\n";
-  const auto bytes_of = [](const std::string& of) {
-    return ByteWriter().put(std::string_view(of)).take();
-  };
+      "property float rot_1\nproperty float rot_2\nproperty float rot_3\nend_header\n1 2 3 255 0 51 0 -1 -2 -3 2 0 0 "
+      "0\n";
+  const auto bytes_of = [](const std::string& of) { return ByteWriter().put(std::string_view(of)).take(); };
   const Result<SplatFile> refused = parse_splat(bytes_of(text), "colours.ply");
   // An ASCII file does not say how its numbers were rounded: bytes are taken from binary files alone.
   REQUIRE_FALSE(refused.ok());
@@ -188,7 +189,7 @@ TEST_CASE("io/splat_formats: .ksplat of every level and degree") {
       bound.color = bound.opacity = 1.0 / 255 / 2;
       if (level > 0) {
         bound.mean = ksplat_block / 2 / 32767 / 2;
-        bound.log_scale = std::ldexp(1.0, -11);  // half a step of a half's mantissa, relative
+        bound.log_scale = std::ldexp(1.0, -11);                  // half a step of a half's mantissa, relative
         bound.rotation = std::ldexp(1.0, -12) * std::sqrt(4.0);  // components below 1
         bound.harmonics = level == 2 ? 2.0 / 255 / 2 : std::ldexp(1.0, -12);
       }

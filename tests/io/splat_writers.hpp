@@ -99,17 +99,18 @@ inline std::uint16_t half_of(double x, int drop = 0) {
   const double rounded = std::round(std::abs(x) / step) * step;
   std::frexp(rounded, &exponent);
   const std::uint16_t sign = x < 0 ? 0x8000 : 0;
-  if (rounded < std::ldexp(1.0, -14)) return static_cast<std::uint16_t>(sign | static_cast<int>(std::ldexp(rounded, 24)));
+  if (rounded < std::ldexp(1.0, -14))
+    return static_cast<std::uint16_t>(sign | static_cast<int>(std::ldexp(rounded, 24)));
   const int mantissa = static_cast<int>(std::ldexp(rounded, 11 - exponent)) - 1024;
   return static_cast<std::uint16_t>(sign | (exponent + 14) << 10 | mantissa);
 }
 
 inline Bytes compressed_ply_bytes(const SplatTable& table, bool color_ranges, int drop = 0) {
   const std::size_t chunks = (table.count + 255) / 256, rest = 3 * (table.coefficients() - 1);
-  std::string header = "ply\nformat binary_little_endian 1.0\ncomment of a test\nelement chunk " +
-                       std::to_string(chunks) + "\n";
-  const std::vector<std::string> names = color_ranges ? std::vector<std::string>{"", "scale_", "c"}
-                                                      : std::vector<std::string>{"", "scale_"};
+  std::string header =
+      "ply\nformat binary_little_endian 1.0\ncomment of a test\nelement chunk " + std::to_string(chunks) + "\n";
+  const std::vector<std::string> names =
+      color_ranges ? std::vector<std::string>{"", "scale_", "c"} : std::vector<std::string>{"", "scale_"};
   for (const std::string& quantity : names) {
     for (const char* side : {"min_", "max_"}) {
       for (const char axis : std::string(quantity == "c" ? "rgb" : "xyz"))
@@ -347,8 +348,9 @@ inline Bytes permuted_ply_bytes(const SplatTable& table, std::uint64_t seed) {
     const std::vector<float>* values;
   };
   std::vector<Column> columns;
-  detail::for_each_splat_column(
-      table, [&](const std::string& name, const std::vector<float>& values) { columns.push_back({name, &values}); });
+  detail::for_each_splat_column(table, [&](const std::string& name, const std::vector<float>& values) {
+    columns.push_back({name, &values});
+  });
   columns.push_back({"transform", nullptr});
   columns.push_back({"segment", nullptr});
   const Random random(seed, 0, random_stage("order of properties"));
@@ -357,7 +359,10 @@ inline Bytes permuted_ply_bytes(const SplatTable& table, std::uint64_t seed) {
   std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(table.count) + "\n";
   for (const Column& column : columns) {
     const bool place = column.name.size() == 1;
-    header += std::string("property ") + (column.name == "segment" ? "uchar " : place ? "double " : "float ") +
+    header += std::string("property ") +
+              (column.name == "segment" ? "uchar "
+               : place                  ? "double "
+                                        : "float ") +
               column.name + "\n";
   }
   ByteWriter out;

@@ -83,8 +83,7 @@ struct AntimatterSplat {
       table.color(axis, 0)[i] = detail::dc_of_color(static_cast<double>(splat.rgba[axis]) / 255);
     }
     table.opacity[i] = logit[splat.rgba[3]];
-    for (std::size_t k = 0; k < 4; ++k)
-      table.rotation[k][i] = (static_cast<float>(splat.rotation[k]) - 128) / 128;
+    for (std::size_t k = 0; k < 4; ++k) table.rotation[k][i] = (static_cast<float>(splat.rotation[k]) - 128) / 128;
   }
   if (const Result<Done> usable = detail::finish_splats(table, name); !usable) return usable.error();
   return table;

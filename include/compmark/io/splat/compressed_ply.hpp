@@ -84,13 +84,11 @@ class CompressedPly {
     const PlyElement* const sh = file_.find("sh");
     const std::size_t rest = sh == nullptr ? 0 : rest_columns(*sh);
     const int degree = degree_of_rest(rest);
-    if (degree < 0)
-      return error("f_rest", "has " + std::to_string(rest) + " columns, expected 9, 24 or 45");
+    if (degree < 0) return error("f_rest", "has " + std::to_string(rest) + " columns, expected 9, 24 or 45");
     if (sh != nullptr && sh->count != vertex->count)
       return error("sh", "has another number of rows than element vertex");
     for (std::size_t i = 0; i < rest; ++i) {
-      if (Result<Done> there = expect(*sh, "f_rest_" + std::to_string(i), PlyType::uint8); !there)
-        return there.error();
+      if (Result<Done> there = expect(*sh, "f_rest_" + std::to_string(i), PlyType::uint8); !there) return there.error();
     }
 
     SplatTable table;

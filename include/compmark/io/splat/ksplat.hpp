@@ -97,9 +97,9 @@ class KsplatParser {
     }
     if (total == 0) return error(ErrorKind::invalid, "splats", "there are none");
     if (total != header_.splats) {
-      return error(ErrorKind::malformed, "splats",
-                   "are " + std::to_string(total) + " in the sections and " + std::to_string(header_.splats) +
-                       " in the header");
+      return error(
+          ErrorKind::malformed, "splats",
+          "are " + std::to_string(total) + " in the sections and " + std::to_string(header_.splats) + " in the header");
     }
     SplatTable table;
     table.resize(static_cast<std::size_t>(total), degree);

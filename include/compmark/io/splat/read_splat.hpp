@@ -98,8 +98,8 @@ namespace detail {
   if (*format == SplatFormat::spz) return parse_spz(bytes, name);
   SplatFile file;
   file.format = *format;
-  Result<SplatTable> table = *format == SplatFormat::ksplat ? parse_ksplat(bytes, name, &file.version)
-                                                            : parse_antimatter_splat(bytes, name);
+  Result<SplatTable> table =
+      *format == SplatFormat::ksplat ? parse_ksplat(bytes, name, &file.version) : parse_antimatter_splat(bytes, name);
   if (!table) return table.error();
   file.table = std::move(*table);
   return file;

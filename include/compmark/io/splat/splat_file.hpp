@@ -27,8 +27,8 @@ enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz, sog };
 
 /// How people call it, with its article.
 [[nodiscard]] inline std::string_view splat_format_name(SplatFormat format) {
-  constexpr std::array<std::string_view, 6> names{
-      "a 3DGS PLY", "a compressed PLY", "a .splat file", "a .ksplat file", "an SPZ file", "a SOG file"};
+  constexpr std::array<std::string_view, 6> names{"a 3DGS PLY",     "a compressed PLY", "a .splat file",
+                                                  "a .ksplat file", "an SPZ file",      "a SOG file"};
   return names[static_cast<std::size_t>(format)];
 }
 
@@ -36,8 +36,8 @@ enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz, sog };
 struct SplatFile {
   SplatTable table;  ///< rotations of norm 1; every number is finite but for log scales of -inf and logits of +-inf
   SplatFormat format = SplatFormat::ply;
-  int version = 0;            ///< of SPZ and SOG; the compression level of a .ksplat; 0 for the others
-  bool antialiased = false;   ///< it says that it was trained with the mip filter
+  int version = 0;                 ///< of SPZ and SOG; the compression level of a .ksplat; 0 for the others
+  bool antialiased = false;        ///< it says that it was trained with the mip filter
   std::vector<std::string> notes;  ///< what the file holds and the table does not, a sentence each
 };
 
@@ -118,10 +118,9 @@ void for_each_splat_column(Table& table, const F& f) {
     for (std::size_t i = 0; i < column.size(); ++i) {
       const float value = column[i];
       if (std::isfinite(value) || (logit && !std::isnan(value)) || (scale && value < 0)) continue;
-      failure = splat_error(ErrorKind::invalid, file, name,
-                            "is " + std::string(std::isnan(value) ? "NaN" : "infinite") + " in splat " +
-                                std::to_string(i),
-                            remedy);
+      failure = splat_error(
+          ErrorKind::invalid, file, name,
+          "is " + std::string(std::isnan(value) ? "NaN" : "infinite") + " in splat " + std::to_string(i), remedy);
       return;
     }
   });

@@ -62,8 +62,8 @@ class SpzParser {
       return error(ErrorKind::unsupported, "flags", "say that it holds a tree of levels of detail",
                    "export it without levels of detail");
     if (header_.fractional_bits > 24)
-      return error(ErrorKind::invalid, "fractional bits", "are " + std::to_string(header_.fractional_bits) +
-                                                              " of the 24 that a position has");
+      return error(ErrorKind::invalid, "fractional bits",
+                   "are " + std::to_string(header_.fractional_bits) + " of the 24 that a position has");
     if (header_.splats == 0) return error(ErrorKind::invalid, "points", "are none");
     const std::array<std::uint64_t, streams> bytes_of_splat{
         9, 1, 3, 3, header_.version == 2 ? 3u : 4u, std::uint64_t{3} * (sh_count(header_.degree) - 1)};
@@ -95,9 +95,9 @@ class SpzParser {
     std::uint64_t whole = 0;
     for (const std::uint64_t size : sizes_) whole += size;
     if (whole > reader.left()) {
-      return error(ErrorKind::truncated, "points", "are " + std::to_string(header_.splats) + ", which take " +
-                                                       std::to_string(whole) + " bytes, and " +
-                                                       std::to_string(reader.left()) + " follow");
+      return error(ErrorKind::truncated, "points",
+                   "are " + std::to_string(header_.splats) + ", which take " + std::to_string(whole) + " bytes, and " +
+                       std::to_string(reader.left()) + " follow");
     }
     for (std::size_t i = 0; i < streams; ++i) data_[i] = reader.take(sizes_[i]);
     if ((header_.flags & 2) != 0) return extensions(reader.take(reader.left()));
@@ -112,11 +112,10 @@ class SpzParser {
     constexpr std::size_t header = 32, entry = 16;
     const std::size_t count = header_.degree == 0 ? streams - 1 : streams;
     if (header_.streams != count) {
-      return error(ErrorKind::malformed, "streams", "are " + std::to_string(header_.streams) + ", expected " +
-                                                        std::to_string(count));
+      return error(ErrorKind::malformed, "streams",
+                   "are " + std::to_string(header_.streams) + ", expected " + std::to_string(count));
     }
-    if (bytes_.size() < header || table < header || table > bytes_.size() ||
-        bytes_.size() - table < count * entry)
+    if (bytes_.size() < header || table < header || table > bytes_.size() || bytes_.size() - table < count * entry)
       return error(ErrorKind::truncated, "table of streams", "lies outside of the file");
     if ((header_.flags & 2) != 0) {
       if (const Result<Done> known = extensions(bytes_.subspan(header, table - header)); !known) return known.error();
@@ -136,11 +135,12 @@ class SpzParser {
     if (all_packed != bytes_.size() - table - count * entry)
       return error(ErrorKind::truncated, "streams", "do not end where the file does");
     if (all > most_unpacked_of_byte * all_packed)
-      return error(ErrorKind::exhausted, "points", "are " + std::to_string(header_.splats) + ", more than " +
-                                                       std::to_string(all_packed) + " bytes can hold");
+      return error(
+          ErrorKind::exhausted, "points",
+          "are " + std::to_string(header_.splats) + ", more than " + std::to_string(all_packed) + " bytes can hold");
     for (std::size_t i = 0; i < count; ++i) {
-      Result<std::vector<std::byte>> stream = unzstd(rows.take(packed[i]), static_cast<std::size_t>(sizes_[i]), name_,
-                                                     "stream " + std::to_string(i));
+      Result<std::vector<std::byte>> stream =
+          unzstd(rows.take(packed[i]), static_cast<std::size_t>(sizes_[i]), name_, "stream " + std::to_string(i));
       if (!stream) return stream.error();
       unpacked_[i] = std::move(*stream);
       data_[i] = unpacked_[i];
