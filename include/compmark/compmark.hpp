@@ -112,6 +112,7 @@
 #include "compmark/io/time_stamp.hpp"
 #include "compmark/io/utf8.hpp"
 #include "compmark/io/xxh64.hpp"
+#include "compmark/io/zip.hpp"
 
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/colmap.hpp"

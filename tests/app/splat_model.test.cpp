@@ -10,14 +10,15 @@
 #include <compmark/app/export.hpp>
 #include <compmark/io/splat/read_splat.hpp>
 #include <compmark/scene/splat_table.hpp>
-#include <compmark/splat/raster/tile.hpp>
 #include <filesystem>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "app/small_models.hpp"
 #include "io/splat_writers.hpp"
 #include "support/damage.hpp"
+#include "support/tool.hpp"
 
 using namespace compmark;
 

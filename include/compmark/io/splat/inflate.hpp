@@ -17,8 +17,8 @@
 #include "compmark/core/config.hpp"
 #include "compmark/io/bytes.hpp"
 #include "compmark/io/detail/stb.hpp"
-#include "compmark/io/npz.hpp"
 #include "compmark/io/splat/splat_file.hpp"
+#include "compmark/io/zip.hpp"
 
 #if defined(COMPMARK_WITH_ZSTD)
 #include <zstd.h>
