@@ -36,10 +36,6 @@ double largest_difference(const std::vector<float>& a, const std::vector<float>&
   return static_cast<double>(most);
 }
 
-}  // namespace splat_model_test
-
-using namespace splat_model_test;
-
 TEST_CASE("app/splat_model: a splat file opens as a model of explicit Gaussians, with cameras round it") {
   const testing::ScratchFolder folder("compmark-app-splats");
   ThreadExecutor executor(2);
@@ -132,3 +128,5 @@ TEST_CASE("app/splat_model: what is no splat file is refused by what it is") {
   CHECK(model.error().problem.find("point cloud") != std::string::npos);
   CHECK(model.error().remedy.find("train") != std::string::npos);
 }
+
+}  // namespace splat_model_test

@@ -72,10 +72,6 @@ void put_number(Bytes& bytes, std::size_t at, std::uint64_t value, std::size_t w
 }
 Bytes text_bytes(const std::string& text) { return ByteWriter().put(std::string_view(text)).take(); }
 
-}  // namespace splat_damage_test
-
-using namespace splat_damage_test;
-
 TEST_CASE("io/splat_damage: every truncation of a small file is refused; of a .splat all but those between splats") {
   for (const SmallFile& file : small_files()) {
     const std::string& name = file.name;
@@ -237,3 +233,5 @@ TEST_CASE("io/splat_damage: files on disk") {
   CHECK(read_splat(folder).error().kind == ErrorKind::unreadable);
   std::filesystem::remove_all(folder);
 }
+
+}  // namespace splat_damage_test

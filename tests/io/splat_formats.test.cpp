@@ -93,10 +93,6 @@ void check_rounding(const std::string& name, const SplatTable& table, const Roun
   }
 }
 
-}  // namespace splat_formats_test
-
-using namespace splat_formats_test;
-
 TEST_CASE("io/splat_formats: a 3DGS PLY in any order of its properties, with others among them, every degree") {
   for (int degree = 0; degree <= max_sh_degree; ++degree) {
     const SplatTable table = random_splats(50, degree);
@@ -304,3 +300,5 @@ TEST_CASE("io/splat_formats: an extension says in which frame the places of an S
   CHECK_FALSE(parse_splat(file, "x.spz").ok());
 #endif
 }
+
+}  // namespace splat_formats_test

@@ -49,10 +49,6 @@ std::array<double, 3> projected(const Camera<double>& camera, const std::array<d
   return {camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy, p[2]};
 }
 
-}  // namespace views_around_test
-
-using namespace views_around_test;
-
 TEST_CASE("scene/views_around: the bulk of a ball, whatever stands far away or is not seen") {
   SplatTable table = ball(2000, 40);
   for (std::size_t i = 0; i < 500; ++i) {  // unseen splats in a corner count for nothing
@@ -107,3 +103,5 @@ TEST_CASE("scene/views_around: cameras stand above, turn about the middle and ho
   }
   CHECK(cameras[0].center_world != cameras[1].center_world);
 }
+
+}  // namespace views_around_test

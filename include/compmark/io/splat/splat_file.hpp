@@ -23,12 +23,12 @@
 
 namespace compmark {
 
-enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz, sog };
+enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz };
 
 /// How people call it, with its article.
 [[nodiscard]] inline std::string_view splat_format_name(SplatFormat format) {
-  constexpr std::array<std::string_view, 6> names{"a 3DGS PLY",     "a compressed PLY", "a .splat file",
-                                                  "a .ksplat file", "an SPZ file",      "a SOG file"};
+  constexpr std::array<std::string_view, 5> names{"a 3DGS PLY", "a compressed PLY", "a .splat file", "a .ksplat file",
+                                                  "an SPZ file"};
   return names[static_cast<std::size_t>(format)];
 }
 
@@ -36,7 +36,7 @@ enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz, sog };
 struct SplatFile {
   SplatTable table;  ///< rotations of norm 1; every number is finite but for log scales of -inf and logits of +-inf
   SplatFormat format = SplatFormat::ply;
-  int version = 0;                 ///< of SPZ and SOG; the compression level of a .ksplat; 0 for the others
+  int version = 0;                 ///< of SPZ; the compression level of a .ksplat; 0 for the others
   bool antialiased = false;        ///< it says that it was trained with the mip filter
   std::vector<std::string> notes;  ///< what the file holds and the table does not, a sentence each
 };
