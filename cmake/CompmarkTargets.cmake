@@ -42,6 +42,9 @@ endforeach()
 compmark_component(compmark ${compmark_headers})
 target_link_libraries(compmark INTERFACE Eigen3::Eigen nlohmann_json::nlohmann_json nanoflann::nanoflann Threads::Threads
                                          compmark::stb)
+if(TARGET compmark::libzstd)
+  target_link_libraries(compmark INTERFACE $<BUILD_INTERFACE:compmark::libzstd>)
+endif()
 
 foreach(entry IN LISTS COMPMARK_OPTIONAL_COMPONENTS)
   separate_arguments(entry)

@@ -60,7 +60,7 @@ Command add_evaluate(Options& app) {
   auto options = std::make_shared<EvaluateOptions>();
   CompareSettings& input = options->compared;
   app.reads("--model", input.models, InputKind::model,
-            "model.safetensors of a run or a compressed .cmk; give several to compare them")
+            "model.safetensors of a run, a compressed .cmk or a splat file; give several to compare them")
       ->required();
   app.reads("--data", input.data, InputKind::dataset,
             "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")

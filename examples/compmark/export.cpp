@@ -106,7 +106,8 @@ int run(const ExportOptions& options) {
 
 Command add_export(Options& app) {
   auto options = std::make_shared<ExportOptions>();
-  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
+  app.reads("--model", options->model, InputKind::model,
+            "model.safetensors of a run, a compressed .cmk, or a splat file")
       ->required();
   app.writes("--out", options->out, OutputKind::splats, "PLY file to write")->required();
   app.word("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")

@@ -12,11 +12,14 @@
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/safetensors.hpp>
+#include <compmark/io/splat/read_splat.hpp>
+#include <compmark/scene/views_around.hpp>
 #include <compmark/splat/training/model_file.hpp>
 #include <cstdio>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -80,6 +83,28 @@ int info_of_coded(const std::filesystem::path& path, bool views) {
   return success;
 }
 
+/// Splats of another program: what the file holds and how large the scene is.
+int info_of_splats(const std::filesystem::path& path) {
+  const Result<SplatFile> file = read_splat(path);
+  if (!file) return fail(file.error());
+  const Result<std::string> digest = file_sha256(path);
+  if (!digest) return fail(digest.error());
+  const SplatTable& table = file->table;
+  const SplatBulk bulk = splat_bulk(table);
+  std::error_code status;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, status);
+  const std::string version = file->format == SplatFormat::ksplat ? ", level " + std::to_string(file->version)
+                              : file->version != 0                ? ", version " + std::to_string(file->version)
+                                                                  : "";
+  std::printf(
+      "%s\n  sha256      %s\n  format      %s%s, %ju bytes, read whole\n  splats      %zu, spherical harmonics of "
+      "degree %d\n  middle      %g %g %g\n  size        %g (radius that holds four in five of the opaque splats)\n",
+      path.string().c_str(), digest->c_str(), std::string(splat_format_name(file->format)).c_str(), version.c_str(),
+      bytes, table.count, table.degree, bulk.center[0], bulk.center[1], bulk.center[2], bulk.radius);
+  tell_notes(*file);
+  return success;
+}
+
 }  // namespace
 
 Command add_info(Options& app) {
@@ -88,10 +113,12 @@ Command add_info(Options& app) {
     bool views = false;
   };
   auto options = std::make_shared<Told>();
-  app.reads("model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")->required();
+  app.reads("model", options->model, InputKind::model, "model.safetensors of a run, a compressed .cmk, or a splat file")
+      ->required();
   app.flag("--views", options->views, "list the stored cameras");
   return [options]() -> int {
     if (is_coded_file(options->model)) return info_of_coded(options->model, options->views);
+    if (is_splat_file(options->model)) return info_of_splats(options->model);
     Result<SafetensorsFile> file = read_safetensors(options->model);
     if (!file) return fail(file.error());
     Result<std::string> recipe = model_recipe(*file);

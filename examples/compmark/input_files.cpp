@@ -21,7 +21,7 @@ Taken taken_by(InputKind kind) {
   using K = FileKind;
   switch (kind) {
     case InputKind::model:
-      return {"a model", {K::model, K::cmk, K::safetensors}};
+      return {"a model or splats", {K::model, K::cmk, K::safetensors, K::ply, K::splat, K::spz, K::gzip}};
     case InputKind::trained_model:
       return {"a model of a training", {K::model, K::cmk, K::safetensors}};
     case InputKind::compressed:

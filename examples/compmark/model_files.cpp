@@ -3,6 +3,7 @@
 #include "model_files.hpp"
 
 #include <compmark/core/thread_executor.hpp>
+#include <cstdio>
 
 #include "common.hpp"
 
@@ -16,9 +17,16 @@ Result<ModelSource> open_source(const std::filesystem::path& path, std::size_t t
   return ModelSource::open(path, executor);
 }
 
+void tell_notes(const SplatFile& file) {
+  for (const std::string& note : file.notes) std::fprintf(stderr, "compmark: note: %s\n", note.c_str());
+  if (file.antialiased)
+    std::fprintf(stderr, "compmark: note: the splats were trained with the mip filter, and are drawn without\n");
+}
+
 Result<AnyModel> load_model(const std::filesystem::path& path, std::size_t threads) {
   const Result<ModelSource> source = open_source(path, threads);
   if (!source) return source.error();
+  if (source->splats) tell_notes(*source->splats);
   return AnyModel::load(*source);
 }
 

@@ -150,7 +150,8 @@ int run(const RenderOptions& options) {
 
 Command add_render(Options& app) {
   auto options = std::make_shared<RenderOptions>();
-  app.reads("--model", options->model, InputKind::model, "model.safetensors of a run, or a compressed .cmk")
+  app.reads("--model", options->model, InputKind::model,
+            "model.safetensors of a run, a compressed .cmk, or a splat file")
       ->required();
   app.writes_into("--out", options->out, "folder for the PNG images")->required();
   app.reads("--data", options->data, InputKind::dataset,

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "any_capture.hpp"
+#include "io/splat_writers.hpp"
 
 namespace {
 
@@ -144,6 +145,19 @@ int main(int count, char** arguments) {
   if (!write_ply(file, 3, std::array{PlyFloatColumn{"x", numbers.data(), 1}})) return 1;
   put("file_kind", *read_file(file));
   put("ply", *read_file(file));
+  namespace splats = testing::splats;
+  for (const int degree : {0, 1}) {
+    const SplatTable table = splats::random_splats(3, degree);
+    put("splat", splats::permuted_ply_bytes(table, 1));
+    put("splat", splats::compressed_ply_bytes(table, degree == 0));
+    for (const int level : {0, 1, 2}) put("splat", splats::ksplat_bytes(table, level));
+    for (const int version : {2, 3}) put("splat", splats::gzip_bytes(splats::spz_content(table, version)));
+    put("splat", splats::spz_content(table, 3));
+#if defined(COMPMARK_WITH_ZSTD)
+    put("splat", splats::spz4_bytes(table));
+#endif
+  }
+  put("splat", splats::antimatter_bytes(splats::random_splats(3, 0)));
   fs::remove(file);
   put_text(
       "transforms",

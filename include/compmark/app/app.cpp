@@ -33,6 +33,7 @@ COMPMARK_APP_LOADS(ScaffoldFisheye);
 COMPMARK_APP_LOADS(ScaffoldExposure);
 COMPMARK_APP_LOADS(ScaffoldFarField);
 COMPMARK_APP_LOADS(ScaffoldFarFieldExposure);
+COMPMARK_APP_LOADS(Explicit);
 COMPMARK_APP_LOADS(CompMarkBase);
 COMPMARK_APP_LOADS(CompMarkPaperBase);
 COMPMARK_APP_LOADS(HacScaffold);

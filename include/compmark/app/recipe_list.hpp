@@ -13,6 +13,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/recipes/captures.hpp"
 #include "compmark/recipes/context_gs.hpp"
+#include "compmark/recipes/explicit.hpp"
 #include "compmark/recipes/far_field.hpp"
 #include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/scaffold.hpp"
@@ -112,6 +113,7 @@ auto with_reading_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTag<r
   if (plain == "scaffold+exposure+farfield") return f(RecipeTag<recipes::ScaffoldFarFieldExposure>{});
   if (plain == "compmark-host") return f(RecipeTag<recipes::CompMarkBase>{});
   if (plain == "compmark-paper-host") return f(RecipeTag<recipes::CompMarkPaperBase>{});
+  if (plain == "explicit") return f(RecipeTag<recipes::Explicit>{});  // what splat files are read as
   return f.unknown(unknown_recipe(name));
 }
 

@@ -38,7 +38,7 @@ struct FileMagic {
   std::size_t offset = 0;
 };
 using std::string_view_literals::operator""sv;  // "\0" counts
-inline constexpr std::array<FileMagic, 35> file_magics{{
+inline constexpr std::array<FileMagic, 36> file_magics{{
     {FileKind::cmk,
      "\x89"
      "CMK"sv},
@@ -63,6 +63,7 @@ inline constexpr std::array<FileMagic, 35> file_magics{{
     {FileKind::zip, "PK\3\4"sv},
     {FileKind::zip, "PK\5\6"sv},
     {FileKind::gzip, "\x1f\x8b"sv},
+    {FileKind::spz, "NGSP"sv},
     {FileKind::zstd, "\x28\xb5\x2f\xfd"sv},
     {FileKind::hdf5, "\x89HDF\r\n"sv},
     {FileKind::npy, "\x93NUMPY"sv},

@@ -5,7 +5,8 @@
 //   x y z nx ny nz f_dc_0..2 f_rest_0..(3 K - 1) opacity scale_0..2 rot_0..3        K = 0, 3, 8, 15 for degree 0 … 3
 // f_rest is planar by channel (all red coefficients first), opacity a logit, scale a natural logarithm, rot w x y z.
 // Writing is strict (that order, zero normals, no NaN, no comments unless asked for); reading goes by property name and
-// takes any order, any scalar type, and files without normals or f_rest.
+// takes any order, any scalar type, files without normals or f_rest, and red green blue (bytes) in place of f_dc.
+// read_splat (io/splat/read_splat.hpp) reads every format, this one too, and refuses what this one drops.
 #pragma once
 
 #include <array>
@@ -20,6 +21,8 @@
 
 #include "compmark/core/result.hpp"
 #include "compmark/io/ply.hpp"
+#include "compmark/io/splat/compressed_ply.hpp"
+#include "compmark/io/splat/splat_file.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/scene/splat_table.hpp"
 
@@ -34,21 +37,6 @@ struct SplatPly {
 
 namespace detail {
 
-/// The columns of a table beside their names in the file's order; normals are missing here.
-template <class Table, class F>
-void for_each_splat_column(Table& table, const F& f) {
-  const std::array<const char*, 3> axes{"x", "y", "z"};
-  for (std::size_t i = 0; i < 3; ++i) f(axes[i], table.mean[i]);
-  for (std::size_t c = 0; c < 3; ++c) f("f_dc_" + std::to_string(c), table.color(c, 0));
-  const std::size_t rest = table.coefficients() - 1;
-  for (std::size_t c = 0; c < 3; ++c) {
-    for (std::size_t i = 0; i < rest; ++i) f("f_rest_" + std::to_string(c * rest + i), table.color(c, i + 1));
-  }
-  f("opacity", table.opacity);
-  for (std::size_t i = 0; i < 3; ++i) f("scale_" + std::to_string(i), table.log_scale[i]);
-  for (std::size_t i = 0; i < 4; ++i) f("rot_" + std::to_string(i), table.rotation[i]);
-}
-
 /// What else a PLY may be, in words; nothing for a file that looks like splats.
 [[nodiscard]] inline std::optional<Error> not_splats(const PlyElement& vertex, const std::string& file) {
   const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
@@ -56,7 +44,7 @@ void for_each_splat_column(Table& table, const F& f) {
   };
   if (vertex.find("packed_position") != nullptr) {
     return fail(ErrorKind::unsupported, "packed_position", "this is a compressed PLY of SuperSplat",
-                "export it as a plain PLY");
+                "read it with read_splat, or export it as a plain PLY");
   }
   if (vertex.find("f_anchor_feat_0") != nullptr) {
     return fail(ErrorKind::unsupported, "f_anchor_feat_0", "this is an anchor table, whose Gaussians need its networks",
@@ -74,6 +62,45 @@ void for_each_splat_column(Table& table, const F& f) {
                 "export the model as 3D Gaussians");
   }
   return std::nullopt;
+}
+
+/// All rows of a standard PLY, as they are; `name` is for the messages.
+[[nodiscard]] inline Result<SplatTable> standard_ply_rows(const PlyFile& file, const std::string& name) {
+  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
+    return Error{kind, name, std::move(field), std::move(problem), std::move(remedy)};
+  };
+  const PlyElement* vertex = file.find("vertex");
+  if (vertex == nullptr)
+    return fail(ErrorKind::malformed, "vertex", "there is no such element", "check that this is a splat file");
+  if (std::optional<Error> other = not_splats(*vertex, name)) return std::move(*other);
+  if (vertex->count == 0) return fail(ErrorKind::invalid, "vertex", "has no rows", "export the file again");
+  const std::size_t rest = rest_columns(*vertex);
+  const int degree = degree_of_rest(rest);
+  if (degree < 0) {
+    return fail(ErrorKind::unsupported, "f_rest", "has " + std::to_string(rest) + " columns, expected 0, 9, 24 or 45",
+                "export with at most degree 3");
+  }
+  SplatTable table;
+  table.resize(vertex->count, degree);
+  const std::array<const char*, 3> colors{"red", "green", "blue"};
+  std::optional<Error> failure;
+  for_each_splat_column(table, [&](const std::string& property, std::vector<float>& column) {
+    if (failure) return;
+    if (vertex->find(property) != nullptr) {
+      column = vertex->column<float>(property);
+      return;
+    }
+    const char* const color = property.starts_with("f_dc_") ? colors[static_cast<std::size_t>(property[5] - '0')] : "";
+    const PlyProperty* const bytes = vertex->find(color);
+    if (bytes == nullptr || bytes->type != PlyType::uint8) {
+      failure = fail(ErrorKind::malformed, property, "is missing", "export the file again");
+      return;
+    }
+    column = vertex->column<float>(color);
+    for (float& value : column) value = dc_of_color(static_cast<double>(value) / 255);
+  });
+  if (failure) return *failure;
+  return table;
 }
 
 }  // namespace detail
@@ -100,39 +127,15 @@ void for_each_splat_column(Table& table, const F& f) {
   return write_ply(path, table.count, columns, comments);
 }
 
-/// Reads a standard 3DGS PLY.
+/// Reads a standard 3DGS PLY; rows that cannot be drawn are left out and counted.
 [[nodiscard]] inline Result<SplatPly> read_splat_ply(const std::filesystem::path& path) {
   Result<PlyFile> file = read_ply(path);
   if (!file) return file.error();
-  const auto fail = [&](ErrorKind kind, std::string field, std::string problem, std::string remedy) {
-    return Error{kind, path.string(), std::move(field), std::move(problem), std::move(remedy)};
-  };
-  const PlyElement* vertex = file->find("vertex");
-  if (vertex == nullptr)
-    return fail(ErrorKind::malformed, "vertex", "there is no such element", "check that this is a splat file");
-  if (std::optional<Error> other = detail::not_splats(*vertex, path.string())) return std::move(*other);
-  if (vertex->count == 0) return fail(ErrorKind::invalid, "vertex", "has no rows", "export the file again");
-  std::size_t rest = 0;
-  while (vertex->find("f_rest_" + std::to_string(rest)) != nullptr) ++rest;
-  int degree = 0;
-  while (degree <= max_sh_degree && 3 * (sh_count(degree) - 1) != rest) ++degree;
-  if (degree > max_sh_degree) {
-    return fail(ErrorKind::unsupported, "f_rest", "has " + std::to_string(rest) + " columns, expected 0, 9, 24 or 45",
-                "export with at most degree 3");
-  }
+  Result<SplatTable> rows = detail::standard_ply_rows(*file, path.string());
+  if (!rows) return rows.error();
   SplatPly result;
   result.comments = std::move(file->comments);
-  result.table.resize(vertex->count, degree);
-  std::optional<Error> failure;
-  detail::for_each_splat_column(result.table, [&](const std::string& name, std::vector<float>& column) {
-    if (failure) return;
-    if (vertex->find(name) == nullptr) {
-      failure = fail(ErrorKind::malformed, name, "is missing", "export the file again");
-    } else {
-      column = vertex->column<float>(name);
-    }
-  });
-  if (failure) return *failure;
+  result.table = std::move(*rows);
 
   SplatTable& table = result.table;
   std::vector<std::size_t> kept;

@@ -23,6 +23,7 @@
 #include "compmark/io/splat_ply.hpp"
 #include "compmark/scene/image_store.hpp"
 #include "compmark/scene/open.hpp"
+#include "compmark/splat/export/explicit_splats.hpp"
 
 namespace compmark {
 namespace detail {
@@ -143,12 +144,11 @@ template <class R>
   return compare_bake(model, table, cameras, target, unseen_view, executor);
 }
 
-/// Bakes or fits; the report and the observer are told of a fit.
+/// Fits over all cameras of the training, and refines.
 template <class R>
-[[nodiscard]] SplatTable exported_table(const Exported& of, const Model<R>& model, const ExportViews& views,
-                                        ExportReport& report, ThreadExecutor& executor) {
+[[nodiscard]] SplatTable fitted_table(const Exported& of, const Model<R>& model, const ExportViews& views,
+                                      ExportReport& report, ThreadExecutor& executor) {
   const ExportSettings& settings = of.settings;
-  if (!settings.view.empty()) return bake_at_camera(model, views.chosen->camera, unseen_view, executor);
   const std::span<const Camera<double>> train(views.train);
   ShFitSettings fit;
   fit.degree = settings.degree;
@@ -162,6 +162,19 @@ template <class R>
     of.observer.on_refined(report);
   }
   return table;
+}
+
+/// Bakes or fits; the report and the observer are told of a fit. Explicit Gaussians are written as they are.
+template <class R>
+[[nodiscard]] SplatTable exported_table(const Exported& of, const Model<R>& model, const ExportViews& views,
+                                        ExportReport& report, ThreadExecutor& executor) {
+  const ExportSettings& settings = of.settings;
+  if (!settings.view.empty()) return bake_at_camera(model, views.chosen->camera, unseen_view, executor);
+  if constexpr (ExplicitModelRecipe<R>) {
+    return explicit_splats(model);
+  } else {
+    return fitted_table(of, model, views, report, executor);
+  }
 }
 
 template <class R>
@@ -182,6 +195,10 @@ template <class R>
   report.anchors = model.anchor_count();
   of.observer.on_begin(report);
   if (settings.kind == ExportKind::anchors) {
+    if (ExplicitModelRecipe<R>) {
+      return Error{ErrorKind::unsupported, of.file.string(), "--format", "holds splats, which have no anchors",
+                   "export it as splats"};
+    }
     const std::vector<std::string> comments{"compmark anchors export"};
     if (Result<Done> written = write_anchors(of.out, model.columns(), info.unit, comments); !written)
       return written.error();

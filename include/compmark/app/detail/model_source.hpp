@@ -4,10 +4,12 @@
 // The functions of app/model_source.hpp.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <fstream>
 #include <memory>
+#include <string>
 #include <system_error>
 #include <utility>
 
@@ -15,6 +17,9 @@
 #include "compmark/codec/container/cmk.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/absent.hpp"
+#include "compmark/io/splat/read_splat.hpp"
+#include "compmark/scene/views_around.hpp"
+#include "compmark/splat/export/explicit_splats.hpp"
 
 namespace compmark {
 
@@ -47,6 +52,13 @@ COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem:
     source.coded = std::move(decoded->model);
     return source;
   }
+  if (is_splat_file(path)) {
+    Result<SplatFile> splats = read_splat(path);
+    if (!splats) return splats.error();
+    source.recipe = "explicit";
+    source.splats = std::make_shared<const SplatFile>(std::move(*splats));
+    return source;
+  }
   Result<SafetensorsFile> file = read_safetensors(path, FileKind::model);
   if (!file) return file.error();
   Result<std::string> recipe = model_recipe(*file);
@@ -56,8 +68,38 @@ COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem:
   return source;
 }
 
+namespace detail {
+
+/// The model of a splat file, with cameras round it; what is nearer than a tenth of its size is still drawn.
+template <class R>
+[[nodiscard]] Result<LoadedModel<R>> splat_model(const SplatTable& table) {
+  const SplatBulk bulk = splat_bulk(table);
+  RenderSettings render;
+  render.near_plane = std::min(render.near_plane, bulk.radius / 10);
+  Result<Model<R>> model = model_from_splats<R>(table, render);
+  if (!model) return model.error();
+  LoadedModel<R> loaded{std::move(*model), {}};
+  loaded.info.recipe = "explicit";
+  loaded.info.profile = "splats";
+  for (const Camera<double>& camera : cameras_around(bulk)) {
+    const std::string number = std::to_string(loaded.info.views.size());
+    loaded.info.views.push_back({"around_" + std::string(number.size() < 2 ? "0" : "") + number, true, camera, {}});
+  }
+  return loaded;
+}
+
+}  // namespace detail
+
 template <class R>
 Result<LoadedModel<R>> ModelSource::load() const {
+  if (splats) {
+    if constexpr (ExplicitModelRecipe<R>) {
+      return detail::splat_model<R>(splats->table);
+    } else {
+      return Error{ErrorKind::unsupported, path.string(), "recipe", "is that of splats, which are explicit Gaussians",
+                   "give a model of compmark train"};
+    }
+  }
   if (!coded) return model_from<R>(*file);
   if constexpr (present<typename R::EntropyModel>) {
     Result<LoadedModel<R>> loaded = model_from<R>(*coded);

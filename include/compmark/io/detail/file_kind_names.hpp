@@ -102,7 +102,7 @@ enum class FileKind {
     case FileKind::ply:
       return "a PLY file";
     case FileKind::splat:
-      return "a splat file";
+      return "a file of splats";
     case FileKind::spz:
       return "an SPZ file (splats)";
     case FileKind::colmap:
@@ -188,7 +188,9 @@ enum class FileKind {
     case FileKind::ply:
     case FileKind::splat:
     case FileKind::spz:
-      return "no command reads splats: train a model from its photographs (train --data)";
+      return "info, render, evaluate, export and verify --model take it; to mark or compress it, train a model from "
+             "its "
+             "photographs (train --data)";
     default:
       return "";
   }

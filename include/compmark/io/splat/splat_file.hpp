@@ -1,0 +1,170 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What every reader of a splat file gives, and what they share (docs/splat_formats.md): explicit Gaussians in the frame
+// that they were trained in (that of the standard PLY: x right, y down, z forward where the capture was upright), with
+// rotations of norm 1. Values that no renderer can use are refused with the splat that has them.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "compmark/core/result.hpp"
+#include "compmark/math/spherical_harmonics.hpp"
+#include "compmark/scene/splat_table.hpp"
+
+namespace compmark {
+
+enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz };
+
+/// How people call it, with its article.
+[[nodiscard]] inline std::string_view splat_format_name(SplatFormat format) {
+  constexpr std::array<std::string_view, 5> names{"a 3DGS PLY", "a compressed PLY", "a .splat file", "a .ksplat file",
+                                                  "an SPZ file"};
+  return names[static_cast<std::size_t>(format)];
+}
+
+/// A splat file that was read.
+struct SplatFile {
+  SplatTable table;  ///< rotations of norm 1; every number is finite but for log scales of -inf and logits of +-inf
+  SplatFormat format = SplatFormat::ply;
+  int version = 0;                 ///< of SPZ; the compression level of a .ksplat; 0 for the others
+  bool antialiased = false;        ///< it says that it was trained with the mip filter
+  std::vector<std::string> notes;  ///< what the file holds and the table does not, a sentence each
+};
+
+namespace detail {
+
+/// Error of a splat file, in one line of the readers.
+[[nodiscard]] inline Error splat_error(ErrorKind kind, const std::string& file, std::string field, std::string problem,
+                                       std::string remedy = "copy or export it again") {
+  return {kind, file, std::move(field), std::move(problem), std::move(remedy)};
+}
+
+/// f_dc of a colour in [0, 1], as it is seen without the other harmonics.
+[[nodiscard]] inline float dc_of_color(double color) { return static_cast<float>((color - 0.5) / sh_constant); }
+
+/// The logit of an opacity; 0 and 1 become 1e-6 and 1 - 1e-6, as all converters have it (+-13.8155).
+[[nodiscard]] inline float logit_of_opacity(double opacity) {
+  const double inside = std::fmin(std::fmax(opacity, 1e-6), 1 - 1e-6);
+  return static_cast<float>(std::log(inside / (1 - inside)));
+}
+/// Of all opacities that a byte holds.
+[[nodiscard]] inline std::array<float, 256> byte_logits() {
+  std::array<float, 256> logits{};
+  for (std::size_t i = 0; i < logits.size(); ++i) logits[i] = logit_of_opacity(static_cast<double>(i) / 255);
+  return logits;
+}
+
+/// IEEE 754 binary16 to float: exact.
+[[nodiscard]] inline float float_of_half(std::uint16_t half) {
+  const int exponent = half >> 10 & 31, mantissa = half & 1023;
+  float value = 0;
+  if (exponent == 31) {
+    value = mantissa == 0 ? std::numeric_limits<float>::infinity() : std::numeric_limits<float>::quiet_NaN();
+  } else if (exponent == 0) {
+    value = std::ldexp(static_cast<float>(mantissa), -24);
+  } else {
+    value = std::ldexp(static_cast<float>(1024 + mantissa), exponent - 25);
+  }
+  return (half & 0x8000) != 0 ? -value : value;
+}
+
+/// A unit quaternion from its components without the largest, which is positive, in their order.
+[[nodiscard]] inline std::array<double, 4> with_largest(std::size_t largest, const std::array<double, 3>& others) {
+  std::array<double, 4> q{};
+  double left = 1;
+  for (std::size_t i = 0, k = 0; i < 4; ++i) {
+    if (i == largest) continue;
+    q[i] = others[k++];
+    left -= q[i] * q[i];
+  }
+  q[largest] = std::sqrt(std::fmax(0.0, left));
+  return q;
+}
+
+/// The columns of a table beside their names in the standard PLY, in its order; normals are missing here.
+template <class Table, class F>
+void for_each_splat_column(Table& table, const F& f) {
+  const std::array<const char*, 3> axes{"x", "y", "z"};
+  for (std::size_t i = 0; i < 3; ++i) f(axes[i], table.mean[i]);
+  for (std::size_t c = 0; c < 3; ++c) f("f_dc_" + std::to_string(c), table.color(c, 0));
+  const std::size_t rest = table.coefficients() - 1;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t i = 0; i < rest; ++i) f("f_rest_" + std::to_string(c * rest + i), table.color(c, i + 1));
+  }
+  f("opacity", table.opacity);
+  for (std::size_t i = 0; i < 3; ++i) f("scale_" + std::to_string(i), table.log_scale[i]);
+  for (std::size_t i = 0; i < 4; ++i) f("rot_" + std::to_string(i), table.rotation[i]);
+}
+
+/// Checks every number and normalises the rotations. Error: the first value of a column that is NaN or infinite (a log
+/// scale may be -infinity: flat; a logit +-infinity: opaque, unseen), or a rotation of norm zero, and the splat that
+/// has it. Cost: a pass over the table.
+[[nodiscard]] inline Result<Done> finish_splats(SplatTable& table, const std::string& file) {
+  std::optional<Error> failure;
+  constexpr const char* remedy = "remove such splats first, for instance with splat-transform --filter-nan";
+  for_each_splat_column(table, [&](const std::string& name, const std::vector<float>& column) {
+    if (failure) return;
+    const bool logit = name == "opacity", scale = name.starts_with("scale_");
+    for (std::size_t i = 0; i < column.size(); ++i) {
+      const float value = column[i];
+      if (std::isfinite(value) || (logit && !std::isnan(value)) || (scale && value < 0)) continue;
+      failure = splat_error(
+          ErrorKind::invalid, file, name,
+          "is " + std::string(std::isnan(value) ? "NaN" : "infinite") + " in splat " + std::to_string(i), remedy);
+      return;
+    }
+  });
+  if (failure) return *failure;
+  for (std::size_t i = 0; i < table.count; ++i) {
+    double square = 0;
+    for (const std::vector<float>& column : table.rotation)
+      square += static_cast<double>(column[i]) * static_cast<double>(column[i]);
+    if (!(square > 0))
+      return splat_error(ErrorKind::invalid, file, "rot_0", "the rotation of splat " + std::to_string(i) + " is zero",
+                         remedy);
+    const double norm = std::sqrt(square);
+    for (std::vector<float>& column : table.rotation)
+      column[i] = static_cast<float>(static_cast<double>(column[i]) / norm);
+  }
+  return Done{};
+}
+
+/// Signs of the axes of a frame against that of training.
+using AxisSigns = std::array<int, 3>;
+
+/// Turns (or mirrors) the table by the signs of its axes: x' = S x, R' = S R S, and every harmonic by its parity.
+inline void change_axes(SplatTable& table, const AxisSigns& signs) {
+  const auto negate = [](std::vector<float>& column) {
+    for (float& value : column) value = -value;
+  };
+  // The axes that occur an odd number of times in harmonic i: bit 0 is x.
+  constexpr std::array<unsigned, 16> odd{0, 2, 4, 1, 3, 6, 0, 5, 0, 2, 7, 2, 4, 1, 4, 1};
+  const auto sign_of = [&](unsigned axes) {
+    int sign = 1;
+    for (std::size_t axis = 0; axis < 3; ++axis) sign *= (axes >> axis & 1u) != 0 ? signs[axis] : 1;
+    return sign;
+  };
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (signs[axis] < 0) negate(table.mean[axis]);
+    // The axis of a rotation is a pseudovector: its component along an axis turns with the other two.
+    if (sign_of(7u & ~(1u << axis)) < 0) negate(table.rotation[axis + 1]);
+  }
+  for (std::size_t i = 1; i < table.coefficients(); ++i) {
+    if (sign_of(odd[i]) > 0) continue;
+    for (std::size_t channel = 0; channel < 3; ++channel) negate(table.color(channel, i));
+  }
+}
+
+}  // namespace detail
+
+}  // namespace compmark
