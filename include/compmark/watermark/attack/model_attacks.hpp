@@ -17,7 +17,6 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/splat/anchor/table.hpp"
 #include "compmark/splat/quantizer/int8_quantizer.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 #include "compmark/watermark/attack/number_attacks.hpp"
@@ -116,17 +115,7 @@ struct CloneAttack {
       for (std::size_t i = 0; i < parents.size(); ++i)
         std::copy_n(values + parents[i] * block.columns, block.columns, values + (rows + i) * block.columns);
     }
-    const AnchorHandles handles = find_anchor_blocks(arena.layout());
-    if (!handles.position.valid() || !handles.scaling.valid()) return Done{};
-    const MatrixView<float> position = arena.values(handles.position), scaling = arena.values(handles.scaling);
-    const Random beside(seed, 0, random_stage("attack/clone/beside"));
-    for (std::size_t row = rows; row < position.rows; ++row) {
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double extent = std::exp(static_cast<double>(scaling(row, axis)));
-        const float there = position(row, axis) + static_cast<float>(moved * extent * beside.normal(3 * row + axis));
-        if (std::isfinite(there)) position(row, axis) = there;
-      }
-    }
+    detail::move_anchors(arena, rows, moved, Random(seed, 0, random_stage("attack/clone/beside")));
     return Done{};
   }
 };

@@ -21,6 +21,23 @@
 
 namespace compmark {
 
+namespace detail {
+/// Moves the anchors from row `first` on by normal numbers of this deviation along each axis, in units of each anchor's
+/// extent, exp(scaling[0:3]). What would not be finite stays; so does a model without places or extents.
+inline void move_anchors(ParameterArena<float>& arena, std::size_t first, double deviation, const Random& random) {
+  const AnchorHandles handles = find_anchor_blocks(arena.layout());
+  if (!handles.position.valid() || !handles.scaling.valid()) return;
+  const MatrixView<float> position = arena.values(handles.position), scaling = arena.values(handles.scaling);
+  for (std::size_t row = first; row < position.rows; ++row) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double extent = std::exp(static_cast<double>(scaling(row, axis)));
+      const float there = position(row, axis) + static_cast<float>(deviation * extent * random.normal(3 * row + axis));
+      if (std::isfinite(there)) position(row, axis) = there;
+    }
+  }
+}
+}  // namespace detail
+
 /// Half precision keeps 10 bits, bfloat16 keeps 7; exponents stay as they are. To the nearest, ties to even.
 struct MantissaAttack {
   static constexpr std::string_view name = "mantissa";
@@ -47,18 +64,7 @@ struct JitterAttack {
   static constexpr std::string_view name = "jitter";
   static constexpr AttackAmount amount{0.05, 0, 10, "the deviation of the moves, in extents of an anchor"};
   [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double deviation, std::uint64_t seed) {
-    const AnchorHandles handles = find_anchor_blocks(arena.layout());
-    if (!handles.position.valid() || !handles.scaling.valid()) return Done{};
-    const MatrixView<float> position = arena.values(handles.position), scaling = arena.values(handles.scaling);
-    const Random random(seed, 0, random_stage("attack/jitter"));
-    for (std::size_t row = 0; row < position.rows; ++row) {
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double extent = std::exp(static_cast<double>(scaling(row, axis)));
-        const float there =
-            position(row, axis) + static_cast<float>(deviation * extent * random.normal(3 * row + axis));
-        if (std::isfinite(there)) position(row, axis) = there;
-      }
-    }
+    detail::move_anchors(arena, 0, deviation, Random(seed, 0, random_stage("attack/jitter")));
     return Done{};
   }
 };
