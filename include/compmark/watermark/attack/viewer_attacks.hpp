@@ -3,7 +3,8 @@
 //
 // Attacks on a picture (attack_list.hpp) that viewers, phones and image programs make: a picture is mirrored, put on a
 // page, painted over, filtered, stored with fewer levels, photographed from a screen. PictureAttacks
-// (picture_attacks.hpp) has them in its list. Cost: some ns a value; the median 9 to 200.
+// (picture_attacks.hpp) has them in its list. Cost: some ns a value; sharpening 70, the median 230 (3 x 3) to 4,800
+// (15 x 15).
 #pragma once
 
 #include <algorithm>
