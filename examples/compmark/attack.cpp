@@ -4,6 +4,7 @@
 // compmark attack: applies attacks to a model, or to images, and writes the result, for evaluate, extract and verify to
 // read. Which attacks there are is said by the lists of watermark/attack, one of them alone by an option of its own.
 #include <compmark/app/files.hpp>
+#include <compmark/app/model_attack.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/scene/image.hpp>
@@ -40,7 +41,8 @@ struct AttackOptions {
   std::filesystem::path out;
   std::filesystem::path json;
   std::filesystem::path into;
-  std::vector<std::filesystem::path> images;
+  std::vector<std::filesystem::path> images, average;
+  std::filesystem::path insert_into;
   std::vector<std::string> attacks;
   std::uint64_t seed = 0;
   std::string int8;
@@ -88,16 +90,24 @@ int attack_images(const AttackOptions& options) {
   return success;
 }
 
-/// A model with the attacks in turn.
+/// A model, averaged with copies, with the attacks in turn, put into a scene.
 int attack_numbers(const AttackOptions& options) {
   Result<AnyModel> model = load_model(options.model);
   if (!model) return fail(model.error());
+  ThreadExecutor executor;
+  if (!options.average.empty()) {
+    if (Result<Done> averaged = average_models(*model, options.average, executor); !averaged)
+      return fail(averaged.error());
+  }
   for (const std::string& text : options.attacks) {
-    if (Result<Done> attacked = attack_model<ModelAttacks>(text, model->arena(), options.seed); !attacked) {
-      Error error = attacked.error();
-      error.file = options.model.string();
-      return fail(error);
-    }
+    if (Result<Done> attacked = attack_any_model(*model, text, options.seed, executor); !attacked)
+      return fail(attacked.error());
+  }
+  if (!options.insert_into.empty()) {
+    Result<AnyModel> scene = load_model(options.insert_into);
+    if (!scene) return fail(scene.error());
+    if (Result<Done> inserted = insert_model(*scene, *model); !inserted) return fail(inserted.error());
+    model = std::move(scene);
   }
   if (Result<Done> written = model->write(options.out); !written) return fail(written.error());
   std::printf("%s: %zu anchors\n", options.out.string().c_str(), model->anchor_count());
@@ -160,7 +170,9 @@ int attack(const AttackOptions& options) {
   if (pictures ? options.into.empty() || !options.out.empty() : options.out.empty() || !options.into.empty())
     return wrong("--out, --into", "do not fit what is attacked",
                  "a model is written to --out, images into the folder --into");
-  if (options.int8.empty() == options.attacks.empty() || (pictures && options.attacks.empty()))
+  const bool others = !options.average.empty() || !options.insert_into.empty();
+  if (pictures && others) return wrong("--average, --insert-into", "are of a model", "leave them out, or give --model");
+  if (options.int8.empty() == (options.attacks.empty() && !others) || (pictures && options.attacks.empty()))
     return wrong("--attack, --int8", options.int8.empty() ? "are both missing" : "do not go together",
                  pictures ? "give --attack" : "give one of them");
   if (options.int8.empty() &&
@@ -181,6 +193,10 @@ Command add_attack(Options& app) {
   app.words("--attack", options->attacks,
             "NAME or NAME:STRENGTH, several in turn; of a model " + ModelAttacks::names() + ", of images " +
                 PictureAttacks::names());
+  app.reads("--average", options->average, InputKind::model,
+            "copies of the model with other marks, or without: every number becomes the mean of theirs");
+  app.reads("--insert-into", options->insert_into, InputKind::model,
+            "a scene of the same networks, which gets the anchors; after cutout, a part of it");
   app.number("--seed", options->seed, any_seed, "of attacks that draw random numbers")->capture_default_str();
   app.word("--int8", options->int8,
            "round every number to 8 bits; there is one scale for each tensor, or for each "

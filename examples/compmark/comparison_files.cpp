@@ -46,6 +46,7 @@ nlohmann::ordered_json figures(const Comparison& comparison, const ComparedModel
   for (const ReadAfterAttack& after : model.attacked) {
     nlohmann::ordered_json entry{{"attack", after.attack}};
     add_read(entry, after.verification);
+    if (after.psnr) entry["psnr_to_unattacked"] = *after.psnr;
     json["attacks"].push_back(std::move(entry));
   }
   if (model.unmarked) json["twin"] = *model.unmarked;
@@ -155,6 +156,7 @@ Cells attack_cells(const Comparison& comparison, const ComparedModel& model, con
   cells["scope"] = "attack";
   cells["attack"] = csv_text(after.attack);
   add_read(cells, after.verification);
+  if (after.psnr) cells["psnr"] = number(*after.psnr);
   return cells;
 }
 

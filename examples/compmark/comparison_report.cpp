@@ -77,10 +77,12 @@ ReportGrid attack_grid(const Comparison& comparison) {
   grid.heading = "Read after an edit of every render";
   grid.columns = {"model", "edit"};
   grid.columns.insert(grid.columns.end(), read_columns.begin(), read_columns.end());
+  grid.columns.emplace_back("PSNR left, dB");
   for (const ComparedModel& model : comparison.models) {
     for (const compmark::ReadAfterAttack& after : model.attacked) {
       grid.rows.push_back({title_of(model), after.attack});
       add_read(grid.rows.back(), after.verification);
+      grid.rows.back().push_back(after.psnr ? format_text("%.2f", *after.psnr) : std::string("–"));
     }
   }
   return grid;

@@ -64,6 +64,12 @@ class AnyModel {
     return held_->feature_gradient(camera, lens, d_image, executor);
   }
 
+  /// What each Gaussian gives to the render of a camera. Valid until the next call; cost: a forward and a backward pass.
+  /// Error: one of render.
+  [[nodiscard]] Result<GaussianShares> shares(const StoredView& view, ThreadExecutor& executor) {
+    return held_->shares(view.camera, view.lens, executor);
+  }
+
   /// Recipe, profile, cameras, unit and origin of the lengths.
   [[nodiscard]] const ModelInfo& info() const { return held_->info; }
   [[nodiscard]] RenderSettings render_settings() const { return held_->render_settings(); }

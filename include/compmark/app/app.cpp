@@ -16,9 +16,11 @@
 #include "compmark/app/detail/informed.hpp"
 #include "compmark/app/detail/interference.hpp"
 #include "compmark/app/detail/lpips_nets.hpp"
+#include "compmark/app/detail/model_attack.hpp"
 #include "compmark/app/detail/model_source.hpp"
 #include "compmark/app/detail/proof.hpp"
 #include "compmark/app/detail/reading.hpp"
+#include "compmark/app/detail/robustness.hpp"
 #include "compmark/app/detail/spread.hpp"
 #include "compmark/app/detail/verify.hpp"
 

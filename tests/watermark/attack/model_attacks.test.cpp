@@ -20,6 +20,7 @@ using namespace compmark;
 struct Numbers {
   ParameterArena<float> arena;
   BlockHandle feature, position, scaling, mask, weight, training;
+  AnchorEvidence evidence;
   Numbers() {
     const auto add = [&](const char* name, std::size_t rows, std::size_t columns, RowKind kind, BlockRole role,
                          double scale) {
@@ -44,6 +45,10 @@ struct Numbers {
     mask = blocks[3].first;
     weight = blocks[4].first;
     training = blocks[5].first;
+    for (std::size_t row = 0; row < 400; ++row) {
+      evidence.significance.push_back(random.uniform(100000 + row));
+      evidence.opacity.push_back(random.uniform(200000 + row));
+    }
   }
   [[nodiscard]] std::vector<float> of(BlockHandle block) const {
     const MatrixView<const float> values = arena.values(block);
@@ -53,8 +58,16 @@ struct Numbers {
 
 Numbers attacked(const std::string& text, std::uint64_t seed = 1) {
   Numbers numbers;
-  REQUIRE(attack_model<ModelAttacks>(text, numbers.arena, seed).ok());
+  REQUIRE(attack_model<ModelAttacks>(text, numbers.arena, seed, &numbers.evidence).ok());
   return numbers;
+}
+template <class A>
+Result<Done> apply(Numbers& numbers, double amount, std::uint64_t seed) {
+  if constexpr (RenderedAttack<A>) {
+    return A::apply(numbers.arena, amount, seed, numbers.evidence);
+  } else {
+    return A::apply(numbers.arena, amount, seed);
+  }
 }
 
 }  // namespace
@@ -68,12 +81,12 @@ TEST_CASE(
       CAPTURE(std::string(A::name));
       CAPTURE(amount);
       Numbers once, again;
-      REQUIRE(A::apply(once.arena, amount, 3).ok());
-      REQUIRE(A::apply(again.arena, amount, 3).ok());
+      REQUIRE(apply<A>(once, amount, 3).ok());
+      REQUIRE(apply<A>(again, amount, 3).ok());
       for (const float value : once.arena.all_values()) CHECK(std::isfinite(value));
       CHECK(once.of(once.feature) == again.of(again.feature));
       CHECK(once.of(once.training) == before.of(before.training));
-      if (A::name == "prune") continue;
+      if (once.arena.values(once.mask).rows < 400) continue;
       std::vector<float> mask = once.of(once.mask);
       mask.resize(before.of(before.mask).size());  // without the rows of anchors that were added
       CHECK(mask == before.of(before.mask));
@@ -113,6 +126,74 @@ TEST_CASE("attack/model_attacks: each does what it is called") {
   }
   CHECK(found == rows);
   CHECK(attacked("prune:0.99").arena.values(before.feature).rows >= 1);
+}
+
+TEST_CASE("attack/model_attacks: noise is on all numbers that renders read, or on features alone") {
+  const Numbers before, all = attacked("parameter_noise:0.005"), features = attacked("feature_noise:0.2");
+  const auto change = [&](const Numbers& after, BlockHandle block) {
+    const std::vector<float> from = before.of(block), to = after.of(block);
+    double squares = 0;
+    for (std::size_t i = 0; i < from.size(); ++i)
+      squares += std::pow(static_cast<double>(to[i] - from[i]), 2) / static_cast<double>(from.size());
+    return std::sqrt(squares);
+  };
+  for (const BlockHandle block : {before.feature, before.position, before.scaling, before.weight})
+    CHECK(change(all, block) == doctest::Approx(0.005).epsilon(0.12));  // whatever their size
+  CHECK(change(all, before.training) == 0);
+  CHECK(change(features, before.feature) == doctest::Approx(0.2 * 2).epsilon(0.05));
+  for (const BlockHandle block : {before.position, before.scaling, before.weight, before.training})
+    CHECK(change(features, block) == 0);
+  for (const char* text : {"parameter_noise:0", "feature_noise:0", "float16:0"}) {
+    const Numbers after = attacked(text);
+    CHECK(std::equal(after.arena.all_values().begin(), after.arena.all_values().end(),
+                     before.arena.all_values().begin()));
+  }
+}
+
+TEST_CASE("attack/model_attacks: 4 bits are 16 levels a tensor or a channel, with zero among them and ends kept") {
+  Numbers one;
+  for (std::size_t row = 0; row < 400; ++row) one.arena.values(one.feature)(row, 3) = row < 200 ? 0.0f : 0.001f;
+  ParameterArena<float>& arena = one.arena;
+  const std::vector<float> plain = one.of(one.feature);
+  REQUIRE(Int4Attack::apply(arena, 0, 0).ok());
+  const std::vector<float> tensor = one.of(one.feature);
+  CHECK(std::set<float>(tensor.begin(), tensor.end()).size() <= 16);
+  const auto [low, high] = std::minmax_element(plain.begin(), plain.end());
+  const double step = (static_cast<double>(*high) - static_cast<double>(*low)) / 15;
+  for (std::size_t i = 0; i < plain.size(); ++i)
+    CHECK(std::abs(static_cast<double>(tensor[i]) - static_cast<double>(plain[i])) <= 1.01 * step);
+  for (std::size_t row = 0; row < 400; ++row) CHECK(tensor[8 * row + 3] == 0);  // a column of small numbers is lost
+  const Numbers fine = attacked("int4:1");
+  const MatrixView<const float> columns = fine.arena.values(fine.feature);
+  for (std::size_t k = 0; k < 8; ++k) {
+    std::set<float> levels;
+    for (std::size_t row = 0; row < 400; ++row) levels.insert(columns(row, k));
+    CHECK((levels.size() > 8 && levels.size() <= 16));
+    CHECK(levels.count(0) == 1);
+  }
+  Numbers constant;
+  for (float& value : constant.arena.values(constant.feature).flat()) value = 1.5f;
+  REQUIRE(Int4Attack::apply(constant.arena, 0, 0).ok());
+  for (const float value : constant.of(constant.feature)) CHECK(value == doctest::Approx(1.5));
+}
+
+TEST_CASE("attack/model_attacks: half precision has 11 bits, numbers below 2^-14 and an end") {
+  CHECK(detail::rounded_to_half(1 + 1.0f / 2048) == 1);  // a tie, to even
+  CHECK(detail::rounded_to_half(1 + 3.0f / 2048) == 1 + 4.0f / 2048);
+  CHECK(detail::rounded_to_half(65504) == 65504);
+  CHECK(detail::rounded_to_half(-1e9f) == -65504);
+  CHECK(detail::rounded_to_half(0x1p-24f) == 0x1p-24f);
+  CHECK(detail::rounded_to_half(0x1p-26f) == 0);
+  CHECK(detail::rounded_to_half(0x1.8p-24f) == 0x1p-23f);
+  CHECK(detail::rounded_to_half(0x1.fffp-15f) == 0x1p-14f);
+  for (int exponent = -24; exponent < 16; ++exponent) {
+    const float value = std::ldexp(1.0f, exponent);
+    CHECK(detail::rounded_to_half(value) == value);
+    CHECK(detail::rounded_to_half(-value) == -value);
+  }
+  const Numbers before, after = attacked("float16");
+  CHECK(after.of(after.position) != before.of(before.position));
+  CHECK(after.of(after.position) == attacked("mantissa:10").of(before.position));  // of that size they are the same
 }
 
 TEST_CASE("attack/model_attacks: clone doubles the share that was asked for, beside the originals, which stay") {

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/metric/psnr.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/watermark/attack/picture_attacks.hpp"
 
@@ -31,12 +33,24 @@ namespace compmark::detail {
   return Done{};
 }
 
-/// Adds to read[a] the logits after attack a on the view's render, in 8 bits, as an image file has it. The attack's
+/// What was read of the views after one attack, and what it cost the thief.
+struct AttackedViews {
+  std::vector<ViewLogits> read;
+  double psnr = 0;        ///< dB, sum over the views
+  bool same_size = true;  ///< of pictures before and after
+
+  [[nodiscard]] std::optional<double> mean_psnr() const {
+    if (!same_size || read.empty()) return std::nullopt;
+    return psnr / static_cast<double>(read.size());
+  }
+};
+
+/// Adds to views[a] what is read after attack a on the view's render, in 8 bits, as an image file has it. The attack's
 /// seed is the view's number.
 template <class Decoder>
 [[nodiscard]] Result<Done> read_after_attacks(const std::vector<std::string>& attacks, const SeenView& view,
                                               const Decoder& decoder, typename Decoder::Context& context,
-                                              std::vector<std::vector<ViewLogits>>& read, ThreadExecutor& executor) {
+                                              std::vector<AttackedViews>& views, ThreadExecutor& executor) {
   for (std::size_t a = 0; a < attacks.size(); ++a) {
     Result<AttackedPicture> picture = attack_picture<PictureAttacks>(attacks[a], view.render, view.index);
     if (!picture) return picture.error();
@@ -48,7 +62,10 @@ template <class Decoder>
       error.problem = "after " + attacks[a] + ": " + error.problem;
       return error;
     }
-    read[a].push_back(std::move(*logits));
+    views[a].read.push_back(std::move(*logits));
+    views[a].same_size =
+        views[a].same_size && picture->height == view.render.height && picture->width == view.render.width;
+    if (views[a].same_size) views[a].psnr += psnr(ImageView<const float>(image), view.render);
   }
   return Done{};
 }

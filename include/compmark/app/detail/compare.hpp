@@ -232,7 +232,7 @@ class ModelComparer {
     found.anchors = opened.model->anchor_count();
     observer_.on_model(opened.path, opened.views.size());
     std::vector<ViewLogits> read;
-    std::vector<std::vector<ViewLogits>> attacked(settings_.attacks.size());
+    std::vector<AttackedViews> attacked(settings_.attacks.size());
     Result<Evaluation> evaluation = evaluate_views(
         *opened.model, opened.views, settings_.evaluate, executor_, [&](const SeenView& view) -> Result<Done> {
           if (!observer_.on_view(view)) return stopped();
@@ -255,9 +255,9 @@ class ModelComparer {
       found.verification = std::move(*verification);
     }
     for (std::size_t a = 0; a < attacked.size(); ++a) {
-      Result<Verification> verification = verify_message(reader_->message, attacked[a], VerifySettings{});
+      Result<Verification> verification = verify_message(reader_->message, attacked[a].read, VerifySettings{});
       if (!verification) return verification.error();
-      found.attacked.push_back({settings_.attacks[a], std::move(*verification)});
+      found.attacked.push_back({settings_.attacks[a], std::move(*verification), attacked[a].mean_psnr()});
     }
     return found;
   }

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <span>
 
 #include "compmark/codec/container/codec_model.hpp"
 #include "compmark/codec/model/coded_model.hpp"
@@ -28,6 +30,13 @@ struct RenderedView {
   bool mip_filtered = false;  ///< drawn with the mip filter (splat/raster/effects.hpp)
 };
 
+/// What each drawn Gaussian gives to a render; valid until the next one.
+struct GaussianShares {
+  std::span<const std::uint32_t> slot;  ///< [Gaussians] anchor * K + k, for K Gaussians an anchor
+  std::span<const float> weight;        ///< [Gaussians] sum over pixels of alpha * transmittance, pixels
+  GaussianColumns<const float> drawn = {};
+};
+
 namespace detail {
 
 class HeldModel {
@@ -40,6 +49,7 @@ class HeldModel {
   virtual Result<MatrixView<const float>> feature_gradient(const Camera<double>& camera, const Lens& lens,
                                                            ImageView<const float> d_image,
                                                            ThreadExecutor& executor) = 0;
+  virtual Result<GaussianShares> shares(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) = 0;
   virtual ParameterArena<float>& arena() = 0;
   [[nodiscard]] virtual std::size_t anchor_count() const = 0;
   [[nodiscard]] virtual RenderSettings render_settings() const = 0;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -49,10 +50,21 @@ class RecipeModel final : public HeldModel {
     pipeline_.begin_loss(context_);
     COMPMARK_ASSERT(d_image.size() == context_.d_image.size(), "feature_gradient: an image of the camera's size");
     std::copy_n(d_image.data, d_image.size(), context_.d_image.data);
-    const std::span<float> gradients = model_.arena.all_gradients();
-    std::fill(gradients.begin(), gradients.end(), 0.0f);
-    pipeline_.backward(model_, *at, unseen_view, context_, executor);
+    backward(*at, executor);
     return MatrixView<const float>(std::as_const(model_.arena).gradients(feature));
+  }
+  Result<GaussianShares> shares(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
+    const Result<ViewCamera<R>> at = view_camera(camera, lens);
+    if (!at) return at.error();
+    pipeline_.forward(model_, *at, unseen_view, context_, executor);
+    pipeline_.begin_loss(context_);
+    // The image is sum_p w_p(pixel) c_p + background: w is its sum's gradient by the colour.
+    std::fill_n(context_.d_image.data, context_.d_image.size(), 1.0f);
+    backward(*at, executor);
+    const GaussianColumns<const float> drawn = std::as_const(context_.gaussians).columns();
+    const std::span<const std::uint32_t> slot = pipeline_.decoder().statistics(context_.decoder).gaussian_slot;
+    const std::size_t count = std::min(slot.size(), drawn.count);  // a far field's have no anchor
+    return GaussianShares{slot.first(count), {std::as_const(context_.d_gaussians).columns().color[0], count}, drawn};
   }
   ParameterArena<float>& arena() override { return model_.arena; }
   [[nodiscard]] std::size_t anchor_count() const override { return model_.anchor_count(); }
@@ -76,6 +88,12 @@ class RecipeModel final : public HeldModel {
   [[nodiscard]] Model<R>& model() { return model_; }
 
  private:
+  /// After a forward pass and a gradient of its image: those of the parameters, set.
+  void backward(const ViewCamera<R>& at, ThreadExecutor& executor) {
+    const std::span<float> gradients = model_.arena.all_gradients();
+    std::fill(gradients.begin(), gradients.end(), 0.0f);
+    pipeline_.backward(model_, at, unseen_view, context_, executor);
+  }
   [[nodiscard]] Result<ViewCamera<R>> view_camera(const Camera<double>& camera, const Lens& lens) {
     if (!is_pinhole(lens) && !(policy_ && lens == lens_)) {
       policy_ = lens_policy<RecipeLens<R>>(lens);

@@ -9,6 +9,7 @@
 //   A::amount                             an AttackAmount: usual, least and greatest strength, and its unit  -
 //   A::apply(image, amount, seed)         PictureAttack: the AttackedPicture of an RGB image in [0, 1]       a pass
 //   A::apply(arena, amount, seed)         ModelAttack: changes a model's numbers in place; Result<Done>      a pass
+//   A::apply(arena, amount, seed, e)      RenderedAttack: the same, by the AnchorEvidence of its renders     a pass
 //
 // Laws (tests/watermark/attack): T1 the same seed gives the same bits; T2 pixels stay in [0, 1] and finite; T3 a model
 // stays finite, and blocks that no render reads keep their values.
@@ -64,6 +65,16 @@ concept PictureAttack = Attack<A> && requires(ImageView<const float> image) {
 template <class A>
 concept ModelAttack = Attack<A> && requires(ParameterArena<float>& arena) {
   { A::apply(arena, double{}, std::uint64_t{}) } -> std::same_as<Result<Done>>;
+};
+
+/// What renders say of each anchor, for attacks that ask (app/model_attack.hpp gathers it).
+struct AnchorEvidence {
+  std::vector<double> significance;  ///< [anchors] LightGaussian's, at least 0
+  std::vector<double> opacity;       ///< [anchors] mean over the views that decode it, of its most opaque Gaussian
+};
+template <class A>
+concept RenderedAttack = Attack<A> && requires(ParameterArena<float>& arena, const AnchorEvidence& evidence) {
+  { A::apply(arena, double{}, std::uint64_t{}, evidence) } -> std::same_as<Result<Done>>;
 };
 
 template <Attack... Attacks>
@@ -133,11 +144,28 @@ template <class List>
   return detail::with_attack<List, AttackedPicture>(
       text, [&]<PictureAttack A>(double amount) { return Result<AttackedPicture>(A::apply(image, amount, seed)); });
 }
-/// … to the numbers of a model, in place. An Error of the attack itself may leave the model half changed.
+/// … to the numbers of a model, in place. An Error of the attack itself may leave the model half changed. `evidence` is
+/// for an attack that needs_renders.
 template <class List>
-[[nodiscard]] Result<Done> attack_model(std::string_view text, ParameterArena<float>& arena, std::uint64_t seed = 0) {
-  return detail::with_attack<List, Done>(text,
-                                         [&]<ModelAttack A>(double amount) { return A::apply(arena, amount, seed); });
+[[nodiscard]] Result<Done> attack_model(std::string_view text, ParameterArena<float>& arena, std::uint64_t seed = 0,
+                                        const AnchorEvidence* evidence = nullptr) {
+  return detail::with_attack<List, Done>(text, [&]<class A>(double amount) -> Result<Done> {
+    if constexpr (RenderedAttack<A>) {
+      if (evidence != nullptr) return A::apply(arena, amount, seed, *evidence);
+      return Error{ErrorKind::invalid,
+                   {},
+                   "attack",
+                   "\"" + std::string(A::name) + "\" looks at renders, and there are none",
+                   "give what they say of each anchor (app/model_attack.hpp)"};
+    } else {
+      return A::apply(arena, amount, seed);
+    }
+  });
+}
+/// Whether attack_model needs AnchorEvidence for what `text` names. Error: that of check_attack.
+template <class List>
+[[nodiscard]] Result<bool> needs_renders(std::string_view text) {
+  return detail::with_attack<List, bool>(text, []<class A>(double) { return Result<bool>(RenderedAttack<A>); });
 }
 
 }  // namespace compmark

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -16,24 +15,13 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
-#include "compmark/core/views.hpp"
-#include "compmark/splat/anchor/table.hpp"
 #include "compmark/splat/quantizer/int8_quantizer.hpp"
+#include "compmark/watermark/attack/anchor_attacks.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 #include "compmark/watermark/attack/number_attacks.hpp"
 #include "compmark/watermark/attack/quantize_model.hpp"
 
 namespace compmark {
-
-namespace detail {
-[[nodiscard]] inline std::size_t anchor_rows(const ArenaLayout& layout) {
-  std::size_t rows = 0;
-  for (const ArenaLayout::Block& block : layout.blocks()) {
-    if (block.kind == RowKind::anchor) rows = std::max(rows, block.rows);
-  }
-  return rows;
-}
-}  // namespace detail
 
 /// The general quantization of the paper: every number that a render reads in 8 bits.
 struct Int8Attack {
@@ -50,29 +38,6 @@ struct Int8Attack {
     if (!networks) return networks.error();
     const auto report = quantize_model(arena, *anchors, *networks);
     return report ? Result<Done>(Done{}) : report.error();
-  }
-};
-
-/// Noise on what anchors hold, in units of the deviation of each tensor from its mean.
-struct AnchorNoiseAttack {
-  static constexpr std::string_view name = "noise";
-  static constexpr AttackAmount amount{0.01, 0, 1, "the deviation of the noise, as a share of a tensor's own"};
-  [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double share, std::uint64_t seed) {
-    for (const ArenaLayout::Block& block : arena.layout().blocks()) {
-      if (block.role != BlockRole::rendering || block.kind != RowKind::anchor || block.size() == 0) continue;
-      float* const values = arena.all_values().data() + block.offset;
-      const double count = static_cast<double>(block.size());
-      double mean = 0, squares = 0;
-      for (std::size_t i = 0; i < block.size(); ++i) mean += static_cast<double>(values[i]) / count;
-      for (std::size_t i = 0; i < block.size(); ++i) {
-        const double d = static_cast<double>(values[i]) - mean;
-        squares += d * d / count;
-      }
-      const Random random(seed, 0, random_stage(block.name));
-      for (std::size_t i = 0; i < block.size(); ++i)
-        values[i] += static_cast<float>(share * std::sqrt(squares) * random.normal(i));
-    }
-    return Done{};
   }
 };
 
@@ -116,23 +81,15 @@ struct CloneAttack {
       for (std::size_t i = 0; i < parents.size(); ++i)
         std::copy_n(values + parents[i] * block.columns, block.columns, values + (rows + i) * block.columns);
     }
-    const AnchorHandles handles = find_anchor_blocks(arena.layout());
-    if (!handles.position.valid() || !handles.scaling.valid()) return Done{};
-    const MatrixView<float> position = arena.values(handles.position), scaling = arena.values(handles.scaling);
-    const Random beside(seed, 0, random_stage("attack/clone/beside"));
-    for (std::size_t row = rows; row < position.rows; ++row) {
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double extent = std::exp(static_cast<double>(scaling(row, axis)));
-        const float there = position(row, axis) + static_cast<float>(moved * extent * beside.normal(3 * row + axis));
-        if (std::isfinite(there)) position(row, axis) = there;
-      }
-    }
+    detail::move_anchors(arena, rows, moved, Random(seed, 0, random_stage("attack/clone/beside")));
     return Done{};
   }
 };
 
 /// All that are shipped.
 using ModelAttacks =
-    AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack, CloneAttack, MantissaAttack, JitterAttack, ColourBiasAttack>;
+    AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack, CloneAttack, MantissaAttack, JitterAttack, ColourBiasAttack,
+               ParameterNoiseAttack, FeatureNoiseAttack, Float16Attack, Int4Attack, LightGaussianAttack,
+               OpacityPruneAttack, CutOutAttack, MergeAttack, SmoothFeaturesAttack>;
 
 }  // namespace compmark

@@ -3,7 +3,8 @@
 //
 // Attacks on a picture (attack_list.hpp): what happens to a render on its way. Those of place, sharpness and light are
 // the distortions of watermark/pretrain/augmentation.hpp at a chosen strength, those of colour and of files are those
-// of watermark/edit; viewer_attacks.hpp has others. To add one: its type here, and its name in the list PictureAttacks. Cost: 1 to 25 ns a value.
+// of watermark/edit; viewer_attacks.hpp and field_attacks.hpp have others. To add one: its type here, and its name in
+// the list PictureAttacks. Cost: 1 to 25 ns a value.
 #pragma once
 
 #include <array>
@@ -13,31 +14,17 @@
 #include <numbers>
 #include <string_view>
 
-#include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/attack/field_attacks.hpp"
+#include "compmark/watermark/attack/picture_distortion.hpp"
 #include "compmark/watermark/attack/viewer_attacks.hpp"
 #include "compmark/watermark/edit/augmentation_edit.hpp"
 #include "compmark/watermark/edit/tone_edit.hpp"
-#include "compmark/watermark/pretrain/augmentation.hpp"
 
 namespace compmark {
 
 namespace detail {
-[[nodiscard]] inline AttackedPicture distorted_picture(Augmentation kind, ImageView<const float> image, double amount,
-                                                       std::uint64_t seed) {
-  AugmentationDraw draw;
-  draw.kind = kind;
-  draw.amount = amount;
-  draw.seed = seed;
-  Augmenter<float> augmenter;
-  SerialExecutor executor;
-  const ImageView<const float> seen = augmenter.forward(
-      image, draw, [](auto&&...) {}, executor);
-  AttackedPicture result{seen.height, seen.width, {seen.data, seen.data + seen.size()}};
-  for (float& value : result.planes) value = value > 0 ? (value < 1 ? value : 1.0f) : 0.0f;
-  return result;
-}
 /// A matrix [3, 3] of every pixel's colour.
 [[nodiscard]] inline AttackedPicture recoloured_picture(ImageView<const float> image,
                                                         const std::array<double, 9>& matrix) {
@@ -164,6 +151,7 @@ struct ScreenshotAttack {
 using PictureAttacks =
     AttackList<CropAttack, ResizeAttack, RotationAttack, BlurAttack, NoiseAttack, BrightnessAttack, GammaAttack,
                ContrastAttack, HueAttack, SaturationAttack, JpegAttack, FrameAttack, PageAttack, PaintAttack,
-               MirrorAttack, MedianAttack, SharpenAttack, LevelsAttack, ChatAttack, ScreenshotAttack>;
+               MirrorAttack, MedianAttack, SharpenAttack, LevelsAttack, ChatAttack, ScreenshotAttack, FieldNoiseAttack,
+               FieldCropAttack, FieldScaleAttack, FieldRotationAttack, FieldBlurAttack, FieldBrightnessAttack>;
 
 }  // namespace compmark

@@ -1,0 +1,236 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The functions of app/robustness.hpp.
+#pragma once
+
+#include <algorithm>
+#include <charconv>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "compmark/app/detail/informed.hpp"
+#include "compmark/app/detail/model_attack.hpp"
+#include "compmark/app/detail/reading.hpp"
+#include "compmark/app/robustness.hpp"
+#include "compmark/core/random.hpp"
+#include "compmark/io/image_file.hpp"
+#include "compmark/metric/psnr.hpp"
+#include "compmark/metric/rounding.hpp"
+#include "compmark/watermark/attack/pgd.hpp"
+#include "compmark/watermark/attack/picture_attacks.hpp"
+#include "compmark/watermark/proof/key.hpp"
+
+namespace compmark {
+namespace detail {
+
+/// A key that nobody has: the thief's, whose carriers he knows.
+[[nodiscard]] inline OwnerKey another_key(OwnerKey key) {
+  for (auto* bytes : {&key.secret, &key.root}) {
+    for (auto& byte : *bytes) byte = static_cast<std::remove_reference_t<decltype(byte)>>(~byte);
+  }
+  return key;
+}
+
+}  // namespace detail
+
+COMPMARK_APP_INLINE Result<RobustnessBench> RobustnessBench::open(const RobustnessSettings& settings,
+                                                                  ThreadExecutor& executor) {
+  RobustnessBench bench;
+  bench.settings_ = settings;
+  const Result<OwnerKey> key = open_key(settings.key);
+  if (!key) return key.error();
+  bench.key_ = *key;
+  Result<FileDecoder> decoder = open_decoder(settings.decoder, &bench.key_);
+  if (!decoder) return decoder.error();
+  bench.decoder_ = std::move(*decoder);
+  Result<AnyModel> model = AnyModel::open(settings.model, executor);
+  if (!model) return model.error();
+  std::vector<StoredView> views = model->info().views;
+  if (std::any_of(views.begin(), views.end(), [](const StoredView& view) { return view.test; }))
+    std::erase_if(views, [](const StoredView& view) { return !view.test; });
+  if (views.empty()) {
+    return Error{ErrorKind::invalid, settings.model.string(), "--model", "stores no camera",
+                 "give a model of compmark train"};
+  }
+  if (!settings.unmarked.empty() && settings.informed_views > 0 && settings.pictures.empty()) {
+    return Error{
+        ErrorKind::invalid, {}, "pictures", "is missing", "name a folder for the pictures that informed reading reads"};
+  }
+  detail::keep_evenly(views, settings.views);
+  bench.views_ = std::move(views);
+  Result<Pictures> before = bench.renders(*model, executor);
+  if (!before) return before.error();
+  bench.before_ = std::move(*before);
+  return bench;
+}
+
+COMPMARK_APP_INLINE Result<std::vector<AttackedPicture>> RobustnessBench::renders(AnyModel& model,
+                                                                                  ThreadExecutor& executor) const {
+  Pictures pictures;
+  for (const StoredView& view : views_) {
+    const Result<RenderedView> render = model.render(view, executor);
+    if (!render) return render.error();
+    round_to_8bit<float>(render->image, render->image);
+    const ImageView<float> image = render->image;
+    pictures.push_back({image.height, image.width, {image.data, image.data + image.size()}});
+  }
+  return pictures;
+}
+
+COMPMARK_APP_INLINE Result<std::vector<AttackedPicture>> RobustnessBench::pgd(const std::string& text,
+                                                                              ThreadExecutor& executor) {
+  const std::size_t colon = text.find(':');
+  const std::string_view name = std::string_view(text).substr(0, colon);
+  PgdSettings settings;
+  if (colon != std::string::npos) {
+    const char* const end = text.data() + text.size();
+    const auto [read, status] = std::from_chars(text.data() + colon + 1, end, settings.epsilon);
+    if (status != std::errc() || read != end) settings.epsilon = -1;
+  }
+  if ((name != "pgd" && name != "pgd_random" && name != "pgd_no_key") ||
+      !(settings.epsilon >= 0 && settings.epsilon <= 1)) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "attack",
+                 "\"" + text.substr(0, 40) + "\" is none of pgd, pgd_random, pgd_no_key, with an epsilon from 0 to 1",
+                 "give pgd:0.1"};
+  }
+  FileDecoder known = decoder_;
+  if (name == "pgd_no_key") {
+    const OwnerKey other = detail::another_key(key_);
+    Result<FileDecoder> opened = open_decoder(settings_.decoder, &other);
+    if (!opened) return opened.error();
+    known = std::move(*opened);
+  }
+  FileDecoder::Context context;
+  Pictures pictures;
+  for (std::size_t v = 0; v < before_.size(); ++v) {
+    settings.seed = settings_.seed + v;
+    std::vector<std::uint8_t> aim = opposite_bits(before_[v].view(), known, context, executor);
+    if (name == "pgd_random") {
+      const Random random(settings.seed, 0, random_stage("attack/pgd_random"));
+      for (std::size_t bit = 0; bit < aim.size(); ++bit) aim[bit] = random.uniform(bit) < 0.5 ? 0 : 1;
+    }
+    pictures.push_back(
+        pgd_picture(before_[v].view(), known, context, std::span<const std::uint8_t>(aim), settings, executor));
+  }
+  return pictures;
+}
+
+COMPMARK_APP_INLINE Result<std::vector<AttackedPicture>> RobustnessBench::attacked(const RobustnessAttack& attack,
+                                                                                   ThreadExecutor& executor) {
+  if (attack.kind == RobustnessKind::none) return before_;
+  if (attack.kind == RobustnessKind::pgd) return pgd(attack.text, executor);
+  if (attack.kind == RobustnessKind::picture) {
+    Pictures pictures;
+    for (std::size_t v = 0; v < before_.size(); ++v) {
+      Result<AttackedPicture> picture =
+          attack_picture<PictureAttacks>(attack.text, before_[v].view(), settings_.seed + v);
+      if (!picture) return picture.error();
+      pictures.push_back(std::move(*picture));
+    }
+    return pictures;
+  }
+  if (attack.kind == RobustnessKind::other && attack.files.empty())
+    return Error{ErrorKind::invalid, {}, attack.text, "names no model", "give its file"};
+  Result<AnyModel> model =
+      AnyModel::open(attack.kind == RobustnessKind::other ? attack.files[0] : settings_.model, executor);
+  if (!model) return model.error();
+  Result<Done> done = Done{};
+  if (attack.kind == RobustnessKind::model) done = attack_any_model(*model, attack.text, settings_.seed, executor);
+  if (attack.kind == RobustnessKind::average) done = average_models(*model, attack.files, executor);
+  if (!done) return done.error();
+  return renders(*model, executor);
+}
+
+COMPMARK_APP_INLINE Result<Done> RobustnessBench::read_informed(const Pictures& pictures, ThreadExecutor& executor,
+                                                                RobustnessCell& cell) {
+  std::error_code status;
+  std::filesystem::remove_all(settings_.pictures, status);  // of the cell before
+  std::filesystem::create_directories(settings_.pictures, status);
+  if (status) {
+    return Error{ErrorKind::unwritable,
+                 settings_.pictures.string(),
+                 {},
+                 "cannot be created: " + status.message(),
+                 "choose another folder"};
+  }
+  std::vector<std::size_t> chosen(pictures.size());
+  for (std::size_t v = 0; v < chosen.size(); ++v) chosen[v] = v;
+  detail::keep_evenly(chosen, settings_.informed_views);
+  for (const std::size_t v : chosen) {
+    if (Result<Done> written =
+            write_png(settings_.pictures / ("view_" + std::to_string(v) + ".png"), pictures[v].view());
+        !written)
+      return written;
+  }
+  ReadingSettings reading;
+  reading.decoder = settings_.decoder;
+  reading.unmarked = settings_.unmarked;
+  reading.images = {settings_.pictures};
+  reading.mirrored = true;  // which way is found without the key
+  const Result<InformedReport> report = verify_informed(key_, reading, VerifySettings{}, executor);
+  if (!report) return report.error();
+  cell.informed = report->pictures.size();
+  cell.found = static_cast<std::size_t>(std::count_if(report->pictures.begin(), report->pictures.end(),
+                                                      [](const InformedPicture& picture) { return picture.found; }));
+  cell.informed_matches = report->report.verification.evidence.matches;
+  cell.informed_p_value = report->report.verification.p_corrected;
+  return Done{};
+}
+
+COMPMARK_APP_INLINE Result<RobustnessCell> RobustnessBench::measure(const RobustnessAttack& attack,
+                                                                    ThreadExecutor& executor) {
+  Result<Pictures> pictures = attacked(attack, executor);
+  if (!pictures) return pictures.error();
+  RobustnessCell cell;
+  std::vector<ViewLogits> read;
+  double decibels = 0;
+  bool same_size = true;
+  for (std::size_t v = 0; v < pictures->size(); ++v) {
+    AttackedPicture& picture = (*pictures)[v];
+    const ImageView<float> image{picture.planes.data(), 3, picture.height, picture.width};
+    round_to_8bit<float>(image, image);
+    Result<ViewLogits> logits =
+        read_logits(decoder_, ImageView<const float>(image), views_[v].name, context_, executor);
+    if (!logits) {
+      Error error = logits.error();
+      error.problem = "after " + attack.text + ": " + error.problem;
+      return error;
+    }
+    read.push_back(std::move(*logits));
+    same_size = same_size && picture.height == before_[v].height && picture.width == before_[v].width;
+    if (same_size) decibels += psnr(ImageView<const float>(image), before_[v].view());
+  }
+  const Result<Verification> verified = verify_message(message_of(key_), read, VerifySettings{});
+  if (!verified) return verified.error();
+  cell.views = read.size();
+  cell.bits = verified->bits;
+  cell.matches = verified->evidence.matches;
+  cell.p_value = verified->evidence.p_value;
+  cell.worst = 1;
+  cell.worst_p_value = 0;
+  for (const Evidence& view : verified->views) {
+    const double share = static_cast<double>(view.matches) / static_cast<double>(cell.bits);
+    cell.mean += share / static_cast<double>(cell.views);
+    cell.worst = std::min(cell.worst, share);
+    cell.worst_p_value = std::max(cell.worst_p_value, view.p_value);
+  }
+  if (same_size) cell.psnr = decibels / static_cast<double>(cell.views);
+  if (!settings_.unmarked.empty() && settings_.informed_views > 0) {
+    if (Result<Done> informed = read_informed(*pictures, executor, cell); !informed) return informed.error();
+  }
+  return cell;
+}
+
+}  // namespace compmark

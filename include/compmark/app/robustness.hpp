@@ -1,0 +1,97 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What an attack costs a mark, and what it costs the thief: renders of a marked model after one attack, read blind and,
+// with the unmarked model, by informed reading, beside their PSNR to the renders before it. Every cell stands by itself
+// and is the same whenever it is measured (docs/robustness.md; examples/reproduce_robustness.cpp makes tables of them).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "compmark/app/any_model.hpp"
+#include "compmark/app/compiled.hpp"
+#include "compmark/app/reading.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/thread_executor.hpp"
+#include "compmark/io/owner_key.hpp"
+#include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/proof/verify.hpp"
+
+namespace compmark {
+
+/// Errors name these fields as the program's options do ("--model").
+struct RobustnessSettings {
+  std::filesystem::path model;  ///< marked
+  std::filesystem::path key, decoder;
+  std::filesystem::path unmarked;  ///< for informed reading, and averaging with it; may be empty
+  std::filesystem::path pictures;  ///< folder for the pictures that informed reading reads; they stay there
+  std::size_t views = 8;           ///< read blind, evenly spaced among the cameras of the test; 0: all
+  std::size_t informed_views = 1;  ///< of those, pictures that are read informed, with unknown camera
+  std::uint64_t seed = 0;          ///< of the attacks; pictures have seed + number of the view
+};
+
+/// What is done. The texts are those of cells in files: "jpeg:50", "lightgaussian:0.66", "pgd:0.1".
+enum class RobustnessKind : std::uint8_t {
+  none,     ///< the renders as they are
+  picture,  ///< an attack of PictureAttacks on every render
+  model,    ///< one of ModelAttacks on the model
+  pgd,      ///< "pgd:EPSILON" away from what is read; "pgd_random:EPSILON" to another message; "pgd_no_key:EPSILON"
+            ///< through the decoder with the carriers of another key
+  average,  ///< with the models of `files`
+  other     ///< the first of `files` in place of the model: marked again, trained on, compressed
+};
+struct RobustnessAttack {
+  RobustnessKind kind = RobustnessKind::none;
+  std::string text = {};  ///< of `average` and `other` a name
+  std::vector<std::filesystem::path> files = {};
+};
+
+/// What was read after one attack.
+struct RobustnessCell {
+  std::size_t views = 0, bits = 0;
+  double mean = 0, worst = 0;  ///< share of the bits, in a view
+  std::size_t matches = 0;     ///< of all views together
+  double p_value = 1;          ///< of all views together
+  double worst_p_value = 1;    ///< of the worst view
+  std::optional<double> psnr;  ///< dB, mean over the views, to the renders before; none where the size is another
+  std::size_t informed = 0;    ///< pictures that were read informed; the rest is of them
+  std::size_t found = 0;       ///< whose camera was found
+  std::size_t informed_matches = 0;
+  double informed_p_value = 1;  ///< corrected: two tests
+};
+
+class RobustnessBench {
+ public:
+  /// Renders what is attacked. Error: a file that cannot be read, a model without cameras.
+  [[nodiscard]] static Result<RobustnessBench> open(const RobustnessSettings& settings, ThreadExecutor& executor);
+
+  /// Cost: a render and a reading a view, and what the attack takes; informed, up to 10 s a picture.
+  [[nodiscard]] Result<RobustnessCell> measure(const RobustnessAttack& attack, ThreadExecutor& executor);
+
+ private:
+  using Pictures = std::vector<AttackedPicture>;
+  [[nodiscard]] Result<Pictures> renders(AnyModel& model, ThreadExecutor& executor) const;
+  [[nodiscard]] Result<Pictures> attacked(const RobustnessAttack& attack, ThreadExecutor& executor);
+  [[nodiscard]] Result<Pictures> pgd(const std::string& text, ThreadExecutor& executor);
+  [[nodiscard]] Result<Done> read_informed(const Pictures& pictures, ThreadExecutor& executor, RobustnessCell& cell);
+
+  RobustnessSettings settings_;
+  OwnerKey key_;
+  FileDecoder decoder_;
+  FileDecoder::Context context_;
+  std::vector<StoredView> views_;
+  Pictures before_;
+};
+
+}  // namespace compmark
+
+#if !defined(COMPMARK_APP_COMPILED)
+#include "compmark/app/detail/robustness.hpp"
+#endif

@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Cells of the robustness tables, of models that nobody trained or marked: what is read is chance, but it is the same
+// chance each time, and what it costs is known.
+#include <doctest/doctest.h>
+
+#include <compmark/app/robustness.hpp>
+#include <compmark/io/owner_key.hpp>
+#include <compmark/recipes/scaffold.hpp>
+#include <compmark/splat/training/model_file.hpp>
+#include <filesystem>
+#include <string>
+
+#include "small_decoder.hpp"
+#include "small_models.hpp"
+#include "support/tool.hpp"
+
+namespace robustness_test {
+namespace {
+
+using namespace compmark;
+using enum RobustnessKind;
+
+struct BenchFiles {
+  testing::ScratchFolder folder{"compmark-app-robustness"};
+  ThreadExecutor executor{2};
+  RobustnessSettings settings;
+  BenchFiles() {
+    settings.model = folder.path / "model.safetensors";
+    settings.key = folder.path / "owner.key";
+    settings.decoder = folder.path / "decoder.safetensors";
+    Model<recipes::Scaffold> model = testing::small_model<recipes::Scaffold>(5, 200);
+    model.render.background = {0, 0, 0};
+    REQUIRE(write_model(settings.model, model, testing::larger_info("scaffold", 2)).ok());
+    REQUIRE(write_key(settings.key, testing::small_key(1, 24)).ok());
+    testing::write_decoder(settings.decoder, 24);
+  }
+  RobustnessBench open() {
+    Result<RobustnessBench> bench = RobustnessBench::open(settings, executor);
+    REQUIRE(bench.ok());
+    return std::move(*bench);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("app/robustness: a cell says what the thief is left with, and is the same whenever it is measured") {
+  BenchFiles files;
+  RobustnessBench bench = files.open();
+  const auto measured = [&](RobustnessBench& by, const RobustnessAttack& attack) {
+    const Result<RobustnessCell> cell = by.measure(attack, files.executor);
+    REQUIRE(cell.ok());
+    CHECK(cell->views == 1);  // that of the test
+    CHECK(cell->bits == 24);
+    CHECK(cell->worst <= cell->mean);
+    CHECK(cell->informed == 0);
+    return *cell;
+  };
+  const RobustnessCell plain = measured(bench, {});
+  CHECK(*plain.psnr == doctest::Approx(99.99));
+  const RobustnessCell same = measured(bench, {other, "itself", {files.settings.model}});
+  CHECK(same.matches == plain.matches);
+  CHECK(*same.psnr == *plain.psnr);
+  CHECK(*measured(bench, {average, "with itself", {files.settings.model}}).psnr > 60);
+  CHECK_FALSE(measured(bench, {picture, "crop:0.5"}).psnr.has_value());
+  const RobustnessCell strong = measured(bench, {picture, "jpeg:10"}), weak = measured(bench, {picture, "jpeg:90"});
+  CHECK(*strong.psnr < *weak.psnr);
+  const RobustnessCell pruned = measured(bench, {model, "prune:0.3"});
+  CHECK(*pruned.psnr < 60);
+  CHECK(*measured(bench, {model, "lightgaussian:0.3"}).psnr > *pruned.psnr);
+  RobustnessBench again = files.open();
+  const RobustnessCell twice = measured(again, {model, "prune:0.3"});
+  CHECK(twice.matches == pruned.matches);
+  CHECK(*twice.psnr == *pruned.psnr);
+}
+
+TEST_CASE("app/robustness: who knows the decoder turns the bits round, within epsilon") {
+  BenchFiles files;
+  RobustnessBench bench = files.open();
+  const Result<RobustnessCell> plain = bench.measure({}, files.executor),
+                               turned = bench.measure({pgd, "pgd:0.1"}, files.executor),
+                               nothing = bench.measure({pgd, "pgd:0"}, files.executor);
+  REQUIRE((plain.ok() && turned.ok() && nothing.ok()));
+  CHECK(*turned->psnr >= 19.9);
+  CHECK(*nothing->psnr == doctest::Approx(99.99));
+  CHECK(nothing->matches == plain->matches);
+  CHECK(turned->matches + plain->matches >= 20);  // most of the bits are the other way round
+  CHECK(turned->matches + plain->matches <= 28);
+  CHECK(turned->matches != plain->matches);
+  for (const char* wrong : {"pgd:2", "pgd:x", "pgd:", "fgsm:0.1"}) {
+    CAPTURE(wrong);
+    CHECK_FALSE(bench.measure({pgd, wrong}, files.executor).ok());
+  }
+}
+
+TEST_CASE("app/robustness: what is missing is told before anything is measured") {
+  BenchFiles files;
+  files.settings.unmarked = files.settings.model;
+  CHECK(RobustnessBench::open(files.settings, files.executor).error().line().find("pictures: is missing") !=
+        std::string::npos);
+  files.settings.unmarked.clear();
+  files.settings.key = files.folder.path / "none.key";
+  CHECK(RobustnessBench::open(files.settings, files.executor).error().line().find("none.key") != std::string::npos);
+}
+
+}  // namespace robustness_test
