@@ -70,6 +70,9 @@ Command add_evaluate(Options& app) {
             "for each --model in their order");
   app.reads("--key", input.key, InputKind::key, "owner's key; its message is read from the renders");
   app.reads("--decoder", input.decoder, InputKind::decoder, reading_decoder_text);
+  app.reads(
+      "--interference", input.interference, InputKind::interference,
+      "what the unmarked scene says to the decoder by itself (a file of compmark interference); it is subtracted");
   app.words("--attack", input.attacks,
             "edit every render so before it is read once more, in 8 bits: " + PictureAttacks::names() +
                 ", each with its strength, as jpeg:50; may be given several times");

@@ -191,7 +191,7 @@ TEST_CASE("tool: evaluate reads after an attack what verify reads from the pictu
   CHECK(testing::text_of(at("after.csv")).find("saturation:0") != std::string::npos);
   check_refused(tool(evaluate + words), {"--key", "is missing"});
   check_refused(tool(evaluate + key + " --attack poster"), {"attack", "none of crop"});
-  check_refused(tool(evaluate + key + " --attack frame:0"), {"frame:0", "from 1 to 4096"});
+  check_refused(tool(evaluate + key + " --attack frame:0"), {"frame:0", "from 1 to 512 in steps of 1"});
 }
 
 TEST_CASE("tool: attack averages copies, prunes by significance, and puts a cut-out back into its scene") {

@@ -91,6 +91,13 @@ TEST_CASE(
   CHECK(attack_picture<PictureAttacks>("blur:21", image).error().line() ==
         "attack: \"blur:21\" has no strength from 0.1 to 20; give the deviation of the blur in pixels");
   CHECK(check_attack<PictureAttacks>("blur:20").ok());
+  // What is done in whole steps has no strength between them: nothing is rounded behind the report's back.
+  for (const char* text : {"median:4", "median:3.5", "mirror:1.7", "levels:2.5", "frame:2.5", "jpeg:50.5"})
+    CHECK_FALSE(check_attack<PictureAttacks>(text).ok());
+  for (const char* text : {"median:5", "median:1", "mirror:2", "levels:8", "frame:512", "jpeg:100"})
+    CHECK(check_attack<PictureAttacks>(text).ok());
+  CHECK(check_attack<PictureAttacks>("median:4").error().problem ==
+        "\"median:4\" has no strength from 1 to 15 in steps of 2");
   CHECK(check_attack<PictureAttacks>("chat").ok());
   ParameterArena<float> arena;
   for (const char* text : {"clone:-0.1", "clone:1.1", "clone:nan", "clone:", "clone:half"}) {

@@ -46,17 +46,17 @@ struct AttackedViews {
 };
 
 /// Adds to views[a] what is read after attack a on the view's render, in 8 bits, as an image file has it. The attack's
-/// seed is the view's number.
-template <class Decoder>
+/// seed is the view's number. `reader.read(image, name, executor)` gives the logits.
+template <class Reader>
 [[nodiscard]] Result<Done> read_after_attacks(const std::vector<std::string>& attacks, const SeenView& view,
-                                              const Decoder& decoder, typename Decoder::Context& context,
-                                              std::vector<AttackedViews>& views, ThreadExecutor& executor) {
+                                              Reader& reader, std::vector<AttackedViews>& views,
+                                              ThreadExecutor& executor) {
   for (std::size_t a = 0; a < attacks.size(); ++a) {
     Result<AttackedPicture> picture = attack_picture<PictureAttacks>(attacks[a], view.render, view.index);
     if (!picture) return picture.error();
     const ImageView<float> image{picture->planes.data(), 3, picture->height, picture->width};
     round_to_8bit<float>(image, image);
-    Result<ViewLogits> logits = read_logits(decoder, image, view.result.name, context, executor);
+    Result<ViewLogits> logits = reader.read(ImageView<const float>(image), view.result.name, executor);
     if (!logits) {
       Error error = logits.error();
       error.problem = "after " + attacks[a] + ": " + error.problem;

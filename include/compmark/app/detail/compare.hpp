@@ -45,9 +45,19 @@ struct MessageReader {
   FileDecoder decoder;
   Message message;
   FileDecoder::Context context;
+  std::optional<CoverInterference> interference;
+
+  [[nodiscard]] Result<ViewLogits> read(ImageView<const float> image, const std::string& name,
+                                        ThreadExecutor& executor) {
+    return read_less(decoder, interference ? &*interference : nullptr, image, name, context, executor);
+  }
 };
 [[nodiscard]] inline Result<std::unique_ptr<MessageReader>> open_reader(const CompareSettings& settings) {
-  if (settings.key.empty() && settings.decoder.empty()) return std::unique_ptr<MessageReader>();
+  if (settings.key.empty() && settings.decoder.empty()) {
+    if (settings.interference.empty()) return std::unique_ptr<MessageReader>();
+    return Error{ErrorKind::invalid, settings.interference.string(), "--interference",
+                 "is given, and no message is read", "give --key as well"};
+  }
   if (settings.key.empty() || settings.decoder.empty()) {
     return Error{ErrorKind::invalid,
                  {},
@@ -62,6 +72,11 @@ struct MessageReader {
   auto reader = std::make_unique<MessageReader>();
   reader->decoder = std::move(*decoder);
   reader->message = message_of(*key);
+  if (!settings.interference.empty()) {
+    Result<CoverInterference> interference = open_interference(settings.interference, settings.decoder, &*key);
+    if (!interference) return interference.error();
+    reader->interference = std::move(*interference);
+  }
   return reader;
 }
 
@@ -237,12 +252,10 @@ class ModelComparer {
         *opened.model, opened.views, settings_.evaluate, executor_, [&](const SeenView& view) -> Result<Done> {
           if (!observer_.on_view(view)) return stopped();
           if (reader_) {
-            Result<ViewLogits> logits =
-                read_logits(reader_->decoder, view.render, view.result.name, reader_->context, executor_);
+            Result<ViewLogits> logits = reader_->read(view.render, view.result.name, executor_);
             if (!logits) return logits.error();
             read.push_back(std::move(*logits));
-            const Result<Done> after =
-                read_after_attacks(settings_.attacks, view, reader_->decoder, reader_->context, attacked, executor_);
+            const Result<Done> after = read_after_attacks(settings_.attacks, view, *reader_, attacked, executor_);
             if (!after) return after;
           }
           return unmarked == nullptr ? Result<Done>(Done{}) : add_against(*unmarked, view, found);

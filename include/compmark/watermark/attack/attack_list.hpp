@@ -16,6 +16,7 @@
 #pragma once
 
 #include <charconv>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -34,6 +35,8 @@ namespace compmark {
 struct AttackAmount {
   double usual = 0, least = 0, most = 0;
   std::string_view meaning;
+  double step =
+      0;  ///< strengths are `least` and whole steps above it; 0: any number. What is reported is what is done.
 };
 
 namespace detail {
@@ -114,12 +117,18 @@ template <class List, class Returned, class Use>
     if (colon != std::string_view::npos) {
       const char* const end = text.data() + text.size();
       const auto [read, status] = std::from_chars(text.data() + colon + 1, end, amount);
-      if (status != std::errc() || read != end || !(amount >= range.least && amount <= range.most)) {
+      const auto on_a_step = [&] {
+        const double steps = (amount - range.least) / range.step;
+        return steps == std::floor(steps);
+      };
+      if (status != std::errc() || read != end || !(amount >= range.least && amount <= range.most) ||
+          (range.step > 0 && !on_a_step())) {
         result = Error{ErrorKind::invalid,
                        {},
                        "attack",
                        "\"" + std::string(text.substr(0, 40)) + "\" has no strength from " +
-                           shortest_text(range.least) + " to " + shortest_text(range.most),
+                           shortest_text(range.least) + " to " + shortest_text(range.most) +
+                           (range.step > 0 ? " in steps of " + shortest_text(range.step) : ""),
                        "give " + std::string(range.meaning)};
         return;
       }

@@ -26,7 +26,7 @@ namespace compmark {
 /// The general quantization of the paper: every number that a render reads in 8 bits.
 struct Int8Attack {
   static constexpr std::string_view name = "int8";
-  static constexpr AttackAmount amount{0, 0, 1, "0 for a scale a tensor, or 1 for a scale a channel"};
+  static constexpr AttackAmount amount{0, 0, 1, "0 for a scale a tensor, or 1 for a scale a channel", 1};
   [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double channels, std::uint64_t /*seed*/) {
     using Quantizer = Int8Quantizer<float>;
     const bool each = channels >= 0.5;

@@ -137,7 +137,7 @@ struct FeatureNoiseAttack {
 /// Every number that renders read in 16 levels, between the least and the greatest of a tensor or of a channel.
 struct Int4Attack {
   static constexpr std::string_view name = "int4";
-  static constexpr AttackAmount amount{0, 0, 1, "0 for a scale a tensor, or 1 for a scale a channel"};
+  static constexpr AttackAmount amount{0, 0, 1, "0 for a scale a tensor, or 1 for a scale a channel", 1};
   [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double channels, std::uint64_t /*seed*/) {
     detail::each_rendered(arena, [&](const ArenaLayout::Block& block, MatrixView<float> values) {
       if (channels < 0.5) {
@@ -157,7 +157,7 @@ struct Int4Attack {
 /// Half precision, exponents and all.
 struct Float16Attack {
   static constexpr std::string_view name = "float16";
-  static constexpr AttackAmount amount{1, 0, 1, "1, or 0 to leave the model as it is"};
+  static constexpr AttackAmount amount{1, 0, 1, "1, or 0 to leave the model as it is", 1};
   [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double on, std::uint64_t /*seed*/) {
     if (on < 0.5) return Done{};
     detail::each_rendered(arena, [](const ArenaLayout::Block& /*block*/, MatrixView<float> values) {
@@ -170,7 +170,7 @@ struct Float16Attack {
 /// Half precision keeps 10 bits, bfloat16 keeps 7; exponents stay as they are. To the nearest, ties to even.
 struct MantissaAttack {
   static constexpr std::string_view name = "mantissa";
-  static constexpr AttackAmount amount{10, 0, 23, "the bits of the mantissa that are kept, a whole number"};
+  static constexpr AttackAmount amount{10, 0, 23, "the bits of the mantissa that are kept, a whole number", 1};
   [[nodiscard]] static Result<Done> apply(ParameterArena<float>& arena, double bits, std::uint64_t /*seed*/) {
     const auto lost = static_cast<std::uint32_t>(23 - std::lround(bits));
     detail::each_rendered(arena, [lost](const ArenaLayout::Block& /*block*/, MatrixView<float> values) {

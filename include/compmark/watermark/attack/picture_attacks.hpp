@@ -111,7 +111,7 @@ struct SaturationAttack {
 };
 struct JpegAttack {
   static constexpr std::string_view name = "jpeg";
-  static constexpr AttackAmount amount{50, 1, 100, "the quality of a JPEG file"};
+  static constexpr AttackAmount amount{50, 1, 100, "the quality of a JPEG file", 1};
   [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double quality, std::uint64_t /*seed*/) {
     AttackedPicture result{image.height, image.width, std::vector<float>(image.size())};
     jpeg_picture<float>(image, static_cast<int>(std::lround(quality)),
@@ -121,7 +121,7 @@ struct JpegAttack {
 };
 struct FrameAttack {
   static constexpr std::string_view name = "frame";
-  static constexpr AttackAmount amount{20, 1, 4096, "the width of a nearly white frame in pixels, a whole number"};
+  static constexpr AttackAmount amount{20, 1, 512, "the width of a nearly white frame in pixels, a whole number", 1};
   [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double pixels, std::uint64_t /*seed*/) {
     const int width = static_cast<int>(std::lround(pixels));
     return detail::picture_on_page(image, image.height + 2 * width, image.width + 2 * width, width, width, 0.96f);

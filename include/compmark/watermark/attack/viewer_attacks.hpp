@@ -73,7 +73,7 @@ struct ContrastAttack {
 };
 struct MirrorAttack {
   static constexpr std::string_view name = "mirror";
-  static constexpr AttackAmount amount{1, 1, 2, "1 to exchange left and right, 2 for top and bottom"};
+  static constexpr AttackAmount amount{1, 1, 2, "1 to exchange left and right, 2 for top and bottom", 1};
   [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double axis, std::uint64_t /*seed*/) {
     AttackedPicture result{image.height, image.width, std::vector<float>(image.size())};
     const ImageView<float> to{result.planes.data(), 3, image.height, image.width};
@@ -91,7 +91,7 @@ struct MirrorAttack {
 };
 struct MedianAttack {
   static constexpr std::string_view name = "median";
-  static constexpr AttackAmount amount{3, 1, 15, "the side of the window in pixels, an odd number"};
+  static constexpr AttackAmount amount{3, 1, 15, "the side of the window in pixels, an odd number", 2};
   [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double side, std::uint64_t /*seed*/) {
     return detail::filtered_picture(image, static_cast<int>(std::lround(side)) / 2, [](std::span<float> window) {
       const auto middle = window.begin() + static_cast<std::ptrdiff_t>(window.size() / 2);
@@ -114,7 +114,7 @@ struct SharpenAttack {
 };
 struct LevelsAttack {
   static constexpr std::string_view name = "levels";
-  static constexpr AttackAmount amount{5, 1, 8, "the bits that are kept of each channel, a whole number"};
+  static constexpr AttackAmount amount{5, 1, 8, "the bits that are kept of each channel, a whole number", 1};
   [[nodiscard]] static AttackedPicture apply(ImageView<const float> image, double bits, std::uint64_t /*seed*/) {
     AttackedPicture result{image.height, image.width, {image.data, image.data + image.size()}};
     const double most = std::exp2(std::round(bits)) - 1;
