@@ -267,6 +267,15 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   CHECK(json_of(at("less.json"))["views"][0]["logits"] != json["views"][0]["logits"]);
   CHECK(json.count("interference") == 0);
   check_refused(tool(arguments + " --interference " + s.decoder), {"--interference", "a message decoder"});
+  // evaluate reads as verify does, with the file and without.
+  const std::string measured_model = "evaluate --data " + at("scene") + " --model " + at("run/model.safetensors"),
+                    file = " --interference " + at("interference.safetensors");
+  const std::string reader = " --key " + s.key + " --decoder " + s.decoder;
+  REQUIRE(tool(measured_model + reader + " --json " + at("with.json")).code == 0);
+  REQUIRE(tool(measured_model + reader + file + " --json " + at("without.json")).code == 0);
+  CHECK(json_of(at("with.json"))["models"][0]["bits_right"] == json["matches"]);
+  CHECK(json_of(at("without.json"))["models"][0]["bits_right"] == json_of(at("less.json"))["matches"]);
+  check_refused(tool(measured_model + file), {"interference.safetensors", "--interference", "give --key as well"});
   check_refused(tool(measure + at("run/model.safetensors") + " --out " + s.decoder), {"--out", "lattice.safetensors"});
   check_refused(tool(measure + s.decoder + " --out " + at("x.safetensors")), {"--model", "a message decoder"});
   CHECK(!fs::exists(at("x.safetensors")));
