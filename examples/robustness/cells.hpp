@@ -75,6 +75,8 @@ inline void add(std::vector<Row>& rows, const char* table, RobustnessKind kind, 
   add(rows, more, picture, "median", {"3", "5"});
   add(rows, more, picture, "sharpen", {"1"});
   add(rows, more, picture, "levels", {"4", "5", "6"});
+  add(rows, more, picture, "palette", {"256", "64"});
+  add(rows, more, picture, "resample", {"0.5"});
   add(rows, more, picture, "paint", {"0.2"});
   add(rows, more, picture, "mirror", {"1"});
   add(rows, more, picture, "frame", {"20"});

@@ -20,7 +20,7 @@ namespace robustness_test {
 namespace {
 
 using namespace compmark;
-using enum RobustnessKind;
+using Kind = RobustnessKind;
 
 struct BenchFiles {
   testing::ScratchFolder folder{"compmark-app-robustness"};
@@ -59,18 +59,19 @@ TEST_CASE("app/robustness: a cell says what the thief is left with, and is the s
   };
   const RobustnessCell plain = measured(bench, {});
   CHECK(*plain.psnr == doctest::Approx(99.99));
-  const RobustnessCell same = measured(bench, {other, "itself", {files.settings.model}});
+  const RobustnessCell same = measured(bench, {Kind::other, "itself", {files.settings.model}});
   CHECK(same.matches == plain.matches);
   CHECK(*same.psnr == *plain.psnr);
-  CHECK(*measured(bench, {average, "with itself", {files.settings.model}}).psnr > 60);
-  CHECK_FALSE(measured(bench, {picture, "crop:0.5"}).psnr.has_value());
-  const RobustnessCell strong = measured(bench, {picture, "jpeg:10"}), weak = measured(bench, {picture, "jpeg:90"});
+  CHECK(*measured(bench, {Kind::average, "with itself", {files.settings.model}}).psnr > 60);
+  CHECK_FALSE(measured(bench, {Kind::picture, "crop:0.5"}).psnr.has_value());
+  const RobustnessCell strong = measured(bench, {Kind::picture, "jpeg:10"}),
+                       weak = measured(bench, {Kind::picture, "jpeg:90"});
   CHECK(*strong.psnr < *weak.psnr);
-  const RobustnessCell pruned = measured(bench, {model, "prune:0.3"});
+  const RobustnessCell pruned = measured(bench, {Kind::model, "prune:0.3"});
   CHECK(*pruned.psnr < 60);
-  CHECK(*measured(bench, {model, "lightgaussian:0.3"}).psnr > *pruned.psnr);
+  CHECK(*measured(bench, {Kind::model, "lightgaussian:0.3"}).psnr > *pruned.psnr);
   RobustnessBench again = files.open();
-  const RobustnessCell twice = measured(again, {model, "prune:0.3"});
+  const RobustnessCell twice = measured(again, {Kind::model, "prune:0.3"});
   CHECK(twice.matches == pruned.matches);
   CHECK(*twice.psnr == *pruned.psnr);
 }
@@ -79,8 +80,8 @@ TEST_CASE("app/robustness: who knows the decoder turns the bits round, within ep
   BenchFiles files;
   RobustnessBench bench = files.open();
   const Result<RobustnessCell> plain = bench.measure({}, files.executor),
-                               turned = bench.measure({pgd, "pgd:0.1"}, files.executor),
-                               nothing = bench.measure({pgd, "pgd:0"}, files.executor);
+                               turned = bench.measure({Kind::pgd, "pgd:0.1"}, files.executor),
+                               nothing = bench.measure({Kind::pgd, "pgd:0"}, files.executor);
   REQUIRE((plain.ok() && turned.ok() && nothing.ok()));
   CHECK(*turned->psnr >= 19.9);
   CHECK(*nothing->psnr == doctest::Approx(99.99));
@@ -90,7 +91,7 @@ TEST_CASE("app/robustness: who knows the decoder turns the bits round, within ep
   CHECK(turned->matches != plain->matches);
   for (const char* wrong : {"pgd:2", "pgd:x", "pgd:", "fgsm:0.1"}) {
     CAPTURE(wrong);
-    CHECK_FALSE(bench.measure({pgd, wrong}, files.executor).ok());
+    CHECK_FALSE(bench.measure({Kind::pgd, wrong}, files.executor).ok());
   }
 }
 

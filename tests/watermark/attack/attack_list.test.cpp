@@ -82,7 +82,7 @@ TEST_CASE(
         "attack: \"poster\" is none of crop, resize, rotation, blur, noise, brightness, gamma, contrast, hue, "
         "saturation, jpeg, frame, page, paint, mirror, median, sharpen, levels, chat, screenshot, field_noise, "
         "field_crop, field_scale, "
-        "field_rotation, field_blur, field_brightness; choose one of them");
+        "field_rotation, field_blur, field_brightness, palette, resample; choose one of them");
   for (const char* text : {"blur:", "blur:x", "blur:1.5x", "blur:0", "blur:21", "blur:nan", "", ":", "blur:1:2"}) {
     CAPTURE(text);
     CHECK_FALSE(attack_picture<PictureAttacks>(text, image).ok());

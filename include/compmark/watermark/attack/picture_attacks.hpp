@@ -3,7 +3,7 @@
 //
 // Attacks on a picture (attack_list.hpp): what happens to a render on its way. Those of place, sharpness and light are
 // the distortions of watermark/pretrain/augmentation.hpp at a chosen strength, those of colour and of files are those
-// of watermark/edit; viewer_attacks.hpp and field_attacks.hpp have others. To add one: its type here, and its name in
+// of watermark/edit; viewer_attacks.hpp, file_attacks.hpp and field_attacks.hpp have others. To add one: its type here, and its name in
 // the list PictureAttacks. Cost: 1 to 25 ns a value.
 #pragma once
 
@@ -17,6 +17,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 #include "compmark/watermark/attack/field_attacks.hpp"
+#include "compmark/watermark/attack/file_attacks.hpp"
 #include "compmark/watermark/attack/picture_distortion.hpp"
 #include "compmark/watermark/attack/viewer_attacks.hpp"
 #include "compmark/watermark/edit/augmentation_edit.hpp"
@@ -152,6 +153,7 @@ using PictureAttacks =
     AttackList<CropAttack, ResizeAttack, RotationAttack, BlurAttack, NoiseAttack, BrightnessAttack, GammaAttack,
                ContrastAttack, HueAttack, SaturationAttack, JpegAttack, FrameAttack, PageAttack, PaintAttack,
                MirrorAttack, MedianAttack, SharpenAttack, LevelsAttack, ChatAttack, ScreenshotAttack, FieldNoiseAttack,
-               FieldCropAttack, FieldScaleAttack, FieldRotationAttack, FieldBlurAttack, FieldBrightnessAttack>;
+               FieldCropAttack, FieldScaleAttack, FieldRotationAttack, FieldBlurAttack, FieldBrightnessAttack,
+               PaletteAttack, ResampleAttack>;
 
 }  // namespace compmark
