@@ -56,8 +56,8 @@ class AnyModel {
   }
 
   /// The gradient of sum d_image * render to the features of the anchors [anchors, features], at a camera whose picture
-  /// has the size of d_image. Valid until the next call; cost: a forward and a backward pass. Error: one of render, or a
-  /// model whose anchors have no features.
+  /// has the size of d_image. Valid until the next call; cost: a forward and a backward pass. Error: one of render, or
+  /// a model whose anchors have no features.
   [[nodiscard]] Result<MatrixView<const float>> feature_gradient(const Camera<double>& camera, const Lens& lens,
                                                                  ImageView<const float> d_image,
                                                                  ThreadExecutor& executor) {
