@@ -32,8 +32,8 @@ struct EvidenceSettings {
 [[nodiscard]] Result<AnchorEvidence> anchor_evidence(AnyModel& model, ThreadExecutor& executor,
                                                      const EvidenceSettings& settings = {});
 
-/// Does to a model what `text` names, an attack of ModelAttacks, with the evidence that it asks for. Errors are those of
-/// attack_model and of anchor_evidence, with the model's file.
+/// Does to a model what `text` names, an attack of ModelAttacks, with the evidence that it asks for. Errors are those
+/// of attack_model and of anchor_evidence, with the model's file.
 [[nodiscard]] Result<Done> attack_any_model(AnyModel& model, std::string_view text, std::uint64_t seed,
                                             ThreadExecutor& executor);
 
@@ -43,8 +43,8 @@ struct EvidenceSettings {
 [[nodiscard]] Result<Done> average_models(AnyModel& model, const std::vector<std::filesystem::path>& copies,
                                           ThreadExecutor& executor);
 
-/// Puts the anchors of `part` into `scene`, at their places. Error: another recipe, unit or origin, or networks that are
-/// not the same to the bit: the anchors of one then mean nothing to those of the other.
+/// Puts the anchors of `part` into `scene`, at their places. Error: another recipe, unit or origin, or networks that
+/// are not the same to the bit: the anchors of one then mean nothing to those of the other.
 [[nodiscard]] Result<Done> insert_model(AnyModel& scene, AnyModel& part);
 
 }  // namespace compmark

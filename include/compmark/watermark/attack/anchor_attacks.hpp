@@ -38,7 +38,7 @@ namespace detail {
   return rows;
 }
 
-/// Throws away floor(share * anchors) of the anchors, those of the least `score` (of equal ones the first), but not all.
+/// Throws away floor(share * anchors) of the anchors, those of the least `score`, of equal ones the first; never all.
 [[nodiscard]] inline Result<Done> prune_least(ParameterArena<float>& arena, double share,
                                               std::span<const double> score) {
   const std::size_t rows = anchor_rows(arena.layout());

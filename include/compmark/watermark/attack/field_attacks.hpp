@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Attacks on a picture (attack_list.hpp) as the attack code of the field does them, under names of their own, where it
-// differs from what papers write: "noise .1" adds deviations of .1^2, "crop .4" keeps .4 of each side, "scaling 75 %" is
-// a share of the area, "rotation" is drawn up to the angle, from the nearest pixel, and "blur .1" has three taps
+// differs from what papers write: "noise .1" adds deviations of .1^2, "crop .4" keeps .4 of each side, "scaling 75 %"
+// is a share of the area, "rotation" is drawn up to the angle, from the nearest pixel, and "blur .1" has three taps
 // (docs/robustness.md). PictureAttacks (picture_attacks.hpp) has them in its list. Cost: 1 to 20 ns a value.
 #pragma once
 

@@ -3,8 +3,8 @@
 //
 // Attacks on a picture (attack_list.hpp): what happens to a render on its way. Those of place, sharpness and light are
 // the distortions of watermark/pretrain/augmentation.hpp at a chosen strength, those of colour and of files are those
-// of watermark/edit; viewer_attacks.hpp, file_attacks.hpp and field_attacks.hpp have others. To add one: its type here, and its name in
-// the list PictureAttacks. Cost: 1 to 25 ns a value.
+// of watermark/edit; viewer_attacks.hpp, file_attacks.hpp and field_attacks.hpp have others. To add one: its type here,
+// and its name in the list PictureAttacks. Cost: 1 to 25 ns a value.
 #pragma once
 
 #include <array>
