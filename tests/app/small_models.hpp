@@ -77,7 +77,7 @@ Model<R> small_model(std::uint64_t seed = 5, std::size_t anchors = small_anchors
   return model;
 }
 
-/// The names of with_reading_recipe.
+/// The names of with_reading_recipe but for "explicit", whose models come from splat files (splat_model.test.cpp).
 inline constexpr const char* read_recipes[] = {"scaffold",
                                                "scaffold+antialiasing",
                                                "scaffold+lens",
@@ -87,7 +87,6 @@ inline constexpr const char* read_recipes[] = {"scaffold",
                                                "scaffold+exposure+farfield",
                                                "compmark-host",
                                                "compmark-paper-host",
-                                               "explicit",
                                                "hac",
                                                "hac+exposure",
                                                "hac+fitted",

@@ -98,6 +98,7 @@ TEST_CASE("io/file_kind: formats of other programs, by their first bytes") {
       {"\x1f\x8b\x08\0"s, FileKind::gzip},
       {"\x93NUMPY\1\0v\0"s, FileKind::npy},
       {"ply\r\nformat ascii 1.0\r\n", FileKind::ply},
+      {"NGSP and so on", FileKind::spz},
       {"plywood is a text", FileKind::text},
       {"\x80\2}q\0"s, FileKind::pickle},
       {"", FileKind::empty},
