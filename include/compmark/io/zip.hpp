@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Reading ZIP archives whose entries are stored, not compressed: NumPy's .npz files, .sog files of splats. Entries below
+// Reading ZIP archives whose entries are stored, not compressed, as NumPy's .npz files are. Entries below
 // 4 GiB, no ZIP64. No size is believed before the bytes are there, entries may not share bytes, and every checksum is
 // compared. Cost: the checksum's table look-up a byte.
 #pragma once
