@@ -24,7 +24,7 @@ using namespace compmark::testing::splats;
 
 struct SmallFile {
   std::string name;
-  Bytes bytes;
+  SplatBytes bytes;
 };
 std::vector<SmallFile> small_files() {
   const SplatTable flat = random_splats(4, 0), round = random_splats(2, 3);
@@ -40,7 +40,7 @@ std::vector<SmallFile> small_files() {
 }
 
 /// 1 where it is refused, in words; 0 where it is read, whole and usable.
-int refused(const Bytes& bytes, const std::string& name) {
+int refused(const SplatBytes& bytes, const std::string& name) {
   const Result<SplatFile> file = parse_splat(bytes, name);
   if (!file) {
     const bool words = !file.error().problem.empty() && !file.error().remedy.empty() && file.error().file == name;
@@ -59,7 +59,7 @@ int refused(const Bytes& bytes, const std::string& name) {
   return 0;
 }
 
-void expect_error(const Bytes& bytes, const std::string& name, ErrorKind kind, const std::string& words) {
+void expect_error(const SplatBytes& bytes, const std::string& name, ErrorKind kind, const std::string& words) {
   const Result<SplatFile> file = parse_splat(bytes, name);
   REQUIRE_FALSE(file.ok());
   INFO(file.error().line());
@@ -67,24 +67,24 @@ void expect_error(const Bytes& bytes, const std::string& name, ErrorKind kind, c
   CHECK(file.error().line().find(words) != std::string::npos);
 }
 
-void put_number(Bytes& bytes, std::size_t at, std::uint64_t value, std::size_t width) {
+void put_number(SplatBytes& bytes, std::size_t at, std::uint64_t value, std::size_t width) {
   for (std::size_t i = 0; i < width; ++i) bytes[at + i] = static_cast<std::byte>(value >> (8 * i) & 255);
 }
-Bytes text_bytes(const std::string& text) { return ByteWriter().put(std::string_view(text)).take(); }
+SplatBytes text_bytes(const std::string& text) { return ByteWriter().put(std::string_view(text)).take(); }
 
 TEST_CASE("io/splat_damage: every truncation of a small file is refused; of a .splat all but those between splats") {
   for (const SmallFile& file : small_files()) {
     const std::string& name = file.name;
-    const Bytes& bytes = file.bytes;
+    const SplatBytes& bytes = file.bytes;
     std::size_t read = 0;
     REQUIRE(refused(bytes, name) == 0);
     for (std::size_t size = 0; size < bytes.size(); ++size) {
-      const Bytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
+      const SplatBytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
       read += refused(cut, name) == 0 ? 1u : 0u;
     }
     INFO(name);
     CHECK(read == (name == "small.splat" ? 3 : 0));
-    Bytes longer = bytes;
+    SplatBytes longer = bytes;
     longer.push_back(std::byte{1});
     // Bytes behind the last row of a PLY, or behind the last section, are nobody's.
     CHECK(refused(longer, name) == (name.ends_with("ply") || name.ends_with("ksplat") ? 0 : 1));
@@ -94,9 +94,9 @@ TEST_CASE("io/splat_damage: every truncation of a small file is refused; of a .s
 TEST_CASE("io/splat_damage: every single bit of a small file: refused, or read as something usable") {
   for (const SmallFile& file : small_files()) {
     const std::string& name = file.name;
-    const Bytes& bytes = file.bytes;
+    const SplatBytes& bytes = file.bytes;
     std::size_t refusals = 0;
-    Bytes changed = bytes;
+    SplatBytes changed = bytes;
     for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
       changed[bit / 8] ^= static_cast<std::byte>(1u << bit % 8);
       refusals += static_cast<std::size_t>(refused(changed, name));
@@ -110,7 +110,7 @@ TEST_CASE("io/splat_damage: every single bit of a small file: refused, or read a
 
 TEST_CASE("io/splat_damage: counts that the bytes do not hold are refused before memory is taken") {
   const SplatTable table = random_splats(4, 3);
-  Bytes spz = spz_content(table, 3);
+  SplatBytes spz = spz_content(table, 3);
   for (const std::uint64_t count : {5ull, 1ull << 28, 0xffffffffull}) {
     put_number(spz, 8, count, 4);
     expect_error(spz, "raw.spz", ErrorKind::truncated, "points");
@@ -119,14 +119,14 @@ TEST_CASE("io/splat_damage: counts that the bytes do not hold are refused before
   put_number(spz, 8, 0, 4);
   expect_error(spz, "raw.spz", ErrorKind::invalid, "none");
 
-  Bytes zip = gzip_bytes(spz_content(table, 3));
+  SplatBytes zip = gzip_bytes(spz_content(table, 3));
   put_number(zip, zip.size() - 4, 0x7fffffff, 4);
   expect_error(zip, "size.spz", ErrorKind::malformed, "which it cannot");
   put_number(zip, zip.size() - 4, 20, 4);  // less than it holds: the output is not let grow
   expect_error(zip, "size.spz", ErrorKind::malformed, "damaged");
 
   for (const std::size_t at : {4u, 16u, 4096u, 4100u, 4108u, 4132u}) {
-    Bytes ksplat = ksplat_bytes(table, 1);
+    SplatBytes ksplat = ksplat_bytes(table, 1);
     put_number(ksplat, at, 0xffffffff, 4);
     INFO(at);
     CHECK(refused(ksplat, "lies.ksplat") == 1);
@@ -136,13 +136,13 @@ TEST_CASE("io/splat_damage: counts that the bytes do not hold are refused before
                                "\nproperty float x\nend_header\n";
     expect_error(text_bytes(header + "1234"), "lies.ply", ErrorKind::truncated, "vertex");
   }
-  Bytes ply = compressed_ply_bytes(random_splats(2, 0), false);
+  SplatBytes ply = compressed_ply_bytes(random_splats(2, 0), false);
   std::string text(reinterpret_cast<const char*>(ply.data()), ply.size());
   text.replace(text.find("chunk 1"), 7, "chunk 9");
   CHECK(refused(text_bytes(text), "lies.ply") == 1);
 
 #if defined(COMPMARK_WITH_ZSTD)
-  Bytes fourth = spz4_bytes(table);
+  SplatBytes fourth = spz4_bytes(table);
   const std::uint64_t count = 1u << 28;
   put_number(fourth, 8, count, 4);
   expect_error(fourth, "fourth.spz", ErrorKind::malformed, "has not the size of the points");
@@ -176,7 +176,7 @@ TEST_CASE("io/splat_damage: a number that no renderer can use is refused with it
   CHECK(refused(with([&](SplatTable& t) { t.log_scale[0][3] = -infinity; }), "a.ply") == 0);
   CHECK(refused(with([&](SplatTable& t) { t.opacity[3] = infinity; }), "a.ply") == 0);
 
-  Bytes splat = antimatter_bytes(random_splats(3, 0));
+  SplatBytes splat = antimatter_bytes(random_splats(3, 0));
   put_number(splat, 32 + 12, 0xbf800000, 4);  // a length of -1
   expect_error(splat, "a.splat", ErrorKind::invalid, "scale_0: is NaN in splat 1");
   put_number(splat, 32 + 12, 0, 4);
@@ -188,7 +188,7 @@ TEST_CASE("io/splat_damage: a number that no renderer can use is refused with it
 TEST_CASE("io/splat_damage: the content says what a file is, not its name") {
   for (const SmallFile& file : small_files()) {
     const std::string& name = file.name;
-    const Bytes& bytes = file.bytes;
+    const SplatBytes& bytes = file.bytes;
     for (const char* other : {"a.ply", "a.spz", "a", "a.ksplat"}) {
       INFO(name << " as " << other);
       const Result<SplatFile> right = parse_splat(bytes, name), read = parse_splat(bytes, other);
@@ -202,7 +202,7 @@ TEST_CASE("io/splat_damage: the content says what a file is, not its name") {
   const std::string formats = "read are 3DGS PLY";
   expect_error(text_bytes("some notes about splats\n"), "notes.txt", ErrorKind::malformed, formats);
   expect_error(text_bytes("\x89PNG\r\n\x1a\n and so on"), "a.splat", ErrorKind::malformed, "is a PNG image");
-  Bytes unknown(64, std::byte{0xfe});
+  SplatBytes unknown(64, std::byte{0xfe});
   expect_error(unknown, "unknown.bin", ErrorKind::malformed, formats);
   expect_error({}, "empty.spz", ErrorKind::malformed, "is an empty file");
   expect_error(gzip_bytes(text_bytes("a text")), "text.gz", ErrorKind::malformed, "does not begin with NGSP");
@@ -216,7 +216,7 @@ TEST_CASE("io/splat_damage: files on disk") {
   std::filesystem::create_directories(folder);
   for (const SmallFile& file : small_files()) {
     const std::string& name = file.name;
-    const Bytes& bytes = file.bytes;
+    const SplatBytes& bytes = file.bytes;
     std::ofstream(folder / name, std::ios::binary)
         .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
     const Result<SplatFile> read = read_splat(folder / name), parsed = parse_splat(bytes, name);

@@ -215,7 +215,7 @@ TEST_CASE("io/splat_formats: SPZ 2 and 3, packed or not, 4 where Zstandard is re
     CHECK(read->antialiased);
 #endif
     // x y z of version 2 within 1/255 each; w follows from them, so that its error grows where it is small.
-    const Bytes file = gzip_bytes(spz_content(table, 2));
+    const SplatBytes file = gzip_bytes(spz_content(table, 2));
     const Result<SplatFile> old = parse_splat(file, "v2.spz");
     REQUIRE_MESSAGE(old.ok(), old.error().line());
     CHECK(old->version == 2);
@@ -295,7 +295,7 @@ TEST_CASE("io/splat_formats: an extension says in which frame the places of an S
   CHECK(with(0xadbe0001, 0).error().kind == ErrorKind::unsupported);
 #else
   const SplatTable table = random_splats(5, 1);
-  Bytes file = spz_content(table, 3);
+  SplatBytes file = spz_content(table, 3);
   file[4] = std::byte{4};
   CHECK_FALSE(parse_splat(file, "x.spz").ok());
 #endif

@@ -26,7 +26,7 @@
 
 namespace compmark::testing::splats {
 
-using Bytes = std::vector<std::byte>;
+using SplatBytes = std::vector<std::byte>;
 
 /// Gaussians within what every format can hold: places in a cube of side 8, scales of e^-8 to e^-1, unit rotations,
 /// f_dc within 1.6, harmonics within 0.9.
@@ -105,7 +105,7 @@ inline std::uint16_t half_of(double x, int drop = 0) {
   return static_cast<std::uint16_t>(sign | (exponent + 14) << 10 | mantissa);
 }
 
-inline Bytes compressed_ply_bytes(const SplatTable& table, bool color_ranges, int drop = 0) {
+inline SplatBytes compressed_ply_bytes(const SplatTable& table, bool color_ranges, int drop = 0) {
   const std::size_t chunks = (table.count + 255) / 256, rest = 3 * (table.coefficients() - 1);
   std::string header =
       "ply\nformat binary_little_endian 1.0\ncomment of a test\nelement chunk " + std::to_string(chunks) + "\n";
@@ -172,7 +172,7 @@ inline Bytes compressed_ply_bytes(const SplatTable& table, bool color_ranges, in
   return out.take();
 }
 
-inline Bytes antimatter_bytes(const SplatTable& table, int drop = 0) {
+inline SplatBytes antimatter_bytes(const SplatTable& table, int drop = 0) {
   ByteWriter out;
   for (std::size_t row = 0; row < table.count; ++row) {
     for (std::size_t axis = 0; axis < 3; ++axis) out.put(table.mean[axis][row]);
@@ -192,7 +192,7 @@ inline Bytes antimatter_bytes(const SplatTable& table, int drop = 0) {
 inline constexpr double ksplat_block = 9;
 
 /// One section; of level 1 and 2 with a full bucket and one that is not, whatever the place of a splat.
-inline Bytes ksplat_bytes(const SplatTable& table, int level, int drop = 0) {
+inline SplatBytes ksplat_bytes(const SplatTable& table, int level, int drop = 0) {
   const std::size_t bucket = std::max<std::size_t>(1, 2 * table.count / 3), rest = 3 * (table.coefficients() - 1);
   const std::uint32_t full = static_cast<std::uint32_t>(table.count / bucket);
   const std::uint32_t partial = table.count % bucket != 0 ? 1 : 0, count = static_cast<std::uint32_t>(table.count);
@@ -251,7 +251,7 @@ inline Bytes ksplat_bytes(const SplatTable& table, int level, int drop = 0) {
   return out.take();
 }
 
-inline Bytes gzip_bytes(const Bytes& content) {
+inline SplatBytes gzip_bytes(const SplatBytes& content) {
   int size = 0;
   unsigned char* const zlib = detail::stb::stbi_zlib_compress(
       const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(content.data())),
@@ -267,7 +267,7 @@ inline Bytes gzip_bytes(const Bytes& content) {
 
 /// The blocks of an SPZ file, in its frame: right, up, back.
 struct SpzParts {
-  std::array<Bytes, 6> streams;  ///< positions, alphas, colours, scales, rotations, harmonics
+  std::array<SplatBytes, 6> streams;  ///< positions, alphas, colours, scales, rotations, harmonics
 };
 inline SpzParts spz_parts(const SplatTable& table, int version, int fractional_bits, int drop = 0) {
   std::array<ByteWriter, 6> out;
@@ -314,14 +314,15 @@ inline void put_spz_header(ByteWriter& out, const SplatTable& table, int version
   for (const int value : {table.degree, fractional_bits, flags, streams}) out.put(static_cast<std::uint8_t>(value));
 }
 /// Version 2 or 3, before gzip.
-inline Bytes spz_content(const SplatTable& table, int version, int fractional_bits = 12, int drop = 0, int flags = 0) {
+inline SplatBytes spz_content(const SplatTable& table, int version, int fractional_bits = 12, int drop = 0,
+                              int flags = 0) {
   ByteWriter out;
   put_spz_header(out, table, version, fractional_bits, flags, 0);
-  for (const Bytes& stream : spz_parts(table, version, fractional_bits, drop).streams) out.put(stream);
+  for (const SplatBytes& stream : spz_parts(table, version, fractional_bits, drop).streams) out.put(stream);
   return out.take();
 }
 #if defined(COMPMARK_WITH_ZSTD)
-inline Bytes spz4_bytes(const SplatTable& table, int drop = 0, const Bytes& extensions = {}) {
+inline SplatBytes spz4_bytes(const SplatTable& table, int drop = 0, const SplatBytes& extensions = {}) {
   const SpzParts parts = spz_parts(table, 4, 12, drop);
   const int streams = table.degree == 0 ? 5 : 6;
   ByteWriter out, frames;
@@ -330,8 +331,8 @@ inline Bytes spz4_bytes(const SplatTable& table, int drop = 0, const Bytes& exte
   for (int i = 0; i < 3; ++i) out.put(std::uint32_t{0});
   out.put(extensions);
   for (int i = 0; i < streams; ++i) {
-    const Bytes& stream = parts.streams[static_cast<std::size_t>(i)];
-    Bytes frame(ZSTD_compressBound(stream.size()));
+    const SplatBytes& stream = parts.streams[static_cast<std::size_t>(i)];
+    SplatBytes frame(ZSTD_compressBound(stream.size()));
     frame.resize(ZSTD_compress(frame.data(), frame.size(), stream.data(), stream.size(), 3));
     out.put(std::uint64_t{frame.size()}).put(std::uint64_t{stream.size()});
     frames.put(frame);
@@ -342,7 +343,7 @@ inline Bytes spz4_bytes(const SplatTable& table, int drop = 0, const Bytes& exte
 #endif
 
 /// A standard PLY with its properties in another order, others among them, places as doubles.
-inline Bytes permuted_ply_bytes(const SplatTable& table, std::uint64_t seed) {
+inline SplatBytes permuted_ply_bytes(const SplatTable& table, std::uint64_t seed) {
   struct Column {
     std::string name;
     const std::vector<float>* values;
