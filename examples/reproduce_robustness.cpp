@@ -14,6 +14,9 @@
 #include <algorithm>
 #include <compmark/app/robustness.hpp>
 #include <compmark/core/thread_executor.hpp>
+#include <compmark/watermark/attack/attack_list.hpp>
+#include <compmark/watermark/attack/model_attacks.hpp>
+#include <compmark/watermark/attack/picture_attacks.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -129,6 +132,19 @@ Result<std::vector<Row>> rows_of(const Options& options) {
   return rows;
 }
 
+/// Whether every attack is one of its list, told before anything is measured.
+Result<Done> check_rows(const std::vector<Row>& rows) {
+  for (const Row& row : rows) {
+    Result<Done> known = Done{};
+    if (row.attack.kind == RobustnessKind::picture)
+      known = compmark::check_attack<compmark::PictureAttacks>(row.attack.text);
+    if (row.attack.kind == RobustnessKind::model)
+      known = compmark::check_attack<compmark::ModelAttacks>(row.attack.text);
+    if (!known) return known;
+  }
+  return Done{};
+}
+
 /// Measures what is missing of a scene.
 Result<Done> measure(const Scene& scene, const std::vector<Row>& rows, const Options& options,
                      compmark::ThreadExecutor& executor, std::vector<Measured>& measured) {
@@ -198,6 +214,7 @@ int run(int argc, char** argv) {
   if (!scenes) return fail(scenes.error());
   const Result<std::vector<Row>> rows = rows_of(options);
   if (!rows) return fail(rows.error());
+  if (const Result<Done> known = check_rows(*rows); !known) return fail(known.error());
   compmark::ThreadExecutor executor(options.threads);
   std::vector<Measured> measured;
   for (const Scene& scene : *scenes) {

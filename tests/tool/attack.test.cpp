@@ -215,12 +215,11 @@ TEST_CASE("tool: attack averages copies, prunes by significance, and puts a cut-
   REQUIRE(a.size() == m.size());
   for (std::size_t i = 0; i < m.size(); ++i) CHECK(m[i] == doctest::Approx(0.5f * (a[i] + b[i])).epsilon(1e-5));
   const std::string model = "attack --model " + marked() + " --out " + at("x.safetensors");
-  check_refused(tool(model + " --average " + unmarked()), {"plain/model.safetensors"});  // another training
-
   done("attack --model " + marked() + " --out " + at("both.safetensors") + " --attack cutout:0.25 --insert-into " +
        marked());
   CHECK(anchors(at("both.safetensors")) > 5 * all / 4 - 100);
   CHECK(anchors(at("both.safetensors")) < 5 * all / 4 + 100);
+  check_refused(tool(model + " --average " + at("both.safetensors")), {"both.safetensors"});  // other anchors
   check_refused(tool(model + " --attack cutout --insert-into " + unmarked()), {"is a network of other weights"});
   check_refused(tool("attack --images " + at("scene") + " --into " + at("y") + " --attack blur --average " + marked()),
                 {"--average, --insert-into", "are of a model"});
@@ -262,9 +261,19 @@ TEST_CASE("tool: reproduce_robustness fills its tables, goes on where it was sto
   const Outcome more = reproduce(few + " --also twice=" + marked());
   CHECK(testing::times_in(more.text, "% of the bits") == 1);
   CHECK(reproduce(few + " --seed 2").text.find("prune:0.2") != std::string::npos);
-  check_refused(reproduce("--picture poster"), {"attack", "none of crop"});
-  check_refused(reproduce("--pgd pgd:2"), {"pgd:2", "epsilon from 0 to 1"});
-  check_refused(reproduce("--also twice"), {"--also", "is no NAME=MODEL"});
+  // What is wrong with the words is said before anything is measured.
+  for (const auto& [words, said] :
+       {std::pair("--picture poster", "none of crop"), std::pair("--model jpeg", "none of int8"),
+        std::pair("--also twice", "is no NAME=MODEL")}) {
+    const Outcome refused = reproduce(words);
+    CHECK(refused.code == 2);
+    CHECK(refused.text.rfind("reproduce_robustness: error: ", 0) == 0);
+    CHECK(testing::times_in(refused.text, "\n") == 1);
+    CHECK(refused.text.find(said) != std::string::npos);
+  }
+  const Outcome epsilon = reproduce("--pgd pgd:2");
+  CHECK(epsilon.code == 2);
+  CHECK(epsilon.text.find("epsilon from 0 to 1") != std::string::npos);
 }
 
 TEST_CASE("tool: attack refuses what it cannot do in a sentence") {
