@@ -184,6 +184,7 @@
 #include "compmark/watermark/attack/number_attacks.hpp"
 #include "compmark/watermark/attack/pgd.hpp"
 #include "compmark/watermark/attack/picture_attacks.hpp"
+#include "compmark/watermark/attack/picture_distortion.hpp"
 #include "compmark/watermark/attack/quantize_model.hpp"
 #include "compmark/watermark/attack/viewer_attacks.hpp"
 
