@@ -65,6 +65,7 @@ inline std::vector<std::byte> file_bytes(const std::filesystem::path& path) {
 /// Words for verify: a claim that names this key and decoder (none: the shipped one), written beside the key.
 inline std::string claimed(const std::string& key, const std::string& decoder = {}, const std::string& more = {}) {
   const std::string file = key + ".claim";
+  std::filesystem::remove(file);  // another claim is never written over
   done("claim --key " + key + (decoder.empty() ? "" : " --decoder " + decoder) + more + " --out " + file);
   return " --claim " + file;
 }
