@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Everything but the testing kit, the executors and adaptors that need another library, and the readers of other
-// programs' splat files (io/splat/read_splat.hpp), one of which does. For examples and quick starts: a program that
-// cares about its compile time includes the headers it uses. Longer than 300 lines: one line a header.
+// Everything but the testing kit and the executors and adaptors that need another library. For examples and quick
+// starts: a program that cares about its compile time includes the headers it uses. Longer than 300 lines: one line a
+// header.
 #pragma once
 
 #include "compmark/core/absent.hpp"
@@ -101,6 +101,13 @@
 #include "compmark/io/safetensors_writer.hpp"
 #include "compmark/io/scrypt.hpp"
 #include "compmark/io/sha256.hpp"
+#include "compmark/io/splat/antimatter_splat.hpp"
+#include "compmark/io/splat/compressed_ply.hpp"
+#include "compmark/io/splat/inflate.hpp"
+#include "compmark/io/splat/ksplat.hpp"
+#include "compmark/io/splat/read_splat.hpp"
+#include "compmark/io/splat/splat_file.hpp"
+#include "compmark/io/splat/spz.hpp"
 #include "compmark/io/splat_ply.hpp"
 #include "compmark/io/time_stamp.hpp"
 #include "compmark/io/utf8.hpp"
