@@ -15,6 +15,7 @@ using Command = std::function<int()>;
 Command add_scene(Options& app);
 Command add_probe(Options& app);
 Command add_train(Options& app);
+Command add_adopt(Options& app);
 Command add_embed(Options& app);
 Command add_spread(Options& app);
 Command add_fit(Options& app);

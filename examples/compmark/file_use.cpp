@@ -8,6 +8,7 @@
 #include <array>
 #include <compmark/io/file_identity.hpp>
 #include <compmark/io/output_target.hpp>
+#include <compmark/io/splat/read_splat.hpp>
 #include <compmark/scene/open.hpp>
 #include <fstream>
 #include <map>
@@ -93,7 +94,7 @@ Error overwritten(const UsedFile& output, const std::string& what) {
 
 /// The first of `replaced` that lies in a folder that is read.
 std::optional<Error> in_folder(const UsedFile& read, const Replaced& replaced) {
-  const bool capture = read.kind == InputKind::dataset;
+  const bool capture = read.kind == InputKind::dataset && !is_splat_file(read.path);
   std::error_code status;
   const fs::path root = fs::is_directory(read.path, status) ? read.path : read.path.parent_path();
   if (!capture && root != read.path) return std::nullopt;  // a file, which is compared as such

@@ -18,6 +18,7 @@ namespace tool {
 enum class InputKind {
   model,          ///< model.safetensors or .cmk
   trained_model,  ///< model.safetensors alone
+  markable,       ///< the same, or splats
   compressed,     ///< .cmk alone
   decoder,        ///< of messages
   interference,   ///< of an unmarked scene

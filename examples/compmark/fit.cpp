@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "run_options.hpp"
 #include "run_telling.hpp"
 
 namespace tool {
@@ -41,7 +42,7 @@ Command add_fit(Options& app) {
             "the unmarked model (model.safetensors of a training or of fit-codec)")
       ->required();
   app.reads("--data", options->settings.data, InputKind::dataset,
-            "the dataset it was trained on; only its cameras are used")
+            "the dataset it was trained on, or the splat file itself; only its cameras are used")
       ->required();
   app.writes("--out", options->settings.out, OutputKind::decoder,
              "decoder file to write (safetensors); keep it with the key")
@@ -82,6 +83,7 @@ Command add_fit(Options& app) {
   app.number("--downscale", options->settings.downscale, downscale_range,
              "divide the size of the images by this; use the value of the training")
       ->capture_default_str();
+  add_splat_up(app, options->settings.splat_up);
   app.number("--seed", options->settings.fit.seed, any_seed, "seed of features, views and rotation")
       ->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")

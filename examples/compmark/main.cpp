@@ -40,6 +40,7 @@ int main(int argc, char** argv) {
   add("scene", "write the built-in procedural scene as a dataset", tool::add_scene);
   add("probe", "measure which effects of a capture a recipe should model", tool::add_probe);
   add("train", "train a splat from a dataset", tool::add_train);
+  add("adopt", "train a model from the splats of another program, without photographs", tool::add_adopt);
   add("embed", "hide a message in a finished model", tool::add_embed);
   add("spread", "hide a mark that single pictures prove to who has the unmarked model", tool::add_spread);
   add("fit", "fit a message decoder to one scene, from its unmarked model", tool::add_fit);

@@ -133,6 +133,8 @@ const char* input_kind_name(InputKind kind) {
       return "model";
     case InputKind::trained_model:
       return "trained model";
+    case InputKind::markable:
+      return "markable model";
     case InputKind::compressed:
       return "compressed model";
     case InputKind::decoder:

@@ -85,13 +85,13 @@ std::optional<compmark::Error> unknown_word(const CLI::App& app, const std::vect
 int answer_parser(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
   if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success))
     return app.exit(error) == 0 ? success : failure;
-  if (const std::optional<compmark::Error> unknown = unknown_word(app, words)) return fail(*unknown);
-  std::string command = "compmark";
-  for (const CLI::App* sub : app.get_subcommands()) command += " " + sub->get_name();
-  return fail(words_error(command, error));
+  return fail(words_error(app, error, words));
 }
 
-compmark::Error words_error(const std::string& command, const CLI::ParseError& error) {
+compmark::Error words_error(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
+  if (const std::optional<compmark::Error> unknown = unknown_word(app, words)) return *unknown;
+  std::string command = "compmark";
+  for (const CLI::App* sub : app.get_subcommands()) command += " " + sub->get_name();
   return {compmark::ErrorKind::invalid, {}, {}, parse_error_line(error), command + " --help says more"};
 }
 

@@ -19,10 +19,10 @@ void prepare_process();
 int finish_output(int code);
 /// What was thrown, as an error. Only in a handler.
 [[nodiscard]] compmark::Error caught_error();
-/// What is wrong with the words of this command of the tool.
-[[nodiscard]] compmark::Error words_error(const std::string& command, const CLI::ParseError& error);
-/// Prints help, or one line of what is wrong with the command's words, the nearest known one where a word is mistyped;
-/// returns the exit code.
+/// What is wrong with the words of a command, which is the first of them; the nearest known one where a word is mistyped.
+[[nodiscard]] compmark::Error words_error(const CLI::App& app, const CLI::ParseError& error,
+                                          const std::vector<std::string>& words);
+/// Prints help, or that error in one line; returns the exit code.
 int answer_parser(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words);
 
 }  // namespace tool

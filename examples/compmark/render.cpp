@@ -58,7 +58,7 @@ Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::
       break;
     }
   }
-  if (Result<Done> safe = check_file_use(use); !safe || !dataset) return safe;
+  if (Result<Done> safe = check_file_use(use); !safe || !dataset || dataset->pictures) return safe;
   std::set<std::filesystem::path> folders;
   for (const View& view : dataset->views) {
     for (const std::filesystem::path& path : {view.image_path, view.mask_path}) {
@@ -76,12 +76,13 @@ Result<Done> check_outputs(const RenderOptions& options, const std::vector<std::
 int run(const RenderOptions& options) {
   Result<AnyModel> model = load_model(options.model, options.threads);
   if (!model) return fail(model.error());
+  ThreadExecutor executor(options.threads);
   std::vector<StoredView> views = model->info().views;
   std::optional<Dataset> opened;
   if (!options.data.empty()) {
     DatasetSettings settings = settings_of(model->info());
     settings.downscale = options.downscale;
-    Result<Dataset> dataset = open_for(model->info(), options.data, settings);
+    Result<Dataset> dataset = open_for(model->info(), options.data, settings, executor);
     if (!dataset) return fail(dataset.error());
     views.clear();
     for (const View& view : dataset->views) views.push_back(stored_view(view));
@@ -128,7 +129,6 @@ int run(const RenderOptions& options) {
                  view.name.c_str(), file.filename().string().c_str());
   }
 
-  ThreadExecutor executor(options.threads);
   tell_threads(executor, options.threads);
   std::vector<double> milliseconds;
   for (const auto& [view, path] : wanted) {

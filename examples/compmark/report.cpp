@@ -9,10 +9,12 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <span>
 #include <string_view>
 #include <thread>
 
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/base64.hpp"
 #include "svg_plot.hpp"
 
 // A copy of its own, so that this file links beside any other user of the library.
@@ -41,23 +43,6 @@ h3{margin:0 0 4px;font-size:15px} p.verdict{margin:4px 0 8px;font-weight:600}
 .scroll{overflow-x:auto}
 )";
 
-std::string base64(const unsigned char* data, std::size_t size) {
-  static constexpr std::string_view digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((size + 2) / 3 * 4);
-  for (std::size_t i = 0; i < size; i += 3) {
-    const std::size_t left = std::min<std::size_t>(3, size - i);
-    std::uint32_t bits = static_cast<std::uint32_t>(data[i]) << 16;
-    if (left > 1) bits |= static_cast<std::uint32_t>(data[i + 1]) << 8;
-    if (left > 2) bits |= data[i + 2];
-    text += digits[bits >> 18];
-    text += digits[bits >> 12 & 63u];
-    text += left > 1 ? digits[bits >> 6 & 63u] : '=';
-    text += left > 2 ? digits[bits & 63u] : '=';
-  }
-  return text;
-}
-
 std::string image_tag(const ReportImage& image, const std::string& caption) {
   std::string text = "<figure>";
   int size = 0;
@@ -66,7 +51,7 @@ std::string image_tag(const ReportImage& image, const std::string& caption) {
                       : nullptr;
   if (png != nullptr) {
     text += "<img alt=\"" + escape_html(caption) + "\" src=\"data:image/png;base64," +
-            base64(png, static_cast<std::size_t>(size)) + "\">";
+            base64(std::as_bytes(std::span(png, static_cast<std::size_t>(size)))) + "\">";
     std::free(png);
   }
   return text + "<figcaption>" + escape_html(caption) + "</figcaption></figure>";

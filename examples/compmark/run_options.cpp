@@ -3,6 +3,8 @@
 #include "run_options.hpp"
 
 #include <compmark/io/owner_key.hpp>
+#include <memory>
+#include <string>
 
 #include "decoder_choice.hpp"
 
@@ -24,6 +26,18 @@ void add_finished_model_options(Options& app, RunSettings& run, RunOptions& opti
   app.writes("--json-log", options.json_log, OutputKind::words,
              "write progress to this file, one JSON object a line (default: log.jsonl in --out)");
   app.reads("--lpips-alex", run.lpips.alex, InputKind::weights, "LPIPS weights (safetensors) to report lpips_alex");
+}
+
+void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up) {
+  const auto word = std::make_shared<std::string>();
+  app.word("--up", *word,
+           "which way is up in a splat file: x, y, z, -x, -y or -z (write --up=-z); of captures it is -y, of Blender z "
+           "(default: what the file says, or -y)")
+      ->check(CLI::IsMember({"x", "y", "z", "-x", "-y", "-z"}))
+      ->each([&up, word](const std::string& name) {
+        up = std::array<double, 3>{0, 0, 0};
+        (*up)[static_cast<std::size_t>(name.back() - 'x')] = name.size() == 2 ? -1 : 1;
+      });
 }
 
 void add_mark_options(Options& app, MarkSettings& options, bool required) {

@@ -4,9 +4,11 @@
 // Options that the commands which train share: train, embed and fit-codec.
 #pragma once
 
+#include <array>
 #include <compmark/app/run/run_settings.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 
 #include "options.hpp"
 
@@ -20,6 +22,9 @@ struct RunOptions {
 
 /// Options of a run that starts from a finished model, for any purpose.
 void add_finished_model_options(Options& app, compmark::RunSettings& run, RunOptions& options);
+
+/// --up, of splats that are looked at without cameras of their own.
+void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up);
 
 /// --bits, --key, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin, --message-power,
 /// --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --orbit, --calibrate-steps, --message-every, --for-compression

@@ -126,8 +126,10 @@ void RunTelling::on_finished(const RunOutcome& outcome) {
                  100 * results.watermark->mean, 100 * results.watermark->min,
                  report_text(*outcome.verification).c_str());
     if (results.watermark->psnr_marked_vs_unmarked) {
-      std::fprintf(figures_, "against the unmarked counterpart: %.2f dB lost, %.2f dB between the renders\n",
-                   *results.watermark->psnr_cost_vs_unmarked, *results.watermark->psnr_marked_vs_unmarked);
+      std::fprintf(figures_, "against the unmarked counterpart: ");
+      if (const std::optional<double> lost = results.watermark->psnr_cost_vs_unmarked)
+        std::fprintf(figures_, "%.2f dB lost, ", *lost);
+      std::fprintf(figures_, "%.2f dB between the renders\n", *results.watermark->psnr_marked_vs_unmarked);
     }
   }
 }

@@ -25,12 +25,8 @@ void apply_preset(const Options& app, const std::string& name, TrainSceneSetting
   }
 }
 
-}  // namespace
-
-void bind_options(Options& app, TrainOptions& options) {
-  app.reads("--data", options.settings.data, InputKind::dataset,
-            "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF)")
-      ->required();
+/// What a training asks for beside its photographs.
+void bind_training(Options& app, TrainOptions& options) {
   app.writes_into("--out", options.settings.out, "folder for the model, results.json and report.html")->required();
   app.word("--recipe", options.settings.recipe,
            "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, "
@@ -84,6 +80,7 @@ void bind_options(Options& app, TrainOptions& options) {
            "lens) or ignore")
       ->capture_default_str()
       ->check(CLI::IsMember({"undistort", "project", "ignore"}));
+  add_splat_up(app, options.settings.splat_up);
   app.flag("--resume", options.settings.resume, "continue the run in --out from its checkpoint");
   app.flag("--force", options.settings.force, "replace a finished run in --out");
   app.writes("--json-log", options.run.json_log, OutputKind::words,
@@ -111,6 +108,24 @@ void bind_options(Options& app, TrainOptions& options) {
   });
 }
 
+}  // namespace
+
+void bind_options(Options& app, TrainOptions& options) {
+  app.reads("--data", options.settings.data, InputKind::dataset,
+            "dataset folder (Blender, instant-ngp, nerfstudio, COLMAP or LLFF), or a splat file, whose renders are "
+            "the photographs")
+      ->required();
+  bind_training(app, options);
+}
+
+void bind_adopt_options(Options& app, TrainOptions& options) {
+  app.reads("--splat", options.settings.data, InputKind::dataset,
+            "splat file of any program (PLY, compressed PLY, SPZ, .splat or .ksplat); its renders from 128 cameras "
+            "round it are the photographs")
+      ->required();
+  bind_training(app, options);
+}
+
 Result<Done> complete(const Options& app, TrainOptions& options) {
   TrainSceneSettings& settings = options.settings;
   apply_preset(app, options.preset, settings);
@@ -132,19 +147,21 @@ Result<Done> complete(const Options& app, TrainOptions& options) {
 }
 
 void bind_options(Options& app, EmbedOptions& options) {
-  app.reads("--model", options.settings.model, InputKind::trained_model,
-            "the unmarked model (model.safetensors of a training or of fit-codec)")
+  app.reads("--model", options.settings.model, InputKind::markable,
+            "the unmarked model: model.safetensors of a training or of fit-codec, or a splat file of any program")
       ->required();
-  app.reads("--data", options.settings.data, InputKind::dataset, "the dataset it was trained on")->required();
+  app.reads("--data", options.settings.data, InputKind::dataset,
+            "the dataset it was trained on; not needed for a splat file, which is then seen from cameras round it");
   app.writes_into("--out", options.settings.out,
                   "folder for the marked model, results.json and report.html; for a codec also "
-                  "model.cmk and unmarked.cmk")
+                  "model.cmk and unmarked.cmk, for a splat file marked.ply")
       ->required();
   app.number(
       "--iterations", options.settings.iterations, run_length,
       "iterations of the run (default: 2000; for a codec 4000 with a decoder that is fitted to the scene, and 8000 "
       "with one of random weights)");
   add_finished_model_options(app, options.settings, options.run);
+  add_splat_up(app, options.settings.splat_up);
   add_mark_options(app, options.settings.mark, true);
   app.word("--distortion", options.distortion,
            "how training replaces the quantizer of a codec before it reads the message: round "
@@ -157,6 +174,7 @@ void bind_options(Options& app, EmbedOptions& options) {
     add_record_written(use, settings.mark.key);
     if (fits_decoder(settings.mark)) use.write_in(settings.out, {"decoder.safetensors", "decoder.json"}, "--out");
     if (settings.mark.unmarked.empty()) use.write(settings.out / "unmarked.cmk", "--out");
+    use.write(settings.out / "marked.ply", "--out");
   });
 }
 

@@ -38,6 +38,8 @@ struct FitCodecOptions {
 
 /// Declares the options of a command, which write into `options`: it must live as long as `app`.
 void bind_options(Options& app, TrainOptions& options);
+/// Those of a training that has a splat file in place of photographs.
+void bind_adopt_options(Options& app, TrainOptions& options);
 void bind_options(Options& app, EmbedOptions& options);
 void bind_options(Options& app, FitCodecOptions& options);
 

@@ -6,7 +6,6 @@
 #include "steps.hpp"
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cerrno>
 #include <compmark/app/run/embed.hpp>
 #include <compmark/app/run/fit_codec.hpp>
@@ -56,11 +55,11 @@ Parsed<Bound> parse(const char* name, const Words& needed, const Words& more) {
   Words words{name};
   words.insert(words.end(), needed.begin(), needed.end());
   words.insert(words.end(), more.begin(), more.end());
-  std::reverse(words.begin(), words.end());  // the parser takes them from the end
+  Words from_end(words.rbegin(), words.rend());  // as the parser takes them
   try {
-    command->app.parse(words);
+    command->app.parse(from_end);
   } catch (const CLI::ParseError& error) {
-    return tool::words_error(std::string("compmark ") + name, error);
+    return tool::words_error(command->app, error, words);
   }
   if (Result<Done> completed = tool::complete(command->options, command->bound); !completed) return completed.error();
   return command;

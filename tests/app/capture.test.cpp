@@ -32,7 +32,8 @@ TEST_CASE("app/capture: a dataset is opened as it was for the model: its lens, i
   info.recipe = "scaffold";
   info.unit = 2;
   info.origin = {0.5, -1, 0.25};
-  const Result<Dataset> moved = open_for(info, folder.path, DatasetSettings{});
+  ThreadExecutor executor(1);
+  const Result<Dataset> moved = open_for(info, folder.path, DatasetSettings{}, executor);
   REQUIRE(moved.ok());
   CHECK(moved->unit == 2);
   CHECK(moved->origin == info.origin);

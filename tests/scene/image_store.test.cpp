@@ -4,9 +4,12 @@
 #include <compmark/core/executor.hpp>
 #include <compmark/scene/image_store.hpp>
 #include <compmark/scene/open.hpp>
+#include <compmark/scene/picture_source.hpp>
 #include <compmark/splat/loss/l1.hpp>
 
 #include <cmath>
+#include <memory>
+#include <vector>
 
 #include "support/scene_files.hpp"
 
@@ -259,4 +262,35 @@ TEST_CASE("scene/image_store: a photograph that decodes to more than the budget 
   view.file_width = 16;
   view.file_height = 12;
   CHECK(ImageStore(dataset, {}, settings).get(std::size_t{0}).ok());  // ordinary photographs always are
+}
+
+TEST_CASE("scene/image_store: pictures that no file holds are made when they are asked for, and kept") {
+  struct Made final : PictureSource {
+    mutable int made = 0;
+    Result<StoredImage> picture(const View& view, const DecodeSettings& /*settings*/) const override {
+      ++made;
+      if (view.name == "broken") return Error{ErrorKind::invalid, "source", view.name, "cannot be made", "nothing"};
+      StoredImage image{view.camera.width, view.camera.height, {}, {}, {}};
+      image.planes.assign(3 * image.plane_size(), static_cast<std::uint8_t>(view.name.size()));
+      return image;
+    }
+  };
+  Dataset dataset;
+  const auto source = std::make_shared<Made>();
+  dataset.pictures = source;
+  for (const char* name : {"one", "broken"}) {
+    View view;
+    view.name = name;
+    view.camera.width = 5;
+    view.camera.height = 4;
+    dataset.views.push_back(view);
+  }
+  ImageStore store(dataset, {});
+  const Result<const StoredImage*> first = store.get(0);
+  REQUIRE(first.ok());
+  CHECK((*first)->planes == std::vector<std::uint8_t>(60, 3));
+  REQUIRE(store.get(0).ok());
+  CHECK(source->made == 1);
+  CHECK(store.statistics().hits == 1);
+  CHECK(store.get(1).error().field == "broken");
 }

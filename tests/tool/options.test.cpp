@@ -286,17 +286,19 @@ TEST_CASE("options: a file of another kind is named for what it is") {
   tensors("checkpoint.safetensors", "compmark.checkpoint");
   tensors("interference.safetensors", "compmark cover interference");
   REQUIRE(write_key(place.folder / "owner.key", testing::fixed_key(1, 8)).ok());
-  const std::map<std::string, std::vector<std::string>> taken{{"model", {"model.safetensors", "small.cmk"}},
-                                                              {"trained model", {"model.safetensors", "small.cmk"}},
-                                                              {"compressed model", {"small.cmk"}},
-                                                              {"decoder", {"decoder.safetensors"}},
-                                                              {"interference", {"interference.safetensors"}},
-                                                              {"key", {"owner.key"}},
-                                                              {"claim", {}},
-                                                              {"time stamp", {}},
-                                                              {"images", {"photographs/a.png", "photographs"}},
-                                                              {"dataset", {"cameras.json", "photographs"}},
-                                                              {"LPIPS weights", {}}};
+  const std::map<std::string, std::vector<std::string>> taken{
+      {"model", {"model.safetensors", "small.cmk", "splats.ply"}},
+      {"markable model", {"model.safetensors", "small.cmk", "splats.ply"}},
+      {"trained model", {"model.safetensors", "small.cmk"}},
+      {"compressed model", {"small.cmk"}},
+      {"decoder", {"decoder.safetensors"}},
+      {"interference", {"interference.safetensors"}},
+      {"key", {"owner.key"}},
+      {"claim", {}},
+      {"time stamp", {}},
+      {"images", {"photographs/a.png", "photographs"}},
+      {"dataset", {"cameras.json", "photographs", "splats.ply"}},
+      {"LPIPS weights", {}}};
   const auto before = place.all();
   std::size_t tried = 0;
   for (const auto& [command, options] : table()) {

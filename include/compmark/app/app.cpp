@@ -21,6 +21,7 @@
 #include "compmark/app/detail/proof.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/detail/robustness.hpp"
+#include "compmark/app/detail/splat_capture.hpp"
 #include "compmark/app/detail/spread.hpp"
 #include "compmark/app/detail/verify.hpp"
 

@@ -35,7 +35,7 @@ inline std::string marking_recipe(std::string name) { return without_effects(std
 inline bool is_markable_recipe(std::string_view name) {
   const std::string plain = marking_recipe(reading_recipe(std::string(name)));
   const std::string codec = recipe_codec(name);
-  return codec == "none" ? plain == "scaffold" : plain == codec || plain == codec + "+fitted";
+  return codec == "none" ? plain == "scaffold" || plain == "explicit" : plain == codec || plain == codec + "+fitted";
 }
 /// True for the recipes that project through a lens.
 inline bool projects_lens(std::string_view recipe) {

@@ -13,8 +13,10 @@
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <locale>
 #include <optional>
 #include <span>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -104,6 +106,14 @@ namespace detail {
 }
 
 }  // namespace detail
+
+/// A comment of a splat PLY that says which direction is up, so that who reads it looks at it upright.
+[[nodiscard]] inline std::string splat_up_comment(const std::array<double, 3>& up) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << "compmark up " << up[0] << ' ' << up[1] << ' ' << up[2];
+  return text.str();
+}
 
 /// Writes the table. Cost: one pass; 4 (14 + 3 (degree + 1)^2) bytes a Gaussian.
 [[nodiscard]] inline Result<Done> write_splat_ply(const std::filesystem::path& path, const SplatTable& table,

@@ -9,6 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,7 +40,7 @@ enum class MaskReading : std::uint8_t {
 /// One photograph: where its pixels are and the camera that took it.
 struct View {
   std::string name;                  ///< as the dataset calls it
-  std::filesystem::path image_path;  ///< file to decode
+  std::filesystem::path image_path;  ///< file to decode; with Dataset::pictures: what they are made of
   Camera<double> camera;             ///< at the size after downscaling, which is the size ImageStore delivers
   Split split = Split::train;
   bool has_alpha = false;  ///< the file has an alpha channel, to be composited over the background
@@ -60,9 +62,11 @@ struct PointCloud {
   [[nodiscard]] std::size_t size() const { return position.size(); }
 };
 
+class PictureSource;
+
 struct Dataset {
-  std::string kind;            ///< "blender" (transforms_train.json), "transforms", "colmap" or "llff"
-  std::filesystem::path root;  ///< the folder that was opened
+  std::string kind;            ///< "blender" (transforms_train.json), "transforms", "colmap", "llff" or "splats"
+  std::filesystem::path root;  ///< the folder, or the file, that was opened
   std::vector<View> views;     ///< a deterministic order: the file's own (Blender), by name (the others)
   PointCloud points;
   bool points_are_random = false;
@@ -70,6 +74,8 @@ struct Dataset {
   std::array<double, 3> origin{0, 0,
                                0};  ///< plus `unit` times a position here is the position in the files' coordinates
   double unit = 1;                  ///< length in the files' coordinates of a length of 1 here
+  std::optional<std::array<double, 3>> splat_up = {};  ///< up, of splats: of length 1
+  std::shared_ptr<const PictureSource> pictures = {};  ///< makes the pictures (picture_source.hpp); null: files do
 
   [[nodiscard]] std::vector<std::size_t> indices(Split split) const {
     std::vector<std::size_t> result;
@@ -122,6 +128,8 @@ struct DatasetSettings {
   int max_width = 1600;         ///< with downscale 1, wider images are scaled down to this; 0: no limit
   bool use_point_file = false;  ///< Blender: take points3d.ply, if there, instead of random points
   LensTreatment lens = LensTreatment::undistort;
+  /// Of splats, a direction of length 1; not set: what the file says, or -y, as in the captures of the standard PLY.
+  std::optional<std::array<double, 3>> splat_up;
   bool masks = true;  ///< take masks (mask_path of a frame, folder masks) where there are any
 };
 

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images of a dataset, decoded when first asked for and kept in 8 bits within a memory budget; the least recently
-// used go first. scene/decode.hpp describes the steps of decoding. A delivered image always has the size of the view's
+// The images of a dataset, decoded (or made, Dataset::pictures) when first asked for and kept in 8 bits within a memory
+// budget; the least recently used go first. scene/decode.hpp describes the steps of decoding. A delivered image always has the size of the view's
 // camera. A file whose size has changed since the dataset was opened is an Error, and so is one that would take more
 // than the budget to decode. Cost of a hit: O(1); of a miss: decoding (~20 ns a pixel) and resizing. The result never
 // depends on the budget or on the order of use.
@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <unordered_map>
@@ -24,6 +25,7 @@
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/decode.hpp"
 #include "compmark/scene/image.hpp"
+#include "compmark/scene/picture_source.hpp"
 #include "compmark/scene/resize.hpp"
 
 namespace compmark {
@@ -49,7 +51,8 @@ class ImageStore {
  public:
   ImageStore(const Dataset& dataset, const DatasetSettings& dataset_settings, const ImageStoreSettings& settings = {})
       : background_(dataset_settings.background),
-        settings_(settings) {
+        settings_(settings),
+        pictures_(dataset.pictures) {
     entries_.reserve(dataset.views.size());
     for (const View& view : dataset.views) {
       index_.emplace(key(view), entries_.size());
@@ -67,8 +70,10 @@ class ImageStore {
       return &entry.image;
     }
     if (Result<Done> fits = check_budget(entry.view); !fits) return fits.error();
-    Result<StoredImage> image = decode_view(entry.view, {background_, settings_.alpha_rounding, settings_.filter,
-                                                         settings_.alpha_mask, settings_.keep_alpha});
+    const DecodeSettings decoding{background_, settings_.alpha_rounding, settings_.filter, settings_.alpha_mask,
+                                  settings_.keep_alpha};
+    Result<StoredImage> image =
+        pictures_ ? pictures_->picture(entry.view, decoding) : decode_view(entry.view, decoding);
     if (!image) return image.error();
     make_room(image->bytes());
     entry.image = std::move(*image);
@@ -171,6 +176,7 @@ class ImageStore {
 
   std::array<float, 3> background_;
   ImageStoreSettings settings_;
+  std::shared_ptr<const PictureSource> pictures_;
   std::vector<Entry> entries_;
   std::unordered_map<std::string, std::size_t> index_;
   std::uint64_t clock_ = 0;

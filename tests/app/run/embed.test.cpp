@@ -7,10 +7,13 @@
 #include <compmark/app/run/mark_record.hpp>
 #include <compmark/app/run/train.hpp>
 #include <compmark/app/verify.hpp>
+#include <compmark/io/splat/read_splat.hpp>
 #include <filesystem>
 #include <string>
 
 #include "app/run/small_run.hpp"
+#include "io/splat_writers.hpp"
+#include "support/damage.hpp"
 
 namespace {
 
@@ -120,6 +123,83 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
           s.mark.fidelity = 0;
           s.mark.fall = 1;
         }) == "--fidelity-fall");
+}
+
+TEST_CASE("app/run/embed: the splats of another program are marked as they are, without photographs") {
+  const testing::ScratchFolder folder("compmark-run-embed-splats");
+  ThreadExecutor executor(2);
+  KeepingObserver told;
+  const SplatTable table = testing::splats::random_splats(400, 1);
+  const std::filesystem::path ply = folder.path / "scene.ply", key_file = folder.path / "owner.key";
+  testing::put_raw(ply, testing::splats::permuted_ply_bytes(table, 1));
+  Digest256 secret{};
+  secret[5] = std::byte{9};
+  const Result<OwnerKey> key = make_key(secret, "2026-01-31T23:59:59Z", 8);
+  REQUIRE(key.ok());
+  REQUIRE(write_key(key_file, *key).ok());
+
+  DecoderFileSettings fit;
+  fit.model = fit.data = ply;
+  fit.out = folder.path / "decoder.safetensors";
+  fit.downscale = 16;  // 50 x 50
+  fit.fit.bits = 8;
+  fit.fit.features = 24;
+  fit.fit.statistics_views = 96;
+  fit.fit.gradient_views = 2;
+  const Result<FittedDecoder> decoder = fit_decoder_file(fit, executor, told);
+  REQUIRE_MESSAGE(decoder.ok(), decoder.error().line());
+
+  EmbedSettings settings;
+  settings.model = ply;
+  settings.out = folder.path / "marked";
+  settings.mark.key = key_file;
+  settings.mark.decoder = fit.out;
+  settings.downscale = 16;
+  settings.iterations = 150;
+  const Result<RunOutcome> outcome = embed_message(settings, executor, told);
+  REQUIRE_MESSAGE(outcome.ok(), outcome.error().line());
+  REQUIRE(outcome->results.watermark.has_value());
+  CHECK(outcome->views == 16);
+  CHECK(outcome->results.watermark->psnr_marked_vs_unmarked.value_or(0) > 20);
+  CHECK_FALSE(outcome->results.watermark->psnr_cost_vs_unmarked.has_value());  // there are no photographs
+  CHECK(outcome->psnr == doctest::Approx(*outcome->results.watermark->psnr_marked_vs_unmarked));
+
+  // The message is read of the marked model, and not of the file that came.
+  ReadingSettings reading;
+  reading.decoder = fit.out;
+  reading.model = outcome->model;
+  const auto with_mark = verify_files(*key, reading, {}, executor);
+  REQUIRE_MESSAGE(with_mark.ok(), with_mark.error().line());
+  CHECK(with_mark->verification.evidence.matches >= 7);
+
+  // marked.ply holds the same Gaussians: places and sizes of the file that came, other colours.
+  const Result<SplatFile> marked = read_splat(settings.out / "marked.ply");
+  REQUIRE_MESSAGE(marked.ok(), marked.error().line());
+  REQUIRE(marked->table.count == table.count);
+  double moved = 0, recoloured = 0;
+  for (std::size_t i = 0; i < table.count; ++i) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto distance = [&](const std::vector<float>& a, const std::vector<float>& b) {
+        return std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i]));
+      };
+      moved = std::max(moved, distance(marked->table.mean[axis], table.mean[axis]));
+      moved = std::max(moved, distance(marked->table.log_scale[axis], table.log_scale[axis]));
+      recoloured = std::max(recoloured, distance(marked->table.color(axis, 0), table.color(axis, 0)));
+    }
+  }
+  CHECK(moved < 1e-6);
+  CHECK(recoloured > 1e-3);
+  const auto record = read_mark(settings.out / "mark.json");
+  REQUIRE(record.has_value());
+  CHECK(record->models.size() == 2);
+
+  // A model of ours still needs its photographs.
+  settings.model = outcome->model;
+  settings.out = folder.path / "again";
+  CHECK(embed_message(settings, executor, told).error().field == "--data");
+  settings.model = ply;
+  settings.mark.fidelity = 0;
+  CHECK(embed_message(settings, executor, told).error().field == "--recipe");
 }
 
 }  // namespace

@@ -6,9 +6,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <system_error>
 
 #include "compmark/app/capture.hpp"
 #include "compmark/app/recipe_names.hpp"
+#include "compmark/app/splat_capture.hpp"
+#include "compmark/io/splat/read_splat.hpp"
 #include "compmark/scene/open.hpp"
 
 namespace compmark {
@@ -27,9 +30,17 @@ COMPMARK_APP_INLINE StoredView stored_view(const View& view) {
   return stored;
 }
 
+COMPMARK_APP_INLINE Result<Dataset> open_capture(const std::filesystem::path& data, const DatasetSettings& settings,
+                                                 ThreadExecutor& executor) {
+  std::error_code status;
+  if (std::filesystem::is_regular_file(data, status) && is_splat_file(data))
+    return open_splat_capture(data, settings, executor);
+  return open_dataset(data, settings);
+}
+
 COMPMARK_APP_INLINE Result<Dataset> open_for(const ModelInfo& info, const std::filesystem::path& data,
-                                             const DatasetSettings& settings) {
-  Result<Dataset> dataset = open_dataset(data, settings);
+                                             const DatasetSettings& settings, ThreadExecutor& executor) {
+  Result<Dataset> dataset = open_capture(data, settings, executor);
   if (!dataset) return dataset.error();
   if (dataset->unit != info.unit) change_unit(*dataset, info.unit);
   if (dataset->origin == info.origin) return dataset;

@@ -107,7 +107,7 @@ class ModelComparer {
     capture.downscale = settings_.downscale;
     for (std::size_t c = 0; c < 3; ++c)
       capture.background[c] = static_cast<float>(opened->model->render_settings().background[c]);
-    Result<Dataset> dataset = open_for(opened->model->info(), settings_.data, capture);
+    Result<Dataset> dataset = open_for(opened->model->info(), settings_.data, capture, executor_);
     if (!dataset) return dataset.error();
     opened->dataset = std::move(*dataset);
     for (const std::string& warning : opened->dataset.warnings) {

@@ -130,7 +130,7 @@ template <class R>
   DatasetSettings settings = settings_of(info);
   for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
   if (settings.lens == LensTreatment::keep) settings.lens = LensTreatment::undistort;  // the export has none
-  Result<Dataset> dataset = open_for(info, data, settings);
+  Result<Dataset> dataset = open_for(info, data, settings, executor);
   if (!dataset) return dataset.error();
   ImageStore store(*dataset, settings, {});
   const auto target = [&](std::size_t i, ImageView<float> image) -> Result<Done> {

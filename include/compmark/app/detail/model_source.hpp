@@ -72,7 +72,8 @@ namespace detail {
 
 /// The model of a splat file, with cameras round it; what is nearer than a tenth of its size is still drawn.
 template <class R>
-[[nodiscard]] Result<LoadedModel<R>> splat_model(const SplatTable& table) {
+[[nodiscard]] Result<LoadedModel<R>> splat_model(const SplatFile& file) {
+  const SplatTable& table = file.table;
   const SplatBulk bulk = splat_bulk(table);
   RenderSettings render;
   render.near_plane = std::min(render.near_plane, bulk.radius / 10);
@@ -81,7 +82,9 @@ template <class R>
   LoadedModel<R> loaded{std::move(*model), {}};
   loaded.info.recipe = "explicit";
   loaded.info.profile = "splats";
-  for (const Camera<double>& camera : cameras_around(bulk)) {
+  ViewsAround around;
+  around.up = file.up.value_or(usual_up);
+  for (const Camera<double>& camera : cameras_around(bulk, around)) {
     const std::string number = std::to_string(loaded.info.views.size());
     loaded.info.views.push_back({"around_" + std::string(number.size() < 2 ? "0" : "") + number, true, camera, {}});
   }
@@ -94,7 +97,7 @@ template <class R>
 Result<LoadedModel<R>> ModelSource::load() const {
   if (splats) {
     if constexpr (ExplicitModelRecipe<R>) {
-      return detail::splat_model<R>(splats->table);
+      return detail::splat_model<R>(*splats);
     } else {
       return Error{ErrorKind::unsupported, path.string(), "recipe", "is that of splats, which are explicit Gaussians",
                    "give a model of compmark train"};

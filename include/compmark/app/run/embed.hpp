@@ -25,14 +25,16 @@ enum class EmbedDistortion {
 };
 
 struct EmbedSettings : RunSettings {
-  std::filesystem::path model;  ///< unmarked, model.safetensors, of a recipe that can carry a message
+  /// Unmarked: model.safetensors of a recipe that can carry a message, or a splat file of any program, whose Gaussians
+  /// are marked as they are. `data` may be empty for a splat file: cameras round it then (splat_capture.hpp).
+  std::filesystem::path model;
   MarkSettings mark;
   std::int64_t iterations = 0;  ///< 0: 2000; for a codec 4000, or 8000 with a decoder that is not fitted to the scene
   EmbedDistortion distortion = EmbedDistortion::round;  ///< of models for a codec; others have `round` alone
 };
 
 /// Writes the marked model.safetensors, results.json, verification.json and mark.json into `out`, a decoder where none
-/// was given, and model.cmk and unmarked.cmk for a codec; notes beside the key which decoder reads the mark. The model
+/// was given, model.cmk and unmarked.cmk for a codec, and marked.ply for a splat file; notes beside the key which decoder reads the mark. The model
 /// is the same at any number of threads. ErrorKind::cancelled: the observer stopped it, a checkpoint is there.
 [[nodiscard]] Result<RunOutcome> embed_message(const EmbedSettings& settings, ThreadExecutor& executor,
                                                RunObserver& observer);

@@ -5,7 +5,9 @@
 // (watermark/fit/decoder_fit.hpp is the fit itself). No message is hidden yet: embed_message does that.
 #pragma once
 
+#include <array>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "compmark/app/compiled.hpp"
@@ -24,8 +26,9 @@ struct DecoderFileSettings {
   std::filesystem::path json;   ///< figures of the fit; empty: as `out`, with the ending .json
   /// Numbers of 0 are chosen from the bits and the size of the images; coordinates below 0 from the number of features.
   DecoderFitSettings fit{.features = 0, .stride = 0, .statistics_views = 0, .coordinates = -1};
-  bool force = false;    ///< move a decoder that is there aside
-  double downscale = 1;  ///< that of the training
+  bool force = false;                             ///< move a decoder that is there aside
+  double downscale = 1;                           ///< that of the training
+  std::optional<std::array<double, 3>> splat_up;  ///< of splats that are the data (DatasetSettings::splat_up)
 };
 
 struct FittedDecoder {

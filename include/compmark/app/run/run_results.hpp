@@ -35,7 +35,7 @@ struct WatermarkMetrics {
   double p_value = 1;               ///< of all views together
   double largest_view_p_value = 1;  ///< of the worst view by itself
   std::optional<double>
-      psnr_cost_vs_unmarked;  ///< dB, the counterpart's test PSNR minus this model's; null without a counterpart
+      psnr_cost_vs_unmarked;  ///< dB, the counterpart's test PSNR minus this model's; null without a counterpart, or photographs
   std::optional<double> psnr_marked_vs_unmarked;  ///< dB, of the renders of both
 };
 

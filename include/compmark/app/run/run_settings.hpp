@@ -17,15 +17,16 @@ namespace compmark {
 
 /// Of any run. Errors name these fields as the tool's options do ("--out").
 struct RunSettings {
-  std::filesystem::path data;            ///< a dataset, as open_dataset reads it
-  std::filesystem::path out;             ///< folder of the run; no other run may be at work there
-  double downscale = 1;                  ///< the size of the photographs is divided by this
-  std::optional<std::uint64_t> seed;     ///< of every random number; not set: the profile's
-  std::int64_t checkpoint_every = 1000;  ///< iterations
-  std::size_t memory_budget_mb = 0;      ///< MiB of memory for decoded photographs; 0: chosen by the library
-  bool resume = false;                   ///< continue from the checkpoint in `out`
-  bool force = false;                    ///< replace a finished run in `out`
-  LpipsFiles lpips;                      ///< to report it; may be empty
+  std::filesystem::path data;                     ///< a dataset, as open_dataset reads it
+  std::filesystem::path out;                      ///< folder of the run; no other run may be at work there
+  std::optional<std::array<double, 3>> splat_up;  ///< of splats that are the data (DatasetSettings::splat_up)
+  double downscale = 1;                           ///< the size of the photographs is divided by this
+  std::optional<std::uint64_t> seed;              ///< of every random number; not set: the profile's
+  std::int64_t checkpoint_every = 1000;           ///< iterations
+  std::size_t memory_budget_mb = 0;               ///< MiB of memory for decoded photographs; 0: chosen by the library
+  bool resume = false;                            ///< continue from the checkpoint in `out`
+  bool force = false;                             ///< replace a finished run in `out`
+  LpipsFiles lpips;                               ///< to report it; may be empty
 };
 
 /// What is hidden, and the numbers of the mark; those that are not set are the function's own.

@@ -7,11 +7,15 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <locale>
 #include <optional>
 #include <span>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -65,11 +69,26 @@ namespace detail {
   });
 }
 
+/// The direction that a comment of splat_up_comment names.
+[[nodiscard]] inline std::optional<std::array<double, 3>> said_up(const std::vector<std::string>& comments) {
+  constexpr std::string_view head = "compmark up ";
+  for (const std::string& comment : comments) {
+    if (!comment.starts_with(head)) continue;
+    std::istringstream words(comment.substr(head.size()));
+    words.imbue(std::locale::classic());
+    std::array<double, 3> up{};
+    words >> up[0] >> up[1] >> up[2];
+    if (words && std::abs(std::hypot(up[0], up[1], up[2]) - 1) < 1e-6) return up;
+  }
+  return std::nullopt;
+}
+
 [[nodiscard]] inline Result<SplatFile> parse_ply_splats(std::span<const std::byte> bytes, const std::string& name) {
   const Result<PlyFile> ply = parse_ply(bytes, name);
   if (!ply) return ply.error();
   SplatFile file;
   file.antialiased = says_antialiased(ply->comments);
+  file.up = said_up(ply->comments);
   const PlyElement* const vertex = ply->find("vertex");
   const bool compressed = vertex != nullptr && is_compressed_ply(*vertex);
   file.format = compressed ? SplatFormat::compressed_ply : SplatFormat::ply;

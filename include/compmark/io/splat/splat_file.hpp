@@ -36,9 +36,10 @@ enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz };
 struct SplatFile {
   SplatTable table;  ///< rotations of norm 1; every number is finite but for log scales of -inf and logits of +-inf
   SplatFormat format = SplatFormat::ply;
-  int version = 0;                 ///< of SPZ; the compression level of a .ksplat; 0 for the others
-  bool antialiased = false;        ///< it says that it was trained with the mip filter
-  std::vector<std::string> notes;  ///< what the file holds and the table does not, a sentence each
+  int version = 0;                          ///< of SPZ; the compression level of a .ksplat; 0 for the others
+  bool antialiased = false;                 ///< it says that it was trained with the mip filter
+  std::optional<std::array<double, 3>> up;  ///< of length 1, where the file says so (splat_up_comment)
+  std::vector<std::string> notes;           ///< what the file holds and the table does not, a sentence each
 };
 
 namespace detail {

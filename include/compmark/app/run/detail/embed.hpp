@@ -18,6 +18,7 @@
 #include "compmark/app/run/detail/embed_decoder.hpp"
 #include "compmark/app/run/detail/run_any.hpp"
 #include "compmark/app/run/embed.hpp"
+#include "compmark/io/splat/read_splat.hpp"
 
 namespace compmark {
 namespace detail {
@@ -70,7 +71,8 @@ namespace detail {
   const bool coded = is_coded_recipe(plan.recipe);
   const std::string marked = marking_recipe(plan.recipe);
   // In the loss of the photographs their exposures would have to train on.
-  const bool exposed_loss = marked != plan.recipe && plan.mark.fidelity && *plan.mark.fidelity == 0;
+  const bool exposed_loss =
+      (marked != plan.recipe || plan.recipe == "explicit") && plan.mark.fidelity && *plan.mark.fidelity == 0;
   if (exposed_loss || !is_markable_recipe(plan.recipe)) return no_message_in(plan.recipe);
   if (plan.mark.calibrate_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
     return Error{ErrorKind::unsupported,
@@ -89,17 +91,31 @@ namespace detail {
                "--key --decoder"};
 }
 
+[[nodiscard]] inline Error no_photographs() {
+  return {ErrorKind::invalid,
+          {},
+          "--data",
+          "is missing: only a splat file is marked without the photographs that it was trained on",
+          "give the dataset of the model"};
+}
+
 /// Hides plan.mark in plan.model.
 [[nodiscard]] inline Result<RunOutcome> embed_plan(RunPlan plan, EmbedDistortion distortion) {
   RunObserver& observer = *plan.observer;
   if (Result<Done> free = check_unfinished(plan.out, plan.resume || plan.force); !free) return free.error();
+  const bool splats = is_splat_file(plan.model);
   const Result<std::string> recipe = [&]() -> Result<std::string> {
+    if (splats) return std::string("explicit");
     const Result<SafetensorsFile> file = read_safetensors(plan.model);
     if (!file) return file.error();
     return model_recipe(*file);
   }();
   if (!recipe) return recipe.error();
   plan.recipe = *recipe;
+  if (plan.data.empty()) {
+    if (!splats) return no_photographs();
+    plan.data = plan.model;  // seen by cameras round it
+  }
   take_universal(plan.mark);
   const bool coded = is_coded_recipe(*recipe);
   const bool fitted = plan.mark.decoder.empty() || fitted_decoder(plan.mark.decoder);

@@ -95,6 +95,7 @@ namespace compmark::detail {
   if (plan.mark.period) fit.fit.period = *plan.mark.period;
   if (plan.mark.tone) fit.fit.tone = *plan.mark.tone;
   fit.downscale = plan.downscale;
+  fit.splat_up = plan.splat_up;
   const Result<FittedDecoder> made = fit_decoder_file(fit, *plan.executor, *plan.observer);
   if (!made) return made.error();
   plan.observer->on_note("decoder " + fit.out.string() + ", fitted in " + std::to_string(std::llround(made->seconds)) +

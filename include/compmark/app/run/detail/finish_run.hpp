@@ -50,10 +50,12 @@ struct RunEnd {
   record.decoder = {mark.sources.decoder, mark.sources.decoder_sha256};
   record.decoder_tensors = mark.decoder_tensors;
   record.models.push_back({model.filename().string(), digest});
-  if (coded) {
-    const Result<std::string> small = file_sha256(plan.out / "model.cmk");
-    if (!small) return small.error();
-    record.models.push_back({"model.cmk", *small});
+  for (const auto& [also, name] :
+       {std::pair(coded, "model.cmk"), std::pair(plan.recipe == "explicit", splat_file_name)}) {
+    if (!also) continue;
+    const Result<std::string> other = file_sha256(plan.out / name);
+    if (!other) return other.error();
+    record.models.push_back({name, *other});
   }
   return keep_record(record, mark.key_file, plan.out, warnings_of(*plan.observer));
 }

@@ -20,6 +20,7 @@
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/recipes/context_gs.hpp"
+#include "compmark/recipes/explicit.hpp"
 #include "compmark/recipes/hac.hpp"
 #include "compmark/recipes/scaffold.hpp"
 #include "compmark/watermark/decoder/lattice_file.hpp"
@@ -54,6 +55,7 @@ inline Result<DecoderFit<float>> fit_any_model(const std::string& recipe, const 
                                                RunObserver& observer) {
   const std::string plain = marking_recipe(reading_recipe(recipe));
   if (plain == "scaffold") return fit_model<recipes::Scaffold>(source, settings, executor, observer);
+  if (plain == "explicit") return fit_model<recipes::Explicit>(source, settings, executor, observer);
   if (plain == "hac") return fit_coded_model<recipes::HacScaffold>(source, settings, executor, observer);
   if (plain == "hac+fitted") return fit_coded_model<recipes::HacFitted>(source, settings, executor, observer);
   if (plain == "context_gs") return fit_coded_model<recipes::ContextGsScaffold>(source, settings, executor, observer);
@@ -76,7 +78,7 @@ COMPMARK_APP_INLINE Result<FittedDecoder> fit_decoder_file(DecoderFileSettings s
     return Error{ErrorKind::unsupported, settings.model.string(), "recipe",
                  "\"" + source->recipe + "\" cannot carry a message",
                  "give a model of scaffold, hac or context_gs, alone or with +mask, +alpha or "
-                 "+exposure, or of fit-codec"};
+                 "+exposure, of fit-codec, or a splat file"};
   }
   const double begin = observer.seconds();
   const Result<DecoderFit<float>> fit = detail::fit_any_model(source->recipe, *source, settings, executor, observer);

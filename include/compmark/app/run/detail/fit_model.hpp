@@ -40,14 +40,15 @@ Result<DecoderFit<float>> fit_model(const ModelSource& source, DecoderFileSettin
   if (!loaded) return loaded.error();
   DatasetSettings data_settings = settings_of(loaded->info);
   data_settings.downscale = settings.downscale;
-  Result<Dataset> dataset = open_for(loaded->info, settings.data, data_settings);
+  data_settings.splat_up = settings.splat_up;
+  Result<Dataset> dataset = open_for(loaded->info, settings.data, data_settings, executor);
   if (!dataset) return dataset.error();
   for (const std::string& warning : dataset->warnings) observer.on_warning(warning);
   std::vector<StoredView> now;
   for (const View& view : dataset->views) now.push_back(stored_view(view));
   const std::optional<OtherView> other =
       now.size() == loaded->info.views.size() ? other_view(loaded->info.views, now) : std::nullopt;
-  if (now.size() != loaded->info.views.size() || other) {
+  if (!source.splats && (now.size() != loaded->info.views.size() || other)) {
     return Error{ErrorKind::invalid, settings.model.string(), other ? other->field : "views",
                  other ? "of view " + other->name + " is another one in the data" : "are not those of the data",
                  "give the data that it was trained on, as large as then (--downscale)"};

@@ -10,6 +10,7 @@
 #include "compmark/app/recipe_list.hpp"
 #include "compmark/app/run/detail/run_recipe.hpp"
 #include "compmark/recipes/captures.hpp"
+#include "compmark/recipes/explicit.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
 #include "compmark/recipes/scaffold.hpp"
 
@@ -67,6 +68,8 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
       return run_recipe<recipes::MarkedForCompression<recipes::Scaffold, MarkingDecoder>>(plan, settings, &mark);
     return run_recipe<WithLostAnchors<Marked<recipes::Scaffold, MarkingDecoder>>>(plan, settings, &mark);
   }
+  if (plan.recipe == "explicit" && !mark.for_compression)
+    return run_recipe<WithLostAnchors<Marked<recipes::Explicit, MarkingDecoder>>>(plan, settings, &mark);
   // The whole published method, which has the noise of quantization in it.
   if (plan.recipe == "compmark-host")
     return run_recipe<recipes::CompMarkGs<recipes::CompMarkBase, MarkingDecoder>>(plan, settings, &mark);

@@ -43,6 +43,7 @@ struct RunNeeds {
 struct SourceModel {
   const ModelInfo* info = nullptr;  ///< null: a run from the data alone
   std::size_t train_views = 0;
+  bool splats = false;  ///< of another program, which says nothing of its photographs: any capture of it will do
 };
 
 /// An opened dataset and the run's description of it.
@@ -66,15 +67,18 @@ struct RunData {
   run->checkpoint = plan.out / "checkpoint.safetensors";
   DatasetSettings& data_settings = run->data_settings;
   data_settings.downscale = plan.downscale;
+  data_settings.splat_up = plan.splat_up;
   data_settings.background = settings.background;
   data_settings.seed = settings.seed;
   data_settings.lens = source.info != nullptr ? settings_of(*source.info).lens : plan.lens;
-  Result<Dataset> opened = source.info != nullptr ? open_for(*source.info, plan.data, data_settings)
-                                                  : open_dataset(plan.data, data_settings);
+  Result<Dataset> opened = source.info != nullptr ? open_for(*source.info, plan.data, data_settings, *plan.executor)
+                                                  : open_capture(plan.data, data_settings, *plan.executor);
   if (!opened) return opened.error();
   run->dataset = std::move(*opened);
   const Dataset& dataset = run->dataset;
   if (plan.voxel_size && settings.voxel_size > 0) settings.voxel_size /= dataset.unit;
+  // Splat files have any unit of length, and the default is that of a scene of a known size.
+  if (dataset.kind == "splats" && !plan.voxel_size) settings.voxel_size = 0;
   if (needs.ball) {
     const CameraBall ball = camera_ball(dataset);
     settings.effects.space_origin = ball.origin;
@@ -142,7 +146,7 @@ struct RunData {
                  "has another unit of length or another origin than these data have in this version",
                  "train the unmarked counterpart again"};
   }
-  if (source.info == nullptr) return Done{};
+  if (source.info == nullptr || source.splats) return Done{};
   const auto foreign = [&](std::string field, std::string problem) {
     return Error{ErrorKind::invalid, plan.model.string(), std::move(field), std::move(problem),
                  "give the data that it was trained on, with the same --downscale"};

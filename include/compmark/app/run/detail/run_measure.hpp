@@ -59,6 +59,7 @@ namespace compmark::detail {
   found.report.sources = mark.sources;
   if (counterpart) {
     found.psnr_marked_vs_unmarked = between / static_cast<double>(views.size());
+    if (views.dataset->pictures) return found;  // they are the counterpart's own renders
     const Result<Evaluation> evaluation = evaluate_views(*counterpart, views, evaluation_of(observer), executor);
     if (!evaluation) return evaluation.error();
     found.unmarked_psnr = evaluation->mean([](const ViewResult& view) { return view.psnr; });

@@ -37,6 +37,9 @@ struct RunPlan : RunSettings {
   RunObserver* observer = nullptr;
 };
 
+/// The marked Gaussians of a splat file, in the folder of the run.
+inline constexpr const char* splat_file_name = "marked.ply";
+
 /// The error of a run without resume that would overwrite a checkpoint.
 [[nodiscard]] inline Error unfinished_run(const std::filesystem::path& checkpoint) {
   return {ErrorKind::invalid,
@@ -53,8 +56,8 @@ struct RunPlan : RunSettings {
           "--recipe",
           "\"" + recipe + "\" cannot carry a message in this tool",
           "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha, compmark-host and "
-          "compmark-paper-host with a decoder that is there (--decoder), and finished models with +exposure or of "
-          "fit-codec too: train with one of them (--recipe)"};
+          "compmark-paper-host with a decoder that is there (--decoder), and finished models with +exposure, of "
+          "fit-codec and of splat files too: train with one of them (--recipe)"};
 }
 
 /// Holds the run's folder, as soon as something is written into it.

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "compmark/app/compress.hpp"
+#include "compmark/app/model_source.hpp"
 #include "compmark/app/run/detail/finish_run.hpp"
 #include "compmark/app/run/detail/finished_run.hpp"
 #include "compmark/app/run/detail/in_file.hpp"
@@ -26,7 +27,9 @@
 #include "compmark/codec/model/adopt_networks.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/io/splat_ply.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/splat/export/explicit_splats.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
 #include "compmark/splat/training/model_file.hpp"
 #include "compmark/splat/training/trainer.hpp"
@@ -147,6 +150,13 @@ Result<RunOutcome> run_iterations(Loop& loop, const RunParts<R>& parts, const st
     end.revivals = static_cast<std::uint64_t>(loop.state().revival.revivals);
   const auto keep = [&](const auto& model) -> Result<Done> {
     if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
+    if constexpr (ExplicitModelRecipe<typename SourceRecipe<R>::Type>) {  // as it came: for every viewer
+      std::vector<std::string> comments;
+      if (data.dataset.splat_up) comments.push_back(splat_up_comment(*data.dataset.splat_up));
+      if (Result<Done> written = write_splat_ply(plan.out / splat_file_name, explicit_splats(model), comments);
+          !written)
+        return written;
+    }
     if constexpr (present<typename R::EntropyModel>) {
       Result<CodecModel> coded = coded_model(model, data.info);
       if (!coded) return coded.error();
@@ -164,6 +174,18 @@ Result<RunOutcome> run_iterations(Loop& loop, const RunParts<R>& parts, const st
   return finish_run(plan, data, end, parts.mark);
 }
 
+/// The finished source model. Explicit Gaussians are read from the splat files of other programs too.
+template <class Source>
+Result<LoadedModel<Source>> read_source(const std::filesystem::path& path, ThreadExecutor& executor) {
+  if constexpr (ExplicitModelRecipe<Source>) {
+    const Result<ModelSource> source = ModelSource::open(path, executor);
+    if (!source) return source.error();
+    return source->template load<Source>();
+  } else {
+    return read_model<Source>(path);
+  }
+}
+
 /// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which
 /// holds one already.
 template <class R>
@@ -177,10 +199,10 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
   std::optional<LoadedModel<Source>> loaded;  // of embed and fit-codec
   SourceModel source;
   if (!plan.model.empty()) {
-    Result<LoadedModel<Source>> read = read_model<Source>(plan.model);
+    Result<LoadedModel<Source>> read = read_source<Source>(plan.model, executor);
     if (!read) return read.error();
     loaded = std::move(*read);
-    source = {&loaded->info, loaded->model.train_views};
+    source = {&loaded->info, loaded->model.train_views, ExplicitModelRecipe<Source>};
     for (std::size_t c = 0; c < 3; ++c) wanted.background[c] = static_cast<float>(loaded->model.render.background[c]);
     if constexpr (is_marked && present<typename R::EntropyModel>) {
       const std::array<double, 3>& step = loaded->info.base_step;
@@ -254,23 +276,27 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
       return run_iterations(embedding, parts, *before);
     }
   }
-  Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
-  if constexpr (is_marked) set_watermark(trainer, marking_decoder(*mark, data.settings.mark.message), mark->bits);
-  const Result<std::optional<double>> before = take_up(plan, data, trainer);
-  if (!before) return before.error();
-  if (!*before && loaded) {
-    if constexpr (is_marked || is_fitted) {
-      if (Result<Done> begun = begin_from(trainer); !begun) return begun.error();
+  if constexpr (ExplicitModelRecipe<Source>) {  // has no photographs of its training to train on with
+    return no_message_in(plan.recipe);
+  } else {
+    Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
+    if constexpr (is_marked) set_watermark(trainer, marking_decoder(*mark, data.settings.mark.message), mark->bits);
+    const Result<std::optional<double>> before = take_up(plan, data, trainer);
+    if (!before) return before.error();
+    if (!*before && loaded) {
+      if constexpr (is_marked || is_fitted) {
+        if (Result<Done> begun = begin_from(trainer); !begun) return begun.error();
+      }
+    } else if (!*before) {
+      if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready) return ready.error();
+      if (trainer.far_points() != 0) {
+        plan.observer->on_warning(std::to_string(trainer.far_points()) + " of " +
+                                  std::to_string(data.dataset.points.size()) +
+                                  " points are outliers, far from the others, and are left out");
+      }
     }
-  } else if (!*before) {
-    if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready) return ready.error();
-    if (trainer.far_points() != 0) {
-      plan.observer->on_warning(std::to_string(trainer.far_points()) + " of " +
-                                std::to_string(data.dataset.points.size()) +
-                                " points are outliers, far from the others, and are left out");
-    }
+    return run_iterations(trainer, parts, *before);
   }
-  return run_iterations(trainer, parts, *before);
 }
 
 }  // namespace compmark::detail

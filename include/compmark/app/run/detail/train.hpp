@@ -150,7 +150,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
                  "choose scaffold, hac, official or paper"};
   }
   const bool recipe_given = !chosen.recipe.empty();
-  if (Result<Done> fits = detail::choose_effects(chosen); !fits) return fits.error();
+  if (Result<Done> fits = detail::choose_effects(chosen, executor); !fits) return fits.error();
   if (Result<Done> fits = detail::choose_codec(chosen, recipe_given); !fits) return fits.error();
   if (chosen.mark.wanted() && !recipe_given && !coded) detail::leave_out_unmarked(chosen);
   if (coded) {

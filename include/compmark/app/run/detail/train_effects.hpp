@@ -80,7 +80,7 @@ inline Result<bool> continue_begun(TrainChoice& chosen) {
 
 /// Chooses chosen.recipe, chosen.simulated and the background, with reasons in chosen.notes. An explicit --recipe is
 /// kept; the recipes of the other profiles have no effects.
-inline Result<Done> choose_effects(TrainChoice& chosen) {
+inline Result<Done> choose_effects(TrainChoice& chosen, ThreadExecutor& executor) {
   const Result<bool> begun = continue_begun(chosen);
   if (!begun) return begun.error();
   if (*begun) return Done{};
@@ -91,12 +91,14 @@ inline Result<Done> choose_effects(TrainChoice& chosen) {
     chosen.lens = LensTreatment::keep;  // what it is there for
   settings.lens = chosen.lens;
   settings.downscale = chosen.downscale;
-  Result<Dataset> dataset = open_dataset(chosen.data, settings);
+  settings.splat_up = chosen.splat_up;
+  Result<Dataset> dataset = open_capture(chosen.data, settings, executor);
   if (!dataset) return dataset.error();
   const char* const background = effect_name(SceneEffect::constant_background);
   const bool probes = chosen.effects == "auto";
   std::vector<ProbedEffect> probed;
-  if (probes || chosen.effects.find(background) != std::string::npos) {  // its colour is in the photographs
+  // The colour of a background is in the photographs; renders of splats have no effects.
+  if (!dataset->pictures && (probes || chosen.effects.find(background) != std::string::npos)) {
     Result<std::vector<ProbedEffect>> found = probe_scene(*dataset);
     if (!found) return found.error();
     probed = std::move(*found);
