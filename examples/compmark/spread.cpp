@@ -42,7 +42,8 @@ int spread(const SpreadOptions& options) {
 
 Command add_spread(Options& app) {
   auto options = std::make_shared<SpreadOptions>();
-  app.reads("--model", options->model, InputKind::trained_model, "the model, which becomes the unmarked one")
+  app.reads("--model", options->model, InputKind::markable,
+            "the model, or a splat file, which becomes the unmarked one")
       ->required();
   app.reads("--key", options->key, InputKind::key, "the owner's key file (compmark keygen)")->required();
   app.writes("--out", options->out, OutputKind::model, "the marked model to write (safetensors)")->required();

@@ -1,0 +1,92 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Splats of other programs, by the tool: marked without photographs, adopted, and looked at the right way up. Whether a
+// mark is read is the business of longer runs (docs/foreign_splats.md, tests/app/run/embed.test.cpp).
+#include <doctest/doctest.h>
+
+#include <compmark/io/owner_key.hpp>
+#include <compmark/io/splat/read_splat.hpp>
+#include <filesystem>
+#include <string>
+
+#include "io/splat_writers.hpp"
+#include "support/damage.hpp"
+#include "tool/running.hpp"
+
+namespace splats_test {
+
+using namespace compmark;
+using testing::done;
+using testing::Outcome;
+using testing::tool;
+
+struct Splats {
+  testing::ScratchFolder folder;
+  std::filesystem::path ply = folder.path / "scene.ply";
+  std::string key = (folder.path / "owner.key").string();
+
+  explicit Splats(const std::string& name) : folder(name) {
+    testing::put_raw(ply, testing::splats::permuted_ply_bytes(testing::splats::random_splats(400, 1), 1));
+    REQUIRE(write_key(key, testing::fixed_key(1, 48)).ok());
+  }
+  [[nodiscard]] std::string at(const std::string& name) const { return (folder.path / name).string(); }
+};
+
+TEST_CASE("splats: a file of another program is marked without photographs, and its like comes out") {
+  const Splats splats("compmark-splats-test");
+  const std::string embed = "embed --model " + splats.ply.string() + " --key " + splats.key + " --downscale 6 ";
+  const Outcome marked = done(embed + "--iterations 20 --up z --out " + splats.at("run"));
+  CHECK(marked.text.find("dB between the renders") != std::string::npos);
+  CHECK(marked.text.find("dB lost") == std::string::npos);  // to photographs, and there are none
+  const nlohmann::json results = testing::json_of(splats.at("run/results.json"));
+  CHECK(results["dataset"] == "scene.ply");
+  CHECK(results["recipe"] == "explicit");
+  CHECK(results["watermark"]["psnr_cost_vs_unmarked"].is_null());
+  CHECK(results["watermark"]["psnr_marked_vs_unmarked"].get<double>() > 30);
+  const Result<SplatFile> written = read_splat(splats.at("run/marked.ply"));
+  REQUIRE_MESSAGE(written.ok(), written.error().line());
+  CHECK(written->table.count == 400);
+  CHECK(written->up == std::array<double, 3>{0, 0, 1});
+  // What was written is read like any other file, the right way up.
+  CHECK(done("info --model " + splats.at("run/marked.ply")).text.find("400") != std::string::npos);
+  const int read = tool("verify --model " + splats.at("run/marked.ply") + " --key " + splats.key).code;
+  CHECK((read == 0 || read == 1 || read == 3));
+  CHECK(done(embed + "--iterations 20 --up z --resume --out " + splats.at("run")).text.find("nothing is left to do") !=
+        std::string::npos);
+
+  testing::check_refused(tool(embed + "--iterations 20 --up sideways --out " + splats.at("no")), {"--up"});
+  testing::check_refused(tool("embed --model " + splats.at("run/model.safetensors") + " --key " + splats.key +
+                              " --iterations 20 --out " + splats.at("no")),
+                         {"--data"});
+  testing::check_refused(tool(embed + "--iterations 20 --fidelity 0 --out " + splats.at("no")), {"explicit"});
+  CHECK_FALSE(std::filesystem::exists(splats.at("no")));
+}
+
+TEST_CASE("splats: a mark that single pictures prove is hidden in a splat file too") {
+  const Splats splats("compmark-splats-spread-test");
+  const Outcome spread = done("spread --model " + splats.ply.string() + " --key " + splats.key + " --out " +
+                              splats.at("marked.safetensors"));
+  CHECK(spread.text.find("dB between renders") != std::string::npos);
+  done("export --model " + splats.at("marked.safetensors") + " --out " + splats.at("marked.ply") + " --compare 0");
+  const Result<SplatFile> written = read_splat(splats.at("marked.ply"));
+  REQUIRE(written.ok());
+  CHECK(written->table.count == 400);
+}
+
+TEST_CASE("splats: a model of ours is trained from the renders of a splat file") {
+  const Splats splats("compmark-splats-adopt-test");
+  const Outcome adopted =
+      done("adopt --splat " + splats.ply.string() + " --downscale 16 --iterations 30 --out " + splats.at("run"));
+  CHECK(adopted.text.find("test PSNR") != std::string::npos);
+  const nlohmann::json results = testing::json_of(splats.at("run/results.json"));
+  CHECK(results["test"]["views"] == 16);
+  CHECK(results["recipe"] == "scaffold");
+  // It is evaluated against the same splats, from the same cameras.
+  done("evaluate --model " + splats.at("run/model.safetensors") + " --data " + splats.ply.string() + " --downscale 16");
+  testing::check_refused(tool("adopt --splat " + splats.folder.path.string() + " --out " + splats.at("no")),
+                         {"--splat"});
+  CHECK_FALSE(std::filesystem::exists(splats.at("no")));
+}
+
+}  // namespace splats_test
