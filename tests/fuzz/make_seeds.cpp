@@ -7,6 +7,7 @@
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/ply.hpp>
 #include <compmark/io/safetensors.hpp>
+#include <compmark/io/splat/write_splat.hpp>
 
 #include <array>
 #include <cstdio>
@@ -156,6 +157,12 @@ int main(int count, char** arguments) {
 #if defined(COMPMARK_WITH_ZSTD)
     put("splat", splats::spz4_bytes(table));
 #endif
+    for (const char* name : {"seed.sog", "seed.glb"}) {
+      const fs::path written = root / name;
+      if (!write_splat(written, table).ok()) return 1;
+      put("splat", *read_file(written));
+      fs::remove(written);
+    }
   }
   put("splat", splats::antimatter_bytes(splats::random_splats(3, 0)));
   fs::remove(file);

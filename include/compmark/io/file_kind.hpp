@@ -38,7 +38,7 @@ struct FileMagic {
   std::size_t offset = 0;
 };
 using std::string_view_literals::operator""sv;  // "\0" counts
-inline constexpr std::array<FileMagic, 36> file_magics{{
+inline constexpr std::array<FileMagic, 37> file_magics{{
     {FileKind::cmk,
      "\x89"
      "CMK"sv},
@@ -64,6 +64,7 @@ inline constexpr std::array<FileMagic, 36> file_magics{{
     {FileKind::zip, "PK\5\6"sv},
     {FileKind::gzip, "\x1f\x8b"sv},
     {FileKind::spz, "NGSP"sv},
+    {FileKind::glb, "glTF"sv},
     {FileKind::zstd, "\x28\xb5\x2f\xfd"sv},
     {FileKind::hdf5, "\x89HDF\r\n"sv},
     {FileKind::npy, "\x93NUMPY"sv},
@@ -99,6 +100,15 @@ inline constexpr std::array<FileMagic, 36> file_magics{{
 }
 [[nodiscard]] inline bool json_names(std::string_view json, std::string_view key) {
   return json_text_at(json, key).data() != nullptr;
+}
+
+/// True for an archive whose first entry is called as one of a SOG file.
+[[nodiscard]] inline bool begins_as_sog(std::string_view archive) {
+  const std::string_view name = archive.substr(std::min<std::size_t>(30, archive.size()));
+  for (const std::string_view known : {"meta.json"sv, "means_l."sv, "means_u."sv, "quats."sv, "scales."sv, "sh0."sv}) {
+    if (name.starts_with(known)) return true;
+  }
+  return false;
 }
 
 [[nodiscard]] inline FileKind kind_of_format(std::string_view format) {
@@ -197,6 +207,7 @@ inline constexpr std::array<FileMagic, 36> file_magics{{
     if (magic.bytes == "PK\3\4" &&
         text.substr(std::min<std::size_t>(30, text.size()), 64).find(".npy") != std::string_view::npos)
       return FileKind::npz;
+    if (magic.bytes == "PK\3\4" && detail::begins_as_sog(text)) return FileKind::sog;
     return magic.kind;
   }
   if (const FileKind kind = detail::text_kind(text); kind != FileKind::unknown) return kind;
@@ -218,6 +229,7 @@ inline constexpr std::array<FileMagic, 36> file_magics{{
   std::string ending = path.extension().string();
   for (char& c : ending) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   if (kind == FileKind::gzip && ending == ".spz") return FileKind::spz;
+  if (kind == FileKind::zip && ending == ".sog") return FileKind::sog;
   if (kind == FileKind::unknown && (ending == ".splat" || ending == ".ksplat")) return FileKind::splat;
   if (kind == FileKind::text && ending == ".csv") return FileKind::csv;
   return kind;

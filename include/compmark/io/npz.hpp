@@ -12,7 +12,6 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
@@ -25,6 +24,7 @@
 #include "compmark/io/file_kind.hpp"
 #include "compmark/io/npy.hpp"
 #include "compmark/io/zip.hpp"
+#include "compmark/io/zip_writer.hpp"
 
 namespace compmark {
 
@@ -34,71 +34,11 @@ struct NpzEntry {
   std::vector<std::byte> npy;
 };
 
-namespace detail {
-
-class ZipWriter {
- public:
-  void number(std::uint32_t value, int bytes) {
-    for (int i = 0; i < bytes; ++i) bytes_.push_back(static_cast<std::byte>(value >> (8 * i) & 255));
-  }
-  void add(std::span<const std::byte> bytes) { bytes_.insert(bytes_.end(), bytes.begin(), bytes.end()); }
-  void add(std::string_view text) { add(std::as_bytes(std::span<const char>(text))); }
-  /// What local and central header share: version to extract, UTF-8 names, stored, no date, checksum, sizes, lengths.
-  void description(std::uint32_t checksum, std::size_t size, std::size_t name) {
-    for (const std::uint32_t value : {20U, 0x800U, 0U, 0U, 0x21U}) number(value, 2);  // 0x21: the first of January 1980
-    number(checksum, 4);
-    number(static_cast<std::uint32_t>(size), 4);
-    number(static_cast<std::uint32_t>(size), 4);
-    number(static_cast<std::uint32_t>(name), 2);
-    number(0, 2);
-  }
-  [[nodiscard]] std::size_t size() const { return bytes_.size(); }
-  [[nodiscard]] std::vector<std::byte> take() { return std::move(bytes_); }
-
- private:
-  std::vector<std::byte> bytes_;
-};
-
-}  // namespace detail
-
 /// The file of some arrays, in their order. Error: it would be larger than 4 GiB, or a name longer than 65,000 bytes.
 [[nodiscard]] inline Result<std::vector<std::byte>> npz_bytes(std::span<const NpzEntry> entries) {
-  constexpr std::uint64_t most = std::numeric_limits<std::uint32_t>::max();
-  std::uint64_t total = detail::zip_end_size;
-  for (const NpzEntry& entry : entries) {
-    if (entry.name.size() > 65000)
-      return Error{ErrorKind::invalid, {}, "name", "is too long for an .npz file", "shorten it"};
-    total += detail::zip_local_size + detail::zip_central_size + 2 * (entry.name.size() + 4) + entry.npy.size();
-  }
-  if (total > most || entries.size() > 65534) {
-    return Error{
-        ErrorKind::exhausted, {}, "arrays", "are more than an .npz file of 4 GiB holds", "write several files"};
-  }
-  detail::ZipWriter file, directory;
-  for (const NpzEntry& entry : entries) {
-    const std::string name = entry.name + ".npy";
-    const std::uint32_t checksum = detail::zip_checksum(entry.npy);
-    directory.number(detail::zip_central, 4);
-    directory.number(20, 2);
-    directory.description(checksum, entry.npy.size(), name.size());
-    for (int i = 0; i < 5; ++i) directory.number(0, 2);  // no comment, the first disk, no attributes
-    directory.number(static_cast<std::uint32_t>(file.size()), 4);
-    directory.add(name);
-    file.number(detail::zip_local, 4);
-    file.description(checksum, entry.npy.size(), name.size());
-    file.add(name);
-    file.add(entry.npy);
-  }
-  const std::size_t begin = file.size();
-  const std::vector<std::byte> names = directory.take();
-  file.add(names);
-  file.number(detail::zip_end, 4);
-  file.number(0, 4);
-  for (int i = 0; i < 2; ++i) file.number(static_cast<std::uint32_t>(entries.size()), 2);
-  file.number(static_cast<std::uint32_t>(names.size()), 4);
-  file.number(static_cast<std::uint32_t>(begin), 4);
-  file.number(0, 2);
-  return file.take();
+  std::vector<ZipEntry> files;
+  for (const NpzEntry& entry : entries) files.push_back({entry.name + ".npy", entry.npy});
+  return zip_bytes(files, "an .npz file", "arrays");
 }
 
 /// Writes it, whole or not at all.

@@ -33,6 +33,8 @@ enum class FileKind {
   ply,
   splat,  ///< .splat, .ksplat
   spz,
+  sog,
+  glb,     ///< binary glTF
   colmap,  ///< a binary file of a COLMAP model
   png,
   jpeg,
@@ -105,6 +107,10 @@ enum class FileKind {
       return "a file of splats";
     case FileKind::spz:
       return "an SPZ file (splats)";
+    case FileKind::sog:
+      return "a SOG file (splats)";
+    case FileKind::glb:
+      return "a binary glTF file (.glb)";
     case FileKind::colmap:
       return "a binary file of a COLMAP model";
     case FileKind::png:
@@ -188,6 +194,8 @@ enum class FileKind {
     case FileKind::ply:
     case FileKind::splat:
     case FileKind::spz:
+    case FileKind::sog:
+    case FileKind::glb:
       return "info, render, evaluate, export and verify --model take it; to mark or compress it, train a model from "
              "its "
              "photographs (train --data)";

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Any splat file, told by its content (docs/splat_formats.md): 3DGS PLY, compressed PLY, SPZ, .ksplat, .splat. The
-// ending of a name is asked only where the bytes do not say: a .splat file has no sign of its own.
+// Any splat file, told by its content (docs/splat_formats.md): 3DGS PLY, compressed PLY, SPZ, SOG, .glb, .ksplat,
+// .splat. The ending of a name is asked only where the bytes do not say: a .splat file has no sign of its own.
 //   const Result<SplatFile> file = read_splat("scene.spz");   // file->table, file->format
 #pragma once
 
@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <locale>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <sstream>
@@ -26,7 +27,9 @@
 #include "compmark/io/read_file.hpp"
 #include "compmark/io/splat/antimatter_splat.hpp"
 #include "compmark/io/splat/compressed_ply.hpp"
+#include "compmark/io/splat/glb.hpp"
 #include "compmark/io/splat/ksplat.hpp"
+#include "compmark/io/splat/sog.hpp"
 #include "compmark/io/splat/splat_file.hpp"
 #include "compmark/io/splat/spz.hpp"
 #include "compmark/io/splat_ply.hpp"
@@ -35,7 +38,7 @@ namespace compmark {
 
 /// What is read, for errors about other files.
 inline constexpr std::string_view read_splat_formats =
-    "a splat file (read are 3DGS PLY, compressed PLY, SPZ 2 to 4, .ksplat and .splat)";
+    "a splat file (read are 3DGS PLY, compressed PLY, SPZ 2 to 4, SOG 2, .glb, .ksplat and .splat)";
 
 namespace detail {
 
@@ -53,6 +56,8 @@ namespace detail {
   const FileKind kind = identify_bytes(head, size);
   if (kind == FileKind::ply) return SplatFormat::ply;
   if (kind == FileKind::gzip || kind == FileKind::spz) return SplatFormat::spz;
+  if (kind == FileKind::sog || (kind == FileKind::zip && name_ends_with(name, ".sog"))) return SplatFormat::sog;
+  if (kind == FileKind::glb) return SplatFormat::glb;
   if (tells_kind(kind) || kind == FileKind::empty) return std::nullopt;
   if (looks_like_ksplat(head, size) || name_ends_with(name, ".ksplat")) return SplatFormat::ksplat;
   const std::size_t whole = head.size() - head.size() % antimatter_splat_bytes;
@@ -110,11 +115,14 @@ namespace detail {
 
 /// A whole file in memory; `name` is its name, for the messages and the ending. Error: the kind of another file, or
 /// what is damaged, with its field.
-[[nodiscard]] inline Result<SplatFile> parse_splat(std::span<const std::byte> bytes, const std::string& name) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<SplatFile> parse_splat(std::span<const std::byte> bytes, const std::string& name) {
   const std::optional<SplatFormat> format = detail::splat_format(bytes, bytes.size(), name);
   if (!format) return detail::no_splats(bytes, bytes.size(), name);
   if (*format == SplatFormat::ply) return detail::parse_ply_splats(bytes, name);
   if (*format == SplatFormat::spz) return parse_spz(bytes, name);
+  if (*format == SplatFormat::sog) return parse_sog<Json>(bytes, name);
+  if (*format == SplatFormat::glb) return parse_glb<Json>(bytes, name);
   SplatFile file;
   file.format = *format;
   Result<SplatTable> table =
@@ -133,7 +141,8 @@ namespace detail {
 }
 
 /// Reads a file; one of another kind is not read whole. Memory: the file, its unpacked content and the table.
-[[nodiscard]] inline Result<SplatFile> read_splat(const std::filesystem::path& path) {
+template <class Json = nlohmann::json>
+[[nodiscard]] Result<SplatFile> read_splat(const std::filesystem::path& path) {
   const std::string name = path.string();
   const Result<std::vector<std::byte>> bytes =
       read_file(path, std::uintmax_t{1} << 40, file_kind_head,
@@ -142,7 +151,7 @@ namespace detail {
                   return detail::no_splats(head, size, name);
                 });
   if (!bytes) return bytes.error();
-  return parse_splat(*bytes, name);
+  return parse_splat<Json>(*bytes, name);
 }
 
 }  // namespace compmark

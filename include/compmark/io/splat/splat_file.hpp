@@ -23,12 +23,12 @@
 
 namespace compmark {
 
-enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz };
+enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz, sog, glb };
 
 /// How people call it, with its article.
 [[nodiscard]] inline std::string_view splat_format_name(SplatFormat format) {
-  constexpr std::array<std::string_view, 5> names{"a 3DGS PLY", "a compressed PLY", "a .splat file", "a .ksplat file",
-                                                  "an SPZ file"};
+  constexpr std::array<std::string_view, 7> names{"a 3DGS PLY",  "a compressed PLY", "a .splat file", "a .ksplat file",
+                                                  "an SPZ file", "a SOG file",       "a .glb file"};
   return names[static_cast<std::size_t>(format)];
 }
 
@@ -36,7 +36,7 @@ enum class SplatFormat { ply, compressed_ply, splat, ksplat, spz };
 struct SplatFile {
   SplatTable table;  ///< rotations of norm 1; every number is finite but for log scales of -inf and logits of +-inf
   SplatFormat format = SplatFormat::ply;
-  int version = 0;                          ///< of SPZ; the compression level of a .ksplat; 0 for the others
+  int version = 0;                          ///< of SPZ and SOG; the compression level of a .ksplat; 0 for the others
   bool antialiased = false;                 ///< it says that it was trained with the mip filter
   std::optional<std::array<double, 3>> up;  ///< of length 1, where the file says so (splat_up_comment)
   std::vector<std::string> notes;           ///< what the file holds and the table does not, a sentence each
@@ -107,10 +107,18 @@ void for_each_splat_column(Table& table, const F& f) {
   for (std::size_t i = 0; i < 4; ++i) f("rot_" + std::to_string(i), table.rotation[i]);
 }
 
-/// Checks every number and normalises the rotations. Error: the first value of a column that is NaN or infinite (a log
-/// scale may be -infinity: flat; a logit +-infinity: opaque, unseen), or a rotation of norm zero, and the splat that
-/// has it. Cost: a pass over the table.
-[[nodiscard]] inline Result<Done> finish_splats(SplatTable& table, const std::string& file) {
+/// The norm of a row's rotation.
+[[nodiscard]] inline double rotation_norm(const SplatTable& table, std::size_t row) {
+  double square = 0;
+  for (const std::vector<float>& column : table.rotation)
+    square += static_cast<double>(column[row]) * static_cast<double>(column[row]);
+  return std::sqrt(square);
+}
+
+/// Checks every number. Error: the first value of a column that is NaN or infinite (a log scale may be -infinity: flat;
+/// a logit +-infinity: opaque, unseen), or a rotation of norm zero, and the splat that has it. Cost: a pass over the
+/// table.
+[[nodiscard]] inline Result<Done> check_splats(const SplatTable& table, const std::string& file) {
   std::optional<Error> failure;
   constexpr const char* remedy = "remove such splats first, for instance with splat-transform --filter-nan";
   for_each_splat_column(table, [&](const std::string& name, const std::vector<float>& column) {
@@ -127,13 +135,18 @@ void for_each_splat_column(Table& table, const F& f) {
   });
   if (failure) return *failure;
   for (std::size_t i = 0; i < table.count; ++i) {
-    double square = 0;
-    for (const std::vector<float>& column : table.rotation)
-      square += static_cast<double>(column[i]) * static_cast<double>(column[i]);
-    if (!(square > 0))
+    if (!(rotation_norm(table, i) > 0))
       return splat_error(ErrorKind::invalid, file, "rot_0", "the rotation of splat " + std::to_string(i) + " is zero",
                          remedy);
-    const double norm = std::sqrt(square);
+  }
+  return Done{};
+}
+
+/// Checks every number (check_splats) and normalises the rotations.
+[[nodiscard]] inline Result<Done> finish_splats(SplatTable& table, const std::string& file) {
+  if (const Result<Done> usable = check_splats(table, file); !usable) return usable.error();
+  for (std::size_t i = 0; i < table.count; ++i) {
+    const double norm = rotation_norm(table, i);
     for (std::vector<float>& column : table.rotation)
       column[i] = static_cast<float>(static_cast<double>(column[i]) / norm);
   }
@@ -143,26 +156,43 @@ void for_each_splat_column(Table& table, const F& f) {
 /// Signs of the axes of a frame against that of training.
 using AxisSigns = std::array<int, 3>;
 
-/// Turns (or mirrors) the table by the signs of its axes: x' = S x, R' = S R S, and every harmonic by its parity.
-inline void change_axes(SplatTable& table, const AxisSigns& signs) {
-  const auto negate = [](std::vector<float>& column) {
-    for (float& value : column) value = -value;
-  };
+/// What a change of the signs of the axes does to the numbers of a splat: each is multiplied by 1 or -1.
+struct SplatSigns {
+  std::array<float, 3> mean{1, 1, 1};
+  std::array<float, 4> rotation{1, 1, 1, 1};  ///< w x y z
+  std::array<float, 16> harmonics{};          ///< all 1 in the frame of training
+};
+
+/// x' = S x, R' = S R S, and every harmonic by its parity.
+[[nodiscard]] inline SplatSigns splat_signs(const AxisSigns& axes) {
   // The axes that occur an odd number of times in harmonic i: bit 0 is x.
   constexpr std::array<unsigned, 16> odd{0, 2, 4, 1, 3, 6, 0, 5, 0, 2, 7, 2, 4, 1, 4, 1};
-  const auto sign_of = [&](unsigned axes) {
+  const auto sign_of = [&](unsigned of) {
     int sign = 1;
-    for (std::size_t axis = 0; axis < 3; ++axis) sign *= (axes >> axis & 1u) != 0 ? signs[axis] : 1;
-    return sign;
+    for (std::size_t axis = 0; axis < 3; ++axis) sign *= (of >> axis & 1u) != 0 ? axes[axis] : 1;
+    return static_cast<float>(sign);
   };
+  SplatSigns signs;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    if (signs[axis] < 0) negate(table.mean[axis]);
+    signs.mean[axis] = sign_of(1u << axis);
     // The axis of a rotation is a pseudovector: its component along an axis turns with the other two.
-    if (sign_of(7u & ~(1u << axis)) < 0) negate(table.rotation[axis + 1]);
+    signs.rotation[axis + 1] = sign_of(7u & ~(1u << axis));
   }
+  for (std::size_t i = 0; i < odd.size(); ++i) signs.harmonics[i] = sign_of(odd[i]);
+  return signs;
+}
+
+/// Turns (or mirrors) the table by the signs of its axes.
+inline void change_axes(SplatTable& table, const AxisSigns& axes) {
+  const SplatSigns signs = splat_signs(axes);
+  const auto turn = [](std::vector<float>& column, float sign) {
+    if (sign > 0) return;
+    for (float& value : column) value = -value;
+  };
+  for (std::size_t axis = 0; axis < 3; ++axis) turn(table.mean[axis], signs.mean[axis]);
+  for (std::size_t k = 1; k < 4; ++k) turn(table.rotation[k], signs.rotation[k]);
   for (std::size_t i = 1; i < table.coefficients(); ++i) {
-    if (sign_of(odd[i]) > 0) continue;
-    for (std::size_t channel = 0; channel < 3; ++channel) negate(table.color(channel, i));
+    for (std::size_t channel = 0; channel < 3; ++channel) turn(table.color(channel, i), signs.harmonics[i]);
   }
 }
 
