@@ -17,10 +17,10 @@
 #include <vector>
 
 #include "compmark/app/compress.hpp"
-#include "compmark/app/model_source.hpp"
 #include "compmark/app/run/detail/finish_run.hpp"
 #include "compmark/app/run/detail/finished_run.hpp"
 #include "compmark/app/run/detail/in_file.hpp"
+#include "compmark/app/run/detail/read_source.hpp"
 #include "compmark/app/run/detail/run_data.hpp"
 #include "compmark/app/run/detail/run_loop_observer.hpp"
 #include "compmark/app/run/detail/run_plan.hpp"
@@ -172,18 +172,6 @@ Result<RunOutcome> run_iterations(Loop& loop, const RunParts<R>& parts, const st
   }();
   if (!kept) return kept.error();
   return finish_run(plan, data, end, parts.mark);
-}
-
-/// The finished source model. Explicit Gaussians are read from the splat files of other programs too.
-template <class Source>
-Result<LoadedModel<Source>> read_source(const std::filesystem::path& path, ThreadExecutor& executor) {
-  if constexpr (ExplicitModelRecipe<Source>) {
-    const Result<ModelSource> source = ModelSource::open(path, executor);
-    if (!source) return source.error();
-    return source->template load<Source>();
-  } else {
-    return read_model<Source>(path);
-  }
 }
 
 /// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which
