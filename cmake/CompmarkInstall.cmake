@@ -25,7 +25,7 @@ configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/compmark-config.cmake
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/compmark-config-version.cmake"
                                  COMPATIBILITY SameMinorVersion ARCH_INDEPENDENT)
 install(FILES "${PROJECT_BINARY_DIR}/compmark-config.cmake" "${PROJECT_BINARY_DIR}/compmark-config-version.cmake"
-        "${PROJECT_SOURCE_DIR}/cmake/CompmarkApp.cmake" "${PROJECT_SOURCE_DIR}/cmake/CompmarkZstd.cmake"
+        "${PROJECT_SOURCE_DIR}/cmake/CompmarkApp.cmake" "${PROJECT_SOURCE_DIR}/cmake/CompmarkZstd.cmake" "${PROJECT_SOURCE_DIR}/cmake/CompmarkWebp.cmake"
         DESTINATION "${package_dir}")
 
 configure_file("${PROJECT_SOURCE_DIR}/cmake/compmark.pc.in" "${PROJECT_BINARY_DIR}/compmark.pc" @ONLY)

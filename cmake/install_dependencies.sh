@@ -5,7 +5,7 @@
 # Installs what is missing on Debian and Ubuntu (with sudo where needed); elsewhere names the packages. Argument "ci" adds the tools of .ci/run.
 set -eu
 
-optional="libzstd-dev" # SPZ 4 is read with it
+optional="libzstd-dev libwebp-dev" # SPZ 4, and SOG files with WebP images
 needed="g++ cmake ninja-build pkg-config git libeigen3-dev libstb-dev nlohmann-json3-dev libnanoflann-dev libcli11-dev doctest-dev libbenchmark-dev libxtensor-dev"
 if [ "${1:-}" = ci ]; then
   needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev ccache valgrind universal-ctags"

@@ -111,6 +111,7 @@
 #include "compmark/io/splat/read_splat.hpp"
 #include "compmark/io/splat/sog.hpp"
 #include "compmark/io/splat/sog_codebook.hpp"
+#include "compmark/io/splat/sog_image.hpp"
 #include "compmark/io/splat/splat_file.hpp"
 #include "compmark/io/splat/splat_rounding.hpp"
 #include "compmark/io/splat/spz.hpp"

@@ -266,7 +266,18 @@ TEST_CASE("io/splat_write: SOG, 16 bits of a logarithm for places, 8 for rotatio
 
 TEST_CASE("io/splat_write: a SOG file has what its specification names, and its indices are the nearest ones") {
   const SplatTable table = random_splats(90, 2);
-  const SplatBytes bytes = encoded(table, SplatFormat::sog);
+  SplatWriteSettings settings;
+  settings.sog_png = true;
+  const SplatBytes bytes = encoded(table, SplatFormat::sog, settings);
+  // WebP images hold the same numbers, those of transparent pixels too.
+  SplatTable unseen = table;
+  unseen.opacity[3] = -std::numeric_limits<float>::infinity();
+  const SplatTable png = read_back(encoded(unseen, SplatFormat::sog, settings)),
+                   webp = read_back(encoded(unseen, SplatFormat::sog));
+  CHECK(png.mean == webp.mean);
+  CHECK(png.sh == webp.sh);
+  CHECK(png.rotation == webp.rotation);
+  CHECK((encoded(table, SplatFormat::sog) != bytes) == has_webp);
   const Result<std::vector<ZipEntry>> entries = parse_zip(bytes, "x", {"a SOG file", "", ""});
   REQUIRE(entries.ok());
   std::vector<std::string> names;

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Reads SOG files of PlayCanvas, version 2, as one archive (docs/splat_formats.md; layout in write_sog.hpp), with PNG
-// images. WebP images are refused in words. No count is believed: the splats are compared with the bytes of the file
+// images, and WebP images where the program has libwebp (sog_image.hpp). No count is believed: the splats are compared with the bytes of the file
 // and the pixels of its images, and every index with the table that it points into. Cost: decoding the images and a
 // pass over the values.
 #pragma once
@@ -20,10 +20,10 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/io/file_kind.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/json_shape.hpp"
+#include "compmark/io/splat/sog_image.hpp"
 #include "compmark/io/splat/splat_file.hpp"
 #include "compmark/io/zip.hpp"
 
@@ -149,18 +149,9 @@ class SogParser {
     const std::string file = (*of)["files"][index].template get<std::string>();
     const std::optional<std::span<const std::byte>> packed = entry(file);
     if (!packed) return error(ErrorKind::malformed, field, "names a file that is not in the archive");
-    if (!packed->empty() && identify_bytes(*packed, packed->size()) == FileKind::webp) {
-      return error(ErrorKind::unsupported, field, "is a WebP image, and PNG images alone are read",
-                   "convert the file first: splat-transform scene.sog scene.ply");
-    }
-    Result<ImageBytes> found = decode_image(*packed, name_ + "(" + quantity + ")");
-    if (!found) {
-      Error damaged = found.error();
-      damaged.file = name_;
-      damaged.field = field;
-      damaged.remedy = "copy or export it again";
-      return damaged;
-    }
+    const std::size_t most_pixels = std::max<std::size_t>(4 * count_, std::size_t{1} << 20);
+    Result<ImageBytes> found = decode_sog_image(*packed, name_, field, most_pixels);
+    if (!found) return found.error();
     if (found->channels < channels) {
       return error(ErrorKind::malformed, field,
                    "has " + std::to_string(found->channels) + " channels, expected " + std::to_string(channels));

@@ -3,8 +3,9 @@
 //
 // The two tables that a SOG file replaces numbers by (docs/splat_formats.md): 256 numbers for scales, colours and
 // harmonics, and a palette of sets of harmonics. Both by k-means (Lloyd 1982): numbers over their sorted values, sets
-// in a tree of groups of 32. Sums are taken in the order of the rows, so that the same table gives the same bits at any
-// number of threads. Cost: a sort; of a palette, 32 distances a splat, level of the tree and iteration.
+// within the cells of a tree that halves the splats (median cut, Heckbert 1982) until a cell has 32 sets. Sums are
+// taken in the order of the rows, so that the same table gives the same bits at any number of threads. Cost: a sort; of
+// a palette, a pass a level of the tree, and 32 distances a splat and iteration.
 #pragma once
 
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -101,80 +103,127 @@ class PaletteBuilder {
         width_(width),
         executor_(executor) {}
 
+  /// At most so many entries; fewer where rows are alike.
   [[nodiscard]] Palette build(std::size_t entries) {
-    palette_.width = width_;
     std::vector<std::uint32_t> members(rows_.size() / width_);
     std::iota(members.begin(), members.end(), 0u);
-    palette_.label.assign(members.size(), 0);
-    if (!members.empty()) split(members, std::max<std::size_t>(entries, 1));
-    return std::move(palette_);
+    cells_.clear();
+    if (!members.empty()) divide(members, std::max<std::size_t>(entries, 1));
+    executor_.for_chunks(cells_.size(), 1, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t i = begin; i < end; ++i) cluster(cells_[i]);
+    });
+    Palette palette;
+    palette.width = width_;
+    palette.label.resize(members.size());
+    for (const Cell& cell : cells_) {
+      const std::uint32_t first = static_cast<std::uint32_t>(palette.entries());
+      for (std::size_t i = 0; i < cell.members.size(); ++i) palette.label[cell.members[i]] = first + cell.group[i];
+      palette.sets.insert(palette.sets.end(), cell.centers.begin(), cell.centers.end());
+    }
+    return palette;
   }
 
  private:
-  static constexpr std::size_t branches = 32;
-  static constexpr int iterations = 8;
+  static constexpr std::size_t most_in_cell = 32;
+  static constexpr int iterations = 10;
+  using Members = std::vector<std::uint32_t>;
+  struct Cell {
+    Members members;
+    std::size_t entries = 0;
+    std::vector<float> centers;        ///< [entries][width]
+    std::vector<std::uint32_t> group;  ///< of every member
+  };
 
   [[nodiscard]] const float* row(std::uint32_t member) const { return rows_.data() + member * width_; }
-  void add_entry(std::span<const std::uint32_t> members, const float* set) {
-    for (const std::uint32_t member : members) palette_.label[member] = static_cast<std::uint32_t>(palette_.entries());
-    palette_.sets.insert(palette_.sets.end(), set, set + width_);
-  }
 
-  void split(std::span<const std::uint32_t> members, std::size_t entries) {
-    if (entries >= members.size()) {
-      for (std::size_t i = 0; i < members.size(); ++i) add_entry(members.subspan(i, 1), row(members[i]));
+  void divide(const Members& members, std::size_t entries) {
+    const std::optional<std::array<Members, 2>> half = entries > most_in_cell ? halves(members) : std::nullopt;
+    if (!half) {
+      cells_.push_back({members, entries, {}, {}});
       return;
     }
-    const std::size_t groups = std::min(entries, branches);
-    std::vector<float> centers;
-    const std::vector<std::uint32_t> group = cluster(members, groups, centers);
-    std::vector<std::vector<std::uint32_t>> of(groups);
-    for (std::size_t i = 0; i < members.size(); ++i) of[group[i]].push_back(members[i]);
-    // Every group has an entry; the others go by the number of its members.
-    std::size_t spare = entries - groups, left = members.size();
-    for (std::size_t g = 0; g < groups; ++g) {
-      if (of[g].empty()) continue;
-      const std::size_t more = std::min(of[g].size() - 1, spare * of[g].size() / left);
-      left -= of[g].size();
-      spare -= more;
-      if (more == 0) {
-        add_entry(of[g], centers.data() + g * width_);
-      } else {
-        split(of[g], 1 + more);
-      }
-    }
+    divide((*half)[0], entries / 2);
+    divide((*half)[1], entries - entries / 2);
   }
 
-  /// Lloyd's iterations from rows at equal distances in the order of the members.
-  [[nodiscard]] std::vector<std::uint32_t> cluster(std::span<const std::uint32_t> members, std::size_t groups,
-                                                   std::vector<float>& centers) {
-    centers.resize(groups * width_);
-    for (std::size_t g = 0; g < groups; ++g) {
-      const std::size_t at = (2 * g + 1) * members.size() / (2 * groups);
-      std::copy_n(row(members[at]), width_, centers.data() + g * width_);
+  /// The members by the median of the component that varies most; nothing where all are alike.
+  [[nodiscard]] std::optional<std::array<Members, 2>> halves(const Members& members) const {
+    std::vector<double> sum(width_, 0.0), square(width_, 0.0);
+    const float* const first = row(members[0]);
+    for (const std::uint32_t member : members) {
+      for (std::size_t k = 0; k < width_; ++k) {
+        const double x = static_cast<double>(row(member)[k]) - static_cast<double>(first[k]);
+        sum[k] += x;
+        square[k] += x * x;
+      }
     }
-    std::vector<std::uint32_t> group(members.size(), 0);
+    std::size_t widest = 0;
+    double most = 0;
+    for (std::size_t k = 0; k < width_; ++k) {
+      const double spread = square[k] - sum[k] * sum[k] / static_cast<double>(members.size());
+      if (spread <= most) continue;
+      most = spread;
+      widest = k;
+    }
+    if (!(most > 0)) return std::nullopt;
+    std::vector<float> values;
+    for (const std::uint32_t member : members) values.push_back(row(member)[widest]);
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    const float median = *middle;
+    std::array<Members, 2> half;
+    for (const std::uint32_t member : members) half[row(member)[widest] < median ? 0 : 1].push_back(member);
+    if (half[0].empty()) {  // the median is the least: it alone is one half
+      half[1].clear();
+      for (const std::uint32_t member : members) half[row(member)[widest] > median ? 1 : 0].push_back(member);
+    }
+    if (half[0].empty() || half[1].empty()) return std::nullopt;
+    return half;
+  }
+
+  /// Means of the cells that further halving gives, to begin Lloyd's iterations with.
+  void seeds(const Members& members, std::size_t entries, std::vector<float>& centers) const {
+    const std::optional<std::array<Members, 2>> half = entries > 1 ? halves(members) : std::nullopt;
+    if (half) {
+      seeds((*half)[0], entries / 2, centers);
+      seeds((*half)[1], entries - entries / 2, centers);
+      return;
+    }
+    std::vector<double> sum(width_, 0.0);
+    for (const std::uint32_t member : members) {
+      for (std::size_t k = 0; k < width_; ++k) sum[k] += static_cast<double>(row(member)[k]);
+    }
+    for (const double x : sum) centers.push_back(static_cast<float>(x / static_cast<double>(members.size())));
+  }
+
+  void cluster(Cell& cell) const {
+    seeds(cell.members, cell.entries, cell.centers);
+    const std::size_t groups = cell.centers.size() / width_;
+    cell.group.assign(cell.members.size(), 0);
     std::vector<double> sum;
     std::vector<std::size_t> count;
     for (int iteration = 0; iteration < iterations; ++iteration) {
-      executor_.for_chunks(members.size(), 2048, [&](std::size_t begin, std::size_t end, std::size_t) {
-        for (std::size_t i = begin; i < end; ++i) group[i] = nearest(row(members[i]), groups, centers.data());
-      });
+      bool moved = iteration == 0;
+      for (std::size_t i = 0; i < cell.members.size(); ++i) {
+        const std::uint32_t found = nearest(row(cell.members[i]), groups, cell.centers.data());
+        moved = moved || found != cell.group[i];
+        cell.group[i] = found;
+      }
+      if (!moved) return;
       sum.assign(groups * width_, 0.0);
       count.assign(groups, 0);
-      for (std::size_t i = 0; i < members.size(); ++i) {
-        const float* const values = row(members[i]);
-        double* const to = sum.data() + group[i] * width_;
+      for (std::size_t i = 0; i < cell.members.size(); ++i) {
+        const float* const values = row(cell.members[i]);
+        double* const to = sum.data() + cell.group[i] * width_;
         for (std::size_t k = 0; k < width_; ++k) to[k] += static_cast<double>(values[k]);
-        ++count[group[i]];
+        ++count[cell.group[i]];
       }
       for (std::size_t g = 0; g < groups; ++g) {
         if (count[g] == 0) continue;
         for (std::size_t k = 0; k < width_; ++k)
-          centers[g * width_ + k] = static_cast<float>(sum[g * width_ + k] / static_cast<double>(count[g]));
+          cell.centers[g * width_ + k] = static_cast<float>(sum[g * width_ + k] / static_cast<double>(count[g]));
       }
     }
-    return group;
   }
   [[nodiscard]] std::uint32_t nearest(const float* values, std::size_t groups, const float* centers) const {
     float least = std::numeric_limits<float>::infinity();
@@ -194,7 +243,7 @@ class PaletteBuilder {
   std::span<const float> rows_;
   std::size_t width_;
   E& executor_;
-  Palette palette_;
+  std::vector<Cell> cells_;
 };
 
 /// Entries of the palette of so many splats: a power of two near their number, 65,536 at most.

@@ -33,6 +33,7 @@ struct SplatWriteSettings {
   std::optional<int> fractional_bits;  ///< SPZ: bits of a position behind the point, 0 to 23; nothing: 12, or what fits
   std::array<int, 2> spz_harmonic_bits{5, 4};  ///< SPZ: kept of the 8 of degree 1, and of degrees 2 and 3
   std::size_t sog_palette = 0;                 ///< SOG: sets of harmonics, at most 65,536; 0: by the number of splats
+  bool sog_png = false;                        ///< SOG: PNG images also where this program has libwebp
   std::vector<std::string> comments;           ///< of a PLY
 };
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Writes SOG files of PlayCanvas, version 2, as one archive of stored entries (docs/splat_formats.md): meta.json and
-// lossless PNG images with a pixel a splat.
+// lossless images with a pixel a splat: WebP where the program has libwebp, else PNG (sog_image.hpp).
 //   means_l, means_u   low and high byte of 16 bits of sign(x) log(1 + |x|) within means.mins and means.maxs
 //   quats   3 bytes, 0 to 255 for -1/sqrt 2 to 1/sqrt 2; the fourth is 252 + which of w x y z is the largest
 //   scales  indices of 256 logarithms       sh0  indices of 256 numbers for f_dc, and the opacity in a byte
@@ -27,6 +27,7 @@
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/image_limit.hpp"
 #include "compmark/io/splat/sog_codebook.hpp"
+#include "compmark/io/splat/sog_image.hpp"
 #include "compmark/io/splat/splat_rounding.hpp"
 #include "compmark/io/zip_writer.hpp"
 
@@ -69,10 +70,10 @@ class SogEncoder {
     const std::string text = meta_.dump();
     std::vector<ZipEntry> entries{{"meta.json", std::as_bytes(std::span<const char>(text))}};
     for (const NamedImage& image : images_) {
-      if (image.png.empty())
+      if (image.file.empty())
         return splat_error(ErrorKind::exhausted, name_, image.name, "is not written: no memory for it",
                            "export a smaller model");
-      entries.push_back({image.name, image.png});
+      entries.push_back({image.name, image.file});
     }
     Result<std::vector<std::byte>> bytes = zip_bytes(entries, "a SOG file");
     if (!bytes) {
@@ -91,7 +92,7 @@ class SogEncoder {
   static constexpr std::size_t most_sets = 65536, sets_in_row = 64, codes = 256;
   struct NamedImage {
     std::string name;
-    std::vector<std::byte> png;
+    std::vector<std::byte> file;
   };
 
   [[nodiscard]] ImageBytes blank(int width, int height, int channels) const {
@@ -99,10 +100,15 @@ class SogEncoder {
             std::vector<std::uint8_t>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
                                       static_cast<std::size_t>(channels))};
   }
-  void keep(const std::string& name, const ImageBytes& image) { images_.push_back({name, encode_png(image)}); }
+  /// Keeps an image under `name` with the ending of its kind; gives the whole name.
+  std::string keep(const std::string& name, const ImageBytes& image) {
+    SogImage encoded = encode_sog_image(image, settings_.sog_png);
+    images_.push_back({name + encoded.ending, std::move(encoded.bytes)});
+    return images_.back().name;
+  }
   /// An image of a pixel a splat: value(row, channel) in the order of the file.
   template <class Value>
-  void image(const std::string& name, int channels, const Value& value) {
+  std::string image(const std::string& name, int channels, const Value& value) {
     ImageBytes pixels = blank(width_, height_, channels);
     const std::size_t n = static_cast<std::size_t>(channels);
     executor_.for_chunks(order_.size(), 4096, [&](std::size_t begin, std::size_t end, std::size_t) {
@@ -110,7 +116,7 @@ class SogEncoder {
         for (std::size_t c = 0; c < n; ++c) pixels.pixels[i * n + c] = value(order_[i], c);
       }
     });
-    keep(name, pixels);
+    return keep(name, pixels);
   }
 
   void means() {
@@ -129,11 +135,13 @@ class SogEncoder {
     const auto step = [&](std::size_t row, std::size_t axis) {
       return nearest_step(logarithm(axis, row), low[axis], high[axis], 16);
     };
-    image("means_l.png", 3,
-          [&](std::size_t row, std::size_t axis) { return static_cast<std::uint8_t>(step(row, axis) & 255u); });
-    image("means_u.png", 3,
-          [&](std::size_t row, std::size_t axis) { return static_cast<std::uint8_t>(step(row, axis) >> 8); });
-    meta_["means"] = {{"mins", low}, {"maxs", high}, {"files", {"means_l.png", "means_u.png"}}};
+    const std::string low_bytes = image("means_l", 3, [&](std::size_t row, std::size_t axis) {
+      return static_cast<std::uint8_t>(step(row, axis) & 255u);
+    });
+    const std::string high_bytes = image("means_u", 3, [&](std::size_t row, std::size_t axis) {
+      return static_cast<std::uint8_t>(step(row, axis) >> 8);
+    });
+    meta_["means"] = {{"mins", low}, {"maxs", high}, {"files", {low_bytes, high_bytes}}};
   }
 
   void scales() {
@@ -147,29 +155,29 @@ class SogEncoder {
       all.insert(all.end(), columns[axis].begin(), columns[axis].end());
     }
     const std::vector<float> codebook = number_codebook(std::move(all), codes);
-    image("scales.png", 3,
-          [&](std::size_t row, std::size_t axis) { return nearest_code(codebook, columns[axis][row]); });
-    meta_["scales"] = {{"codebook", whole(codebook)}, {"files", Json::array({"scales.png"})}};
+    const std::string file = image(
+        "scales", 3, [&](std::size_t row, std::size_t axis) { return nearest_code(codebook, columns[axis][row]); });
+    meta_["scales"] = {{"codebook", whole(codebook)}, {"files", Json::array({file})}};
   }
 
   void rotations() {
-    image("quats.png", 4, [&](std::size_t row, std::size_t c) {
+    const std::string file = image("quats", 4, [&](std::size_t row, std::size_t c) {
       const ThreeOfRotation q = three_of_rotation(unit_rotation(table_, row));
       if (c == 3) return static_cast<std::uint8_t>(252 + q.largest);
       return static_cast<std::uint8_t>(nearest_step(q.others[c], -std::sqrt(0.5), std::sqrt(0.5), 8));
     });
-    meta_["quats"] = {{"files", Json::array({"quats.png"})}};
+    meta_["quats"] = {{"files", Json::array({file})}};
   }
 
   void colors() {
     std::vector<float> all;
     for (std::size_t c = 0; c < 3; ++c) all.insert(all.end(), table_.color(c, 0).begin(), table_.color(c, 0).end());
     const std::vector<float> codebook = number_codebook(std::move(all), codes);
-    image("sh0.png", 4, [&](std::size_t row, std::size_t c) {
+    const std::string file = image("sh0", 4, [&](std::size_t row, std::size_t c) {
       return c == 3 ? nearest_byte(255 * opacity_of_logit(table_.opacity[row]))
                     : nearest_code(codebook, table_.color(c, 0)[row]);
     });
-    meta_["sh0"] = {{"codebook", whole(codebook)}, {"files", Json::array({"sh0.png"})}};
+    meta_["sh0"] = {{"codebook", whole(codebook)}, {"files", Json::array({file})}};
   }
 
   void harmonics() {
@@ -186,17 +194,17 @@ class SogEncoder {
     const std::size_t lines = (palette.entries() + sets_in_row - 1) / sets_in_row;
     ImageBytes sets = blank(static_cast<int>(sets_in_row * coefficients), static_cast<int>(lines), 3);
     for (std::size_t i = 0; i < palette.sets.size(); ++i) sets.pixels[i] = nearest_code(codebook, palette.sets[i]);
-    keep("shN_centroids.png", sets);
+    const std::string centroids_file = keep("shN_centroids", sets);
     ImageBytes labels = blank(width_, height_, 3);
     for (std::size_t i = 0; i < table_.count; ++i) {
       labels.pixels[3 * i] = static_cast<std::uint8_t>(palette.label[i] & 255u);
       labels.pixels[3 * i + 1] = static_cast<std::uint8_t>(palette.label[i] >> 8);
     }
-    keep("shN_labels.png", labels);
+    const std::string labels_file = keep("shN_labels", labels);
     meta_["shN"] = {{"count", palette.entries()},
                     {"bands", table_.degree},
                     {"codebook", whole(codebook)},
-                    {"files", {"shN_centroids.png", "shN_labels.png"}}};
+                    {"files", {centroids_file, labels_file}}};
   }
 
   /// Readers want 256 numbers; the last one is repeated.
