@@ -107,8 +107,8 @@ TEST_CASE("scene/capture_around: upright cameras all round, of several heights a
     highest = std::max(highest, elevation);
     ++sectors[static_cast<std::size_t>((std::atan2(z, x) / (2 * std::numbers::pi) + 1) * 8) % 8];
   }
-  CHECK(lowest > -26);
-  CHECK(lowest < -20);
+  CHECK(lowest > -11);
+  CHECK(lowest < -5);
   CHECK(highest < 81);
   CHECK(highest > 65);
   CHECK(farthest > 1.5 * nearest);
@@ -121,7 +121,7 @@ TEST_CASE("scene/capture_around: upright cameras all round, of several heights a
   for (const Camera<double>& camera : capture_around(table, turned)) {
     CHECK(std::abs(camera.rotation_camera_world[2]) < 1e-12);
     CHECK(camera.rotation_camera_world[5] <= 0);
-    CHECK(from_middle(camera, 2) > -0.45 * farthest);
+    CHECK(from_middle(camera, 2) > -0.2 * farthest);
   }
   settings.seed = 1;
   CHECK(capture_around(table, settings)[77].center_world != cameras[77].center_world);

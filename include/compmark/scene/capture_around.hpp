@@ -25,7 +25,7 @@ struct CaptureAround {
   std::size_t views = 128;
   int width = 800, height = 800;         ///< pixels
   double field = 50;                     ///< degrees, of the shorter side
-  double lowest = -25, highest = 80;     ///< degrees above the horizon; all directions between are as frequent
+  double lowest = -10, highest = 80;     ///< degrees above the horizon; all directions between are as frequent
   double nearest = 0.7, farthest = 1.3;  ///< distances, of that at which the bulk fills the picture
   double aside = 0.3;                    ///< how far the place that is looked at may lie from the middle, of the radius
   double blocked = 0.5;                  ///< share of the picture that opaque splats before the bulk may cover
