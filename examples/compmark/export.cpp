@@ -5,10 +5,12 @@
 #include <compmark/app/export.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/atomic_file.hpp>
+#include <compmark/io/splat/write_splat.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -23,6 +25,7 @@ struct ExportOptions {
   std::filesystem::path model;
   std::filesystem::path out;
   std::string kind = "splat";
+  int spz_version = 0;
   ExportSettings settings;
   std::size_t threads = 0;
   std::filesystem::path json;
@@ -49,8 +52,13 @@ class ExportLines final : public ExportObserver {
       std::printf("%s: %zu anchors in the layout of the Scaffold family (the networks stay in %s)\n",
                   options_.out.string().c_str(), report.anchors, options_.model.string().c_str());
     } else {
-      std::printf("%s: %zu Gaussians, SH degree %d\n", options_.out.string().c_str(), report.gaussians,
-                  options_.settings.view.empty() ? options_.settings.degree : 0);
+      const SplatWritten& written = *report.written;
+      std::printf("%s: %zu Gaussians, SH degree %d, as %s%s%s, %llu bytes\n", options_.out.string().c_str(),
+                  report.gaussians, report.degree, std::string(splat_format_name(written.format)).c_str(),
+                  written.format == SplatFormat::spz ? " of version " : "",
+                  written.format == SplatFormat::spz ? std::to_string(written.version).c_str() : "",
+                  static_cast<unsigned long long>(written.bytes));
+      for (const std::string& note : written.notes) std::fprintf(stderr, "compmark: warning: %s\n", note.c_str());
     }
   }
 
@@ -60,12 +68,24 @@ class ExportLines final : public ExportObserver {
 
 void print_comparison(const ExportReport& report, bool photographs) {
   const BakeReport& compared = *report.compared;
-  std::printf("against the model's own renders: PSNR %.2f dB mean, %.2f dB worst (%s), over %zu views\n",
+  std::printf("against the model's own renders: PSNR %.2f dB mean, %.2f dB worst (%s), over %zu views%s\n",
               compared.mean_bake_to_model, compared.worst_bake_to_model,
-              report.compared_views[compared.worst_view].c_str(), report.compared_views.size());
+              report.compared_views[compared.worst_view].c_str(), report.compared_views.size(),
+              report.held_out ? " that nothing was fitted over" : "");
+  if (report.from_file) {
+    std::printf("the same of the file, read back: PSNR %.2f dB mean, %.2f dB worst: the price of the format\n",
+                report.from_file->mean_bake_to_model, report.from_file->worst_bake_to_model);
+  }
   if (!photographs) return;
   std::printf("against the photographs: model %.2f dB, export %.2f dB, loss of the bake %.2f dB\n",
               compared.mean_model_to_target, compared.mean_bake_to_target, compared.loss());
+}
+
+std::string word_of(SplatFormat format) {
+  for (const SplatEnding& known : splat_endings) {
+    if (known.format == format) return std::string(known.word);
+  }
+  return {};
 }
 
 nlohmann::ordered_json export_json(const ExportOptions& options, const std::string& recipe,
@@ -77,10 +97,20 @@ nlohmann::ordered_json export_json(const ExportOptions& options, const std::stri
                               {"anchors", report.anchors}};
   if (options.settings.kind == ExportKind::anchors) return json;
   json["gaussians"] = report.gaussians;
+  const SplatWritten& written = *report.written;
+  json["sh_degree"] = report.degree;
+  json["file"] = {{"format", word_of(written.format)}, {"bytes", written.bytes}, {"notes", written.notes}};
+  if (written.version != 0) json["file"]["version"] = written.version;
+  if (written.fractional_bits) json["file"]["fractional_bits"] = *written.fractional_bits;
   if (!report.compared) return json;
   const BakeReport& compared = *report.compared;
   json["views"] = report.compared_views.size();
   json["psnr_to_model"] = {{"mean", compared.mean_bake_to_model}, {"worst", compared.worst_bake_to_model}};
+  json["held_out"] = report.held_out;
+  if (report.from_file) {
+    json["psnr_of_file_to_model"] = {{"mean", report.from_file->mean_bake_to_model},
+                                     {"worst", report.from_file->worst_bake_to_model}};
+  }
   if (!options.settings.data.empty()) {
     json["psnr_to_photographs"] = {{"model", compared.mean_model_to_target}, {"export", compared.mean_bake_to_target}};
   }
@@ -109,10 +139,20 @@ Command add_export(Options& app) {
   app.reads("--model", options->model, InputKind::model,
             "model.safetensors of a run, a compressed .cmk, or a splat file")
       ->required();
-  app.writes("--out", options->out, OutputKind::splats, "PLY file to write")->required();
-  app.word("--format", options->kind, "splat (standard 3DGS PLY) or anchors (Scaffold layout)")
+  app.writes("--out", options->out, OutputKind::splats,
+             "file to write: .ply, .compressed.ply, .spz, .splat, .sog or .glb says the format")
+      ->required();
+  std::vector<std::string> formats{"splat", "anchors"};
+  for (const SplatEnding& known : splat_endings) formats.emplace_back(known.word);
+  app.word("--format", options->kind,
+           "splat (Gaussians, in the format of the ending of --out), one of the formats by name, or anchors (a PLY in "
+           "the layout of Scaffold)")
       ->capture_default_str()
-      ->check(CLI::IsMember({"splat", "anchors"}));
+      ->check(CLI::IsMember(formats));
+  app.number("--spz-bits", options->settings.file.fractional_bits, WholeRange{0, 23},
+             "SPZ: bits of a position behind the point, of 24; default: 12, or as many as fit");
+  app.number("--spz-version", options->spz_version, WholeRange{3, 4},
+             "SPZ: 4 (Zstandard) or 3 (gzip); default: 4 where this program has libzstd");
   app.word("--view", options->settings.view,
            "bake exactly for this stored view instead of fitting over all training views");
   app.number("--sh-degree", options->settings.degree, WholeRange{0, 3}, "degree of the fitted colour")
@@ -128,6 +168,10 @@ Command add_export(Options& app) {
   app.writes("--json", options->json, OutputKind::words, "write counts, figures and warnings to this file");
   return [options]() -> int {
     if (options->kind == "anchors") options->settings.kind = ExportKind::anchors;
+    for (const SplatEnding& known : splat_endings) {
+      if (options->kind == known.word) options->settings.file.format = known.format;
+    }
+    options->settings.file.spz_version = options->spz_version;
     return run(*options);
   };
 }

@@ -21,7 +21,8 @@ Taken taken_by(InputKind kind) {
   using K = FileKind;
   switch (kind) {
     case InputKind::model:
-      return {"a model or splats", {K::model, K::cmk, K::safetensors, K::ply, K::splat, K::spz, K::gzip}};
+      return {"a model or splats",
+              {K::model, K::cmk, K::safetensors, K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb}};
     case InputKind::trained_model:
       return {"a model of a training", {K::model, K::cmk, K::safetensors}};
     case InputKind::markable:
@@ -81,7 +82,7 @@ Result<Done> check_output_kinds(const FileUse& use) {
     bool right = there != K::owner_key;
     if (output.written == OutputKind::key) right = true;  // keygen never replaces one, and says so
     if (output.written == OutputKind::words) right = replaces({});
-    if (output.written == OutputKind::splats) right = replaces({K::ply});
+    if (output.written == OutputKind::splats) right = replaces({K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb});
     if (output.written == OutputKind::model) right = replaces({K::model});
     if (output.written == OutputKind::compressed) right = replaces({K::cmk});
     if (output.written == OutputKind::decoder) right = replaces({K::decoder});

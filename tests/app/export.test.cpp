@@ -5,6 +5,8 @@
 #include <compmark/app/export.hpp>
 #include <compmark/io/anchor_ply.hpp>
 #include <compmark/io/atomic_file.hpp>
+#include <compmark/io/splat/read_splat.hpp>
+#include <compmark/io/splat/write_splat.hpp>
 #include <compmark/io/splat_ply.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/export/bake.hpp>
@@ -128,6 +130,57 @@ TEST_CASE("app/export: lengths are those of the dataset, and what viewers cannot
   AnyModel filtered = files.open<recipes::ScaffoldAntiAliased>(testing::small_info("scaffold+antialiasing"));
   CHECK(export_model(filtered, files.out, settings, files.executor)->warnings[0].find("mip filter") !=
         std::string::npos);
+}
+
+TEST_CASE("app/export: the file is measured as it is read back, over views that nothing was fitted over") {
+  ExportFiles files;
+  ModelInfo info = testing::small_info("scaffold");
+  info.unit = 2;  // lengths of the file are twice those of the model
+  AnyModel model = files.open(info);
+  ExportSettings settings;
+  settings.refine = 0;
+  double plain = 0;
+  for (const SplatEnding& known : splat_endings) {
+    const fs::path out = files.folder.path / ("scene" + std::string(known.ending));
+    CAPTURE(out.string());
+    const Result<ExportReport> report = export_model(model, out, settings, files.executor);
+    if (!report) FAIL(report.error().line());
+    REQUIRE(report->written.has_value());
+    CHECK(report->written->format == known.format);
+    CHECK(report->written->bytes == fs::file_size(out));
+    CHECK(report->held_out);
+    REQUIRE(report->compared.has_value());
+    if (known.format == SplatFormat::ply) {
+      CHECK_FALSE(report->from_file.has_value());
+      plain = report->compared->mean_bake_to_model;
+      continue;
+    }
+    REQUIRE(report->from_file.has_value());
+    CHECK(report->from_file->views.size() == report->compared->views.size());
+    MESSAGE(known.word << ": " << report->compared->mean_bake_to_model << " dB, of the file "
+                       << report->from_file->mean_bake_to_model);
+    CHECK(report->from_file->mean_bake_to_model > 15);
+    if (known.format == SplatFormat::glb) {
+      CHECK(report->from_file->mean_bake_to_model ==
+            doctest::Approx(report->compared->mean_bake_to_model).epsilon(1e-3));
+    }
+  }
+  CHECK(plain > 15);
+  settings.file.format = SplatFormat::glb;
+  const Result<ExportReport> named = export_model(model, files.folder.path / "scene.bin", settings, files.executor);
+  REQUIRE(named.ok());
+  CHECK(named->written->format == SplatFormat::glb);
+  settings.file.format.reset();
+  const Result<ExportReport> other = export_model(model, files.folder.path / "scene.sogs", settings, files.executor);
+  REQUIRE_FALSE(other.ok());
+  CHECK(other.error().field == "--out");
+  settings.view = "view 1";
+  CHECK_FALSE(export_model(model, files.folder.path / "one.spz", settings, files.executor)->held_out);
+  AnyModel filtered = files.open<recipes::ScaffoldAntiAliased>(testing::small_info("scaffold+antialiasing"));
+  const Result<ExportReport> mip = export_model(filtered, files.folder.path / "mip.sog", settings, files.executor);
+  REQUIRE(mip.ok());
+  CHECK(mip->warnings[0].find("which the file says") != std::string::npos);
+  CHECK(read_splat(files.folder.path / "mip.sog")->antialiased);
 }
 
 TEST_CASE("app/export: nothing is written where the model has no such view, or the output no folder") {

@@ -232,6 +232,44 @@ TEST_CASE("tool: a lens is projected through from training to evaluation, and it
   check_resume(" --recipe scaffold+lens --data " + weaker, "lens: of view 0 (./train/r_000) is another one");
 }
 
+TEST_CASE("tool: export writes every format of splats, tells its price, and its own commands read the file") {
+  train("run-formats", "--effects none");
+  for (const auto& [ending, word] :
+       std::vector<std::pair<std::string, std::string>>{{".ply", "ply"},
+                                                        {".compressed.ply", "compressed-ply"},
+                                                        {".spz", "spz"},
+                                                        {".splat", "antimatter-splat"},
+                                                        {".sog", "sog"},
+                                                        {".glb", "glb"}}) {
+    const std::string out = at("formats" + ending), json = at("formats" + ending + ".json");
+    CAPTURE(out);
+    const Outcome exported = tool("export --model " + at("run-formats/model.safetensors") +
+                                  " --sh-degree 1 --refine 0 --compare 1 --out " + out + " --json " + json);
+    INFO(exported.text);
+    REQUIRE(exported.code == 0);
+    const nlohmann::json told = json_of(json);
+    CHECK(told["file"]["format"] == word);
+    CHECK(told["file"]["bytes"].get<std::uintmax_t>() == fs::file_size(out));
+    CHECK(told["held_out"] == true);
+    CHECK(told.contains("psnr_of_file_to_model") == (word != "ply"));
+    CHECK((exported.text.find("the price of the format") != std::string::npos) == (word != "ply"));
+    CHECK(exported.text.find("that nothing was fitted over") != std::string::npos);
+    const Outcome info = tool("info " + out);
+    INFO(info.text);
+    CHECK(info.code == 0);
+    CHECK(info.text.find(std::to_string(told["gaussians"].get<std::size_t>()) + ", spherical harmonics of degree " +
+                         (word == "antimatter-splat" ? "0" : "1")) != std::string::npos);
+  }
+  const std::string model = " --model " + at("run-formats/model.safetensors") + " --refine 0 --compare 0 ";
+  REQUIRE(tool("export" + model + "--spz-version 3 --spz-bits 9 --out " + at("old.spz") + " --json " + at("old.json"))
+              .code == 0);
+  CHECK(json_of(at("old.json"))["file"]["version"] == 3);
+  CHECK(json_of(at("old.json"))["file"]["fractional_bits"] == 9);
+  REQUIRE(tool("export" + model + "--format sog --out " + at("named.bin")).code == 0);
+  CHECK(tool("info " + at("named.bin")).text.find("a SOG file") != std::string::npos);
+  check_refused(tool("export" + model + "--out " + at("scene.sogs")), {"--out", ".sogs", ".sog"});
+}
+
 TEST_CASE("tool: an export says on stderr and in its JSON what the file cannot") {
   const std::string run = at("run-filter");
   REQUIRE(tool("train --iterations 20 --recipe scaffold+antialiasing+mask --data " + scene() + " --out " + run).code ==

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Export of a model of any recipe to PLY: the anchors as the Scaffold family has them, or explicit Gaussians as every
-// viewer opens them - baked for one camera (exact from there) or fitted with spherical harmonics over the training
-// cameras - with what the bake loses, in dB.
+// Export of a model of any recipe: the anchors as the Scaffold family has them, in a PLY, or explicit Gaussians in a
+// format that viewers open (io/splat/write_splat.hpp) - baked for one camera (exact from there) or fitted with spherical
+// harmonics over the training cameras - with what the bake and the format lose, in dB.
 #pragma once
 
 #include <cstddef>
@@ -17,6 +17,7 @@
 #include "compmark/app/compiled.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/io/splat/splat_rounding.hpp"
 #include "compmark/splat/export/bake.hpp"
 #include "compmark/splat/export/sh_fit.hpp"
 #include "compmark/splat/export/splat_refine.hpp"
@@ -24,13 +25,14 @@
 namespace compmark {
 
 enum class ExportKind {
-  splats,   ///< the standard PLY of Gaussians
+  splats,   ///< Gaussians, in the format that ExportSettings::file or the ending of the name says
   anchors,  ///< the Scaffold family's; the networks stay in the model
 };
 
 /// Errors name these fields as the tool's options do ("--view").
 struct ExportSettings {
   ExportKind kind = ExportKind::splats;
+  SplatWriteSettings file;     ///< of splats; that a model was trained with the mip filter is added
   std::string view;            ///< bake for this stored view; empty: fit over all cameras of the training
   int degree = 3;              ///< of the fitted colour, 0 to 3
   std::int64_t refine = 500;   ///< iterations that move the fitted splats towards the model's own renders
@@ -43,11 +45,16 @@ struct ExportReport {
       warnings;  ///< what the file cannot say, a sentence each: viewers show something else than the model
   std::size_t anchors = 0;
   std::size_t gaussians = 0;  ///< of the file; 0 for anchors
+  int degree = 0;             ///< of the file's colours
   std::size_t cameras = 0;    ///< that were fitted over
   std::optional<ShFitReport> fit;
   std::optional<SplatRefineReport> refined;
   std::optional<BakeReport> compared;       ///< against the model's own renders and, with data, the photographs
   std::vector<std::string> compared_views;  ///< names of compared->views
+  bool held_out = false;                    ///< nothing was fitted over those views
+  std::optional<SplatWritten> written;      ///< of splats: format, bytes and what the format could not hold
+  std::optional<BakeReport> from_file;      ///< the file, read back, against the model's own renders of the same views;
+                                            ///< none of a plain PLY, which rounds nothing, and of a pipe
 };
 
 /// Told what is done as soon as it is: fits take minutes. What is not overridden is not told.

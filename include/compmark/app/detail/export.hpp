@@ -20,7 +20,8 @@
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"
 #include "compmark/io/anchor_ply.hpp"
-#include "compmark/io/splat_ply.hpp"
+#include "compmark/io/splat/read_splat.hpp"
+#include "compmark/io/splat/write_splat.hpp"
 #include "compmark/scene/image_store.hpp"
 #include "compmark/scene/open.hpp"
 #include "compmark/splat/export/explicit_splats.hpp"
@@ -28,22 +29,36 @@
 namespace compmark {
 namespace detail {
 
-/// Properties of the model that the file cannot hold, one sentence each: viewers will show something else.
+/// Whether models of the recipe are drawn with the mip filter.
 template <class R>
-std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo& info) {
+[[nodiscard]] constexpr bool draws_filtered() {
+  if constexpr (requires { typename R::Rasterizer::EffectPolicy::Filter; }) {
+    return R::Rasterizer::EffectPolicy::Filter::active;
+  } else {
+    return false;
+  }
+}
+
+/// Whether a file of the format can say so.
+[[nodiscard]] inline bool tells_filter(SplatFormat format) {
+  return format == SplatFormat::compressed_ply || format == SplatFormat::spz || format == SplatFormat::sog;
+}
+
+/// Properties of the model that the file cannot hold, one sentence each: viewers will show something else. `told`: the
+/// file says that the model was trained with the mip filter.
+template <class R>
+std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo& info, bool told) {
   std::vector<std::string> warnings;
   const auto number = [](double x) {
     char text[32];
     std::snprintf(text, sizeof text, "%g", x);
     return std::string(text);
   };
-  bool filtered = false;
-  if constexpr (requires { typename R::Rasterizer::EffectPolicy::Filter; })
-    filtered = R::Rasterizer::EffectPolicy::Filter::active;
-  if (filtered) {
+  if (draws_filtered<R>()) {
     warnings.push_back("the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
-                       " pixels^2 that keeps the energy of a splat), but a PLY file cannot say so. Viewers "
-                       "that blur every splat by 0.3 pixels^2 without keeping its energy draw small and "
+                       " pixels^2 that keeps the energy of a splat), " +
+                       (told ? "which the file says, but not every viewer reads" : "but the file cannot say so") +
+                       ". Viewers that blur every splat by 0.3 pixels^2 without keeping its energy draw small and "
                        "distant splats too large and too bright: SIBR and antimatter15/splat always do, "
                        "gsplat, SuperSplat and Brush do unless their antialiased or mip mode is on");
   } else if (model.render.blur_variance != 0.3) {
@@ -102,6 +117,7 @@ struct Exported {
 struct ExportViews {
   std::vector<Camera<double>> train, measured;
   std::vector<std::string> names;      ///< of the measured ones
+  bool held_out = false;               ///< the measured ones are not fitted over
   const StoredView* chosen = nullptr;  ///< ExportSettings::view
 };
 [[nodiscard]] inline ExportViews export_views(const ModelInfo& info, const std::string& wanted) {
@@ -115,6 +131,7 @@ struct ExportViews {
       views.names.push_back(view.name);
     }
   }
+  views.held_out = has_test && !views.train.empty();
   // A compressed file keeps the test views alone unless it was told otherwise.
   if (views.train.empty()) views.train = views.measured;
   return views;
@@ -142,6 +159,16 @@ template <class R>
                  "give the dataset the model was trained on"};
   };
   return compare_bake(model, table, cameras, target, unseen_view, executor);
+}
+
+/// The file, read back, against the model's own renders.
+template <class R>
+[[nodiscard]] Result<BakeReport> compare_file(const Exported& of, const Model<R>& model, double unit,
+                                              std::span<const Camera<double>> cameras, ThreadExecutor& executor) {
+  Result<SplatFile> file = read_splat(of.out);
+  if (!file) return file.error();
+  const SplatTable table = unit == 1 ? std::move(file->table) : in_unit(std::move(file->table), 1 / unit);
+  return compare_bake(model, table, cameras, NoTargets{}, unseen_view, executor);
 }
 
 /// Fits over all cameras of the training, and refines.
@@ -190,8 +217,19 @@ template <class R>
                  "is through a fisheye lens, which an export does not have, so that the two cannot be compared",
                  "leave out --data"};
   }
+  SplatWriteSettings file = settings.file;
+  if (settings.kind == ExportKind::splats && !file.format) {
+    const Result<SplatFormat> named = splat_format_of_name(of.out);
+    if (!named) {
+      Error error = named.error();
+      error.field = "--out";
+      return error;
+    }
+    file.format = *named;
+  }
+  file.antialiased = file.antialiased || draws_filtered<R>();
   ExportReport report;
-  report.warnings = export_warnings(model, info);
+  report.warnings = export_warnings(model, info, file.format && tells_filter(*file.format));
   report.anchors = model.anchor_count();
   of.observer.on_begin(report);
   if (settings.kind == ExportKind::anchors) {
@@ -219,10 +257,13 @@ template <class R>
     views.names.assign(1, views.chosen->name);
   }
   const SplatTable table = exported_table(of, model, views, report, executor);
-  const Result<Done> written =
-      info.unit == 1 ? write_splat_ply(of.out, table) : write_splat_ply(of.out, in_unit(table, info.unit));
+  Result<SplatWritten> written = info.unit == 1 ? write_splat(of.out, table, file, executor)
+                                                : write_splat(of.out, in_unit(table, info.unit), file, executor);
   if (!written) return written.error();
+  report.written = std::move(*written);
   report.gaussians = static_cast<std::size_t>(table.count);
+  report.degree = report.written->format == SplatFormat::splat ? 0 : table.degree;
+  report.held_out = settings.view.empty() && (views.held_out || ExplicitModelRecipe<R>);
   of.observer.on_written(report);
   if (settings.compare == 0) return report;
   const std::size_t stride = std::max<std::size_t>(1, views.measured.size() / settings.compare);
@@ -235,6 +276,10 @@ template <class R>
       compare_export(of, model, info, table, std::span<const Camera<double>>(cameras), report.compared_views, executor);
   if (!compared) return compared.error();
   report.compared = std::move(*compared);
+  if (report.written->format == SplatFormat::ply || report.written->bytes == 0) return report;
+  Result<BakeReport> from_file = compare_file(of, model, info.unit, std::span<const Camera<double>>(cameras), executor);
+  if (!from_file) return from_file.error();
+  report.from_file = std::move(*from_file);
   return report;
 }
 

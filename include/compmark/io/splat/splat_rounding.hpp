@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the writers of splat files share: settings, what an encoder gives, the rounding of a number to the steps of a
+// What the writers of splat files share: settings, what they give, the rounding of a number to the steps of a
 // format, and the order of splats along a space-filling curve. Everything here is a function of the table alone: the
 // same table gives the same bytes at any number of threads.
 #pragma once
@@ -42,6 +42,15 @@ struct EncodedSplats {
   std::vector<std::byte> bytes;
   int version = 0;                     ///< of SPZ, SOG and glTF
   std::optional<int> fractional_bits;  ///< of SPZ
+  std::vector<std::string> notes;      ///< what the format could not hold, a sentence each
+};
+
+/// A splat file that was written.
+struct SplatWritten {
+  SplatFormat format = SplatFormat::ply;
+  int version = 0;                     ///< of SPZ, SOG and glTF
+  std::optional<int> fractional_bits;  ///< of SPZ: bits of a position behind the point
+  std::uint64_t bytes = 0;             ///< 0 where they went to a pipe or a device
   std::vector<std::string> notes;      ///< what the format could not hold, a sentence each
 };
 

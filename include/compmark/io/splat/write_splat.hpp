@@ -33,15 +33,6 @@
 
 namespace compmark {
 
-/// A splat file that was written.
-struct SplatWritten {
-  SplatFormat format = SplatFormat::ply;
-  int version = 0;                     ///< of SPZ, SOG and glTF
-  std::optional<int> fractional_bits;  ///< of SPZ: bits of a position behind the point
-  std::uint64_t bytes = 0;             ///< 0 where they went to a pipe or a device
-  std::vector<std::string> notes;      ///< what the format could not hold, a sentence each
-};
-
 struct SplatEnding {
   std::string_view ending;  ///< of a file's name
   std::string_view word;    ///< as an option names the format

@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// splat-transform of PlayCanvas as a peer: it reads every format that we write to the numbers that we read from the
+// same file, and we read what it writes. Label peer; without the program the tests say so and are skipped.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <compmark/io/splat/read_splat.hpp>
+#include <compmark/io/splat/write_splat.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "io/splat_differences.hpp"
+#include "io/splat_writers.hpp"
+#include "support/scene_files.hpp"
+
+namespace splat_transform_test {
+
+using compmark::SplatFile;
+using compmark::SplatFormat;
+using compmark::SplatTable;
+using compmark::SplatWritten;
+using compmark::testing::TemporaryFolder;
+using compmark::testing::splats::Differences;
+
+bool peer_is_there() {
+  const bool there = std::system("command -v splat-transform >/dev/null 2>&1") == 0;
+  if (!there) MESSAGE("skipped: no splat-transform (npm install -g @playcanvas/splat-transform)");
+  return there;
+}
+
+SplatTable table_of(const std::filesystem::path& path) {
+  const compmark::Result<SplatFile> file = compmark::read_splat(path);
+  REQUIRE_MESSAGE(file.ok(), file.error().line());
+  return file->table;
+}
+void transform(const std::filesystem::path& from, const std::filesystem::path& to) {
+  const std::string command =
+      "splat-transform -q -g cpu -w '" + from.string() + "' '" + to.string() + "' >/dev/null 2>&1";
+  CAPTURE(command);
+  REQUIRE(std::system(command.c_str()) == 0);
+}
+/// Nothing but the last bits of floats.
+void check_alike(const SplatTable& ours, const SplatTable& theirs, double rotation) {
+  const Differences found = compmark::testing::splats::differences(ours, theirs);
+  CHECK(found.mean < 2e-6);
+  CHECK(found.log_scale < 2e-6);
+  CHECK(found.color < 2e-6);
+  CHECK(found.opacity < 2e-6);
+  CHECK(found.harmonics < 2e-6);
+  CHECK(found.rotation < rotation);
+}
+
+TEST_CASE("peer/splat_transform: reads every format that we write, of every degree, to the numbers that we read") {
+  if (!peer_is_there()) return;
+  const TemporaryFolder folder;
+  for (int degree = 0; degree <= compmark::max_sh_degree; ++degree) {
+    const SplatTable table = compmark::testing::splats::random_splats(700, degree);
+    for (const compmark::SplatEnding& known : compmark::splat_endings) {
+      const std::filesystem::path file = folder.path() / ("ours" + std::string(known.ending));
+      const std::filesystem::path back = folder.path() / "back.ply";
+      if (known.format == SplatFormat::glb) continue;                         // it writes this one alone
+      if (known.format == SplatFormat::sog && !compmark::has_webp) continue;  // it reads WebP images alone
+      CAPTURE(file.string());
+      const compmark::Result<SplatWritten> written = compmark::write_splat(file, table);
+      REQUIRE_MESSAGE(written.ok(), written.error().line());
+      transform(file, back);
+      // It takes a byte of a rotation in .splat for b / 127.5 - 1, we for b / 128 - 1, as the format's viewer does.
+      check_alike(table_of(file), table_of(back), known.format == SplatFormat::splat ? 0.01 : 2e-6);
+    }
+  }
+  // The control: files of other splats are told apart.
+  const SplatTable one = compmark::testing::splats::random_splats(700, 0),
+                   other = compmark::testing::splats::random_splats(700, 0, 4);
+  CHECK(compmark::testing::splats::differences(one, other).mean > 1);
+}
+
+TEST_CASE("peer/splat_transform: we read what it writes as it does, and its .glb to the bit") {
+  if (!peer_is_there()) return;
+  const TemporaryFolder folder;
+  const SplatTable table = compmark::testing::splats::random_splats(700, 3);
+  const std::filesystem::path ply = folder.path() / "ours.ply", back = folder.path() / "back.ply";
+  REQUIRE(compmark::write_splat(ply, table).ok());
+  for (const char* name : {"theirs.compressed.ply", "theirs.spz", "theirs.sog"}) {
+    const std::filesystem::path file = folder.path() / name;
+    if (std::string(name) == "theirs.sog" && !compmark::has_webp) continue;
+    CAPTURE(name);
+    transform(ply, file);
+    transform(file, back);
+    check_alike(table_of(file), table_of(back), 2e-6);
+  }
+  // Its glTF is turned by half a circle round z, ours round x: both have y up.
+  const std::filesystem::path glb = folder.path() / "theirs.glb";
+  transform(ply, glb);
+  SplatTable turned = table;
+  compmark::detail::change_axes(turned, {-1, 1, -1});
+  const Differences found = compmark::testing::splats::differences(turned, table_of(glb));
+  CHECK(found.mean < 2e-6);
+  CHECK(found.harmonics < 2e-6);
+  CHECK(found.log_scale < 2e-6);
+  CHECK(found.rotation < 2e-6);
+}
+
+}  // namespace splat_transform_test
