@@ -51,6 +51,9 @@ class ExportLines final : public ExportObserver {
     if (options_.settings.kind == ExportKind::anchors) {
       std::printf("%s: %zu anchors in the layout of the Scaffold family (the networks stay in %s)\n",
                   options_.out.string().c_str(), report.anchors, options_.model.string().c_str());
+    } else if (!report.written) {
+      std::printf("%s: a page of %zu Gaussians, SH degree %d; open it in a browser\n", options_.out.string().c_str(),
+                  report.gaussians, report.degree);
     } else {
       const SplatWritten& written = *report.written;
       std::printf("%s: %zu Gaussians, SH degree %d, as %s%s%s, %llu bytes\n", options_.out.string().c_str(),
@@ -97,11 +100,13 @@ nlohmann::ordered_json export_json(const ExportOptions& options, const std::stri
                               {"anchors", report.anchors}};
   if (options.settings.kind == ExportKind::anchors) return json;
   json["gaussians"] = report.gaussians;
-  const SplatWritten& written = *report.written;
   json["sh_degree"] = report.degree;
-  json["file"] = {{"format", word_of(written.format)}, {"bytes", written.bytes}, {"notes", written.notes}};
-  if (written.version != 0) json["file"]["version"] = written.version;
-  if (written.fractional_bits) json["file"]["fractional_bits"] = *written.fractional_bits;
+  if (report.written) {
+    const SplatWritten& written = *report.written;
+    json["file"] = {{"format", word_of(written.format)}, {"bytes", written.bytes}, {"notes", written.notes}};
+    if (written.version != 0) json["file"]["version"] = written.version;
+    if (written.fractional_bits) json["file"]["fractional_bits"] = *written.fractional_bits;
+  }
   if (!report.compared) return json;
   const BakeReport& compared = *report.compared;
   json["views"] = report.compared_views.size();
@@ -140,13 +145,14 @@ Command add_export(Options& app) {
             "model.safetensors of a run, a compressed .cmk, or a splat file")
       ->required();
   app.writes("--out", options->out, OutputKind::splats,
-             "file to write: .ply, .compressed.ply, .spz, .splat, .sog or .glb says the format")
+             "file to write: .ply, .compressed.ply, .spz, .splat, .sog or .glb says the format; .html is a page that "
+             "shows the splats in a browser")
       ->required();
-  std::vector<std::string> formats{"splat", "anchors"};
+  std::vector<std::string> formats{"splat", "anchors", "page"};
   for (const SplatEnding& known : splat_endings) formats.emplace_back(known.word);
   app.word("--format", options->kind,
-           "splat (Gaussians, in the format of the ending of --out), one of the formats by name, or anchors (a PLY in "
-           "the layout of Scaffold)")
+           "splat (Gaussians, in the format of the ending of --out), one of the formats by name, page, or anchors (a "
+           "PLY in the layout of Scaffold)")
       ->capture_default_str()
       ->check(CLI::IsMember(formats));
   app.number("--spz-bits", options->settings.file.fractional_bits, WholeRange{0, 23},
@@ -168,6 +174,8 @@ Command add_export(Options& app) {
   app.writes("--json", options->json, OutputKind::words, "write counts, figures and warnings to this file");
   return [options]() -> int {
     if (options->kind == "anchors") options->settings.kind = ExportKind::anchors;
+    const bool page = options->kind == "splat" && options->out.extension() == ".html";
+    if (page || options->kind == "page") options->settings.kind = ExportKind::page;
     for (const SplatEnding& known : splat_endings) {
       if (options->kind == known.word) options->settings.file.format = known.format;
     }

@@ -27,7 +27,7 @@ Taken taken_by(InputKind kind) {
       return {"a model of a training", {K::model, K::cmk, K::safetensors}};
     case InputKind::markable:
       return {"a model of a training, or splats",
-              {K::model, K::cmk, K::safetensors, K::ply, K::splat, K::spz, K::gzip}};
+              {K::model, K::cmk, K::safetensors, K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb}};
     case InputKind::compressed:
       return {"a compressed model (.cmk)", {K::cmk}};
     case InputKind::decoder:
@@ -44,7 +44,7 @@ Taken taken_by(InputKind kind) {
       return {"an image (PNG, JPEG), or a folder of them", {K::png, K::jpeg, K::folder}};
     case InputKind::dataset:
       return {"the folder of a capture, or splats",
-              {K::folder, K::capture, K::json, K::ply, K::splat, K::spz, K::gzip}};
+              {K::folder, K::capture, K::json, K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb}};
     case InputKind::weights:
       return {"LPIPS weights", {K::lpips, K::safetensors}};
     case InputKind::other:

@@ -27,6 +27,7 @@ namespace compmark {
 enum class ExportKind {
   splats,   ///< Gaussians, in the format that ExportSettings::file or the ending of the name says
   anchors,  ///< the Scaffold family's; the networks stay in the model
+  page,     ///< Gaussians in a page that shows them (io/splat/viewer_page.hpp), from the model's cameras
 };
 
 /// Errors name these fields as the tool's options do ("--view").
@@ -52,9 +53,9 @@ struct ExportReport {
   std::optional<BakeReport> compared;       ///< against the model's own renders and, with data, the photographs
   std::vector<std::string> compared_views;  ///< names of compared->views
   bool held_out = false;                    ///< nothing was fitted over those views
-  std::optional<SplatWritten> written;      ///< of splats: format, bytes and what the format could not hold
-  std::optional<BakeReport> from_file;      ///< the file, read back, against the model's own renders of the same views;
-                                            ///< none of a plain PLY, which rounds nothing, and of a pipe
+  std::optional<SplatWritten> written;  ///< of splats, but for a page: format, bytes and what the format could not hold
+  std::optional<BakeReport> from_file;  ///< the file, read back, against the model's own renders of the same views;
+                                        ///< none of a plain PLY, which rounds nothing, and of a pipe
 };
 
 /// Told what is done as soon as it is: fits take minutes. What is not overridden is not told.

@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -17,10 +16,12 @@
 
 #include "compmark/app/detail/any_model.hpp"
 #include "compmark/app/detail/capture.hpp"
+#include "compmark/app/detail/export_warnings.hpp"
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"
 #include "compmark/io/anchor_ply.hpp"
 #include "compmark/io/splat/read_splat.hpp"
+#include "compmark/io/splat/viewer_page.hpp"
 #include "compmark/io/splat/write_splat.hpp"
 #include "compmark/scene/image_store.hpp"
 #include "compmark/scene/open.hpp"
@@ -28,56 +29,6 @@
 
 namespace compmark {
 namespace detail {
-
-/// Whether models of the recipe are drawn with the mip filter.
-template <class R>
-[[nodiscard]] constexpr bool draws_filtered() {
-  if constexpr (requires { typename R::Rasterizer::EffectPolicy::Filter; }) {
-    return R::Rasterizer::EffectPolicy::Filter::active;
-  } else {
-    return false;
-  }
-}
-
-/// Whether a file of the format can say so.
-[[nodiscard]] inline bool tells_filter(SplatFormat format) {
-  return format == SplatFormat::compressed_ply || format == SplatFormat::spz || format == SplatFormat::sog;
-}
-
-/// Properties of the model that the file cannot hold, one sentence each: viewers will show something else. `told`: the
-/// file says that the model was trained with the mip filter.
-template <class R>
-std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo& info, bool told) {
-  std::vector<std::string> warnings;
-  const auto number = [](double x) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%g", x);
-    return std::string(text);
-  };
-  if (draws_filtered<R>()) {
-    warnings.push_back("the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
-                       " pixels^2 that keeps the energy of a splat), " +
-                       (told ? "which the file says, but not every viewer reads" : "but the file cannot say so") +
-                       ". Viewers that blur every splat by 0.3 pixels^2 without keeping its energy draw small and "
-                       "distant splats too large and too bright: SIBR and antimatter15/splat always do, "
-                       "gsplat, SuperSplat and Brush do unless their antialiased or mip mode is on");
-  } else if (model.render.blur_variance != 0.3) {
-    warnings.push_back("the model was trained with a blur of " + number(model.render.blur_variance) +
-                       " pixels^2, but viewers use 0.3");
-  }
-  if constexpr (!std::is_same_v<RecipeLens<R>, PinholeLens>) {
-    warnings.push_back(
-        "the model was trained through a lens, but viewers have none: the export is fitted "
-        "and measured without distortion");
-  }
-  if (info.origin != std::array<double, 3>{0, 0, 0}) {
-    warnings.push_back("positions are relative to (" + number(info.origin[0]) + ", " + number(info.origin[1]) + ", " +
-                       number(info.origin[2]) + ") of the dataset's coordinates, which single precision cannot hold");
-  }
-  if (!info.views.empty() && std::all_of(info.views.begin(), info.views.end(), [](const auto& v) { return v.test; }))
-    warnings.push_back("the file stores no training camera: colours are fitted over its test views");
-  return warnings;
-}
 
 /// A table with its lengths in the dataset's unit (ModelInfo::unit), as a file holds them.
 inline SplatTable in_unit(SplatTable table, double unit) {
@@ -204,6 +155,24 @@ template <class R>
   }
 }
 
+/// A page of the splats; up is where the model's cameras have it.
+[[nodiscard]] inline Result<Done> write_page(const Exported& of, const SplatTable& table, const ModelInfo& info,
+                                             double near_plane) {
+  ViewerPage page;
+  page.title = of.out.stem().string();
+  page.near_plane = near_plane * info.unit;
+  std::array<double, 3> up{};
+  for (const StoredView& view : info.views) {
+    Camera<double>& camera = page.cameras.emplace_back(view.camera);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      camera.center_world[axis] *= info.unit;
+      up[axis] -= camera.rotation_camera_world[3 + axis];
+    }
+  }
+  page.up = unit(up).value_or(usual_up);
+  return write_viewer_page(of.out, table, page);
+}
+
 template <class R>
 [[nodiscard]] Result<ExportReport> export_typed(const Exported& of, const Model<R>& model, const ModelInfo& info,
                                                 ThreadExecutor& executor) {
@@ -257,12 +226,19 @@ template <class R>
     views.names.assign(1, views.chosen->name);
   }
   const SplatTable table = exported_table(of, model, views, report, executor);
-  Result<SplatWritten> written = info.unit == 1 ? write_splat(of.out, table, file, executor)
-                                                : write_splat(of.out, in_unit(table, info.unit), file, executor);
-  if (!written) return written.error();
-  report.written = std::move(*written);
+  const SplatTable scaled = info.unit == 1 ? SplatTable() : in_unit(table, info.unit);
+  const SplatTable& in_file = info.unit == 1 ? table : scaled;
+  report.degree = table.degree;
+  if (settings.kind == ExportKind::page) {
+    if (const Result<Done> written = write_page(of, in_file, info, model.render.near_plane); !written)
+      return written.error();
+  } else {
+    Result<SplatWritten> written = write_splat(of.out, in_file, file, executor);
+    if (!written) return written.error();
+    report.written = std::move(*written);
+    if (report.written->format == SplatFormat::splat) report.degree = 0;
+  }
   report.gaussians = static_cast<std::size_t>(table.count);
-  report.degree = report.written->format == SplatFormat::splat ? 0 : table.degree;
   report.held_out = settings.view.empty() && (views.held_out || ExplicitModelRecipe<R>);
   of.observer.on_written(report);
   if (settings.compare == 0) return report;
@@ -276,7 +252,7 @@ template <class R>
       compare_export(of, model, info, table, std::span<const Camera<double>>(cameras), report.compared_views, executor);
   if (!compared) return compared.error();
   report.compared = std::move(*compared);
-  if (report.written->format == SplatFormat::ply || report.written->bytes == 0) return report;
+  if (!report.written || report.written->format == SplatFormat::ply || report.written->bytes == 0) return report;
   Result<BakeReport> from_file = compare_file(of, model, info.unit, std::span<const Camera<double>>(cameras), executor);
   if (!from_file) return from_file.error();
   report.from_file = std::move(*from_file);

@@ -90,7 +90,7 @@ COMPMARK_APP_INLINE Result<Dataset> open_splat_capture(const std::filesystem::pa
                  file.string(),
                  {},
                  "is no splat file",
-                 "give a PLY, compressed PLY, SPZ, .splat or .ksplat file"};
+                 "give a PLY, compressed PLY, SPZ, SOG, .splat, .ksplat or .glb file"};
   }
   Result<AnyModel> model = AnyModel::load(*source);
   if (!model) return model.error();
