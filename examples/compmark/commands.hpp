@@ -36,5 +36,6 @@ Command add_verify(Options& app);
 Command add_certify(Options& app);
 Command add_calibrate(Options& app);
 Command add_attack(Options& app);
+Command add_doctor(Options& app);
 
 }  // namespace tool

@@ -61,6 +61,7 @@ int main(int argc, char** argv) {
   add("certify", "verify, and write a record of it for somebody else", tool::add_certify);
   add("calibrate", "measure false positives of random keys on images", tool::add_calibrate);
   add("attack", "write an attacked model, or attacked images", tool::add_attack);
+  add("doctor", "say what this machine has for the program, and what is missing", tool::add_doctor);
 
   app.add_flag_callback(
       "--options-json",

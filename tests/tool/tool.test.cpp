@@ -543,4 +543,18 @@ TEST_CASE("tool: bad options, an unwritable output and a damaged model are one e
   CHECK(tool(some + name).code == 0);
 }
 
+TEST_CASE("tool: doctor says what there is, and what would help where something is missing") {
+  const Outcome said = done("doctor");
+  for (const char* name : {"version", "instruction set", "threads", "free memory", "decoder of every scene", "libzstd"})
+    CHECK_MESSAGE(said.text.find(name) != std::string::npos, name);
+  const nlohmann::json json = nlohmann::json::parse(done("doctor --json").text);
+  CHECK(json["schema"] == "compmark.doctor.1");
+  CHECK(json["findings"].size() >= 9);
+  std::size_t advised = 0;
+  for (const nlohmann::json& finding : json["findings"])
+    advised += finding["advice"].get<std::string>().empty() ? 0 : 1;
+  const std::string last = advised == 0 ? "nothing is missing" : std::to_string(advised) + " could be better";
+  CHECK(said.text.find(last) != std::string::npos);
+}
+
 }  // namespace tool_test
