@@ -8,9 +8,11 @@
 #include <cmath>
 #include <compmark/app/any_model.hpp>
 #include <compmark/app/export.hpp>
+#include <compmark/io/read_file.hpp>
 #include <compmark/io/splat/read_splat.hpp>
 #include <compmark/scene/splat_table.hpp>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <utility>
@@ -101,6 +103,20 @@ TEST_CASE("app/splat_model: a splat file opens as a model of explicit Gaussians,
     }
   }
   CHECK(change < 1e-5);
+  // A page of it is upright where its cameras are, and knows them.
+  settings.kind = ExportKind::page;
+  const fs::path page = folder.path / "page.html";
+  const Result<ExportReport> shown = export_model(*model, page, settings, executor);
+  REQUIRE_MESSAGE(shown.ok(), shown.error().line());
+  CHECK(shown->gaussians == 300);
+  CHECK_FALSE(shown->written.has_value());
+  const Result<std::vector<std::byte>> text = read_file(page);
+  REQUIRE(text.ok());
+  const std::string html(reinterpret_cast<const char*>(text->data()), text->size());
+  const std::size_t at = html.find('{', html.find("id=\"scene\""));
+  const nlohmann::json scene = nlohmann::json::parse(html.substr(at, html.find("</script>", at) - at));
+  CHECK(scene["cameras"].size() == 16);
+  CHECK(scene["up"][1].get<double>() == doctest::Approx(-1));
   settings.kind = ExportKind::anchors;
   const Result<ExportReport> none = export_model(*model, folder.path / "anchors.ply", settings, executor);
   REQUIRE_FALSE(none.ok());

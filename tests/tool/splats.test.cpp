@@ -50,6 +50,9 @@ TEST_CASE("splats: a file of another program is marked without photographs, and 
   CHECK(written->up == std::array<double, 3>{0, 0, 1});
   // What was written is read like any other file, the right way up.
   CHECK(done("info --model " + splats.at("run/marked.ply")).text.find("400") != std::string::npos);
+  const Outcome page = done("export --model " + splats.at("run/marked.ply") + " --out " + splats.at("page.html"));
+  CHECK(page.text.find("a page of 400 Gaussians") != std::string::npos);
+  CHECK(testing::text_of(splats.at("page.html")).rfind("<!doctype html>", 0) == 0);
   const int read = tool("verify --model " + splats.at("run/marked.ply") + " --key " + splats.key).code;
   CHECK((read == 0 || read == 1 || read == 3));
   CHECK(done(embed + "--iterations 20 --up z --resume --out " + splats.at("run")).text.find("nothing is left to do") !=
