@@ -197,4 +197,29 @@ TEST_CASE("app/informed: two tests are one verdict, at twice the price") {
   CHECK(both_verdicts(message, {0, 1, 100}).verdict == Verdict::detected);
 }
 
+TEST_CASE(
+    "app/informed: of two owners, both are read; the original of the second carries the mark of the first, and not the "
+    "other way round (docs/threat_model.md)") {
+  InformedFiles files;
+  SpreadMarkSettings again;
+  again.model = files.marked;  // who marks a copy that he bought takes it for the unmarked model
+  again.out = files.folder.path / "twice.safetensors";
+  again.psnr = 36;
+  REQUIRE(mark_spread(files.other, again, files.executor).ok());
+  const auto read = [&](const OwnerKey& whose, const fs::path& by, const fs::path& image) {
+    files.reading.unmarked = by;
+    const Result<InformedReport> report = files.verify(whose, image);
+    REQUIRE(report.ok());
+    CHECK(report->pictures[0].found);
+    return report->spread.p_value;
+  };
+  const fs::path sold = files.picture(again.out, "sold.png"), first = files.picture(files.unmarked, "first.png"),
+                 second = files.picture(files.marked, "second.png");
+  CHECK(read(files.key, files.unmarked, sold) < 1e-8);
+  CHECK(read(files.other, files.marked, sold) < 1e-8);
+  // Each looks at the other's original.
+  CHECK(read(files.key, files.unmarked, second) < 1e-8);
+  CHECK(read(files.other, files.marked, first) > 1e-3);
+}
+
 }  // namespace informed_test
