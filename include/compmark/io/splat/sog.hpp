@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Reads SOG files of PlayCanvas, version 2, as one archive (docs/splat_formats.md; layout in write_sog.hpp), with PNG
-// images, and WebP images where the program has libwebp (sog_image.hpp). No count is believed: the splats are compared with the bytes of the file
-// and the pixels of its images, and every index with the table that it points into. Cost: decoding the images and a
-// pass over the values.
+// images, and WebP images where the program has libwebp (sog_image.hpp). No count is believed: the splats are compared
+// with the bytes of the file and the pixels of its images, and every index with the table that it points into. Cost:
+// decoding the images and a pass over the values.
 #pragma once
 
 #include <algorithm>
