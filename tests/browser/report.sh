@@ -7,19 +7,7 @@
 #   report.sh <the tool>
 set -eu
 tool=$1
-browser=""
-for name in chromium-headless-shell chromium chromium-browser google-chrome; do
-  if command -v "$name" >/dev/null 2>&1; then
-    browser=$name
-    break
-  fi
-done
-if [ -z "$browser" ]; then
-  echo "skipped: no Chromium is installed (Debian: chromium-headless-shell)"
-  exit 77
-fi
-scratch=$(mktemp -d)
-trap 'rm -rf "$scratch"' EXIT
+. "$(dirname "$0")/browser.sh"
 document_of() { # <page>: its document, and what was logged
   "$browser" --headless --no-sandbox --disable-gpu --virtual-time-budget=20000 --enable-logging=stderr --dump-dom \
     "file://$1" >"$scratch/dom.html" 2>"$scratch/browser.log"
@@ -33,7 +21,6 @@ fi
 
 # What quickstart.sh does, with a short message.
 run=$scratch/run
-quiet() { "$@" >"$scratch/command.log" 2>&1 || { cat "$scratch/command.log"; exit 1; }; }
 quiet "$tool" scene --out "$scratch/scene" --width 64 --height 64 --train 12 --test 3
 quiet "$tool" keygen --bits 16 --out "$scratch/owner.key"
 quiet "$tool" train --data "$scratch/scene" --out "$run" --iterations 200 --voxel-size 0.2 --codec hac --key "$scratch/owner.key" --mark-iterations 100

@@ -7,19 +7,7 @@
 #   viewer.sh <the tool> <picture_distance>
 set -eu
 tool=$1 distance=$2
-browser=""
-for name in chromium-headless-shell chromium chromium-browser google-chrome; do
-  if command -v "$name" >/dev/null 2>&1; then
-    browser=$name
-    break
-  fi
-done
-if [ -z "$browser" ]; then
-  echo "skipped: no Chromium is installed (Debian: chromium-headless-shell)"
-  exit 77
-fi
-scratch=$(mktemp -d)
-trap 'rm -rf "$scratch"' EXIT
+. "$(dirname "$0")/browser.sh"
 photograph() { # <page> <its part after #> <picture>
   "$browser" --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader --hide-scrollbars --window-size=800,800 \
     --virtual-time-budget=30000 --enable-logging=stderr --screenshot="$3" "file://$1#$2" >"$scratch/browser.log" 2>&1
@@ -34,7 +22,6 @@ if ! photograph "$scratch/works.html" "" "$scratch/works.png" || grep -q 'CONSOL
   exit 77
 fi
 
-quiet() { "$@" >"$scratch/command.log" 2>&1 || { cat "$scratch/command.log"; exit 1; }; }
 quiet "$tool" scene --out "$scratch/scene" --width 64 --height 64 --train 12 --test 3
 quiet "$tool" train --data "$scratch/scene" --out "$scratch/run" --iterations 300 --voxel-size 0.1
 quiet "$tool" export --model "$scratch/run/model.safetensors" --out "$scratch/splats.ply" --refine 0 --compare 0
