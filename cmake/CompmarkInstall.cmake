@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The CompMark authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Install rules: headers, exported targets, config and version files, pkg-config file. Nothing installed names a path of this machine.
+# Install rules of the library, component compmark_dev: headers, exported targets, config and version files, pkg-config file. Nothing installed names a path of
+# this machine. Those of the tool are in CompmarkInstallTool.cmake.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -16,18 +17,18 @@ foreach(entry IN LISTS COMPMARK_OPTIONAL_COMPONENTS)
     list(APPEND exported compmark_${name})
   endif()
 endforeach()
-install(TARGETS ${exported} EXPORT compmark-targets FILE_SET HEADERS DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/compmark" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
-install(EXPORT compmark-targets NAMESPACE compmark:: DESTINATION "${package_dir}")
+install(TARGETS ${exported} EXPORT compmark-targets FILE_SET HEADERS DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" COMPONENT compmark_dev)
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/compmark" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" COMPONENT compmark_dev)
+install(EXPORT compmark-targets NAMESPACE compmark:: DESTINATION "${package_dir}" COMPONENT compmark_dev)
 
 configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/compmark-config.cmake.in"
                               "${PROJECT_BINARY_DIR}/compmark-config.cmake" INSTALL_DESTINATION "${package_dir}")
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/compmark-config-version.cmake"
                                  COMPATIBILITY SameMinorVersion ARCH_INDEPENDENT)
 install(FILES "${PROJECT_BINARY_DIR}/compmark-config.cmake" "${PROJECT_BINARY_DIR}/compmark-config-version.cmake"
-        "${PROJECT_SOURCE_DIR}/cmake/CompmarkApp.cmake" "${PROJECT_SOURCE_DIR}/cmake/CompmarkZstd.cmake" "${PROJECT_SOURCE_DIR}/cmake/CompmarkWebp.cmake"
-        DESTINATION "${package_dir}")
+        "${PROJECT_SOURCE_DIR}/cmake/CompmarkApp.cmake" "${PROJECT_SOURCE_DIR}/cmake/CompmarkOptionalLibrary.cmake"
+        DESTINATION "${package_dir}" COMPONENT compmark_dev)
 
 configure_file("${PROJECT_SOURCE_DIR}/cmake/compmark.pc.in" "${PROJECT_BINARY_DIR}/compmark.pc" @ONLY)
-install(FILES "${PROJECT_BINARY_DIR}/compmark.pc" DESTINATION "${CMAKE_INSTALL_DATADIR}/pkgconfig")
+install(FILES "${PROJECT_BINARY_DIR}/compmark.pc" DESTINATION "${CMAKE_INSTALL_DATADIR}/pkgconfig" COMPONENT compmark_dev)
 install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/compmark")

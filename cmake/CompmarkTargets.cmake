@@ -6,7 +6,7 @@
 file(GLOB_RECURSE compmark_headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/include/compmark/*.hpp")
 
 # The functions of app are compiled by its tests; by themselves each of these headers would compile every recipe again.
-list(FILTER compmark_headers EXCLUDE REGEX "/app/detail/")
+list(FILTER compmark_headers EXCLUDE REGEX "/app/(run/)?detail/")
 
 # Headers that need a library of their own, each a component: name, header, target of the library.
 set(COMPMARK_OPTIONAL_COMPONENTS "tbb core/tbb_executor.hpp TBB::tbb" "openmp core/openmp_executor.hpp OpenMP::OpenMP_CXX"

@@ -78,7 +78,7 @@ std::string command_line(const Certify& options) {
   if (!reading.model.empty() && reading.views != 0) line += " --views " + std::to_string(reading.views);
   if (!reading.unmarked.empty()) line += " --unmarked " + file(reading.unmarked);
   if (!reading.interference.empty()) line += " --interference " + file(reading.interference);
-  if (!reading.behind.empty()) line += " --background " + reading.behind;
+  if (reading.behind != "black") line += " --background " + reading.behind;
   if (options.mirrored) line += " --mirrored";
   if (!options.proof.claim.empty()) line += " --claim owner.claim";
   if (!options.proof.time_stamp.empty()) line += " --time-stamp owner.tsr";

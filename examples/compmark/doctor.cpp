@@ -2,9 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // compmark doctor: what this program has to work with on this machine, and what it lacks. Nothing is written.
-#include <sched.h>
-
-#include <algorithm>
 #include <cmath>
 #include <compmark/app/files.hpp>
 #include <compmark/core/thread_executor.hpp>
@@ -13,12 +10,9 @@
 #include <compmark/version.hpp>
 #include <compmark/watermark/proof/shipped_decoders.hpp>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -55,32 +49,11 @@ const char* instruction_set() {
 #endif
 }
 
-/// Processors that a quota leaves to this container (cgroup version 2); nothing without one.
-std::optional<double> processor_quota() {
-  std::ifstream file("/sys/fs/cgroup/cpu.max");
-  std::string quota;
-  double period = 0;
-  if (!(file >> quota >> period) || quota == "max" || !(period > 0)) return std::nullopt;
-  return std::strtod(quota.c_str(), nullptr) / period;
-}
-
 Finding processors() {
-  cpu_set_t allowed;
-  CPU_ZERO(&allowed);
-  const int usable = sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? CPU_COUNT(&allowed) : 0;
+  // Affinity and quota are looked at by the executor itself: the number is what --threads 0 means.
   const ThreadExecutor executor(0);
-  Finding finding{"threads", std::to_string(executor.concurrency()) + " of " +
-                                 std::to_string(std::thread::hardware_concurrency()) + " processors"};
-  const std::optional<double> quota = processor_quota();
-  const auto threads = static_cast<double>(executor.concurrency());
-  const double most = quota ? std::fmin(*quota, usable) : usable;
-  if (most > 0 && threads > 1.5 * most) {
-    char text[160];
-    std::snprintf(text, sizeof text, "this process may use %.3g of them: give --threads %d to commands that compute",
-                  most, std::max(1, static_cast<int>(most)));
-    finding.advice = text;
-  }
-  return finding;
+  return {"threads", std::to_string(executor.concurrency()) + " of " +
+                         std::to_string(std::thread::hardware_concurrency()) + " processors"};
 }
 
 Finding memory() {

@@ -145,7 +145,7 @@ class PretrainImages {
     std::vector<float> from = planes(image.height, image.width), to = planes(map.height(), map.width());
     const compmark::ImageView<float> source{from.data(), 3, image.height, image.width};
     copy(image, 0, 0, false, source);
-    compmark::Buffer<float> scratch;
+    compmark::PerWorkerRows<float> scratch;
     compmark::SerialExecutor executor;
     const compmark::ImageView<float> target{to.data(), 3, map.height(), map.width()};
     map.apply(compmark::ImageView<const float>(source), target, scratch, executor);

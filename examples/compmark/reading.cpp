@@ -9,6 +9,7 @@
 #include <compmark/watermark/proof/key.hpp>
 #include <cstdio>
 
+#include "color_option.hpp"
 #include "common.hpp"
 #include "decoder_choice.hpp"
 
@@ -56,8 +57,7 @@ void add_reading_options(Options& app, ReadingOptions& options) {
       ->check(CLI::IsMember({"test", "train", "all"}));
   app.number("--views", options.views, any_count, "largest number of views that are read, evenly spaced; 0: all")
       ->capture_default_str();
-  app.word("--background", options.behind, "colour behind transparent pixels of images: white or black")
-      ->check(CLI::IsMember({"white", "black"}));
+  background_option(app, options.behind);
   app.number("--memory-budget", options.memory_budget_mb, WholeRange{1, 1 << 24},
              "MiB of memory for reading one image; larger ones are refused before they are decoded")
       ->capture_default_str();
@@ -69,8 +69,7 @@ ReadingSettings reading_settings(const ReadingOptions& options) {
   settings.split = options.split_word == "all"     ? ViewChoice::all
                    : options.split_word == "train" ? ViewChoice::train
                                                    : ViewChoice::test;
-  if (options.behind == "white") settings.background = {1, 1, 1};
-  if (options.behind == "black") settings.background = {0, 0, 0};
+  settings.background = color_of(options.behind).value_or(settings.background);
   return settings;
 }
 

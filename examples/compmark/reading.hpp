@@ -35,7 +35,7 @@ PayloadText payload_text(const compmark::OwnerKey& key, const compmark::Message&
 /// The input of a reading, from options.
 struct ReadingOptions : compmark::ReadingSettings {
   std::string split_word = "test";
-  std::string behind;  ///< transparent pixels of images: "white", "black" or empty
+  std::string behind = "black";  ///< transparent pixels of images: a colour of color_of
   std::size_t threads = 0;
 };
 /// --decoder, --model, --unmarked, --interference, --images, --split, --views, --background, --memory-budget, --threads

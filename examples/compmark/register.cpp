@@ -23,6 +23,7 @@
 #include <utility>
 #include <vector>
 
+#include "color_option.hpp"
 #include "commands.hpp"
 #include "common.hpp"
 #include "model_files.hpp"
@@ -50,7 +51,7 @@ struct Picture {
   std::string sha256;
 };
 
-Result<Picture> read_picture(const std::filesystem::path& path, float behind) {
+Result<Picture> read_picture(const std::filesystem::path& path, const std::array<float, 3>& behind) {
   const Result<std::vector<std::byte>> bytes = read_image_bytes(path);
   if (!bytes) return bytes.error();
   const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
@@ -60,7 +61,7 @@ Result<Picture> read_picture(const std::filesystem::path& path, float behind) {
   *image = turned(std::move(*image), info->orientation);
   std::vector<std::uint8_t> planes(3 * static_cast<std::size_t>(image->width) *
                                    static_cast<std::size_t>(image->height));
-  composite(image->pixels, image->channels, {behind, behind, behind}, AlphaRounding::nearest, planes);
+  composite(image->pixels, image->channels, behind, AlphaRounding::nearest, planes);
   Picture picture;
   picture.sha256 = Sha256().update(*bytes).hex();
   picture.values.resize(planes.size());
@@ -122,7 +123,7 @@ int run(const RegisterOptions& options) {
   ReportGrid grid{"Pictures", {"picture", "verdict", "likeness", "uncertainty, pixels", "focal length, pixels"}, {}};
   std::size_t found_count = 0;
   for (const std::filesystem::path& file : *files) {
-    const Result<Picture> picture = read_picture(file, options.behind == "white" ? 1.0f : 0.0f);
+    const Result<Picture> picture = read_picture(file, color_of(options.behind).value_or(std::array<float, 3>{}));
     if (!picture) return fail(picture.error());
     const Result<Registration> found = register_picture(*model, *places, picture->view, options.settings, executor);
     if (!found) {
@@ -185,9 +186,7 @@ Command add_register(Options& app) {
   app.writes("--html", options->html, OutputKind::words,
              "write a page with every picture, its render and their difference to this file");
   app.flag("--mirrored", options->settings.mirrored, "look at the mirror image of every picture as well");
-  app.word("--background", options->behind, "colour behind transparent pixels of images: white or black")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"white", "black"}));
+  background_option(app, options->behind);
   app.number("--places", options->settings.places, WholeRange{1, 5000},
              "cameras that a picture is compared with: the model's, then drawn ones between and beyond")
       ->capture_default_str();

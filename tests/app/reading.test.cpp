@@ -83,6 +83,73 @@ TEST_CASE("app/reading: renders are read as the decoder reads their 8-bit pixels
   REQUIRE(images->views.size() == testing::small_views);
   CHECK(images->sources.model.empty());
   for (std::size_t i = 0; i < testing::small_views; ++i) CHECK(images->views[i].logits == renders->views[i].logits);
+
+  // The same pictures in memory, behind one file.
+  std::vector<ImageBytes> held;
+  for (std::size_t i = 0; i < testing::small_views; ++i) {
+    const Result<ImageBytes> picture = read_image(pictures / (std::to_string(i) + ".png"));
+    REQUIRE(picture.ok());
+    held.push_back(*picture);
+  }
+  settings.images = {pictures / "0.png"};
+  for (const ImageBytes& picture : held)
+    settings.pictures.push_back({"held", picture.width, picture.height, picture.channels, picture.pixels});
+  const Result<Reading> in_memory = files.read(settings);
+  REQUIRE(in_memory.ok());
+  REQUIRE(in_memory->views.size() == testing::small_views + 1);
+  CHECK(in_memory->views[0].name == "0.png");
+  for (std::size_t i = 0; i < testing::small_views; ++i) {
+    CHECK(in_memory->views[i + 1].logits == renders->views[i].logits);
+    CHECK(in_memory->views[i + 1].name == "held");
+    CHECK_FALSE(in_memory->views[i + 1].part);
+  }
+  settings.pictures.back().height -= 1;
+  const Result<Reading> refused = files.read(settings);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().file == "held");
+}
+
+TEST_CASE("app/reading: of a page with text the picture is read alone, and its place is told") {
+  ReadingFiles files;
+  constexpr int height = 500, width = 640, channels = 3;
+  std::vector<std::uint8_t> page(std::size_t{height} * width * channels, 255);
+  const auto put = [&](int y, int x, int c, int value) {
+    page[(static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)) * channels + static_cast<std::size_t>(c)] =
+        static_cast<std::uint8_t>(value);
+  };
+  for (int line = 20; line < 470; line += line == 92 ? 280 : 18) {  // strokes of three pixels
+    for (int x = 30; x < 600; x += 7) {
+      for (int y = line; y < line + 9; ++y)
+        for (int c = 0; c < channels; ++c)
+          for (int w = 0; w < 3; ++w) put(y, x + w, c, 20);
+    }
+  }
+  constexpr int top = 140, left = 200, side = 200;
+  for (int y = 0; y < side; ++y)
+    for (int x = 0; x < side; ++x)
+      for (int c = 0; c < channels; ++c) put(top + y, left + x, c, 40 + (x * (c + 1) + 2 * y) % 160);
+  ReadingSettings settings = files.settings();
+  settings.model.clear();
+  settings.pictures = {{"page", width, height, channels, page}};
+  const Result<Reading> read = files.read(settings);
+  REQUIRE(read.ok());
+  REQUIRE(read->views[0].part);
+  const PictureBox part = *read->views[0].part;
+  CHECK(part.top > 92);
+  CHECK(part.top <= top);
+  CHECK(part.top + part.height >= top + side);
+  CHECK(part.top + part.height <= 372);
+  // It is what the part by itself is read as.
+  std::vector<std::uint8_t> alone;
+  for (int y = part.top; y < part.top + part.height; ++y) {
+    const auto row = page.begin() + (std::ptrdiff_t{y} * width + part.left) * channels;
+    alone.insert(alone.end(), row, row + std::ptrdiff_t{part.width} * channels);
+  }
+  settings.pictures = {{"part", part.width, part.height, channels, alone}};
+  const Result<Reading> again = files.read(settings);
+  REQUIRE(again.ok());
+  CHECK_FALSE(again->views[0].part);
+  CHECK(again->views[0].logits == read->views[0].logits);
 }
 
 TEST_CASE("app/reading: the cameras of a split are read, evenly spaced where fewer are asked for") {
@@ -163,15 +230,15 @@ TEST_CASE("app/reading: a decoder is of the key's length, and every wrong file i
   settings.model.clear();
   CHECK(files.read(settings).error().problem == "are both missing");
 
-  // Transparent pixels are what is behind them, and nobody said what that is.
+  // Transparent pixels are what is behind them: black, if nobody says otherwise.
   const fs::path clear = files.folder.path / "clear.png";
   ImageBytes image{40, 40, 4, std::vector<std::uint8_t>(4 * 40 * 40, 100)};
   REQUIRE(write_png(clear, image).ok());
   settings.images = {clear};
-  CHECK(files.read(settings).error().field == "alpha");
+  const Result<Reading> black = files.read(settings);
+  REQUIRE(black.ok());
   settings.background = {1, 1, 1};
   const Result<Reading> white = files.read(settings);
   REQUIRE(white.ok());
-  settings.background = {0, 0, 0};
-  CHECK(files.read(settings)->views[0].logits != white->views[0].logits);
+  CHECK(black->views[0].logits != white->views[0].logits);
 }

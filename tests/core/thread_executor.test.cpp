@@ -5,6 +5,8 @@
 #include <doctest/doctest.h>
 
 #if defined(__linux__)
+#include <pthread.h>
+#include <signal.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -12,9 +14,11 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdio>
 #include <string>
+#include <thread>
 
 #include "compmark/testing/executor_laws.hpp"
 
@@ -48,6 +52,97 @@ TEST_CASE("core/thread_executor: ten thousand loops of two chunks end (no lost w
                         [&](std::size_t, std::size_t, std::size_t) { chunks.fetch_add(1, std::memory_order_relaxed); });
   }
   CHECK(chunks == 20000);
+}
+
+#if defined(__linux__)
+namespace {
+namespace thread_executor_test {
+
+std::atomic<bool> held{false};
+std::atomic<bool> let_go{false};
+/// Keeps the thread that gets the signal from running on, as a system without a processor for it does.
+void hold(int) {
+  held.store(true);
+  while (!let_go.load()) ::usleep(1000);
+}
+
+}  // namespace thread_executor_test
+}  // namespace
+
+TEST_CASE("core/thread_executor: a worker that is not run is not waited for, and not missed") {
+  namespace test = thread_executor_test;
+  static_assert(std::atomic<bool>::is_always_lock_free);
+  ThreadExecutor executor(2);
+  REQUIRE(executor.concurrency() == 2);
+  // The other worker is who takes a chunk while the caller waits in one.
+  std::atomic<bool> came{false};
+  pthread_t worker{};
+  executor.for_chunks(2, 1, [&](std::size_t, std::size_t, std::size_t id) {
+    if (id == 1) {
+      worker = ::pthread_self();
+      came.store(true);
+    }
+    while (!came.load()) std::this_thread::yield();
+  });
+  struct sigaction action {};
+  struct sigaction before {};
+  action.sa_handler = test::hold;
+  REQUIRE(::sigaction(SIGUSR1, &action, &before) == 0);
+  test::held.store(false);
+  test::let_go.store(false);
+  REQUIRE(::pthread_kill(worker, SIGUSR1) == 0);
+  while (!test::held.load()) std::this_thread::yield();
+  // An executor that waits for every worker ends its loop only when this thread gives up.
+  std::atomic<bool> ended{false};
+  std::thread watch([&] {
+    for (int i = 0; i < 10000 && !ended.load(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    test::let_go.store(true);
+  });
+  std::atomic<int> chunks{0};
+  bool only_the_caller = true;
+  for (int loop = 0; loop < 100; ++loop) {
+    executor.for_chunks(50, 1, [&](std::size_t, std::size_t, std::size_t id) {
+      only_the_caller = only_the_caller && id == 0;
+      chunks.fetch_add(1);
+    });
+  }
+  CHECK_FALSE(test::let_go.load());
+  CHECK(chunks == 5000);
+  CHECK(only_the_caller);
+  ended.store(true);
+  watch.join();
+  // It comes back, and works again.
+  came.store(false);
+  executor.for_chunks(2, 1, [&](std::size_t, std::size_t, std::size_t id) {
+    if (id == 1) came.store(true);
+    while (!came.load()) std::this_thread::yield();
+  });
+  CHECK(came.load());
+  REQUIRE(::sigaction(SIGUSR1, &before, nullptr) == 0);
+}
+#endif
+
+TEST_CASE("core/thread_executor: an exception ends the loop after those who are inside, and the next loop is whole") {
+  ThreadExecutor executor(3);
+  for (int loop = 0; loop < 300; ++loop) {
+    std::atomic<int> inside{0};
+    try {
+      executor.for_chunks(64, 1, [&](std::size_t begin, std::size_t, std::size_t) {
+        inside.fetch_add(1);
+        if (begin % 7 == 3) {
+          inside.fetch_sub(1);
+          throw begin;
+        }
+        inside.fetch_sub(1);
+      });
+      FAIL_CHECK("nothing was thrown");
+    } catch (std::size_t) {
+    }
+    CHECK(inside == 0);
+    std::atomic<int> chunks{0};
+    executor.for_chunks(64, 1, [&](std::size_t, std::size_t, std::size_t) { chunks.fetch_add(1); });
+    CHECK(chunks == 64);
+  }
 }
 
 #if defined(__has_feature)

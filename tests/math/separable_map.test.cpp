@@ -38,7 +38,7 @@ TEST_CASE("math/separable_map: the transpose is the adjoint, at any number of th
     const std::size_t places = static_cast<std::size_t>(map.height()) * static_cast<std::size_t>(map.width());
     const std::vector<double> g = normals<double>(3 * places, 2, "test/separable_map");
     std::vector<double> out(3 * places), again(3 * places), back(x.size(), 0.5), back_again(x.size(), 0.5);
-    Buffer<double> scratch;
+    PerWorkerRows<double> scratch;
     SerialExecutor serial;
     ThreadExecutor threads(3);
     map.apply({x.data(), 3, 17, 23}, {out.data(), 3, map.height(), map.width()}, scratch, serial);
@@ -61,7 +61,7 @@ TEST_CASE("math/separable_map: a constant image stays constant up to its border"
     CAPTURE(name);
     const std::vector<double> x(3 * 16 * 12, 0.75);
     std::vector<double> out(3 * static_cast<std::size_t>(map.height()) * static_cast<std::size_t>(map.width()));
-    Buffer<double> scratch;
+    PerWorkerRows<double> scratch;
     SerialExecutor serial;
     map.apply({x.data(), 3, 16, 12}, {out.data(), 3, map.height(), map.width()}, scratch, serial);
     double worst = 0;
@@ -74,7 +74,7 @@ TEST_CASE("math/separable_map: a blur of a tenth of a pixel changes no bit in fl
   const auto blurred = [](double sigma, const std::vector<float>& x) {
     const SeparableMap<float> map{RunTable<float>::gaussian(16, sigma), RunTable<float>::gaussian(12, sigma)};
     std::vector<float> out(x.size());
-    Buffer<float> scratch;
+    PerWorkerRows<float> scratch;
     SerialExecutor serial;
     map.apply({x.data(), 3, 16, 12}, {out.data(), 3, 16, 12}, scratch, serial);
     return out;
@@ -88,7 +88,7 @@ TEST_CASE("math/separable_map: a blur of a tenth of a pixel changes no bit in fl
 TEST_CASE("math/separable_map: closed forms") {
   const Table half = Table::resize(8, 4);  // a triangle of width 2 around 0.5, 2.5, ...: (1, 3, 3, 1) / 8
   CHECK(half.output() == 4);
-  Buffer<double> scratch;
+  PerWorkerRows<double> scratch;
   SerialExecutor serial;
   std::vector<double> impulse(8, 0.0), out(4);
   impulse[2] = 1;

@@ -407,9 +407,20 @@ TEST_CASE("tool: bad input of extract, verify and calibrate is one error line, a
   check_refused(verify(s.key, s.decoder, "--images " + at("tiny.png")), {"tiny.png", "40 x 4", "at least 8 pixels"});
   ImageBytes clear{side, side, 4, std::vector<std::uint8_t>(4 * side * side, 128)};
   REQUIRE(write_png(at("clear.png"), clear).ok());
-  check_refused(verify(s.key, s.decoder, "--images " + at("clear.png")), {"clear.png", "transparent", "--background"});
-  const Outcome behind = tool("verify" + s.with(at("clear.png")) + " --background white");
-  CHECK(behind.code != 2);
+  // Transparent pixels are black unless another colour is said.
+  const auto read_over = [&](const std::string& colour) {
+    const Outcome outcome = tool("verify" + s.with(at("clear.png")) + colour + " --json " + at("clear.json"));
+    CHECK(outcome.code != 2);
+    return json_of(at("clear.json"))["views"][0]["logits"];
+  };
+  CHECK(read_over("") == read_over(" --background black"));
+  CHECK(read_over("") == read_over(" --background 000000"));
+  CHECK(read_over(" --background white") == read_over(" --background '#FFFFFF'"));
+  CHECK(read_over("") != read_over(" --background white"));
+  for (const std::string colour : {"green", "12345", "12345g", "1234567"}) {
+    check_refused(verify(s.key, s.decoder, "--images " + at("clear.png") + " --background " + colour),
+                  {"--background", colour, "RRGGBB"});
+  }
 
   // Models and settings.
   check_refused(verify(s.key, s.decoder, "--model " + at("no-model.safetensors")), {"no-model.safetensors"});

@@ -7,8 +7,10 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -48,6 +50,13 @@ using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
 /// Which of the cameras that a model stores.
 enum class ViewChoice { test, train, all };
 
+/// A picture in memory: rows of 8-bit values [height, width, channels], of grey, grey and alpha, RGB or RGBA.
+struct GivenPicture {
+  std::string name;  ///< for the report
+  int width = 0, height = 0, channels = 3;
+  std::span<const std::uint8_t> pixels;
+};
+
 /// What is to be read: a model's renders, or images. Errors name these fields as the tool's options do ("--unmarked").
 struct ReadingSettings {
   std::filesystem::path decoder;
@@ -55,12 +64,12 @@ struct ReadingSettings {
   std::filesystem::path unmarked;             ///< of the model: what it says by itself is subtracted; may be empty
   std::filesystem::path interference;         ///< of the unmarked scene (interference.hpp): subtracted; may be empty
   std::vector<std::filesystem::path> images;  ///< files and folders
+  std::vector<GivenPicture> pictures;         ///< in memory, read after the files
   ViewChoice split = ViewChoice::test;        ///< a model without test views gives those of its training
   std::size_t views = 0;                      ///< at most so many, evenly spaced; 0: all
-  std::optional<std::array<float, 3>>
-      background;                       ///< behind transparent pixels of images; without one they are an error
-  std::size_t memory_budget_mb = 1400;  ///< of one image
-  bool mirrored = false;                ///< images are mirrored, left for right, before they are read
+  std::array<float, 3> background{};          ///< behind transparent pixels of images: black, as models are drawn
+  std::size_t memory_budget_mb = 1400;        ///< of one image
+  bool mirrored = false;                      ///< images are mirrored, left for right, before they are read
 };
 
 struct Reading {

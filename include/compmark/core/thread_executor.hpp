@@ -3,6 +3,10 @@
 //
 // A pool of std::threads. Chunks are handed out by an atomic counter: who runs a chunk varies, what a chunk is does not
 // (law E2).
+//
+// A loop is over when its chunks are done, not when every worker has said so: a worker that the system has no processor
+// for is not waited for unless it holds a chunk. (Waiting for all, two threads beside two busy programs on two cores took
+// twice the time of one thread; docs/notebook/measured.md.)
 #pragma once
 
 #include <algorithm>
@@ -18,22 +22,34 @@
 
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/processors.hpp"
 
 namespace compmark {
 
+namespace detail {
+/// Tells the processor that this is a waiting loop: it leaves its shared parts to the other thread of the core.
+inline void spin_pause() {
+#if defined(__x86_64__) || defined(__i386__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+}  // namespace detail
+
 /// Persistent pool; the calling thread is worker 0. One loop runs at a time; loops do not nest (a nested call runs
-/// serially in place). Workers spin for a few microseconds before they sleep, because the loops of one training
-/// iteration follow each other closely.
+/// serially in place). Workers spin for some microseconds before they sleep, because the loops of one training
+/// iteration follow each other closely; one that came too late for a loop spins no more until it is in time again.
 class ThreadExecutor {
  public:
-  /// threads = 0 takes the hardware's number. Where the system does not give as many (limits of processes or of memory)
+  /// threads = 0 takes available_processors(). Where the system does not give as many (limits of processes or of memory)
   /// there are fewer, which concurrency() says, and nothing is thrown.
   explicit ThreadExecutor(std::size_t threads = 0) {
-    const std::size_t hardware = std::max<std::size_t>(1, std::thread::hardware_concurrency());
-    if (!start(threads != 0 ? threads : hardware) && workers_.size() >= hardware) {
+    const std::size_t processors = available_processors();
+    if (!start(threads != 0 ? threads : processors) && workers_.size() >= processors) {
       // Their stacks may have taken all the memory there is, and more than there are processors are of no use.
       end();
-      static_cast<void>(start(hardware));
+      static_cast<void>(start(processors));
     }
     concurrency_ = workers_.size() + 1;
   }
@@ -51,16 +67,21 @@ class ThreadExecutor {
       for (std::size_t begin = 0; begin < n; begin += grain) job.call(job.body, begin, std::min(begin + grain, n), 0);
       return;
     }
-    job_ = job;
+    job_ = job;  // nobody is inside: the gate is shut
     next_.store(0, std::memory_order_relaxed);
-    pending_.store(concurrency_ - 1, std::memory_order_relaxed);
+    gate_.store(gate_open, std::memory_order_release);
     generation_.fetch_add(1, std::memory_order_release);
     generation_.notify_all();
     work(0);
-    for (int spin = 0; pending_.load(std::memory_order_acquire) != 0; ++spin) {
-      if (spin < spin_limit) continue;
-      const std::size_t left = pending_.load(std::memory_order_acquire);
-      if (left != 0) pending_.wait(left, std::memory_order_acquire);
+    // Nothing is left to hand out. Who is inside has a chunk or leaves at once; who comes now finds the gate shut.
+    std::uint32_t inside = gate_.fetch_and(~gate_open, std::memory_order_acq_rel) & ~gate_open;
+    for (int spin = 0; inside != 0; ++spin) {
+      if (spin < spin_limit) {
+        detail::spin_pause();
+      } else {
+        gate_.wait(inside, std::memory_order_acquire);
+      }
+      inside = gate_.load(std::memory_order_acquire);
     }
     std::exception_ptr failure;
     std::swap(failure, failure_);
@@ -116,28 +137,54 @@ class ThreadExecutor {
     }
   }
 
+  /// False where the loop is over already.
+  [[nodiscard]] bool enter() {
+    std::uint32_t gate = gate_.load(std::memory_order_relaxed);
+    while ((gate & gate_open) != 0) {
+      if (gate_.compare_exchange_weak(gate, gate + 1, std::memory_order_acquire, std::memory_order_relaxed))
+        return true;
+    }
+    return false;
+  }
+  void leave() {
+    if (gate_.fetch_sub(1, std::memory_order_acq_rel) == 1) gate_.notify_one();  // shut, and the last
+  }
+
   void serve(std::size_t worker) {
-    std::uint64_t seen = 0;
+    std::uint32_t seen = 0;
+    int patience = spin_limit;
     for (;;) {
       for (int spin = 0; generation_.load(std::memory_order_acquire) == seen; ++spin) {
-        if (spin >= spin_limit) generation_.wait(seen, std::memory_order_acquire);
+        if (spin < patience) {
+          detail::spin_pause();
+        } else {
+          generation_.wait(seen, std::memory_order_acquire);
+        }
       }
       seen = generation_.load(std::memory_order_acquire);
       if (stopping_.load()) return;
+      if (!enter()) {
+        patience = 0;
+        continue;
+      }
       work(worker);
-      if (pending_.fetch_sub(1, std::memory_order_acq_rel) == 1) pending_.notify_one();
+      leave();
+      patience = std::min(spin_limit, patience + spin_limit / 8);
     }
   }
 
+  static constexpr std::uint32_t gate_open = std::uint32_t{1} << 31;  // below it: how many workers are inside
   static constexpr int spin_limit = 2000;
 
   std::size_t concurrency_ = 1;
   std::vector<std::thread> workers_;
   Job job_;
-  std::atomic<std::size_t> next_{0};
-  std::atomic<std::size_t> pending_{0};
-  std::atomic<std::uint64_t> generation_{0};
-  std::atomic<bool> busy_{false};
+  // On cache lines of their own: the counter is written for every chunk, the others once a loop. 32 bits are what
+  // atomic waiting needs no table for.
+  alignas(128) std::atomic<std::size_t> next_{0};
+  alignas(128) std::atomic<std::uint32_t> gate_{0};
+  alignas(128) std::atomic<std::uint32_t> generation_{0};
+  alignas(128) std::atomic<bool> busy_{false};
   std::atomic<bool> stopping_{false};
   std::mutex failure_mutex_;
   std::exception_ptr failure_;

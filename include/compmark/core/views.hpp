@@ -56,4 +56,10 @@ struct ImageView {
   }
 };
 
+/// Part of a picture, in pixels.
+struct PictureBox {
+  int top = 0, left = 0, height = 0, width = 0;
+  bool operator==(const PictureBox&) const = default;
+};
+
 }  // namespace compmark

@@ -147,7 +147,7 @@ inline constexpr const char* npy_type = [] {
 template <class T>
 [[nodiscard]] std::vector<std::byte> npy_bytes(std::span<const std::size_t> shape, std::span<const T> values) {
   std::string header = std::string("{'descr': '") + npy_type<T> + "', 'fortran_order': False, 'shape': (";
-  std::size_t count = 1;
+  [[maybe_unused]] std::size_t count = 1;  // asserted alone
   for (const std::size_t side : shape) {
     header += std::to_string(side) + ",";
     count *= side;

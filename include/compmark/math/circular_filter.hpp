@@ -18,6 +18,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/math/fft.hpp"
 #include "compmark/math/pack.hpp"
 
@@ -30,7 +31,7 @@ class CircularFilter {
   /// Scratch, grow-only; one for filters of all sizes.
   struct Context {
     Buffer<T> spectrum;  // [re, im][kx][y], then, turned, [re, im][y][kx]
-    Buffer<T> worker;
+    PerWorkerRows<T> worker;
     Buffer<double> partial;
   };
 
@@ -59,7 +60,7 @@ class CircularFilter {
   void apply(const T* input, T* output, Context& context, E& executor) const {
     const std::size_t plane = columns() * column_stride(), turned_plane = rows() * row_stride();
     context.spectrum.resize(2 * (plane + turned_plane));
-    context.worker.resize(worker_size() * executor.concurrency());
+    context.worker.resize(executor.concurrency(), worker_size());
     T* const spectrum = context.spectrum.data();
     T* const turned = spectrum + 2 * plane;
     const T mean = mean_of(input, context, executor);
@@ -100,7 +101,7 @@ class CircularFilter {
   [[nodiscard]] std::size_t room() const { return padded(std::max(along_rows_.room(), along_columns_.room()) * lanes); }
   [[nodiscard]] std::size_t worker_size() const { return 4 * room() + (8 + lanes) * lanes; }
   [[nodiscard]] Memory memory(Context& context, std::size_t worker) const {
-    T* const base = context.worker.data() + worker * worker_size();
+    T* const base = context.worker.row(worker);
     return {{base, base + room()}, {base + 2 * room(), base + 3 * room()}};
   }
 

@@ -23,6 +23,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/math/pack.hpp"
 
 namespace compmark {
@@ -217,7 +218,7 @@ void fill_conv_offsets(const ConvShape& shape, const ConvInput<T>& input, Buffer
 template <class T>
 struct ConvScratch {
   Buffer<std::ptrdiff_t> offsets;
-  Buffer<T> panel;
+  PerWorkerRows<T> panel;
 };
 
 /// Weights in kernel order and the kernel itself. T is float in production, double in tests.
@@ -291,10 +292,10 @@ class Convolution {
     COMPMARK_ASSERT(output.channels == shape_.out && output.row_stride == input.row_stride, "Convolution: output");
     detail::fill_conv_offsets(shape_, input, scratch.offsets);
     const std::size_t taps = shape_.taps();
-    scratch.panel.resize(executor.concurrency() * taps * tile);
+    scratch.panel.resize(executor.concurrency(), taps * tile);
     const std::size_t positions = static_cast<std::size_t>(output.height) * input.row_stride;
     executor.for_chunks(positions, tile, [&](std::size_t begin, std::size_t, std::size_t worker) {
-      T* const panel = scratch.panel.data() + worker * taps * tile;
+      T* const panel = scratch.panel.row(worker);
       copy_panel(input.planes.data() + begin, scratch.offsets.data(), panel);
       for (std::size_t block = 0; block < blocks(); ++block) compute_tile(panel, output, block, begin, finish);
     });

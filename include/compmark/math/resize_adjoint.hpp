@@ -16,6 +16,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/math/pack.hpp"
 
 namespace compmark {
@@ -86,7 +87,7 @@ class TriangleResize {
  public:
   using Scalar = T;
   struct Context {
-    Buffer<T> rows;  ///< the plane after the first pass
+    PerWorkerRows<T> rows;  ///< the plane after the first pass
   };
 
   /// Computes the tables.
@@ -120,9 +121,9 @@ class TriangleResize {
   static void run(const Axis& vertical, const Axis& horizontal, const T* input, T* output, Context& context,
                   E& executor) {
     const std::size_t from_width = static_cast<std::size_t>(horizontal.input), to_width = horizontal.taps.size();
-    context.rows.resize(from_width * executor.concurrency());
+    context.rows.resize(executor.concurrency(), from_width);
     executor.for_chunks(vertical.taps.size(), 16, [&](std::size_t begin, std::size_t end, std::size_t worker) {
-      T* const row = context.rows.data() + worker * from_width;
+      T* const row = context.rows.row(worker);
       for (std::size_t y = begin; y < end; ++y) {
         const typename Axis::Tap& down = vertical.taps[y];
         for (std::size_t x = 0; x < from_width; x += P::width) {

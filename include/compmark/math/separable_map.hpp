@@ -17,6 +17,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark {
@@ -105,14 +106,14 @@ struct SeparableMap {
 
   /// Fills `output`, of this map's height and width. `scratch` grows to one input row a worker.
   template <Executor E>
-  void apply(ImageView<const T> input, ImageView<T> output, Buffer<T>& scratch, E& executor) const {
+  void apply(ImageView<const T> input, ImageView<T> output, PerWorkerRows<T>& scratch, E& executor) const {
     check(input.height, input.width, output.height, output.width);
     const std::size_t columns = static_cast<std::size_t>(input.width);
     const std::size_t rows = static_cast<std::size_t>(output.height);
-    scratch.resize(columns * executor.concurrency());
+    scratch.resize(executor.concurrency(), columns);
     executor.for_chunks(rows * static_cast<std::size_t>(input.channels), 16,
                         [&](std::size_t begin, std::size_t end, std::size_t worker) {
-                          T* const sums = scratch.data() + worker * columns;
+                          T* const sums = scratch.row(worker);
                           for (std::size_t r = begin; r < end; ++r)
                             apply_row(input, static_cast<int>(r / rows), static_cast<int>(r % rows), output, sums);
                         });
@@ -121,14 +122,15 @@ struct SeparableMap {
   /// Adds the transposed map of `gradient` (this map's size) to `input_gradient`. `scratch` grows to one input row a
   /// worker.
   template <Executor E>
-  void add_transposed(ImageView<const T> gradient, ImageView<T> input_gradient, Buffer<T>& scratch, E& executor) const {
+  void add_transposed(ImageView<const T> gradient, ImageView<T> input_gradient, PerWorkerRows<T>& scratch,
+                      E& executor) const {
     check(input_gradient.height, input_gradient.width, gradient.height, gradient.width);
     const std::size_t columns = static_cast<std::size_t>(input_gradient.width);
-    scratch.resize(columns * executor.concurrency());
+    scratch.resize(executor.concurrency(), columns);
     const auto channels = static_cast<std::size_t>(gradient.channels);
     executor.for_chunks(channels, 1, [&](std::size_t channel, std::size_t, std::size_t worker) {
       for (int y = 0; y < gradient.height; ++y)
-        scatter_row(gradient, static_cast<int>(channel), y, input_gradient, scratch.data() + worker * columns);
+        scatter_row(gradient, static_cast<int>(channel), y, input_gradient, scratch.row(worker));
     });
   }
 

@@ -22,6 +22,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/math/conv.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
@@ -32,7 +33,7 @@ namespace compmark {
 /// Scratch of a Winograd convolution, grow-only: about n^2 (in + out) 48 scalars a worker.
 template <class T>
 struct WinogradScratch {
-  Buffer<T> values;
+  PerWorkerRows<T> values;
 };
 
 /// 3 x 3 kernels at stride 1. Calls as Convolution<T>: assign, resize_output, forward, from a view to a view.
@@ -99,9 +100,9 @@ class WinogradConvolution {
     const std::size_t transformed = element_stride(shape_.in) * elements;
     const std::size_t products = element_stride(shape_.out) * elements;
     const std::size_t share = transformed + products + line_size + n * split_size;
-    scratch.values.resize(share * executor.concurrency());
+    scratch.values.resize(executor.concurrency(), share);
     executor.for_chunks(rows * columns, block, [&](std::size_t begin, std::size_t end, std::size_t worker) {
-      T* const own = scratch.values.data() + worker * share;
+      T* const own = scratch.values.row(worker);
       T* const sums = own + transformed;
       T* const line = sums + products;
       const Block at{begin, end, columns, static_cast<int>((end - begin + P::width - 1) / P::width)};

@@ -22,6 +22,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/conv.hpp"
@@ -47,7 +48,7 @@ class Lpips {
     ConvScratch<float> convolution;
     std::array<std::array<FeatureMaps<float>, 2>, 2> maps;  ///< [image][front, back]
     FeatureMaps<float> squeezed;
-    Buffer<float> rows;
+    PerWorkerRows<float> rows;
     Buffer<double> partial;
   };
 
@@ -206,11 +207,11 @@ class Lpips {
     const FeatureView<const float> b = std::as_const(context.maps[1][0]).view();
     const std::vector<float>& weights = linear_[layer];
     const std::size_t width = static_cast<std::size_t>(a.width);
-    context.rows.resize(executor.concurrency() * 3 * width);
+    context.rows.resize(executor.concurrency(), 3 * width);
     context.partial.resize(static_cast<std::size_t>(a.height));
     const double sum = [&] {
       executor.for_chunks(static_cast<std::size_t>(a.height), 1, [&](std::size_t y, std::size_t, std::size_t worker) {
-        float* const inverse_a = context.rows.data() + worker * 3 * width;
+        float* const inverse_a = context.rows.row(worker);
         float* const inverse_b = inverse_a + width;
         float* const distance = inverse_b + width;
         std::fill_n(inverse_a, 3 * width, 0.0f);

@@ -40,10 +40,7 @@ class Obstacles {
  public:
   explicit Obstacles(const SplatTable& table) {
     constexpr std::size_t most = 65536;
-    std::vector<std::size_t> rows;
-    for (std::size_t i = 0; i < table.count; ++i) {
-      if (table.opacity[i] >= 0) rows.push_back(i);
-    }
+    const std::vector<std::size_t> rows = opaque_rows(table);
     const std::size_t step = std::max<std::size_t>(1, (rows.size() + most - 1) / most);
     for (std::size_t at = 0; at < rows.size(); at += step) {
       const std::size_t i = rows[at];

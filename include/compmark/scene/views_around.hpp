@@ -98,14 +98,20 @@ struct SplatBulk {
   double radius = 1;
 };
 
-/// Of the splats that are at least half opaque, or of all where none is; of those the `finest` share by volume, which
-/// is what photographs came near to.
-[[nodiscard]] inline SplatBulk splat_bulk(const SplatTable& table, double finest = 1) {
+/// The rows that are at least half opaque, or all of them where none is: what a table shows.
+[[nodiscard]] inline std::vector<std::size_t> opaque_rows(const SplatTable& table) {
   std::vector<std::size_t> rows;
   for (std::size_t i = 0; i < table.count; ++i) {
     if (table.opacity[i] >= 0) rows.push_back(i);
   }
   for (std::size_t i = 0; rows.empty() && i < table.count; ++i) rows.push_back(i);
+  return rows;
+}
+
+/// Of the splats that are at least half opaque, or of all where none is; of those the `finest` share by volume, which
+/// is what photographs came near to.
+[[nodiscard]] inline SplatBulk splat_bulk(const SplatTable& table, double finest = 1) {
+  std::vector<std::size_t> rows = opaque_rows(table);
   if (finest < 1) {
     const auto kept = static_cast<std::size_t>(std::ceil(finest * static_cast<double>(rows.size())));
     const auto volume = [&](std::size_t i) {

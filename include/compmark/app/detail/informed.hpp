@@ -53,19 +53,6 @@ inline std::vector<float> resized_weight(const std::vector<float>& from, int fro
   return to;
 }
 
-/// A part of an image.
-inline ReadImage part_of(const ReadImage& image, const PictureBox& box) {
-  ReadImage part{{}, box.width, box.height, image.sha256};
-  part.planes.reserve(3 * static_cast<std::size_t>(box.width) * static_cast<std::size_t>(box.height));
-  for (int c = 0; c < 3; ++c) {
-    for (int y = box.top; y < box.top + box.height; ++y) {
-      const auto row = image.planes.begin() + (static_cast<std::ptrdiff_t>(c) * image.height + y) * image.width;
-      part.planes.insert(part.planes.end(), row + box.left, row + box.left + box.width);
-    }
-  }
-  return part;
-}
-
 inline Result<ComparedPicture> compare_picture(AnyModel& model, const Registration& found,
                                                ImageView<const float> picture, ThreadExecutor& executor) {
   ComparedPicture compared;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The functions of app/reading.hpp.
+// The functions of app/reading.hpp. Longer than 300 lines: files, pictures in memory and renders are read alike.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,6 +27,7 @@
 #include "compmark/scene/image.hpp"
 #include "compmark/scene/turn.hpp"
 #include "compmark/version.hpp"
+#include "compmark/watermark/decoder/page_box.hpp"
 #include "compmark/watermark/proof/key.hpp"
 
 namespace compmark {
@@ -55,10 +57,35 @@ inline Result<ReportSources> sources_of(const std::filesystem::path& decoder, co
 struct ReadImage {
   std::vector<float> planes;  ///< [3, height, width]
   int width = 0, height = 0;
-  std::string sha256;  ///< of the file
+  std::string sha256;              ///< of the file
+  std::optional<PictureBox> part;  ///< of the file's image, where it is the picture on a page
 };
+/// A part of an image.
+inline ReadImage part_of(const ReadImage& image, const PictureBox& box) {
+  ReadImage part{{}, box.width, box.height, image.sha256, image.part};
+  part.planes.reserve(3 * static_cast<std::size_t>(box.width) * static_cast<std::size_t>(box.height));
+  for (int c = 0; c < 3; ++c) {
+    for (int y = box.top; y < box.top + box.height; ++y) {
+      const auto row = image.planes.begin() + (static_cast<std::ptrdiff_t>(c) * image.height + y) * image.width;
+      part.planes.insert(part.planes.end(), row + box.left, row + box.left + box.width);
+    }
+  }
+  return part;
+}
+/// The planes as floats, of the picture alone where they are a page.
+inline void read_parts(const std::vector<std::uint8_t>& planes, const ReadingSettings& settings, ReadImage& read) {
+  read.planes.resize(planes.size());
+  for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
+  const PictureBox part = page_box(ImageView<const float>{read.planes.data(), 3, read.height, read.width});
+  if (part.height != read.height || part.width != read.width) {
+    read.part = part;
+    read = part_of(read, part);
+  }
+  if (settings.mirrored) mirror_rows(ImageView<float>{read.planes.data(), 3, read.height, read.width});
+}
 inline Result<Done> read_planes(const std::filesystem::path& path, const ReadingSettings& settings, ReadImage& read) {
   read.planes = {};  // of the image before
+  read.part.reset();
   std::vector<std::uint8_t> planes;
   {
     Result<std::vector<std::byte>> bytes = read_image_bytes(path);
@@ -72,43 +99,57 @@ inline Result<Done> read_planes(const std::filesystem::path& path, const Reading
     if (!image) return image.error();
     *bytes = {};
     *image = turned(std::move(*image), info->orientation);
-    const std::size_t channels = static_cast<std::size_t>(image->channels);
-    if (!settings.background && (channels == 2 || channels == 4)) {
-      for (std::size_t i = channels - 1; i < image->pixels.size(); i += channels) {
-        if (image->pixels[i] == 255) continue;
-        return Error{ErrorKind::invalid, path.string(), "alpha", "has transparent pixels",
-                     "choose the colour behind them with --background white or black"};
-      }
-    }
     read.width = image->width;
     read.height = image->height;
     planes.resize(3 * static_cast<std::size_t>(read.width) * static_cast<std::size_t>(read.height));
-    composite(image->pixels, image->channels, settings.background.value_or(std::array<float, 3>{}),
-              AlphaRounding::nearest, planes);
+    composite(image->pixels, image->channels, settings.background, AlphaRounding::nearest, planes);
   }
-  read.planes.resize(planes.size());
-  for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
-  if (settings.mirrored) mirror_rows(ImageView<float>{read.planes.data(), 3, read.height, read.width});
+  read_parts(planes, settings, read);
+  return Done{};
+}
+inline Result<Done> read_planes(const GivenPicture& picture, const ReadingSettings& settings, ReadImage& read) {
+  const bool sized = picture.width > 0 && picture.height > 0 && picture.channels >= 1 && picture.channels <= 4;
+  const std::uint64_t pixels =
+      sized ? static_cast<std::uint64_t>(picture.width) * static_cast<std::uint64_t>(picture.height) : 0;
+  if (!sized || picture.pixels.size() != pixels * static_cast<std::uint64_t>(picture.channels)) {
+    return Error{ErrorKind::invalid, picture.name, "picture", "has not as many values as its sides and channels say",
+                 "give height * width * channels values of 8 bits, of 1 to 4 channels"};
+  }
+  read = {};
+  read.width = picture.width;
+  read.height = picture.height;
+  read.sha256 = Sha256{}.update(std::as_bytes(picture.pixels)).hex();
+  std::vector<std::uint8_t> planes(3 * pixels);
+  composite(picture.pixels, picture.channels, settings.background, AlphaRounding::nearest, planes);
+  read_parts(planes, settings, read);
   return Done{};
 }
 
 inline Result<Done> read_images(const ReadingSettings& settings, const FileDecoder& decoder,
                                 const CoverInterference* interference, ThreadExecutor& executor,
                                 const WorkObserver& observer, Reading& reading) {
-  Result<std::vector<std::filesystem::path>> files = image_files(settings.images);
+  Result<std::vector<std::filesystem::path>> files = std::vector<std::filesystem::path>();
+  if (!settings.images.empty()) files = image_files(settings.images);
   if (!files) return files.error();
   keep_evenly(*files, settings.views);
   FileDecoder::Context context;
   ReadImage image;
-  for (const std::filesystem::path& path : *files) {
-    if (Result<Done> done = read_planes(path, settings, image); !done) return done;
+  for (std::size_t i = 0; i < files->size() + settings.pictures.size(); ++i) {
+    const bool given = i >= files->size();
+    const std::string path = given ? settings.pictures[i - files->size()].name : (*files)[i].string();
+    if (Result<Done> done = given ? read_planes(settings.pictures[i - files->size()], settings, image)
+                                  : read_planes((*files)[i], settings, image);
+        !done)
+      return done;
     const ImageView<const float> planes{image.planes.data(), 3, image.height, image.width};
-    Result<ViewLogits> view = read_less(decoder, interference, planes, path.string(), context, executor);
+    Result<ViewLogits> view = read_less(decoder, interference, planes, path, context, executor);
     if (!view) return view.error();
-    view->name = path.filename().string();
+    view->name = given ? path : (*files)[i].filename().string();
     view->sha256 = image.sha256;
+    view->part = image.part;
     reading.views.push_back(std::move(*view));
-    if (Result<Done> on = tell(observer, reading.views.size(), files->size()); !on) return on;
+    if (Result<Done> on = tell(observer, reading.views.size(), files->size() + settings.pictures.size()); !on)
+      return on;
   }
   return Done{};
 }
@@ -246,7 +287,7 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
     return Error{ErrorKind::invalid, settings.unmarked.string(), "--unmarked",
                  "is for a model here, and these are images", "find their cameras with compmark verify --unmarked"};
   }
-  if (settings.model.empty() && settings.images.empty()) {
+  if (settings.model.empty() && settings.images.empty() && settings.pictures.empty()) {
     return Error{ErrorKind::invalid, {}, "--model, --images", "are both missing", "give a model or images"};
   }
   Result<FileDecoder> decoder = open_decoder(settings.decoder, key ? &*key : nullptr);

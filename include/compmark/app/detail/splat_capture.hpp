@@ -15,9 +15,11 @@
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/splat_capture.hpp"
 #include "compmark/io/splat/read_splat.hpp"
+#include "compmark/io/splat/splat_rounding.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/scene/capture_around.hpp"
 #include "compmark/scene/picture_source.hpp"
+#include "compmark/scene/views_around.hpp"
 
 namespace compmark {
 namespace detail {
@@ -56,11 +58,7 @@ class RenderedPictures final : public PictureSource {
 /// Where a training begins: at most 200,000 of the splats that are at least half opaque (of all, where none is).
 [[nodiscard]] inline PointCloud points_of_splats(const SplatTable& table) {
   constexpr std::size_t most = 200000;
-  std::vector<std::size_t> rows;
-  for (std::size_t i = 0; i < table.count; ++i) {
-    if (table.opacity[i] >= 0) rows.push_back(i);
-  }
-  for (std::size_t i = 0; rows.empty() && i < table.count; ++i) rows.push_back(i);
+  const std::vector<std::size_t> rows = opaque_rows(table);
   const std::size_t step = std::max<std::size_t>(1, (rows.size() + most - 1) / most);
   PointCloud points;
   for (std::size_t at = 0; at < rows.size(); at += step) {
@@ -68,7 +66,7 @@ class RenderedPictures final : public PictureSource {
     std::array<std::uint8_t, 3>& color = points.color.emplace_back();
     for (std::size_t c = 0; c < 3; ++c) {
       place[c] = table.mean[c][rows[at]];
-      const double value = 0.5 + sh_constant * static_cast<double>(table.color(c, 0)[rows[at]]);
+      const double value = color_of_dc(table.color(c, 0)[rows[at]]);
       color[c] = static_cast<std::uint8_t>(std::lround(255 * std::clamp(value, 0.0, 1.0)));
     }
   }

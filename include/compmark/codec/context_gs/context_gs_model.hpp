@@ -38,6 +38,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 
@@ -98,7 +99,7 @@ class ContextGsModel : public AnchorRateModel<T, feature_dim, offsets, ContextGs
     Buffer<double> partial;
     std::array<Buffer<T>, 3> packed;
     Buffer<T> chunk_gradients;
-    Buffer<Scratch> scratch;  ///< one a worker
+    PerWorker<Scratch> scratch;
   };
 
   ContextGsModel() = default;

@@ -34,6 +34,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 
@@ -88,7 +89,7 @@ class HacModel : public AnchorRateModel<T, feature_dim, offsets, HacHandles, Qua
     Buffer<T> d_grid;            ///< by the network's inputs, level-major, rows as back_position
     Buffer<double> partial;
     Buffer<T> packed, chunk_gradients;
-    Buffer<Scratch> scratch;  ///< one a worker
+    PerWorker<Scratch> scratch;
     typename Grid::Context grid;
   };
 

@@ -20,6 +20,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/splat/anchor/mlp_decoder_backward.hpp"
 #include "compmark/splat/anchor/mlp_decoder_forward.hpp"
 
@@ -55,8 +56,8 @@ class MlpDecoder {
     Buffer<T> opacity, opacity_sum, inverse_norm, color_bias1, bank, packed, chunk_gradients, total_gradients;
     Buffer<std::uint16_t> mask;
     Buffer<std::uint32_t> block_count, block_bad, block_row, slot;
-    Buffer<detail::DecodeForwardScratch<T, W, shape>> forward_scratch;    // one a worker
-    Buffer<detail::DecodeBackwardScratch<T, W, shape>> backward_scratch;  // one a worker
+    PerWorker<detail::DecodeForwardScratch<T, W, shape>> forward_scratch;
+    PerWorker<detail::DecodeBackwardScratch<T, W, shape>> backward_scratch;
     [[nodiscard]] std::size_t memory_bytes() const {
       return opacity.capacity_bytes() + opacity_sum.capacity_bytes() + inverse_norm.capacity_bytes() +
              color_bias1.capacity_bytes() + bank.capacity_bytes() + packed.capacity_bytes() +

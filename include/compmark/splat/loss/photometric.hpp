@@ -17,6 +17,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gradient_mode.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/splat/loss/photometric_scratch.hpp"
@@ -42,7 +43,7 @@ class PhotometricLoss {
   };
   /// Scratch, grow-only: 83 rows of the image's width + 32 scalars a worker, 16 bytes a band.
   struct Context {
-    Buffer<T> scratch;
+    PerWorkerRows<T> scratch;
     Buffer<double> partial;
   };
 
@@ -87,7 +88,7 @@ class PhotometricLoss {
     if (x.size() == 0) return {0, 1, 0};
     const std::size_t padded = (static_cast<std::size_t>(x.width) + lanes - 1) / lanes * lanes;
     const std::size_t stride = padded + 2 * Scratch::margin;
-    context.scratch.resize(stride * Scratch::rows * executor.concurrency());
+    context.scratch.resize(executor.concurrency(), stride * Scratch::rows);
     const std::size_t bands = chunk_count(static_cast<std::size_t>(x.height), band_rows);
     const std::size_t chunks = bands * static_cast<std::size_t>(x.channels);
     context.partial.resize(2 * chunks);
@@ -95,7 +96,7 @@ class PhotometricLoss {
     executor.for_chunks(chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t worker) {
       const int channel = static_cast<int>(chunk / bands);
       const int begin = static_cast<int>(chunk % bands) * band_rows;
-      const Scratch scratch{context.scratch.data() + worker * stride * Scratch::rows, stride};
+      const Scratch scratch{context.scratch.row(worker), stride};
       const Sums sums =
           band<Backward, mode>(x, y, scale, d_x, channel, begin, std::min(begin + band_rows, x.height), scratch);
       context.partial[2 * chunk] = sums.l1;

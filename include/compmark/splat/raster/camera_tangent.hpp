@@ -22,6 +22,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/scene/camera.hpp"
@@ -201,8 +202,8 @@ class CameraTangent {
 
   struct Context {
     typename Raster::Context raster;
-    Buffer<detail::SplatMoves<T>> moves;        // [visible splats]
-    Buffer<detail::TangentScratch<T>> scratch;  // [workers]
+    Buffer<detail::SplatMoves<T>> moves;  // [visible splats]
+    PerWorker<detail::TangentScratch<T>> scratch;
   };
 
   CameraTangent() = default;

@@ -17,6 +17,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/separable_map.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
@@ -95,7 +96,7 @@ struct ResampleAttack {
     AttackedPicture result{image.height, image.width, std::vector<float>(image.size())};
     const SeparableMap<float> larger{RunTable<float>::resize(small.height, image.height),
                                      RunTable<float>::resize(small.width, image.width)};
-    Buffer<float> scratch;
+    PerWorkerRows<float> scratch;
     SerialExecutor executor;
     larger.apply(small.view(), ImageView<float>{result.planes.data(), 3, image.height, image.width}, scratch, executor);
     for (float& value : result.planes) value = std::clamp(value, 0.0f, 1.0f);

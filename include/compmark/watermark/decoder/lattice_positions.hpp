@@ -22,6 +22,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/math/separable_map.hpp"
@@ -249,7 +250,8 @@ struct LatticePositions {
   std::vector<SeparableMap<T>> maps_;
   std::vector<Buffer<T>> levels_;  ///< log(a_b + epsilon), or a_b for colour
   Buffer<T> coarse_;               ///< a_n
-  Buffer<T> d_level_, d_finer_, row_;
+  Buffer<T> d_level_, d_finer_;
+  PerWorkerRows<T> row_;
 };
 
 }  // namespace compmark

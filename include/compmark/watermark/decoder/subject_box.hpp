@@ -26,12 +26,6 @@
 
 namespace compmark {
 
-/// Part of a picture, in pixels.
-struct PictureBox {
-  int top = 0, left = 0, height = 0, width = 0;
-  bool operator==(const PictureBox&) const = default;
-};
-
 namespace detail {
 
 /// Means of blocks, and which of them are left.

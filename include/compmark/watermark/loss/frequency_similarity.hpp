@@ -13,6 +13,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/math/unroll.hpp"
 #include "compmark/splat/loss/photometric_scratch.hpp"
@@ -26,7 +27,7 @@ class SimilarityMap {
   struct Context {
     Buffer<T> error;    ///< E [height, width]
     Buffer<T> between;  ///< [ssim_maps, height, padded width]
-    Buffer<T> scratch;
+    PerWorkerRows<T> scratch;
     Buffer<double> partial;
   };
 
@@ -35,7 +36,7 @@ class SimilarityMap {
   static double measure(const T* x, const T* y, std::size_t height, std::size_t width, Context& context, E& executor) {
     context.error.resize(height * width);
     if constexpr (Backward) context.between.resize(ssim_maps * height * padded(width));
-    context.scratch.resize(stride(width) * Scratch::rows * executor.concurrency());
+    context.scratch.resize(executor.concurrency(), stride(width) * Scratch::rows);
     context.partial.resize(chunk_count(height, grain));
     return sum_rows(height, width, context, executor, [&](std::size_t begin, std::size_t end, const Scratch& scratch) {
       return measure_rows<Backward>(x, y, height, width, begin, end, scratch, context);
@@ -70,7 +71,7 @@ class SimilarityMap {
   static std::size_t padded(std::size_t width) { return (width + lanes - 1) / lanes * lanes; }
   static std::size_t stride(std::size_t width) { return padded(width) + 2 * Scratch::margin; }
   static Scratch scratch_of(std::size_t width, Context& context, std::size_t worker) {
-    const Scratch scratch{context.scratch.data() + worker * stride(width) * Scratch::rows, stride(width)};
+    const Scratch scratch{context.scratch.row(worker), stride(width)};
     scratch.clear_margins();
     return scratch;
   }

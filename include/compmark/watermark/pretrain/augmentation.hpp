@@ -19,6 +19,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/separable_map.hpp"
@@ -185,7 +186,7 @@ class Augmenter {
 
   AugmentationDraw draw_;
   SeparableMap<T> map_;
-  Buffer<T> scratch_;
+  PerWorkerRows<T> scratch_;
   Buffer<T> output_;
   int height_ = 0;
   int width_ = 0;

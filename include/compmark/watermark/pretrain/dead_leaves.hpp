@@ -17,6 +17,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/separable_map.hpp"
@@ -121,7 +122,7 @@ inline void dead_leaves_image(std::uint64_t seed, std::uint64_t index, ImageView
   const SeparableMap<float> blur{RunTable<float>::gaussian(image.height, 0.4 + 0.6 * static_cast<double>(uniform())),
                                  RunTable<float>::gaussian(image.width, 0.6)};
   std::vector<float> sharp(image.data, image.data + image.size());
-  Buffer<float> scratch;
+  PerWorkerRows<float> scratch;
   SerialExecutor executor;
   blur.apply({sharp.data(), image.channels, image.height, image.width}, image, scratch, executor);
   for (float& value : image.flat()) value = std::clamp(value, 0.0f, 1.0f);

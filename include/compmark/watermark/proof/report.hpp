@@ -161,6 +161,12 @@ template <class Json>
     Json entry;
     entry["name"] = view.name;
     entry["sha256"] = detail::text_or_null<Json>(view.sha256);
+    if (view.part) {
+      entry["part"] = {{"left", view.part->left},
+                       {"top", view.part->top},
+                       {"width", view.part->width},
+                       {"height", view.part->height}};
+    }
     entry["matches"] = v.views[i].matches;
     entry["p_value"] = v.views[i].p_value;
     entry["logits"] = view.logits;

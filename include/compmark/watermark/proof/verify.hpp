@@ -19,6 +19,7 @@
 
 #include "compmark/core/config.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/core/views.hpp"
 #include "compmark/math/binomial.hpp"
 #include "compmark/watermark/proof/message.hpp"
 
@@ -49,6 +50,7 @@ struct ViewLogits {
   std::string name;
   std::string sha256;  ///< of the image file; may be empty
   std::vector<double> logits;
+  std::optional<PictureBox> part = {};  ///< of the image, in pixels: what was read of a page (page_box.hpp)
 };
 
 /// Evidence of one reading.

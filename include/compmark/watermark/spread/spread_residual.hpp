@@ -16,6 +16,7 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/per_worker.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/separable_map.hpp"
 #include "compmark/math/symmetric.hpp"
@@ -30,7 +31,7 @@ inline void blur_planes(std::vector<float>& planes, int width, int height, doubl
   const auto channels =
       static_cast<int>(planes.size() / (static_cast<std::size_t>(width) * static_cast<std::size_t>(height)));
   std::vector<float> soft(planes.size());
-  Buffer<float> scratch;
+  PerWorkerRows<float> scratch;
   SerialExecutor serial;
   map.apply(ImageView<const float>{planes.data(), channels, height, width},
             ImageView<float>{soft.data(), channels, height, width}, scratch, serial);

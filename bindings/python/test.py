@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The CompMark authors
+# SPDX-License-Identifier: Apache-2.0
+"""The module as a user has it: test.py SOURCE."""
+
+import os
+import sys
+import tempfile
+import unittest
+
+import numpy
+
+import compmark
+
+MARKED = os.path.join(sys.argv[1], "tests/golden/marked")
+DECODER = os.path.join(sys.argv[1], "weights/lattice_32.safetensors")
+KEY = os.path.join(MARKED, "owner.key")
+
+
+class Binding(unittest.TestCase):
+    def setUp(self):
+        self.model = compmark.Model(os.path.join(MARKED, "hac.cmk"))
+
+    def read(self, **more):
+        return compmark.verify(KEY, decoder=DECODER, false_positive_rate=1e-3, **more)
+
+    def test_a_model_is_drawn_and_written(self):
+        self.assertEqual(self.model.recipe.split("+")[0], "hac")
+        self.assertGreater(self.model.anchors, 0)
+        camera = self.model.cameras[0]
+        picture = self.model.render(camera)
+        self.assertEqual(picture.shape, (camera.height, camera.width, 3))
+        self.assertGreater(picture.std(), 0.01)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "model.safetensors")
+            self.model.write(path)
+            self.assertTrue(numpy.array_equal(picture, compmark.Model(path).render(camera)))
+        camera.rotation_camera_world = numpy.diag([1.0, 1.0, 2.0])
+        with self.assertRaisesRegex(compmark.Error, "rotation"):
+            self.model.render(camera)
+
+    def test_the_mark_is_read_from_the_model_and_from_arrays(self):
+        of_model = self.read(model=os.path.join(MARKED, "hac.cmk"), all_cameras=True)
+        self.assertEqual(of_model.verdict, "detected")
+        self.assertTrue(of_model.not_a_proof)  # without a claim
+        self.assertFalse(of_model.detected)
+        self.assertGreaterEqual(of_model.matches, 28)
+        self.assertEqual(of_model.report["schema"], "compmark.verification.1")
+        pictures = [self.model.render(camera) for camera in self.model.cameras]
+        of_arrays = self.read(pictures=pictures)
+        self.assertEqual((of_arrays.matches, of_arrays.p_value), (of_model.matches, of_model.p_value))
+        self.assertEqual(len(of_arrays.report["views"]), len(pictures))
+        grey = [numpy.full((64, 64), 0.5) + 0.1 * numpy.sin(numpy.arange(64) / 3)]
+        self.assertNotEqual(self.read(pictures=grey).verdict, "detected")
+
+    def test_what_is_wrong_is_said(self):
+        with self.assertRaisesRegex(compmark.Error, "nowhere.cmk"):
+            compmark.Model("nowhere.cmk")
+        with self.assertRaisesRegex(compmark.Error, "nowhere.png"):
+            self.read(images=["nowhere.png"])
+        with self.assertRaisesRegex(compmark.Error, "give a model or images"):
+            self.read()
+        with self.assertRaisesRegex(ValueError, "not a number"):
+            self.read(pictures=[numpy.full((64, 64, 3), numpy.nan)])
+        with self.assertRaisesRegex(ValueError, "uint8"):
+            self.read(pictures=[numpy.zeros((64, 64, 3), dtype=numpy.int64)])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
