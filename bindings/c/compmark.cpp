@@ -20,8 +20,11 @@
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <system_error>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -40,25 +43,23 @@ namespace {
 
 Error missing(const char* what) { return {ErrorKind::invalid, {}, what, "is NULL", "give what compmark.h says of it"}; }
 
-/// Runs f, which returns a Result: no exception leaves it, and the session keeps what went wrong.
+/// The value of f, which returns a Result; nothing if it failed, and the session keeps why. No exception leaves it.
 template <class F>
-auto guarded(compmark_session* session, const F& f) -> decltype(f()) {
-  const auto failed = [&](const Error& error) -> decltype(f()) {
-    try {
-      session->error = error.line();
-    } catch (const std::exception&) {
-      session->error.clear();
-    }
-    return error;
-  };
+auto guarded(compmark_session* session, const F& f) noexcept -> std::optional<std::decay_t<decltype(*f())>> {
   try {
-    auto result = f();
-    return result ? std::move(result) : failed(result.error());
-  } catch (const std::bad_alloc&) {
-    return failed({ErrorKind::invalid, {}, "memory", "there is not enough of it", "close what you do not need"});
-  } catch (const std::exception& error) {
-    return failed({ErrorKind::invalid, {}, {}, error.what(), {}});
+    try {
+      auto result = f();
+      if (!result) session->error = result.error().line();
+      return result ? std::optional(std::move(*result)) : std::nullopt;
+    } catch (const std::bad_alloc&) {
+      session->error = "memory: there is not enough of it; close what you do not need";
+    } catch (const std::exception& error) {
+      session->error = error.what();
+    }
+  } catch (...) {  // no memory for the words either, or nothing that is an exception
+    session->error.clear();
   }
+  return std::nullopt;
 }
 
 std::filesystem::path path_of(const char* text) {
@@ -189,7 +190,8 @@ Result<Judged> judged(const compmark_reading& reading, bool reported, ThreadExec
   if (reported) {
     nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(*report);
     json["proof"] = standing_json<nlohmann::ordered_json>(standing, *basis);
-    result.report = json.dump(2);
+    // Names of files may be no UTF-8.
+    result.report = json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
   }
   return result;
 }
@@ -203,7 +205,8 @@ const char* compmark_version(void) { return compmark::version; }
 
 compmark_session* compmark_session_new(uint32_t threads) {
   try {
-    return new compmark_session(threads);
+    constexpr uint32_t most = 1024;
+    return new compmark_session(std::min(threads, most));
   } catch (const std::exception&) {
     return nullptr;
   }
@@ -215,7 +218,7 @@ const char* compmark_last_error(const compmark_session* session) {
 
 compmark_model* compmark_model_open(compmark_session* session, const char* path) {
   if (session == nullptr) return nullptr;
-  Result<std::unique_ptr<compmark_model>> opened = guarded(session, [&]() -> Result<std::unique_ptr<compmark_model>> {
+  auto opened = guarded(session, [&]() -> Result<std::unique_ptr<compmark_model>> {
     if (path == nullptr) return missing("path");
     Result<AnyModel> model = AnyModel::open(path_of(path), session->executor);
     if (!model) return model.error();
@@ -237,7 +240,7 @@ size_t compmark_model_cameras(const compmark_model* model) {
 int compmark_model_camera(compmark_session* session, const compmark_model* model, size_t index,
                           compmark_camera* camera) {
   if (session == nullptr) return -1;
-  const Result<Done> done = guarded(session, [&]() -> Result<Done> {
+  const auto done = guarded(session, [&]() -> Result<Done> {
     if (model == nullptr) return missing("model");
     if (camera == nullptr) return missing("camera");
     const auto& views = model->model.info().views;
@@ -264,7 +267,7 @@ int compmark_model_camera(compmark_session* session, const compmark_model* model
 int compmark_render(compmark_session* session, compmark_model* model, const compmark_camera* camera, float* rgb,
                     size_t count) {
   if (session == nullptr) return -1;
-  const Result<Done> done = guarded(session, [&]() -> Result<Done> {
+  const auto done = guarded(session, [&]() -> Result<Done> {
     if (model == nullptr) return missing("model");
     if (camera == nullptr) return missing("camera");
     if (rgb == nullptr) return missing("rgb");
@@ -299,7 +302,7 @@ int compmark_render(compmark_session* session, compmark_model* model, const comp
 
 int compmark_model_write(compmark_session* session, const compmark_model* model, const char* path) {
   if (session == nullptr) return -1;
-  const Result<Done> done = guarded(session, [&]() -> Result<Done> {
+  const auto done = guarded(session, [&]() -> Result<Done> {
     if (model == nullptr) return missing("model");
     if (path == nullptr) return missing("path");
     return model->model.write(path_of(path));
@@ -319,7 +322,7 @@ int compmark_verify(compmark_session* session, const compmark_reading* reading, 
                     char** report) {
   if (report != nullptr) *report = nullptr;
   if (session == nullptr) return -1;
-  const Result<Done> done = guarded(session, [&]() -> Result<Done> {
+  const auto done = guarded(session, [&]() -> Result<Done> {
     if (reading == nullptr) return missing("reading");
     if (verdict == nullptr) return missing("verdict");
     Result<Judged> result = judged(*reading, report != nullptr, session->executor);

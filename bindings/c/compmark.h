@@ -69,7 +69,7 @@ typedef struct compmark_reading {
   size_t picture_count;
   double false_positive_rate; /* that you accept; choose it before you look */
   uint64_t tests;             /* in all: keys times crops times models */
-  size_t views;               /* at most so many, evenly spaced; 0: all */
+  size_t views;               /* at most so many cameras or files, evenly spaced; 0: all */
   int32_t all_cameras;        /* of a model; 0: its test cameras, or those of its training where there are none */
   int32_t mirrored;           /* the pictures may have been mirrored, which counts as two tests */
   float background[3];        /* behind transparent pixels, 0 to 1 */
@@ -87,7 +87,7 @@ typedef struct compmark_verdict {
 COMPMARK_API int compmark_abi(void);             /* COMPMARK_ABI of the library */
 COMPMARK_API const char* compmark_version(void); /* "0.1.0" */
 
-/* threads = 0: as many as this process may use. NULL: there is no memory for it. */
+/* threads = 0: as many as this process may use; at most 1024. NULL: there is no memory for it. */
 COMPMARK_API compmark_session* compmark_session_new(uint32_t threads);
 COMPMARK_API void compmark_session_free(compmark_session* session);
 /* Of the last call with this session that failed; "" before the first. Valid until the next call with it. */

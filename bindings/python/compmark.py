@@ -15,8 +15,10 @@ does not find it.
 
 import ctypes
 import dataclasses
+import glob
 import json
 import os
+import threading
 from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int, c_int32, c_size_t, c_uint8, c_uint32, c_uint64, c_void_p
 
 import numpy
@@ -53,8 +55,17 @@ class _Verdict(ctypes.Structure):
                 ("p_value", c_double), ("p_corrected", c_double)]
 
 
+def _place():
+    """COMPMARK_LIBRARY, or the library of the prefix that this file is installed in, or what the system finds."""
+    if "COMPMARK_LIBRARY" in os.environ:
+        return os.environ["COMPMARK_LIBRARY"]
+    lib = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    beside = glob.glob(os.path.join(lib, "libcompmark.so.1")) + glob.glob(os.path.join(lib, "*", "libcompmark.so.1"))
+    return beside[0] if beside else "libcompmark.so.1"
+
+
 def _load():
-    library = ctypes.CDLL(os.environ.get("COMPMARK_LIBRARY", "libcompmark.so.1"))
+    library = ctypes.CDLL(_place())
     for name, result, arguments in [
         ("compmark_abi", c_int, []),
         ("compmark_version", c_char_p, []),
@@ -89,9 +100,12 @@ def _path(path):
 
 
 class Session:
-    """Threads; 0: as many as this process may use. It serves one thread of Python at a time."""
+    """Threads; 0: as many as this process may use. Calls of several threads of Python wait for each other."""
 
     def __init__(self, threads=0):
+        if not 0 <= threads <= 1024:
+            raise ValueError("compmark: threads are 0 to 1024")
+        self._lock = threading.Lock()
         self._handle = _library.compmark_session_new(threads)
         if not self._handle:
             raise MemoryError("compmark: no session")
@@ -100,20 +114,24 @@ class Session:
         if getattr(self, "_handle", None):
             _library.compmark_session_free(self._handle)
 
-    def _check(self, status):
-        if status != 0:
-            raise Error(_library.compmark_last_error(self._handle).decode(errors="replace"))
+    def _call(self, function, *arguments, failed=-1):
+        """The function's result, unless it is what it returns of an error."""
+        with self._lock:  # a call and the reading of its error belong together
+            result = function(self._handle, *arguments)
+            if result == failed:
+                raise Error(_library.compmark_last_error(self._handle).decode(errors="replace"))
+        return result
 
 
-_default = []
+_default = threading.local()
 
 
 def _session(session):
     if session is not None:
         return session
-    if not _default:
-        _default.append(Session())
-    return _default[0]
+    if not hasattr(_default, "session"):
+        _default.session = Session()
+    return _default.session
 
 
 @dataclasses.dataclass
@@ -135,9 +153,7 @@ class Model:
 
     def __init__(self, path, session=None):
         self._session = _session(session)
-        self._handle = _library.compmark_model_open(self._session._handle, _path(path))
-        if not self._handle:
-            self._session._check(-1)
+        self._handle = self._session._call(_library.compmark_model_open, _path(path), failed=None)
 
     def __del__(self):
         if getattr(self, "_handle", None):
@@ -157,7 +173,7 @@ class Model:
         cameras = []
         for index in range(_library.compmark_model_cameras(self._handle)):
             c = _Camera()
-            self._session._check(_library.compmark_model_camera(self._session._handle, self._handle, index, byref(c)))
+            self._session._call(_library.compmark_model_camera, self._handle, index, byref(c))
             cameras.append(Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy,
                                   numpy.array(c.rotation_camera_world).reshape(3, 3), numpy.array(c.center_world)))
         return cameras
@@ -169,13 +185,13 @@ class Model:
         c = _Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, (c_double * 9)(*rotation),
                     (c_double * 3)(*center))
         picture = numpy.empty((max(0, camera.height), max(0, camera.width), 3), dtype=numpy.float32)
-        self._session._check(_library.compmark_render(self._session._handle, self._handle, byref(c),
-                                                      picture.ctypes.data_as(POINTER(c_float)), picture.size))
+        self._session._call(_library.compmark_render, self._handle, byref(c), picture.ctypes.data_as(POINTER(c_float)),
+                            picture.size)
         return picture
 
     def write(self, path):
         """As model.safetensors: what a .cmk is decoded to."""
-        self._session._check(_library.compmark_model_write(self._session._handle, self._handle, _path(path)))
+        self._session._call(_library.compmark_model_write, self._handle, _path(path))
 
 
 @dataclasses.dataclass
@@ -214,6 +230,10 @@ def verify(key, *, model=None, images=(), pictures=(), decoder=None, claim=None,
            background=(0, 0, 0), session=None):
     """Is the message of this key in a model, in image files or folders, or in pictures (arrays)? A Verdict."""
     session = _session(session)
+    if isinstance(images, (str, bytes, os.PathLike)):
+        images = [images]
+    if isinstance(pictures, numpy.ndarray) and pictures.ndim < 4:
+        pictures = [pictures]
     reading = _Reading()
     _library.compmark_reading_init(byref(reading))
     reading.key, reading.decoder, reading.claim = _path(key), _path(decoder), _path(claim)
@@ -231,7 +251,7 @@ def verify(key, *, model=None, images=(), pictures=(), decoder=None, claim=None,
     reading.all_cameras, reading.mirrored = int(all_cameras), int(mirrored)
     reading.background = (c_float * 3)(*background)
     verdict, text = _Verdict(), c_void_p()
-    session._check(_library.compmark_verify(session._handle, byref(reading), byref(verdict), byref(text)))
+    session._call(_library.compmark_verify, byref(reading), byref(verdict), byref(text))
     try:
         report = json.loads(ctypes.string_at(text.value))
     finally:

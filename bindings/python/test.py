@@ -5,6 +5,7 @@
 import os
 import sys
 import tempfile
+import threading
 import unittest
 
 import numpy
@@ -52,6 +53,29 @@ class Binding(unittest.TestCase):
         grey = [numpy.full((64, 64), 0.5) + 0.1 * numpy.sin(numpy.arange(64) / 3)]
         self.assertNotEqual(self.read(pictures=grey).verdict, "detected")
 
+    def test_one_file_and_one_array_are_not_taken_apart(self):
+        picture = self.model.render(self.model.cameras[0])
+        self.assertEqual(len(self.read(pictures=picture).report["views"]), 1)
+        with self.assertRaisesRegex(compmark.Error, "photo.png"):
+            self.read(images="photo.png")
+
+    def test_threads_of_python_have_their_own_errors(self):
+        session, said = compmark.Session(1), {}
+
+        def wrong(name):
+            for _ in range(50):
+                try:
+                    compmark.Model(name, session)
+                except compmark.Error as error:
+                    said.setdefault(name, set()).add(name in str(error))
+
+        threads = [threading.Thread(target=wrong, args=(f"nowhere{i}.cmk",)) for i in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(said, {f"nowhere{i}.cmk": {True} for i in range(4)})
+
     def test_what_is_wrong_is_said(self):
         with self.assertRaisesRegex(compmark.Error, "nowhere.cmk"):
             compmark.Model("nowhere.cmk")
@@ -59,6 +83,10 @@ class Binding(unittest.TestCase):
             self.read(images=["nowhere.png"])
         with self.assertRaisesRegex(compmark.Error, "give a model or images"):
             self.read()
+        with self.assertRaisesRegex(compmark.Error, "both given"):
+            self.read(model=os.path.join(MARKED, "hac.cmk"), images=["photo.png"])
+        with self.assertRaisesRegex(ValueError, "0 to 1024"):
+            compmark.Session(-1)
         with self.assertRaisesRegex(ValueError, "not a number"):
             self.read(pictures=[numpy.full((64, 64, 3), numpy.nan)])
         with self.assertRaisesRegex(ValueError, "uint8"):

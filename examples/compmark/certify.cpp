@@ -79,6 +79,7 @@ std::string command_line(const Certify& options) {
   if (!reading.unmarked.empty()) line += " --unmarked " + file(reading.unmarked);
   if (!reading.interference.empty()) line += " --interference " + file(reading.interference);
   if (reading.behind != "black") line += " --background " + reading.behind;
+  if (reading.whole_images) line += " --whole-images";
   if (options.mirrored) line += " --mirrored";
   if (!options.proof.claim.empty()) line += " --claim owner.claim";
   if (!options.proof.time_stamp.empty()) line += " --time-stamp owner.tsr";

@@ -75,6 +75,11 @@ int run(const ExtractOptions& options) {
                              {"hex", bits.hex()},
                              {"agrees_with_fused", bits.matches(together)},
                              {"logits", view.logits}});
+    if (view.part) {
+      const PictureBox& part = *view.part;
+      json["views"].back()["part"] = {
+          {"left", part.left}, {"top", part.top}, {"width", part.width}, {"height", part.height}};
+    }
   }
   if (!options.json.empty()) {
     if (Result<Done> written = write_json(options.json, json); !written) return fail(written.error());

@@ -58,6 +58,8 @@ void add_reading_options(Options& app, ReadingOptions& options) {
   app.number("--views", options.views, any_count, "largest number of views that are read, evenly spaced; 0: all")
       ->capture_default_str();
   background_option(app, options.behind);
+  app.flag("--whole-images", options.whole_images,
+           "read image files whole, also pages of which the picture would be read alone; trying both is two tests");
   app.number("--memory-budget", options.memory_budget_mb, WholeRange{1, 1 << 24},
              "MiB of memory for reading one image; larger ones are refused before they are decoded")
       ->capture_default_str();
@@ -69,6 +71,7 @@ ReadingSettings reading_settings(const ReadingOptions& options) {
   settings.split = options.split_word == "all"     ? ViewChoice::all
                    : options.split_word == "train" ? ViewChoice::train
                                                    : ViewChoice::test;
+  settings.pages = !options.whole_images;
   settings.background = color_of(options.behind).value_or(settings.background);
   return settings;
 }

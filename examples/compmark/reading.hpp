@@ -36,9 +36,10 @@ PayloadText payload_text(const compmark::OwnerKey& key, const compmark::Message&
 struct ReadingOptions : compmark::ReadingSettings {
   std::string split_word = "test";
   std::string behind = "black";  ///< transparent pixels of images: a colour of color_of
+  bool whole_images = false;
   std::size_t threads = 0;
 };
-/// --decoder, --model, --unmarked, --interference, --images, --split, --views, --background, --memory-budget, --threads
+/// --decoder, --model, --unmarked, --interference, --images, --split, --views, --background, --whole-images, --memory-budget, --threads
 void add_reading_options(Options& app, ReadingOptions& options);
 
 /// Runs a command that reads, once its decoder is chosen. Returns its exit code.

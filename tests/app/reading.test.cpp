@@ -139,6 +139,12 @@ TEST_CASE("app/reading: of a page with text the picture is read alone, and its p
   CHECK(part.top <= top);
   CHECK(part.top + part.height >= top + side);
   CHECK(part.top + part.height <= 372);
+  settings.pages = false;
+  const Result<Reading> whole = files.read(settings);
+  REQUIRE(whole.ok());
+  CHECK_FALSE(whole->views[0].part);
+  CHECK(whole->views[0].logits != read->views[0].logits);
+  settings.pages = true;
   // It is what the part by itself is read as.
   std::vector<std::uint8_t> alone;
   for (int y = part.top; y < part.top + part.height; ++y) {
@@ -227,6 +233,9 @@ TEST_CASE("app/reading: a decoder is of the key's length, and every wrong file i
   const Result<Reading> decoder = files.read(settings);
   REQUIRE_FALSE(decoder.ok());
   CHECK(decoder.error().line().find("decoder") != std::string::npos);
+  settings.images = {files.folder.path};
+  CHECK(files.read(settings).error().problem == "are both given");
+  settings.images.clear();
   settings.model.clear();
   CHECK(files.read(settings).error().problem == "are both missing");
 

@@ -50,7 +50,8 @@ using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
 /// Which of the cameras that a model stores.
 enum class ViewChoice { test, train, all };
 
-/// A picture in memory: rows of 8-bit values [height, width, channels], of grey, grey and alpha, RGB or RGBA.
+/// A picture in memory: rows of 8-bit values [height, width, channels], of grey, grey and alpha, RGB or RGBA. In reports
+/// its SHA-256 is that of these bytes.
 struct GivenPicture {
   std::string name;  ///< for the report
   int width = 0, height = 0, channels = 3;
@@ -64,12 +65,13 @@ struct ReadingSettings {
   std::filesystem::path unmarked;             ///< of the model: what it says by itself is subtracted; may be empty
   std::filesystem::path interference;         ///< of the unmarked scene (interference.hpp): subtracted; may be empty
   std::vector<std::filesystem::path> images;  ///< files and folders
-  std::vector<GivenPicture> pictures;         ///< in memory, read after the files
+  std::vector<GivenPicture> pictures;         ///< in memory, read after the files, all of them
   ViewChoice split = ViewChoice::test;        ///< a model without test views gives those of its training
   std::size_t views = 0;                      ///< at most so many, evenly spaced; 0: all
   std::array<float, 3> background{};          ///< behind transparent pixels of images: black, as models are drawn
   std::size_t memory_budget_mb = 1400;        ///< of one image
   bool mirrored = false;                      ///< images are mirrored, left for right, before they are read
+  bool pages = true;  ///< of an image that is a page, the picture on it is read (watermark/decoder/page_box.hpp)
 };
 
 struct Reading {

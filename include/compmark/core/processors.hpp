@@ -84,7 +84,7 @@ inline constexpr std::size_t no_processor_limit = std::numeric_limits<std::size_
 }
 
 [[nodiscard]] inline std::size_t processors_of_affinity() {
-  // A machine with more processors than the set has room for says EINVAL: its sets are 8 kB and more.
+  // A machine with more processors than the set has room for, 1024, says EINVAL: then no limit is known here.
   cpu_set_t set;
   CPU_ZERO(&set);
   if (::sched_getaffinity(0, sizeof(set), &set) != 0) return no_processor_limit;

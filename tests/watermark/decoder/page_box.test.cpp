@@ -140,6 +140,21 @@ TEST_CASE("decoder/page_box: photographs, renders and objects of several parts a
     several.with_object({100, 20, 150, 120}, true).with_object({80, 180, 240, 220}, true);
     several.with_object({100, 440, 150, 120}, true).with_object({360, 290, 8, 8}, true);
     CHECK(is_whole(several));
+    // Crumbs round it: floaters of a render.
+    for (int crumbs = 1; crumbs <= 6; ++crumbs) {
+      CAPTURE(crumbs);
+      test::Sheet floating(400, 400, colour);
+      floating.with_object({80, 60, 240, 280}, true);
+      for (int i = 0; i < crumbs; ++i) {
+        const PictureBox crumb{(i % 2 == 0 ? 10 : 340) + 6 * i, 40 + 50 * i, 5, 5};
+        if (i % 3 == 0) {
+          floating.filled(crumb, {0.7f, 0.2f, 0.3f});
+        } else {
+          floating.with_object(crumb, true);
+        }
+      }
+      CHECK(is_whole(floating));
+    }
     test::Sheet flat(300, 300, colour);
     CHECK(is_whole(flat));
   }

@@ -179,6 +179,18 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
       return found ? std::move(found) : Result<Registration>(detail::named(found.error(), path));
     };
     Result<Registration> found = look(ImageView<const float>(planes));
+    // What was taken for the picture on a page may be none.
+    if (found && !found->found && image.part) {
+      ReadingSettings whole = as_is;
+      whole.pages = false;
+      detail::ReadImage uncut;
+      if (Result<Done> done = detail::read_planes(path, whole, uncut); !done) return done.error();
+      found = look(ImageView<const float>{uncut.planes.data(), 3, uncut.height, uncut.width});
+      if (found && found->found) {
+        image = std::move(uncut);
+        planes = {image.planes.data(), 3, image.height, image.width};
+      }
+    }
     // A page or a frame round the subject hides what it looks like: without flat lines, it is looked for again.
     const PictureBox box = subject_box(ImageView<const float>(planes), 64);
     if (found && !found->found && (box.height < image.height || box.width < image.width)) {
@@ -232,6 +244,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
     }
     view->name = said.name;
     view->sha256 = image.sha256;
+    view->part = image.part;
     result.report.views.push_back(std::move(*view));
     result.pictures.push_back(std::move(said));
     if (Result<Done> on = detail::tell(observer, result.pictures.size(), files->size()); !on) return on.error();

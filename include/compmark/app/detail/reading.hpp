@@ -76,7 +76,9 @@ inline ReadImage part_of(const ReadImage& image, const PictureBox& box) {
 inline void read_parts(const std::vector<std::uint8_t>& planes, const ReadingSettings& settings, ReadImage& read) {
   read.planes.resize(planes.size());
   for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
-  const PictureBox part = page_box(ImageView<const float>{read.planes.data(), 3, read.height, read.width});
+  const PictureBox whole{0, 0, read.height, read.width};
+  const PictureBox part =
+      settings.pages ? page_box(ImageView<const float>{read.planes.data(), 3, read.height, read.width}) : whole;
   if (part.height != read.height || part.width != read.width) {
     read.part = part;
     read = part_of(read, part);
@@ -115,6 +117,9 @@ inline Result<Done> read_planes(const GivenPicture& picture, const ReadingSettin
     return Error{ErrorKind::invalid, picture.name, "picture", "has not as many values as its sides and channels say",
                  "give height * width * channels values of 8 bits, of 1 to 4 channels"};
   }
+  const ImageInfo info{picture.width, picture.height, picture.channels, 8, 1};
+  if (Result<Done> fits = check_image_memory(info, picture.name, read_bytes_a_pixel, settings.memory_budget_mb); !fits)
+    return fits;
   read = {};
   read.width = picture.width;
   read.height = picture.height;
@@ -286,6 +291,10 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   if (!settings.unmarked.empty() && settings.model.empty()) {
     return Error{ErrorKind::invalid, settings.unmarked.string(), "--unmarked",
                  "is for a model here, and these are images", "find their cameras with compmark verify --unmarked"};
+  }
+  if (!settings.model.empty() && (!settings.images.empty() || !settings.pictures.empty())) {
+    return Error{ErrorKind::invalid, settings.model.string(), "--model, --images", "are both given",
+                 "read a model, or images"};
   }
   if (settings.model.empty() && settings.images.empty() && settings.pictures.empty()) {
     return Error{ErrorKind::invalid, {}, "--model, --images", "are both missing", "give a model or images"};

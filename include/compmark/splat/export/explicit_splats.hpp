@@ -32,53 +32,13 @@ template <class R>
 concept ExplicitModelRecipe = Recipe<R> && detail::explicit_degree<typename R::GaussianDecoder>
 >= 0;
 
-namespace detail {
-/// Calls f(value) for each coefficient of the rows above `degree`, until it returns false; false if it did.
-template <class Layout, class Features, class F>
-bool each_coefficient_above(const Features& features, std::size_t rows, int degree, const F& f) {
-  for (std::size_t row = 0; row < rows; ++row) {
-    for (std::size_t channel = 0; channel < 3; ++channel) {
-      auto* const color = features.row(row) + Layout::color + channel * Layout::coefficients;
-      for (std::size_t i = sh_count(degree); i < Layout::coefficients; ++i) {
-        if (!f(color[i])) return false;
-      }
-    }
-  }
-  return true;
-}
-}  // namespace detail
-
-/// The least degree of spherical harmonics that holds every coefficient of the model that is not 0.
-template <ExplicitModelRecipe R>
-[[nodiscard]] int degree_in_use(const Model<R>& model) {
-  const auto columns = model.columns();
-  int degree = 0;
-  while (degree < detail::explicit_degree<typename R::GaussianDecoder> &&
-         !detail::each_coefficient_above<typename R::GaussianDecoder::Layout>(columns.feature, columns.rows(), degree,
-                                                                              [](auto value) { return value == 0; })) {
-    ++degree;
-  }
-  return degree;
-}
-
-/// Sets the coefficients above `degree` to 0: what a file of that degree holds.
-template <ExplicitModelRecipe R>
-void keep_degree(Model<R>& model, int degree) {
-  const auto columns = anchor_values(model.arena, model.anchors);
-  detail::each_coefficient_above<typename R::GaussianDecoder::Layout>(columns.feature, columns.rows(), degree,
-                                                                      [](auto& value) {
-                                                                        value = 0;
-                                                                        return true;
-                                                                      });
-}
-
-/// Row i is anchor i; of the model's degree in use. Exact but for the rounding of one product and sum a number.
+/// Row i is anchor i. Exact but for the rounding of one product and sum a number.
 template <ExplicitModelRecipe R>
 [[nodiscard]] SplatTable explicit_splats(const Model<R>& model) {
   using Layout = typename R::GaussianDecoder::Layout;
   const auto columns = model.columns();
   SplatTable table;
-  table.resize(columns.rows(), degree_in_use(model));
+  table.resize(columns.rows(), detail::explicit_degree<typename R::GaussianDecoder>);
   for (std::size_t row = 0; row < table.count; ++row) {
     const auto* const feature = columns.feature.row(row);
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -93,7 +53,7 @@ template <ExplicitModelRecipe R>
     table.opacity[row] =
         static_cast<float>(Layout::opacity_unit * static_cast<double>(feature[Layout::opacity]) + Layout::opacity_zero);
     for (std::size_t channel = 0; channel < 3; ++channel) {
-      for (std::size_t i = 0; i < table.coefficients(); ++i) {
+      for (std::size_t i = 0; i < Layout::coefficients; ++i) {
         table.color(channel, i)[row] = static_cast<float>(
             Layout::color_unit(i) * static_cast<double>(feature[Layout::color + channel * Layout::coefficients + i]));
       }

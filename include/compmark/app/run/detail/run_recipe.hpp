@@ -167,12 +167,7 @@ Result<RunOutcome> run_iterations(Loop& loop, const RunParts<R>& parts, const st
     return Done{};
   };
   const Result<Done> kept = [&] {
-    if constexpr (is_marked) {
-      auto marked = baked_model(loop.model());
-      if constexpr (ExplicitModelRecipe<typename SourceRecipe<R>::Type>)
-        keep_degree(marked, degree_in_use(loop.model()));
-      return keep(marked);
-    }
+    if constexpr (is_marked) return keep(baked_model(loop.model()));
     if constexpr (!is_marked) return keep(loop.model());
   }();
   if (!kept) return kept.error();
