@@ -273,12 +273,12 @@ TEST_CASE(
   PhotometricLoss<float>::Context context, fresh;
   SerialExecutor executor;
   loss.forward_backward(large.view_x(), large.view_y(), 1.0f, large.view_d(), context, executor);
-  const void* scratch = context.scratch.data();
+  const void* scratch = context.scratch.row(0);
   const void* partial = context.partial.data();
   loss.forward_backward(large.view_x(), large.view_y(), 1.0f, large.view_d(), context, executor);
   const PhotometricReport used =
       loss.forward_backward(small.view_x(), small.view_y(), 1.0f, small.view_d(), context, executor);
-  CHECK(context.scratch.data() == scratch);
+  CHECK(context.scratch.row(0) == scratch);
   CHECK(context.partial.data() == partial);
   // What another size left in the scratch is not seen.
   Pair<float> again(3, 30, 21, 0, 0, 1);

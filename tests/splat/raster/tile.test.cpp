@@ -377,11 +377,11 @@ TEST_CASE("raster/tile: the second view of the same scene allocates nothing") {
     R{}.forward(scene.gaussians.columns(), scene.camera, scene.background, {image.data(), 3, 61, 83}, context, serial);
     R{}.backward(scene.gaussians.columns(), scene.camera, scene.background, {d_image.data(), 3, 61, 83},
                  gradient.columns(), context, serial);
-    return std::array<const void*, 10>{context.white.data(),           context.first_chunk.data(),
-                                       context.chunks.data(),          context.opened.data(),
-                                       context.forward_scratch.data(), context.backward_scratch.data(),
-                                       context.pair_gradients.data(),  context.splat_gradients.data(),
-                                       context.lists.splat.data(),     context.projected.splats.data()};
+    return std::array<const void*, 10>{context.white.data(),          context.first_chunk.data(),
+                                       context.chunks.data(),         context.opened.data(),
+                                       &context.forward_scratch[0],   &context.backward_scratch[0],
+                                       context.pair_gradients.data(), context.splat_gradients.data(),
+                                       context.lists.splat.data(),    context.projected.splats.data()};
   };
   const auto first = once();
   CHECK(once() == first);
