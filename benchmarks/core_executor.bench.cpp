@@ -4,8 +4,8 @@
 // Loops of one and of two threads, alone and beside busy programs, on chunks of three sizes: those of a small kernel,
 // of a training step at 128 x 128 and of one at 400 x 400. Each repetition runs the loop with one thread, then with
 // two; the counter ratio is the time of the two over that of the one, both medians, and worst_ratio the slowest run of
-// two over the median of one. Beside two busy programs on two processors a ratio above 1 would say that the second
-// thread hinders: a loop that waits for every worker has 1.3 there, and 14 beside four.
+// two over the median of one. Beside two busy programs on two processors a ratio above 1 says that the second thread
+// hinders: a loop that waits for every worker had 31 there in its smallest loops (docs/notebook/measured.md).
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

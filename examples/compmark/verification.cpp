@@ -2,12 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "verification.hpp"
 
-#include <algorithm>
 #include <compmark/app/run/mark_record.hpp>
 #include <compmark/app/verify.hpp>
-#include <iterator>
 #include <utility>
-#include <vector>
 
 #include "common.hpp"
 #include "run_folder.hpp"
@@ -95,15 +92,6 @@ nlohmann::ordered_json verified_json(const Verified& verified) {
   return json;
 }
 
-namespace {
-std::vector<ViewLogits> from_pages(const VerificationReport& report) {
-  std::vector<ViewLogits> views;
-  std::copy_if(report.views.begin(), report.views.end(), std::back_inserter(views),
-               [](const ViewLogits& view) { return view.part.has_value(); });
-  return views;
-}
-}  // namespace
-
 std::string verified_text(const Verified& verified) {
   const ReportSources& from = verified.report.sources;
   std::string text;
@@ -121,7 +109,8 @@ std::string verified_text(const Verified& verified) {
     line("less        ",
          from.interference + ", sha256 " + from.interference_sha256 + ": what the unmarked scene says by itself");
   }
-  for (const ViewLogits& view : from_pages(verified.report)) {
+  for (const ViewLogits& view : verified.report.views) {
+    if (!view.part) continue;
     line("part        ", view.name + ": the picture on the page, " + std::to_string(view.part->width) + " x " +
                              std::to_string(view.part->height) + " pixels, " + std::to_string(view.part->left) +
                              " from the left and " + std::to_string(view.part->top) + " from the top");

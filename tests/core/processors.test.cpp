@@ -5,11 +5,12 @@
 #include <doctest/doctest.h>
 
 #include <cstddef>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
 #include <thread>
+
+#include "support/tool.hpp"
 
 #if defined(__linux__)
 #include <sched.h>
@@ -36,21 +37,14 @@ namespace {
 namespace processors_test {
 
 struct Groups {
-  std::filesystem::path root;
-  Groups() {
-    std::string name = (std::filesystem::temp_directory_path() / "compmark_groups_XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    root = name;
-  }
-  Groups(const Groups&) = delete;
-  Groups& operator=(const Groups&) = delete;
-  ~Groups() { std::filesystem::remove_all(root); }
+  testing::ScratchFolder folder;
+  explicit Groups(const std::string& name) : folder(name) {}
   void write(const std::string& path, const std::string& text) const {
-    std::filesystem::create_directories((root / path).parent_path());
-    std::ofstream(root / path) << text;
+    std::filesystem::create_directories((folder.path / path).parent_path());
+    std::ofstream(folder.path / path) << text;
   }
   [[nodiscard]] std::size_t limit(const std::string& proc) const {
-    return detail::processors_of_groups(proc, root.string());
+    return detail::processors_of_groups(proc, folder.path.string());
   }
 };
 
@@ -59,7 +53,7 @@ struct Groups {
 
 TEST_CASE("core/processors: the least quota between a control group and the root counts, in both versions") {
   constexpr std::size_t none = detail::no_processor_limit;
-  const processors_test::Groups two;
+  const processors_test::Groups two("compmark-groups-2");
   CHECK(two.limit("0::/job/step\n") == none);
   two.write("job/step/cpu.max", "max 100000\n");
   CHECK(two.limit("0::/job/step\n") == none);
@@ -73,7 +67,7 @@ TEST_CASE("core/processors: the least quota between a control group and the root
   CHECK(two.limit("0::/\n") == 2);
   CHECK(two.limit("0::/job\n") == 2);
 
-  const processors_test::Groups one;
+  const processors_test::Groups one("compmark-groups-1");
   one.write("cpu/docker/7/cpu.cfs_quota_us", "250000\n");
   one.write("cpu/docker/7/cpu.cfs_period_us", "100000\n");
   const std::string proc = "5:cpuset:/\n4:cpu,cpuacct:/docker/7\n3:memory:/docker/7\n";
