@@ -41,8 +41,10 @@ int claim(ClaimOptions& options) {
   std::printf(
       "Publish this SHA-256, or the file, where others date it, before the marked model. A time-stamping authority "
       "answers\n  openssl ts -query -data %s -sha256 -cert -out request.tsq\n"
-      "next: compmark verify --claim %s --time-stamp ANSWER\n",
-      file.c_str(), file.c_str());
+      "and its answer, if there is one, is --time-stamp ANSWER when you verify.\n"
+      "next: compmark train --data SCENE --out RUN --key %s\n"
+      "then: compmark verify --images PICTURES --key %s --claim %s\n",
+      file.c_str(), options.key.string().c_str(), options.key.string().c_str(), file.c_str());
   return success;
 }
 

@@ -161,7 +161,8 @@ Command add_export(Options& app) {
              "SPZ: 4 (Zstandard) or 3 (gzip); default: 4 where this program has libzstd");
   app.word("--view", options->settings.view,
            "bake exactly for this stored view instead of fitting over all training views");
-  app.number("--sh-degree", options->settings.degree, WholeRange{0, 3}, "degree of the fitted colour")
+  app.number("--sh-degree", options->settings.degree, WholeRange{0, 3},
+             "degree of the fitted colour, and at most of the splats of another program")
       ->capture_default_str();
   app.number("--refine", options->settings.refine, WholeRange{0, 1000000},
              "iterations that refine the fitted splats to match renders of the model; 0: none")

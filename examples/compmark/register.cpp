@@ -6,19 +6,17 @@
 #include <array>
 #include <cmath>
 #include <compmark/app/files.hpp>
+#include <compmark/app/picture.hpp>
 #include <compmark/app/register.hpp>
 #include <compmark/core/thread_executor.hpp>
-#include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>
-#include <compmark/io/sha256.hpp>
 #include <compmark/math/mirror.hpp>
 #include <compmark/metric/psnr.hpp>
 #include <compmark/metric/ssim.hpp>
-#include <compmark/scene/image.hpp>
-#include <compmark/scene/turn.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -40,35 +38,10 @@ struct RegisterOptions {
   std::filesystem::path json;
   std::filesystem::path html;
   std::string behind = "black";
+  bool whole_images = false;
   RegisterSettings settings;
   std::size_t threads = 0;
 };
-
-/// A decoded picture, upright and opaque.
-struct Picture {
-  std::vector<float> values;
-  ImageView<const float> view;
-  std::string sha256;
-};
-
-Result<Picture> read_picture(const std::filesystem::path& path, const std::array<float, 3>& behind) {
-  const Result<std::vector<std::byte>> bytes = read_image_bytes(path);
-  if (!bytes) return bytes.error();
-  const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
-  if (!info) return info.error();
-  Result<ImageBytes> image = decode_image(*bytes, path.string());
-  if (!image) return image.error();
-  *image = turned(std::move(*image), info->orientation);
-  std::vector<std::uint8_t> planes(3 * static_cast<std::size_t>(image->width) *
-                                   static_cast<std::size_t>(image->height));
-  composite(image->pixels, image->channels, behind, AlphaRounding::nearest, planes);
-  Picture picture;
-  picture.sha256 = Sha256().update(*bytes).hex();
-  picture.values.resize(planes.size());
-  for (std::size_t k = 0; k < planes.size(); ++k) picture.values[k] = static_cast<float>(planes[k]) / 255.0f;
-  picture.view = {picture.values.data(), 3, image->height, image->width};
-  return picture;
-}
 
 nlohmann::ordered_json camera_json(const Camera<double>& camera, const ModelInfo& info) {
   std::array<double, 3> center{};
@@ -122,10 +95,14 @@ int run(const RegisterOptions& options) {
   page.renders = "render at the camera that was found, in the tone of the picture";
   ReportGrid grid{"Pictures", {"picture", "verdict", "likeness", "uncertainty, pixels", "focal length, pixels"}, {}};
   std::size_t found_count = 0;
+  PictureSettings reading;
+  reading.background = color_of(options.behind).value_or(reading.background);
+  reading.pages = !options.whole_images;
   for (const std::filesystem::path& file : *files) {
-    const Result<Picture> picture = read_picture(file, color_of(options.behind).value_or(std::array<float, 3>{}));
+    const Result<OpenPicture> picture = open_picture(file, reading);
     if (!picture) return fail(picture.error());
-    const Result<Registration> found = register_picture(*model, *places, picture->view, options.settings, executor);
+    const ImageView<const float> image = picture->image();
+    const Result<Registration> found = register_picture(*model, *places, image, options.settings, executor);
     if (!found) {
       Error error = found.error();
       if (error.file.empty()) error.file = file.string();
@@ -134,6 +111,8 @@ int run(const RegisterOptions& options) {
     const std::string name = file.filename().string();
     nlohmann::ordered_json entry{
         {"name", name}, {"sha256", picture->sha256}, {"found", found->found}, {"likeness", found->likeness}};
+    if (const std::optional<PictureBox>& part = picture->part)  // the camera is that of this part of the file
+      entry["part"] = {{"left", part->left}, {"top", part->top}, {"width", part->width}, {"height", part->height}};
     if (found->found) {
       ++found_count;
       entry["mirrored"] = found->mirrored;
@@ -153,12 +132,12 @@ int run(const RegisterOptions& options) {
     if (!found->found) continue;
     const Result<std::vector<float>> render = aligned_render(*model, *found, executor);
     if (!render) return fail(render.error());
-    const ImageView<const float> aligned{render->data(), 3, picture->view.height, picture->view.width};
+    const ImageView<const float> aligned{render->data(), 3, image.height, image.width};
     page.views.push_back({name,
-                          make_report_image(picture->view),
+                          make_report_image(image),
                           make_report_image(aligned),
-                          psnr(aligned, picture->view),
-                          ssim(aligned, picture->view),
+                          psnr(aligned, image),
+                          ssim(aligned, image),
                           {},
                           {}});
   }
@@ -187,6 +166,8 @@ Command add_register(Options& app) {
              "write a page with every picture, its render and their difference to this file");
   app.flag("--mirrored", options->settings.mirrored, "look at the mirror image of every picture as well");
   background_option(app, options->behind);
+  app.flag("--whole-images", options->whole_images,
+           "look at image files whole, also at pages of which the picture would be looked at alone");
   app.number("--places", options->settings.places, WholeRange{1, 5000},
              "cameras that a picture is compared with: the model's, then drawn ones between and beyond")
       ->capture_default_str();

@@ -132,6 +132,8 @@ void RunTelling::on_finished(const RunOutcome& outcome) {
       std::fprintf(figures_, "%.2f dB between the renders\n", *results.watermark->psnr_marked_vs_unmarked);
     }
   }
+  std::fprintf(figures_, "next: compmark export --model %s --out %s\n", outcome.model.string().c_str(),
+               (folder / "scene.html").string().c_str());
 }
 
 double RunTelling::seconds() const {

@@ -344,6 +344,7 @@
 #include "compmark/splat/export/sh_fit.hpp"
 #include "compmark/splat/export/splat_refine.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
+#include "compmark/splat/training/checkpoint_parts.hpp"
 #include "compmark/splat/training/checkpoint_state.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/model_file.hpp"

@@ -99,4 +99,11 @@ TEST_CASE("core/processors: who is pinned to one processor has one") {
   CHECK(pinned == 1);
   CHECK(available_processors() == before);
 }
+
+TEST_CASE("core/processors: a set of processors that is too small for the machine is tried again") {
+  // Into no room at all the system writes nothing, as into 1,024 processors' on a machine that could have more.
+  CHECK(::sched_getaffinity(0, 0, nullptr) != 0);
+  CHECK(detail::processors_of_affinity(0) == detail::processors_of_affinity());
+  CHECK(detail::processors_of_affinity(0) <= std::thread::hardware_concurrency());
+}
 #endif

@@ -23,7 +23,7 @@ TEST_CASE("scene/foreign: captures of other programs are named, with the way to 
       {"a.xmp", "<x:xmpmeta><rdf:Description xcr:Version=\"3\">", "RealityCapture", "COLMAP"},
       {"database.db", "SQLite format 3\n", "COLMAP without a model", "mapper"},
       {"splat.ply", "ply\n", "splat", "photographs"},
-      {"capture.mp4", "x", "video", "ns-process-data video"},
+      {"capture.mp4", "x", "video", "examples/capture.sh --video"},
       {"capture.zip", "PK", "packed", "unpack"},
       {"images/a.png", "x", "no cameras", "colmap"},
       {"inner/transforms.json", "{}", "inner", "inner"},

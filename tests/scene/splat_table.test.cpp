@@ -189,3 +189,25 @@ TEST_CASE("scene/splat_table: a colour that is held at 0 passes no gradient, dec
   CHECK(free > 50);
   CHECK(naive == table.count);  // negative control: asked with >=, every colour that is held passes it
 }
+
+TEST_CASE("scene/splat_table: harmonics above a degree are dropped, and the others stay where they were") {
+  SplatTable table;
+  table.resize(4, 3);
+  for (std::size_t column = 0; column < table.sh.size(); ++column) {
+    for (std::size_t row = 0; row < 4; ++row) table.sh[column][row] = static_cast<float>(10 * column + row);
+  }
+  const SplatTable before = table;
+  table.limit_degree(3);
+  CHECK(table.sh == before.sh);
+  table.limit_degree(1);
+  CHECK(table.degree == 1);
+  REQUIRE(table.sh.size() == 12);
+  for (std::size_t channel = 0; channel < 3; ++channel) {
+    for (std::size_t i = 0; i < 4; ++i) CHECK(table.color(channel, i) == before.color(channel, i));
+  }
+  table.limit_degree(2);  // what is not there does not come back
+  CHECK(table.degree == 1);
+  table.limit_degree(0);
+  CHECK(table.sh.size() == 3);
+  CHECK(table.color(2, 0) == before.color(2, 0));
+}

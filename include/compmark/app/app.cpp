@@ -18,6 +18,7 @@
 #include "compmark/app/detail/lpips_nets.hpp"
 #include "compmark/app/detail/model_attack.hpp"
 #include "compmark/app/detail/model_source.hpp"
+#include "compmark/app/detail/picture.hpp"
 #include "compmark/app/detail/proof.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/detail/robustness.hpp"

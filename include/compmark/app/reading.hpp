@@ -17,6 +17,7 @@
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/compiled.hpp"
 #include "compmark/app/observer.hpp"
+#include "compmark/app/picture.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/owner_key.hpp"
@@ -50,16 +51,8 @@ using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
 /// Which of the cameras that a model stores.
 enum class ViewChoice { test, train, all };
 
-/// A picture in memory: rows of 8-bit values [height, width, channels], of grey, grey and alpha, RGB or RGBA. In reports
-/// its SHA-256 is that of these bytes.
-struct GivenPicture {
-  std::string name;  ///< for the report
-  int width = 0, height = 0, channels = 3;
-  std::span<const std::uint8_t> pixels;
-};
-
-/// What is to be read: a model's renders, or images. Errors name these fields as the tool's options do ("--unmarked").
-struct ReadingSettings {
+/// What is to be read: a model's renders, or images, and how (PictureSettings). Errors name these fields as the tool's options do ("--unmarked").
+struct ReadingSettings : PictureSettings {
   std::filesystem::path decoder;
   std::filesystem::path model;                ///< or images
   std::filesystem::path unmarked;             ///< of the model: what it says by itself is subtracted; may be empty
@@ -68,10 +61,6 @@ struct ReadingSettings {
   std::vector<GivenPicture> pictures;         ///< in memory, read after the files, all of them
   ViewChoice split = ViewChoice::test;        ///< a model without test views gives those of its training
   std::size_t views = 0;                      ///< at most so many, evenly spaced; 0: all
-  std::array<float, 3> background{};          ///< behind transparent pixels of images: black, as models are drawn
-  std::size_t memory_budget_mb = 1400;        ///< of one image
-  bool mirrored = false;                      ///< images are mirrored, left for right, before they are read
-  bool pages = true;  ///< of an image that is a page, the picture on it is read (watermark/decoder/page_box.hpp)
 };
 
 struct Reading {

@@ -13,10 +13,12 @@
 #include <string>
 #include <string_view>
 #include <thread>
+#include <vector>
 
 #if defined(__linux__)
 #include <sched.h>
 
+#include <cerrno>
 #include <cstdio>
 #endif
 
@@ -83,12 +85,16 @@ inline constexpr std::size_t no_processor_limit = std::numeric_limits<std::size_
   return least;
 }
 
-[[nodiscard]] inline std::size_t processors_of_affinity() {
-  // A machine with more processors than the set has room for, 1024, says EINVAL: then no limit is known here.
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  if (::sched_getaffinity(0, sizeof(set), &set) != 0) return no_processor_limit;
-  return static_cast<std::size_t>(CPU_COUNT(&set));
+/// The processors that this process may run on. The system says EINVAL while a set has no room for as many as the
+/// machine could have: a set of the usual 1,024 has none on the largest, and is tried again twice as large.
+[[nodiscard]] inline std::size_t processors_of_affinity(std::size_t room = 1024) {
+  for (constexpr std::size_t most = std::size_t{1} << 20; room <= most; room = std::max<std::size_t>(64, 2 * room)) {
+    std::vector<cpu_set_t> set((room + CPU_SETSIZE - 1) / CPU_SETSIZE);
+    const std::size_t bytes = set.size() * sizeof(cpu_set_t);
+    if (::sched_getaffinity(0, bytes, set.data()) == 0) return static_cast<std::size_t>(CPU_COUNT_S(bytes, set.data()));
+    if (errno != EINVAL) break;
+  }
+  return no_processor_limit;
 }
 #endif
 

@@ -5,8 +5,8 @@
 // (law E2).
 //
 // A loop is over when its chunks are done, not when every worker has said so: a worker that the system has no processor
-// for is not waited for unless it came in. (Waiting for all, two threads beside two busy programs on two cores took up to
-// 1.4 times as long as one thread, beside four 14 times in short loops; docs/notebook/measured.md.)
+// for is not waited for unless it came in. (Waiting for all, short loops by two threads took 31 times as long as by one
+// beside two busy programs on two cores, and 24 times beside four; docs/notebook/measured.md.)
 #pragma once
 
 #include <algorithm>

@@ -65,6 +65,21 @@ namespace detail {
   return *at;
 }
 
+/// The ball of places that are finite.
+[[nodiscard]] inline RobustBall ball_of_finite(std::span<const std::array<double, 3>> places) {
+  RobustBall ball;
+  if (places.empty()) return ball;
+  std::vector<double> values(places.size());
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (std::size_t i = 0; i < places.size(); ++i) values[i] = places[i][axis];
+    ball.center[axis] = lower_quantile(values, 0.5);
+  }
+  for (std::size_t i = 0; i < places.size(); ++i) values[i] = ball.distance(places[i].data());
+  ball.middle = lower_quantile(values, 0.5);
+  ball.wide = lower_quantile(values, RobustBall::wide_share);
+  return ball;
+}
+
 }  // namespace detail
 
 /// The ball of `count` places; at(i) gives something whose [0], [1], [2] are coordinates. Places that are not finite do
@@ -79,17 +94,7 @@ template <class At>
                                   static_cast<double>(place[2])};
     if (std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2])) places.push_back(p);
   }
-  RobustBall ball;
-  if (places.empty()) return ball;
-  std::vector<double> values(places.size());
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    for (std::size_t i = 0; i < places.size(); ++i) values[i] = places[i][axis];
-    ball.center[axis] = detail::lower_quantile(values, 0.5);
-  }
-  for (std::size_t i = 0; i < places.size(); ++i) values[i] = ball.distance(places[i].data());
-  ball.middle = detail::lower_quantile(values, 0.5);
-  ball.wide = detail::lower_quantile(values, RobustBall::wide_share);
-  return ball;
+  return detail::ball_of_finite(places);
 }
 
 /// Fills `near` with the places that lie within `reach`, if others are there, and returns how many those are. What is

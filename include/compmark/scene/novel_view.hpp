@@ -114,30 +114,9 @@ class ViewClearance {
   /// `cameras(i)` gives the camera of view i < views.
   template <class Cameras>
   ViewClearance(const Cameras& cameras, std::size_t views) {
-    constexpr std::size_t nearest = 3;
-    for (std::size_t i = 0; i < views; ++i) {
-      const std::array<double, 3> self = cameras(i).center_world;
-      std::vector<double> squares;
-      for (std::size_t j = 0; j < views; ++j) {
-        if (j == i) continue;
-        const std::array<double, 3> other = cameras(j).center_world;
-        double square = 0;
-        for (std::size_t c = 0; c < 3; ++c) square += (other[c] - self[c]) * (other[c] - self[c]);
-        squares.push_back(square);
-      }
-      const std::size_t third = std::min(nearest, squares.size());
-      if (third > 0)
-        std::nth_element(squares.begin(), squares.begin() + static_cast<std::ptrdiff_t>(third - 1), squares.end());
-      summed_.push_back(third > 0 ? squares[third - 1] : 0);
-    }
-    std::vector<double> sorted = summed_;
-    std::sort(sorted.begin(), sorted.end());
-    const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
-    double sum = 0;
-    for (double& clearance : summed_) {
-      sum += median > 0 ? std::clamp(clearance, median / 4, 16 * median) : 1;  // half stand in one place: all equal
-      clearance = sum;
-    }
+    std::vector<std::array<double, 3>> centers;
+    for (std::size_t i = 0; i < views; ++i) centers.push_back(cameras(i).center_world);
+    measure(centers);
   }
   [[nodiscard]] bool empty() const { return summed_.empty(); }
   /// The view at `uniform` in [0, 1), drawn in proportion to clearance. Needs at least one view.
@@ -159,6 +138,31 @@ class ViewClearance {
   }
 
  private:
+  void measure(std::span<const std::array<double, 3>> centers) {
+    constexpr std::size_t nearest = 3;
+    for (std::size_t i = 0; i < centers.size(); ++i) {
+      std::vector<double> squares;
+      for (std::size_t j = 0; j < centers.size(); ++j) {
+        if (j == i) continue;
+        double square = 0;
+        for (std::size_t c = 0; c < 3; ++c) square += (centers[j][c] - centers[i][c]) * (centers[j][c] - centers[i][c]);
+        squares.push_back(square);
+      }
+      const std::size_t third = std::min(nearest, squares.size());
+      if (third > 0)
+        std::nth_element(squares.begin(), squares.begin() + static_cast<std::ptrdiff_t>(third - 1), squares.end());
+      summed_.push_back(third > 0 ? squares[third - 1] : 0);
+    }
+    std::vector<double> sorted = summed_;
+    std::sort(sorted.begin(), sorted.end());
+    const double median = sorted.empty() ? 0 : sorted[sorted.size() / 2];
+    double sum = 0;
+    for (double& clearance : summed_) {
+      sum += median > 0 ? std::clamp(clearance, median / 4, 16 * median) : 1;  // half stand in one place: all equal
+      clearance = sum;
+    }
+  }
+
   std::vector<double> summed_;  ///< of the views up to each
 };
 
@@ -176,15 +180,7 @@ class PhotographDistance {
       center_.push_back(camera.center_world);
       direction_.push_back(direction_of(camera));
     }
-    std::vector<double> apart;
-    for (std::size_t i = 0; i < views; ++i) {
-      const double distance = nearest(center_[i], direction_[i], i);
-      if (std::isfinite(distance)) apart.push_back(distance);
-    }
-    if (apart.empty() || 2 * apart.size() < views) return;
-    const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
-    std::nth_element(apart.begin(), middle, apart.end());
-    median_ = *middle;
+    measure();
   }
 
   [[nodiscard]] bool empty() const { return center_.empty(); }
@@ -197,6 +193,18 @@ class PhotographDistance {
   }
 
  private:
+  /// The median between the views.
+  void measure() {
+    std::vector<double> apart;
+    for (std::size_t i = 0; i < center_.size(); ++i) {
+      const double distance = nearest(center_[i], direction_[i], i);
+      if (std::isfinite(distance)) apart.push_back(distance);
+    }
+    if (apart.empty() || 2 * apart.size() < center_.size()) return;
+    const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
+    std::nth_element(apart.begin(), middle, apart.end());
+    median_ = *middle;
+  }
   template <class AnyCamera>
   [[nodiscard]] static std::array<double, 3> direction_of(const AnyCamera& camera) {
     return {camera.rotation_camera_world[6], camera.rotation_camera_world[7], camera.rotation_camera_world[8]};

@@ -149,10 +149,9 @@ template <class Json>
     return capture_below(folder, inner);
   if (const std::optional<Error> foreign = foreign_capture(folder)) return *foreign;
   if (holds_images(folder)) {
-    return fail(
-        ErrorKind::not_found, "", "holds photographs, but no cameras",
-        "compute the cameras (colmap automatic_reconstructor, ns-process-data images), which writes sparse/0 or "
-        "transforms.json");
+    return fail(ErrorKind::not_found, "", "holds photographs, but no cameras",
+                "compute the cameras: COLMAP writes sparse/0 (docs/capture.md has the lines), ns-process-data images "
+                "transforms.json");
   }
   return fail(
       ErrorKind::not_found, "",

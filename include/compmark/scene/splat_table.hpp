@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "compmark/core/executor.hpp"
@@ -44,6 +45,15 @@ struct SplatTable {
     count = rows;
     sh.resize(3 * sh_count(sh_degree));
     for_each_column([rows](std::vector<float>& column) { column.resize(rows); });
+  }
+  /// Drops the harmonics above a degree.
+  void limit_degree(int most) {
+    if (most >= degree) return;
+    std::vector<std::vector<float>> kept;
+    for (std::size_t channel = 0; channel < 3; ++channel)
+      for (std::size_t i = 0; i < sh_count(most); ++i) kept.push_back(std::move(color(channel, i)));
+    sh = std::move(kept);
+    degree = most;
   }
   /// Calls f(std::vector<float>&) for every column.
   template <class F>

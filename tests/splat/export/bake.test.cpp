@@ -45,8 +45,8 @@ TEST_CASE("export/bake: compare_bake tells a good bake from one of another camer
   std::vector<SplatTable> own;
   for (const Camera<double>& camera : cameras) own.push_back(bake_at_camera(model, camera, 0, executor));
   const auto exact = compare_bakes(
-      model, [&](std::size_t i) -> const SplatTable& { return own[i]; }, std::span<const Camera<double>>(cameras),
-      NoTargets{}, 0, executor);
+      model, [&](std::size_t i) -> const SplatTable& { return own[i]; }, std::span<const Camera<double>>(cameras), {},
+      0, executor);
   REQUIRE(exact.ok());
   CHECK(exact->worst_bake_to_model > 60);
   CHECK(std::isnan(exact->loss()));

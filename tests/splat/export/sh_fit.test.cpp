@@ -44,7 +44,7 @@ detail::SlotSums sums_of(const std::array<double, 48>& truth, double cap) {
 
 double mean_psnr(const Model<BakeRecipe>& model, const SplatTable& table, const std::vector<Camera<double>>& cameras) {
   ThreadExecutor executor(2);
-  const auto report = compare_bake(model, table, std::span<const Camera<double>>(cameras), NoTargets{}, 0, executor);
+  const auto report = compare_bake(model, table, std::span<const Camera<double>>(cameras), {}, 0, executor);
   return report.ok() ? report->mean_bake_to_model : 0;
 }
 

@@ -37,7 +37,7 @@ TEST_CASE(
   SplatTable table = fit_splats(model, std::span<const Camera<double>>(cameras), {}, fitted, executor);
   const std::vector<float> x = table.mean[0];
   const auto quality = [&] {
-    const auto report = compare_bake(model, table, std::span<const Camera<double>>(held_out), NoTargets{}, 0, executor);
+    const auto report = compare_bake(model, table, std::span<const Camera<double>>(held_out), {}, 0, executor);
     return report.ok() ? report->mean_bake_to_model : 0;
   };
   const double before = quality();

@@ -19,6 +19,7 @@
 #include "compmark/app/detail/export_warnings.hpp"
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"
+#include "compmark/core/config.hpp"
 #include "compmark/io/anchor_ply.hpp"
 #include "compmark/io/splat/read_splat.hpp"
 #include "compmark/io/splat/viewer_page.hpp"
@@ -94,7 +95,7 @@ template <class R>
                                                 const SplatTable& table, std::span<const Camera<double>> cameras,
                                                 const std::vector<std::string>& names, ThreadExecutor& executor) {
   const std::filesystem::path& data = of.settings.data;
-  if (data.empty()) return compare_bake(model, table, cameras, NoTargets{}, unseen_view, executor);
+  if (data.empty()) return compare_bake(model, table, cameras, {}, unseen_view, executor);
   DatasetSettings settings = settings_of(info);
   for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
   if (settings.lens == LensTreatment::keep) settings.lens = LensTreatment::undistort;  // the export has none
@@ -119,7 +120,7 @@ template <class R>
   Result<SplatFile> file = read_splat(of.out);
   if (!file) return file.error();
   const SplatTable table = unit == 1 ? std::move(file->table) : in_unit(std::move(file->table), 1 / unit);
-  return compare_bake(model, table, cameras, NoTargets{}, unseen_view, executor);
+  return compare_bake(model, table, cameras, {}, unseen_view, executor);
 }
 
 /// Fits over all cameras of the training, and refines.
@@ -142,14 +143,17 @@ template <class R>
   return table;
 }
 
-/// Bakes or fits; the report and the observer are told of a fit. Explicit Gaussians are written as they are.
+/// Bakes or fits; the report and the observer are told of a fit. Explicit Gaussians are written as they are, but for
+/// harmonics above the degree that is asked for.
 template <class R>
 [[nodiscard]] SplatTable exported_table(const Exported& of, const Model<R>& model, const ExportViews& views,
                                         ExportReport& report, ThreadExecutor& executor) {
   const ExportSettings& settings = of.settings;
   if (!settings.view.empty()) return bake_at_camera(model, views.chosen->camera, unseen_view, executor);
   if constexpr (ExplicitModelRecipe<R>) {
-    return explicit_splats(model);
+    SplatTable table = explicit_splats(model);
+    table.limit_degree(settings.degree);
+    return table;
   } else {
     return fitted_table(of, model, views, report, executor);
   }
@@ -174,8 +178,8 @@ template <class R>
 }
 
 template <class R>
-[[nodiscard]] Result<ExportReport> export_typed(const Exported& of, const Model<R>& model, const ModelInfo& info,
-                                                ThreadExecutor& executor) {
+[[nodiscard]] COMPMARK_ONCE Result<ExportReport> export_typed(const Exported& of, const Model<R>& model,
+                                                              const ModelInfo& info, ThreadExecutor& executor) {
   const ExportSettings& settings = of.settings;
   const std::filesystem::path folder = of.out.has_parent_path() ? of.out.parent_path() : ".";
   if (!std::filesystem::is_directory(folder)) {  // said now, not after minutes of fitting

@@ -167,11 +167,12 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   const std::vector<std::int8_t> signs = spread_signs(key, spread->cells());
   std::vector<double> all(signs.size(), 0.0);
   FileDecoder::Context context;
-  ReadingSettings as_is = reading;
+  PictureSettings as_is = reading;
   as_is.mirrored = false;
-  detail::ReadImage image;
   for (const std::filesystem::path& path : *files) {
-    if (Result<Done> done = detail::read_planes(path, as_is, image); !done) return done.error();
+    Result<OpenPicture> opened = open_picture(path, as_is);
+    if (!opened) return opened.error();
+    OpenPicture& image = *opened;
     ImageView<float> planes{image.planes.data(), 3, image.height, image.width};
     const auto look = [&](ImageView<const float> picture) -> Result<Registration> {
       if (std::min(picture.width, picture.height) < register_least_side) return Registration{};
@@ -181,21 +182,21 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
     Result<Registration> found = look(ImageView<const float>(planes));
     // What was taken for the picture on a page may be none.
     if (found && !found->found && image.part) {
-      ReadingSettings whole = as_is;
+      PictureSettings whole = as_is;
       whole.pages = false;
-      detail::ReadImage uncut;
-      if (Result<Done> done = detail::read_planes(path, whole, uncut); !done) return done.error();
-      found = look(ImageView<const float>{uncut.planes.data(), 3, uncut.height, uncut.width});
+      Result<OpenPicture> uncut = open_picture(path, whole);
+      if (!uncut) return uncut.error();
+      found = look(uncut->image());
       if (found && found->found) {
-        image = std::move(uncut);
+        image = std::move(*uncut);
         planes = {image.planes.data(), 3, image.height, image.width};
       }
     }
     // A page or a frame round the subject hides what it looks like: without flat lines, it is looked for again.
     const PictureBox box = subject_box(ImageView<const float>(planes), 64);
     if (found && !found->found && (box.height < image.height || box.width < image.width)) {
-      detail::ReadImage part = detail::part_of(image, box);
-      found = look(ImageView<const float>{part.planes.data(), 3, part.height, part.width});
+      OpenPicture part = part_of(image, box);
+      found = look(part.image());
       if (found && found->found) {
         image = std::move(part);
         planes = {image.planes.data(), 3, image.height, image.width};

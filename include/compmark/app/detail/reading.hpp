@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The functions of app/reading.hpp. Longer than 300 lines: files, pictures in memory and renders are read alike.
+// The functions of app/reading.hpp.
 #pragma once
 
 #include <algorithm>
@@ -18,6 +18,7 @@
 #include "compmark/app/detail/any_model.hpp"
 #include "compmark/app/detail/files.hpp"
 #include "compmark/app/detail/less_interference.hpp"
+#include "compmark/app/detail/picture.hpp"
 #include "compmark/app/reading.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/safetensors.hpp"
@@ -32,9 +33,6 @@
 
 namespace compmark {
 namespace detail {
-
-/// Of an image while it is read, at most: its floats, their blurs and what is read at each position.
-inline constexpr std::uint64_t read_bytes_a_pixel = 56;
 
 /// What every report says of its decoder and its key (none: nullptr).
 inline Result<ReportSources> sources_of(const std::filesystem::path& decoder, const OwnerKey* key) {
@@ -52,84 +50,6 @@ inline Result<ReportSources> sources_of(const std::filesystem::path& decoder, co
   return sources;
 }
 
-/// An image as floats in [0, 1], and the name of its file. A large image is never held in two forms longer than needed:
-/// the file, its pixels, their planes and the floats are 20 bytes a pixel together, and the floats alone are 12.
-struct ReadImage {
-  std::vector<float> planes;  ///< [3, height, width]
-  int width = 0, height = 0;
-  std::string sha256;              ///< of the file
-  std::optional<PictureBox> part;  ///< of the file's image, where it is the picture on a page
-};
-/// A part of an image.
-inline ReadImage part_of(const ReadImage& image, const PictureBox& box) {
-  ReadImage part{{}, box.width, box.height, image.sha256, image.part};
-  part.planes.reserve(3 * static_cast<std::size_t>(box.width) * static_cast<std::size_t>(box.height));
-  for (int c = 0; c < 3; ++c) {
-    for (int y = box.top; y < box.top + box.height; ++y) {
-      const auto row = image.planes.begin() + (static_cast<std::ptrdiff_t>(c) * image.height + y) * image.width;
-      part.planes.insert(part.planes.end(), row + box.left, row + box.left + box.width);
-    }
-  }
-  return part;
-}
-/// The planes as floats, of the picture alone where they are a page.
-inline void read_parts(const std::vector<std::uint8_t>& planes, const ReadingSettings& settings, ReadImage& read) {
-  read.planes.resize(planes.size());
-  for (std::size_t i = 0; i < planes.size(); ++i) read.planes[i] = static_cast<float>(planes[i]) / 255.0f;
-  const PictureBox whole{0, 0, read.height, read.width};
-  const PictureBox part =
-      settings.pages ? page_box(ImageView<const float>{read.planes.data(), 3, read.height, read.width}) : whole;
-  if (part.height != read.height || part.width != read.width) {
-    read.part = part;
-    read = part_of(read, part);
-  }
-  if (settings.mirrored) mirror_rows(ImageView<float>{read.planes.data(), 3, read.height, read.width});
-}
-inline Result<Done> read_planes(const std::filesystem::path& path, const ReadingSettings& settings, ReadImage& read) {
-  read.planes = {};  // of the image before
-  read.part.reset();
-  std::vector<std::uint8_t> planes;
-  {
-    Result<std::vector<std::byte>> bytes = read_image_bytes(path);
-    if (!bytes) return bytes.error();
-    const Result<ImageInfo> info = decode_image_info(*bytes, path.string());
-    if (!info) return info.error();
-    if (Result<Done> fits = check_image_memory(*info, path, read_bytes_a_pixel, settings.memory_budget_mb); !fits)
-      return fits;
-    read.sha256 = Sha256{}.update(*bytes).hex();
-    Result<ImageBytes> image = decode_image(*bytes, path.string());
-    if (!image) return image.error();
-    *bytes = {};
-    *image = turned(std::move(*image), info->orientation);
-    read.width = image->width;
-    read.height = image->height;
-    planes.resize(3 * static_cast<std::size_t>(read.width) * static_cast<std::size_t>(read.height));
-    composite(image->pixels, image->channels, settings.background, AlphaRounding::nearest, planes);
-  }
-  read_parts(planes, settings, read);
-  return Done{};
-}
-inline Result<Done> read_planes(const GivenPicture& picture, const ReadingSettings& settings, ReadImage& read) {
-  const bool sized = picture.width > 0 && picture.height > 0 && picture.channels >= 1 && picture.channels <= 4;
-  const std::uint64_t pixels =
-      sized ? static_cast<std::uint64_t>(picture.width) * static_cast<std::uint64_t>(picture.height) : 0;
-  if (!sized || picture.pixels.size() != pixels * static_cast<std::uint64_t>(picture.channels)) {
-    return Error{ErrorKind::invalid, picture.name, "picture", "has not as many values as its sides and channels say",
-                 "give height * width * channels values of 8 bits, of 1 to 4 channels"};
-  }
-  const ImageInfo info{picture.width, picture.height, picture.channels, 8, 1};
-  if (Result<Done> fits = check_image_memory(info, picture.name, read_bytes_a_pixel, settings.memory_budget_mb); !fits)
-    return fits;
-  read = {};
-  read.width = picture.width;
-  read.height = picture.height;
-  read.sha256 = Sha256{}.update(std::as_bytes(picture.pixels)).hex();
-  std::vector<std::uint8_t> planes(3 * pixels);
-  composite(picture.pixels, picture.channels, settings.background, AlphaRounding::nearest, planes);
-  read_parts(planes, settings, read);
-  return Done{};
-}
-
 inline Result<Done> read_images(const ReadingSettings& settings, const FileDecoder& decoder,
                                 const CoverInterference* interference, ThreadExecutor& executor,
                                 const WorkObserver& observer, Reading& reading) {
@@ -138,20 +58,17 @@ inline Result<Done> read_images(const ReadingSettings& settings, const FileDecod
   if (!files) return files.error();
   keep_evenly(*files, settings.views);
   FileDecoder::Context context;
-  ReadImage image;
   for (std::size_t i = 0; i < files->size() + settings.pictures.size(); ++i) {
     const bool given = i >= files->size();
     const std::string path = given ? settings.pictures[i - files->size()].name : (*files)[i].string();
-    if (Result<Done> done = given ? read_planes(settings.pictures[i - files->size()], settings, image)
-                                  : read_planes((*files)[i], settings, image);
-        !done)
-      return done;
-    const ImageView<const float> planes{image.planes.data(), 3, image.height, image.width};
-    Result<ViewLogits> view = read_less(decoder, interference, planes, path, context, executor);
+    const Result<OpenPicture> picture = given ? open_picture(settings.pictures[i - files->size()], settings)
+                                              : open_picture((*files)[i], settings);
+    if (!picture) return picture.error();
+    Result<ViewLogits> view = read_less(decoder, interference, picture->image(), path, context, executor);
     if (!view) return view.error();
     view->name = given ? path : (*files)[i].filename().string();
-    view->sha256 = image.sha256;
-    view->part = image.part;
+    view->sha256 = picture->sha256;
+    view->part = picture->part;
     reading.views.push_back(std::move(*view));
     if (Result<Done> on = tell(observer, reading.views.size(), files->size() + settings.pictures.size()); !on)
       return on;

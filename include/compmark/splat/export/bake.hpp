@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <span>
 #include <utility>
@@ -88,16 +89,15 @@ struct BakeReport {
   [[nodiscard]] double loss() const { return mean_model_to_target - mean_bake_to_target; }
 };
 
-/// For the last argument of compare_bake where there is no ground truth.
-struct NoTargets {};
+/// Fills the ground truth of camera i: targets(i, image). Empty where there is none.
+using BakeTargets = std::function<Result<Done>(std::size_t, ImageView<float>)>;
 
-/// Renders `table_at(i)` (a const SplatTable&) and the model at every camera. `targets` is NoTargets, or is called as
-/// targets(i, ImageView<float> image) -> Result<Done> to fill the ground truth of camera i. `first_view` is the
-/// appearance row. Cost: two renders a camera.
-template <Recipe R, class TableAt, class Targets, Executor E>
+/// Renders `table_at(i)` (a const SplatTable&) and the model at every camera. `appearance_view` is the appearance row.
+/// Cost: two renders a camera.
+template <Recipe R, class TableAt, Executor E>
   requires std::same_as<typename R::Scalar, float>
 [[nodiscard]] Result<BakeReport> compare_bakes(const Model<R>& model, const TableAt& table_at,
-                                               std::span<const Camera<double>> cameras, Targets&& targets,
+                                               std::span<const Camera<double>> cameras, const BakeTargets& targets,
                                                std::size_t appearance_view, E& executor) {
   const Pipeline<R> pipeline;
   typename Pipeline<R>::Context context;
@@ -118,7 +118,7 @@ template <Recipe R, class TableAt, class Targets, Executor E>
     round_to_8bit(renderer.render(table, cameras[i], executor), view_of(rounded_bake));
     BakeComparison one;
     one.bake_to_model = psnr(view_of(rounded_bake), view_of(rounded_model));
-    if constexpr (!std::is_same_v<std::remove_cvref_t<Targets>, NoTargets>) {
+    if (targets) {
       target.resize(size);
       if (Result<Done> loaded = targets(i, view_of(target)); !loaded) return loaded.error();
       one.model_to_target = psnr(view_of(rounded_model), view_of(target));
@@ -141,9 +141,9 @@ template <Recipe R, class TableAt, class Targets, Executor E>
 }
 
 /// One table for all cameras.
-template <Recipe R, class Targets, Executor E>
+template <Recipe R, Executor E>
 [[nodiscard]] Result<BakeReport> compare_bake(const Model<R>& model, const SplatTable& table,
-                                              std::span<const Camera<double>> cameras, Targets&& targets,
+                                              std::span<const Camera<double>> cameras, const BakeTargets& targets,
                                               std::size_t appearance_view, E& executor) {
   return compare_bakes(
       model, [&](std::size_t) -> const SplatTable& { return table; }, cameras, targets, appearance_view, executor);

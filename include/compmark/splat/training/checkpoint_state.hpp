@@ -23,11 +23,9 @@ namespace compmark::detail {
 }
 
 /// Names how near to death a training is in the progress of a checkpoint; nothing where it is alive and well.
-template <class Json, class State>
-void add_revival(Json& progress, const State& state) {
-  if constexpr (requires { state.revival; }) {
-    if (state.revival != Revival{}) progress["revival"] = {state.revival.empty, state.revival.revivals};
-  }
+template <class Json>
+void add_revival(Json& progress, const Revival& revival) {
+  if (revival != Revival{}) progress["revival"] = {revival.empty, revival.revivals};
 }
 /// Reads the same. False: what is there is no two counts.
 template <class Json>
@@ -40,33 +38,39 @@ template <class Json>
   return true;
 }
 
-/// Checks that moments and counts are possible in a run of so many iterations. Sums of the growth statistics may be
-/// NaN: growing drops such.
-template <class State>
-[[nodiscard]] Result<Done> check_state(const SafetensorsFile& file, const State& state) {
-  const auto all = [](const auto& column, const auto& fits) {
-    for (std::size_t i = 0; i < column.size(); ++i) {
-      if (!fits(column[i])) return false;
-    }
-    return true;
-  };
-  if (!all(state.optimizer.first_moment, [](auto x) { return std::isfinite(x); }))
-    return no_state(file, "optimizer.first_moment", "holds a value that is not finite");
-  if (!all(state.optimizer.second_moment, [](auto x) { return std::isfinite(x) && x >= 0; }))
-    return no_state(file, "optimizer.second_moment", "holds a value that is no mean of squares");
-  const std::uint64_t most = static_cast<std::uint64_t>(state.iteration);
-  if (!all(state.optimizer.steps, [&](std::uint64_t steps) { return steps <= most; }))
-    return no_state(file, "optimizer.steps", "has more steps than the run had iterations");
-  if constexpr (requires { state.growth.statistics; }) {
-    const auto& statistics = state.growth.statistics;
-    const auto count = [&](auto x) { return x >= 0 && static_cast<double>(x) <= static_cast<double>(state.iteration); };
-    const auto sum = [](auto x) { return !(x < 0); };
-    if (!all(statistics.visits, count)) return no_state(file, "growth.visits", "holds a number that is no count");
-    if (!all(statistics.gradient_count, count))
-      return no_state(file, "growth.gradient_count", "holds a number that is no count");
-    if (!all(statistics.opacity_sum, sum)) return no_state(file, "growth.opacity_sum", "holds a negative sum");
-    if (!all(statistics.gradient_sum, sum)) return no_state(file, "growth.gradient_sum", "holds a negative sum");
+template <class Column, class Fits>
+[[nodiscard]] bool all_of_column(const Column& column, const Fits& fits) {
+  for (std::size_t i = 0; i < column.size(); ++i) {
+    if (!fits(column[i])) return false;
   }
+  return true;
+}
+
+/// Checks that the optimiser's moments and steps are possible after so many iterations.
+template <class Moments>
+[[nodiscard]] Result<Done> check_moments(const SafetensorsFile& file, const Moments& moments, std::int64_t iterations) {
+  if (!all_of_column(moments.first_moment, [](auto x) { return std::isfinite(x); }))
+    return no_state(file, "optimizer.first_moment", "holds a value that is not finite");
+  if (!all_of_column(moments.second_moment, [](auto x) { return std::isfinite(x) && x >= 0; }))
+    return no_state(file, "optimizer.second_moment", "holds a value that is no mean of squares");
+  const std::uint64_t most = static_cast<std::uint64_t>(iterations);
+  if (!all_of_column(moments.steps, [&](std::uint64_t steps) { return steps <= most; }))
+    return no_state(file, "optimizer.steps", "has more steps than the run had iterations");
+  return Done{};
+}
+/// The same of the growth statistics. Their sums may be NaN: growing drops such.
+template <class Statistics>
+[[nodiscard]] Result<Done> check_statistics(const SafetensorsFile& file, const Statistics& statistics,
+                                            std::int64_t iterations) {
+  const auto count = [&](auto x) { return x >= 0 && static_cast<double>(x) <= static_cast<double>(iterations); };
+  const auto sum = [](auto x) { return !(x < 0); };
+  if (!all_of_column(statistics.visits, count))
+    return no_state(file, "growth.visits", "holds a number that is no count");
+  if (!all_of_column(statistics.gradient_count, count))
+    return no_state(file, "growth.gradient_count", "holds a number that is no count");
+  if (!all_of_column(statistics.opacity_sum, sum)) return no_state(file, "growth.opacity_sum", "holds a negative sum");
+  if (!all_of_column(statistics.gradient_sum, sum))
+    return no_state(file, "growth.gradient_sum", "holds a negative sum");
   return Done{};
 }
 

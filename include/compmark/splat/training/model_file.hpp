@@ -24,6 +24,7 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/core/config.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/splat/training/model.hpp"
@@ -78,7 +79,7 @@ template <class T>
 
 /// Creates the model's blocks from the file's shape and fills them.
 template <Recipe R>
-[[nodiscard]] Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
+[[nodiscard]] COMPMARK_ONCE Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
   Result<ModelHead> head = read_head(file, R::AnchorModel::shape);
   if (!head) return head.error();
   LoadedModel<R> loaded;
@@ -112,7 +113,7 @@ template <Recipe R>
 /// A model of recipe R from a file that was read: every count and shape is checked against the file before it is
 /// believed.
 template <Recipe R>
-[[nodiscard]] Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
+[[nodiscard]] COMPMARK_ONCE Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
   if (const Result<std::string> recipe = model_recipe(file); !recipe) return recipe.error();
   return detail::model_from<R>(file);
 }

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/core/config.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/math/robust_ball.hpp"
 #include "compmark/scene/image_point.hpp"
@@ -79,7 +80,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   /// Starts from a point cloud: anchors at its occupied voxels, networks at their random initial values. Points beyond
   /// the reach of the others are left out (far_points()). Where the anchors would take more than `memory` says that
   /// there is, an Error of kind `exhausted`, before they are taken.
-  [[nodiscard]] Result<Done> initialise(std::span<const std::array<float, 3>> points, const MemoryBudget& memory = {}) {
+  [[nodiscard]] COMPMARK_ONCE Result<Done> initialise(std::span<const std::array<float, 3>> points,
+                                                      const MemoryBudget& memory = {}) {
     if (Result<Done> room = check_cloud_memory(points.size(), memory); !room) return room.error();
     InitialiseSettings initial;
     initial.voxel_size = settings_.voxel_size;

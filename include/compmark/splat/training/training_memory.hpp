@@ -55,69 +55,95 @@ inline constexpr double bytes_per_point = 160;
   return text;
 }
 
-}  // namespace detail
-
-/// The estimate for so many anchors.
+/// What the estimate has to know of a recipe: scalars of an anchor and of all networks, and what each costs.
+struct MemoryShape {
+  double row = 0, fixed = 0, offsets = 0, scalar_bytes = 0;
+  bool coded = false, marked = false;
+};
 template <Recipe R>
-[[nodiscard]] TrainingMemory training_memory(std::size_t anchors, const MemoryBudget& budget) {
+[[nodiscard]] MemoryShape memory_shape(std::size_t views) {
   Model<R> model;
-  model.create(0, budget.views);
-  double row = 0, fixed = 0;
+  model.create(0, views);
+  MemoryShape shape;
   for (const ArenaLayout::Block& block : model.arena.layout().blocks()) {
     if (block.kind == RowKind::anchor) {
-      row += static_cast<double>(block.columns);
+      shape.row += static_cast<double>(block.columns);
     } else {
-      fixed += static_cast<double>(block.size());
+      shape.fixed += static_cast<double>(block.size());
     }
   }
-  constexpr bool coded = present<typename R::EntropyModel>, marked = present<typename R::MessageDecoder>;
-  constexpr double offsets = R::AnchorModel::shape.offsets;
-  const double scalar = sizeof(typename R::Scalar), n = static_cast<double>(anchors);
+  shape.offsets = R::AnchorModel::shape.offsets;
+  shape.scalar_bytes = sizeof(typename R::Scalar);
+  shape.coded = present<typename R::EntropyModel>;
+  shape.marked = present<typename R::MessageDecoder>;
+  return shape;
+}
+
+// What follows is compiled once and not for each recipe.
+[[nodiscard]] inline TrainingMemory training_memory(const MemoryShape& shape, std::size_t anchors,
+                                                    const MemoryBudget& budget) {
+  const double n = static_cast<double>(anchors), scalars = shape.scalar_bytes / sizeof(float);
   TrainingMemory memory;
-  memory.parameters = scalar * (detail::copies_of_parameters * (row * n + fixed) + n * (2 + 2 * offsets));
-  memory.gaussians = n * offsets * detail::share_decoded *
-                     (coded ? detail::bytes_per_coded_gaussian : detail::bytes_per_gaussian) * scalar / sizeof(float);
-  memory.view = static_cast<double>(budget.pixels) *
-                (marked ? detail::bytes_per_marked_pixel : detail::bytes_per_pixel) * scalar / sizeof(float);
+  memory.parameters =
+      shape.scalar_bytes * (copies_of_parameters * (shape.row * n + shape.fixed) + n * (2 + 2 * shape.offsets));
+  memory.gaussians =
+      n * shape.offsets * share_decoded * (shape.coded ? bytes_per_coded_gaussian : bytes_per_gaussian) * scalars;
+  memory.view =
+      static_cast<double>(budget.pixels) * (shape.marked ? bytes_per_marked_pixel : bytes_per_pixel) * scalars;
   memory.images = budget.images;
   return memory;
 }
-
-/// An Error of kind `exhausted` where so many anchors would take more than there is.
-template <Recipe R>
-[[nodiscard]] Result<Done> check_training_memory(std::size_t anchors, const MemoryBudget& budget) {
-  const TrainingMemory memory = training_memory<R>(anchors, budget);
+[[nodiscard]] inline Result<Done> check_training_memory(const MemoryShape& shape, std::size_t anchors,
+                                                        const MemoryBudget& budget) {
+  const TrainingMemory memory = training_memory(shape, anchors, budget);
   if (!(budget.bytes > 0) || memory.total() <= budget.bytes) return Done{};
-  const TrainingMemory none = training_memory<R>(0, budget);
+  const TrainingMemory none = training_memory(shape, 0, budget);
   const double each = (memory.total() - none.total()) / std::max(1.0, static_cast<double>(anchors));
   const double room = (budget.bytes - none.total()) / each;
   return Error{ErrorKind::exhausted,
                {},
                "memory",
-               "training " + std::to_string(anchors) + " anchors takes about " + detail::gigabytes(memory.total()) +
-                   ", and " + detail::gigabytes(budget.bytes) + " are free",
+               "training " + std::to_string(anchors) + " anchors takes about " + gigabytes(memory.total()) + ", and " +
+                   gigabytes(budget.bytes) + " are free",
                room >= 1
                    ? "give a larger --voxel-size, so that at most " + std::to_string(static_cast<long long>(room)) +
                          " anchors begin, and that as --max-anchors; or fewer points, smaller images "
                          "(--downscale), a smaller --memory-budget"
                    : "give smaller images (--downscale) or a smaller --memory-budget of images"};
 }
-/// An Error of kind `exhausted` where there is not enough for another growth like the last one, which brought `grown`
-/// to `anchors`. `budget.bytes` is what is free now, beside all that the training has taken. Asked after a growth: a
-/// row edit copies what it edits.
-template <Recipe R>
-[[nodiscard]] Result<Done> check_growth_memory(std::size_t anchors, std::size_t grown, const MemoryBudget& budget) {
-  const TrainingMemory now = training_memory<R>(anchors, budget), next = training_memory<R>(anchors + grown, budget);
-  const double copied = next.parameters * 2 / detail::copies_of_parameters,
-               wanted = next.total() - now.total() + copied;
+[[nodiscard]] inline Result<Done> check_growth_memory(const MemoryShape& shape, std::size_t anchors, std::size_t grown,
+                                                      const MemoryBudget& budget) {
+  const TrainingMemory now = training_memory(shape, anchors, budget),
+                       next = training_memory(shape, anchors + grown, budget);
+  const double copied = next.parameters * 2 / copies_of_parameters, wanted = next.total() - now.total() + copied;
   if (!(budget.bytes > 0) || wanted <= budget.bytes) return Done{};
   return Error{ErrorKind::exhausted,
                {},
                "memory",
                "another growth like the last one, of " + std::to_string(grown) + " to " + std::to_string(anchors) +
-                   " anchors, takes about " + detail::gigabytes(wanted) + ", and " + detail::gigabytes(budget.bytes) +
-                   " are free",
+                   " anchors, takes about " + gigabytes(wanted) + ", and " + gigabytes(budget.bytes) + " are free",
                "go on with --resume where there is more, or begin again with --max-anchors " + std::to_string(anchors)};
+}
+
+}  // namespace detail
+
+/// The estimate for so many anchors.
+template <Recipe R>
+[[nodiscard]] TrainingMemory training_memory(std::size_t anchors, const MemoryBudget& budget) {
+  return detail::training_memory(detail::memory_shape<R>(budget.views), anchors, budget);
+}
+
+/// An Error of kind `exhausted` where so many anchors would take more than there is.
+template <Recipe R>
+[[nodiscard]] Result<Done> check_training_memory(std::size_t anchors, const MemoryBudget& budget) {
+  return detail::check_training_memory(detail::memory_shape<R>(budget.views), anchors, budget);
+}
+/// An Error of kind `exhausted` where there is not enough for another growth like the last one, which brought `grown`
+/// to `anchors`. `budget.bytes` is what is free now, beside all that the training has taken. Asked after a growth: a
+/// row edit copies what it edits.
+template <Recipe R>
+[[nodiscard]] Result<Done> check_growth_memory(std::size_t anchors, std::size_t grown, const MemoryBudget& budget) {
+  return detail::check_growth_memory(detail::memory_shape<R>(budget.views), anchors, grown, budget);
 }
 /// The same as check_training_memory for a cloud of which no cell is known yet: what is taken before anchors can be
 /// counted.

@@ -15,6 +15,7 @@
 
 #include "compmark/app/evaluate.hpp"
 #include "compmark/app/run/run_observer.hpp"
+#include "compmark/core/config.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
 #include "compmark/splat/training/trainer.hpp"
@@ -39,21 +40,13 @@ struct TrainObserver {
   [[nodiscard]] double seconds() const { return seconds_before + told->seconds() - begin; }
 
   template <class TrainerType>
-  bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
+  COMPMARK_ONCE bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
     // The PSNR of a training view costs a pass over the image: measured for every tenth iteration, the rate of the log.
     if (report.iteration % 10 == 1 || report.iteration == report.total) {
       const double psnr = counted_psnr(trainer.image(), trainer.target(), trainer.weight());
       if (!std::isnan(psnr)) last_psnr = psnr;  // of a view of which nothing counts there is none
     }
     RunProgress line;
-    line.iteration = report.iteration;
-    line.total = report.total;
-    line.loss = report.loss.total;
-    line.l1 = report.loss.l1;
-    line.ssim = report.loss.ssim;
-    line.psnr = last_psnr;
-    line.anchors = report.anchors;
-    line.gaussians = report.forward.gaussians;
     if constexpr (requires { trainer.context(); } && has_stage<typename TrainerType::Stages, RateStage>) {
       const auto& rate = trainer.context().template of<RateStage>().report;
       if (rate.sampled != 0) line.bits_per_scalar = rate.bits_per_scalar;
@@ -62,6 +55,29 @@ struct TrainObserver {
       line.revivals = static_cast<std::uint64_t>(trainer.state().revival.revivals);
     const MarkReport mark = mark_report(trainer);
     if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
+    if (!tell(line, report)) return false;
+    const bool stop = stopped || failure;
+    if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
+      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds());
+          !written) {
+        failure = written.error();
+        return false;
+      }
+    }
+    return !stop;
+  }
+
+ private:
+  /// What is the same for every recipe. `line` has what is not; false where nothing is left to train or to keep.
+  bool tell(RunProgress& line, const IterationReport& report) {
+    line.iteration = report.iteration;
+    line.total = report.total;
+    line.loss = report.loss.total;
+    line.l1 = report.loss.l1;
+    line.ssim = report.loss.ssim;
+    line.psnr = last_psnr;
+    line.anchors = report.anchors;
+    line.gaussians = report.forward.gaussians;
     stopped = !told->on_iteration(line);
     if (report.skipped_blocks != 0) {
       told->on_note("iteration " + std::to_string(report.iteration) + ": " + std::to_string(report.skipped_blocks) +
@@ -87,15 +103,7 @@ struct TrainObserver {
     if (report.adjusted && report.grown > 0 && report.iteration < report.total) {
       if (const Result<Done> room = growth(report.anchors, report.grown); !room) failure = room.error();
     }
-    const bool stop = stopped || failure;
-    if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
-      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds());
-          !written) {
-        failure = written.error();
-        return false;
-      }
-    }
-    return !stop;
+    return true;
   }
 };
 

@@ -24,8 +24,10 @@
 #include "compmark/app/run/detail/run_data.hpp"
 #include "compmark/app/run/detail/run_loop_observer.hpp"
 #include "compmark/app/run/detail/run_plan.hpp"
+#include "compmark/app/run/detail/run_steps.hpp"
 #include "compmark/codec/model/adopt_networks.hpp"
 #include "compmark/codec/model/coded_model.hpp"
+#include "compmark/core/config.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/splat_ply.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
@@ -45,7 +47,7 @@ struct LensViews : DatasetViews {
   [[nodiscard]] CameraOf<L> camera(std::size_t i) const { return cameras[i]; }
 };
 template <class L>
-Result<LensViews<L>> lens_views(DatasetViews views) {
+COMPMARK_ONCE Result<LensViews<L>> lens_views(DatasetViews views) {
   LensViews<L> result{std::move(views), {}};
   Lens last;
   std::optional<L> policy = lens_policy<L>(last);
@@ -82,20 +84,9 @@ struct SourceRecipe<R> {
   using Type = typename R::Base;
 };
 
-/// Inputs of a run of recipe R when its iterations begin.
-template <class R>
-struct RunParts {
-  const RunPlan* plan;
-  RunData* data;
-  LensViews<RecipeLens<R>>* train;
-  const RunMark* mark;                       ///< null without a message
-  std::optional<CodecModel>* unmarked_file;  ///< what a file of the model says that a mark is hidden in
-  MemoryBudget memory;
-};
-
 /// Loads the checkpoint of a resumed run and returns its seconds so far; nothing if the run begins.
 template <class Loop>
-Result<std::optional<double>> take_up(const RunPlan& plan, const RunData& data, Loop& loop) {
+COMPMARK_ONCE Result<std::optional<double>> take_up(const RunPlan& plan, const RunData& data, Loop& loop) {
   if (!std::filesystem::exists(data.checkpoint)) return std::optional<double>();
   if (!plan.resume) return unfinished_run(data.checkpoint);
   Result<Checkpoint<Loop>> restored = read_checkpoint<Loop>(data.checkpoint, data.settings, data.info);
@@ -104,137 +95,124 @@ Result<std::optional<double>> take_up(const RunPlan& plan, const RunData& data, 
   return std::optional(restored->seconds);
 }
 
-/// The iterations of a run that was begun or taken up after `seconds_before`, its files and its figures.
-template <class Loop, class R>
-Result<RunOutcome> run_iterations(Loop& loop, const RunParts<R>& parts, const std::optional<double>& seconds_before) {
-  constexpr bool is_marked = present<typename R::MessageDecoder>;
-  const RunPlan& plan = *parts.plan;
-  RunObserver& told = *plan.observer;
-  RunData& data = *parts.data;
-  const RunBeginning beginning{plan.out, loop.state().iteration, data.settings.iterations, seconds_before.has_value()};
-  if (Result<Done> begun = told.on_begin(beginning); !begun) return begun.error();
-  for (const std::string& note : plan.notes) told.on_note(note);
-  TrainObserver observer;
-  observer.told = &told;
-  observer.begin = told.seconds();
-  observer.info = &data.info;
-  observer.growth = [&told, budget = parts.memory](std::size_t anchors, std::size_t grown) mutable {
-    budget.bytes = told.free_memory_bytes();
-    return check_growth_memory<R>(anchors, grown, budget);
-  };
-  observer.checkpoint_every = plan.checkpoint_every;
-  observer.checkpoint = data.checkpoint;
-  observer.seconds_before = seconds_before.value_or(0);
-  observer.patience = std::max<std::int64_t>(100, 2 * static_cast<std::int64_t>(parts.train->size()));
-  const Result<Done> done = loop.run(*parts.train, observer);
-  told.on_iterations_end();
-  if (!done) return done.error();
-  if (observer.failure) return *observer.failure;
-  if (!loop.finished() || observer.stopped) {  // in the last iteration too: a checkpoint is there either way
-    return Error{ErrorKind::cancelled,
-                 plan.out.string(),
-                 {},
-                 "interrupted after iteration " + std::to_string(loop.state().iteration),
-                 "continue with --resume"};
+/// The files of a finished model, in which the mark, if there is one, is a part of its features. Sets `end.coded` of a
+/// recipe that is `coded`.
+template <class Source, bool coded, class M>
+[[nodiscard]] COMPMARK_ONCE Result<Done> keep_model(const RunInputs& inputs, const M& model, RunEnd& end) {
+  const RunPlan& plan = *inputs.plan;
+  const RunData& data = *inputs.data;
+  if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
+  if constexpr (ExplicitModelRecipe<Source>) {  // as it came: for every viewer
+    std::vector<std::string> comments;
+    if (data.dataset.splat_up) comments.push_back(splat_up_comment(*data.dataset.splat_up));
+    if (Result<Done> written = write_splat_ply(plan.out / splat_file_name, explicit_splats(model), comments); !written)
+      return written;
   }
-  RunEnd end;
-  end.train_seconds = observer.seconds();
-  end.peak_memory_mb = told.peak_memory_mb();
-  end.anchors = loop.model().anchor_count();
-  end.voxel_size = loop.model().voxel_size;
+  if constexpr (coded) {
+    Result<CodecModel> file = coded_model(model, data.info);
+    if (!file) return file.error();
+    // The steps of the training, not those that would suit the marked symbols a little better.
+    if (*inputs.unmarked_file) keep_context(**inputs.unmarked_file, *file);
+    end.coded = std::move(*file);
+  }
+  return Done{};
+}
+
+/// The iterations of a run that was begun or taken up after `seconds_before`, its files and its figures.
+template <class R, class Loop, class Views>
+COMPMARK_ONCE Result<RunOutcome> run_iterations(Loop& loop, Views& train, const RunInputs& inputs,
+                                                const std::optional<double>& seconds_before) {
+  using Source = typename SourceRecipe<R>::Type;
+  Result<TrainObserver> observer = begin_iterations(inputs, loop.state().iteration, seconds_before);
+  if (!observer) return observer.error();
+  const Result<Done> done = loop.run(train, *observer);
+  Result<RunEnd> end = end_iterations(*inputs.plan, *observer, done, loop.finished(), loop.state().iteration);
+  if (!end) return end.error();
+  end->anchors = loop.model().anchor_count();
+  end->voxel_size = loop.model().voxel_size;
   if constexpr (requires { loop.context(); } && has_stage<typename Loop::Stages, DistortionStage>) {
-    end.distortion_step =
+    end->distortion_step =
         loop.pipeline().template stage<DistortionStage>().step_summary(loop.context().template of<DistortionStage>());
   }
   if constexpr (requires { loop.state().revival; })
-    end.revivals = static_cast<std::uint64_t>(loop.state().revival.revivals);
-  const auto keep = [&](const auto& model) -> Result<Done> {
-    if (Result<Done> written = write_model(data.model, model, data.info); !written) return written;
-    if constexpr (ExplicitModelRecipe<typename SourceRecipe<R>::Type>) {  // as it came: for every viewer
-      std::vector<std::string> comments;
-      if (data.dataset.splat_up) comments.push_back(splat_up_comment(*data.dataset.splat_up));
-      if (Result<Done> written = write_splat_ply(plan.out / splat_file_name, explicit_splats(model), comments);
-          !written)
-        return written;
-    }
-    if constexpr (present<typename R::EntropyModel>) {
-      Result<CodecModel> coded = coded_model(model, data.info);
-      if (!coded) return coded.error();
-      // The steps of the training, not those that would suit the marked symbols a little better.
-      if (*parts.unmarked_file) keep_context(**parts.unmarked_file, *coded);
-      end.coded = std::move(*coded);
-    }
-    return Done{};
-  };
+    end->revivals = static_cast<std::uint64_t>(loop.state().revival.revivals);
+  constexpr bool coded = present<typename R::EntropyModel>;
   const Result<Done> kept = [&] {
-    if constexpr (is_marked) return keep(baked_model(loop.model()));
-    if constexpr (!is_marked) return keep(loop.model());
+    if constexpr (present<typename R::MessageDecoder>)
+      return keep_model<Source, coded>(inputs, baked_model(loop.model()), *end);
+    if constexpr (!present<typename R::MessageDecoder>) return keep_model<Source, coded>(inputs, loop.model(), *end);
   }();
   if (!kept) return kept.error();
-  return finish_run(plan, data, end, parts.mark);
+  return finish_run(*inputs.plan, *inputs.data, *end, inputs.mark);
+}
+
+/// Reads the finished model that a mark is hidden in or a codec is fitted to; nothing for a training from the start.
+/// Gives the settings its background and, if what is trained is rounded as its file is, its steps.
+template <class Source>
+[[nodiscard]] COMPMARK_ONCE Result<std::optional<LoadedModel<Source>>> load_source(const RunPlan& plan, bool rounded,
+                                                                                   TrainSettings& wanted) {
+  if (plan.model.empty()) return std::optional<LoadedModel<Source>>();
+  Result<LoadedModel<Source>> loaded = read_source<Source>(plan.model, *plan.executor);
+  if (!loaded) return loaded.error();
+  for (std::size_t c = 0; c < 3; ++c) wanted.background[c] = static_cast<float>(loaded->model.render.background[c]);
+  if (rounded) {
+    const std::array<double, 3>& step = loaded->info.base_step;
+    wanted.rate.feature_step = step[0];
+    wanted.rate.scaling_step = step[1];
+    wanted.rate.offset_step = step[2];
+  }
+  return std::optional(std::move(*loaded));
+}
+/// What a file of the source model says.
+template <class Source>
+[[nodiscard]] COMPMARK_ONCE Result<CodecModel> file_of_source(const RunPlan& plan, const LoadedModel<Source>& loaded,
+                                                              bool room_for_steps) {
+  const Result<CodecModel> coded = coded_model(loaded.model, loaded.info);
+  if (!coded) return in_file(coded.error(), plan.model);
+  Result<CodecEncoded> file = encode_model(*coded, *plan.executor);
+  if (!file) return in_file(file.error(), plan.model);
+  if (room_for_steps) leave_room_for_steps(file->model);
+  return std::move(file->model);
 }
 
 /// Trains and measures. `mark` is for recipes with a message decoder; for the others null, or that of a model which
 /// holds one already.
 template <class R>
-Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings, const RunMark* mark = nullptr) {
+COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings,
+                                            const RunMark* mark = nullptr) {
   using Source = typename SourceRecipe<R>::Type;
   constexpr bool is_marked = present<typename R::MessageDecoder>;
   constexpr bool is_fitted = requires { R::is_fitted; };
+  constexpr bool is_rounded = is_marked && present<typename R::EntropyModel>;
   ThreadExecutor& executor = *plan.executor;
 
   TrainSettings wanted = settings;
-  std::optional<LoadedModel<Source>> loaded;  // of embed and fit-codec
+  Result<std::optional<LoadedModel<Source>>> read = load_source<Source>(plan, is_rounded, wanted);
+  if (!read) return read.error();
+  std::optional<LoadedModel<Source>>& loaded = *read;  // of embed and fit-codec
   SourceModel source;
-  if (!plan.model.empty()) {
-    Result<LoadedModel<Source>> read = read_source<Source>(plan.model, executor);
-    if (!read) return read.error();
-    loaded = std::move(*read);
-    source = {&loaded->info, loaded->model.train_views, ExplicitModelRecipe<Source>};
-    for (std::size_t c = 0; c < 3; ++c) wanted.background[c] = static_cast<float>(loaded->model.render.background[c]);
-    if constexpr (is_marked && present<typename R::EntropyModel>) {
-      const std::array<double, 3>& step = loaded->info.base_step;
-      wanted.rate.feature_step = step[0];
-      wanted.rate.scaling_step = step[1];
-      wanted.rate.offset_step = step[2];
-    }
-  }
+  if (loaded) source = {&loaded->info, loaded->model.train_views, ExplicitModelRecipe<Source>};
   constexpr RunNeeds needs{present<typename R::Space>,
                            present<typename R::Background> || present<typename R::AlphaLoss>};
   Result<std::unique_ptr<RunData>> opened = open_run(plan, std::move(wanted), needs, source);
   if (!opened) return opened.error();
   RunData& data = **opened;
-  Result<LensViews<RecipeLens<R>>> with_cameras = lens_views<RecipeLens<R>>(data.train);
-  if (!with_cameras) return with_cameras.error();
-  LensViews<RecipeLens<R>>& train = *with_cameras;
+  Result<LensViews<RecipeLens<R>>> train = lens_views<RecipeLens<R>>(data.train);
+  if (!train) return train.error();
   if (plan.resume) {
-    const Result<bool> finished = is_finished(plan, data);
+    Result<std::optional<RunOutcome>> finished = finished_outcome(plan, data);
     if (!finished) return finished.error();
-    if (*finished) {
-      plan.observer->on_note("the run in " + plan.out.string() +
-                             " is finished, with these options: nothing is left to do");
-      RunOutcome outcome;
-      outcome.was_finished = true;
-      outcome.model = data.model;
-      Result<RunResults> results = read_results(plan.out / "results.json");
-      if (!results) return results.error();
-      outcome.results = std::move(*results);
-      return outcome;
-    }
+    if (*finished) return std::move(**finished);
   }
   if (Result<Done> usable = check_run(plan, data, source, mark); !usable) return usable.error();
   std::optional<CodecModel> unmarked_file;  // what a file of the model says that a mark is hidden in
-  if constexpr (is_marked && present<typename R::EntropyModel>) {
+  if constexpr (is_rounded) {
     if (loaded) {
-      const Result<CodecModel> coded = coded_model(loaded->model, loaded->info);
-      if (!coded) return in_file(coded.error(), plan.model);
-      Result<CodecEncoded> file = encode_model(*coded, executor);
-      if (!file) return in_file(file.error(), plan.model);
-      unmarked_file = std::move(file->model);
-      if (data.settings.mark.posthoc.calibrate_steps_every > 0) leave_room_for_steps(*unmarked_file);
+      Result<CodecModel> file = file_of_source(plan, *loaded, data.settings.mark.posthoc.calibrate_steps_every > 0);
+      if (!file) return file.error();
+      unmarked_file = std::move(*file);
     }
   }
-
   if constexpr (is_fitted) {  // said now, and not when the file is written
     if (loaded) {
       if (const auto voxels = anchor_voxels(loaded->model); !voxels) return in_file(voxels.error(), plan.model);
@@ -242,11 +220,12 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
   }
 
   const MemoryBudget memory = memory_budget(data, *plan.observer);
-  const RunParts<R> parts{&plan, &data, &train, mark, &unmarked_file, memory};
+  const RunInputs inputs{&plan, &data, mark, &unmarked_file, memory, memory_shape<R>(memory.views)};
   // The finished source model, prepared for this run.
   const auto begin_from = [&](auto& loop) -> Result<Done> {
-    if (Result<Done> room = check_training_memory<R>(loaded->model.anchor_count(), memory); !room) return room;
-    if constexpr (is_marked && present<typename R::EntropyModel>) {  // what is trained is rounded as its file is
+    if (Result<Done> room = check_training_memory(inputs.memory_shape, loaded->model.anchor_count(), memory); !room)
+      return room;
+    if constexpr (is_rounded) {  // what is trained is rounded as its file is
       if (Result<Done> adopted = adopt_networks(*unmarked_file, loaded->model); !adopted) return adopted;
     }
     if constexpr (is_marked || is_fitted) loop.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
@@ -261,13 +240,13 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
       if (!*before) {
         if (Result<Done> begun = begin_from(embedding); !begun) return begun.error();
       }
-      return run_iterations(embedding, parts, *before);
+      return run_iterations<R>(embedding, *train, inputs, *before);
     }
   }
   if constexpr (ExplicitModelRecipe<Source>) {  // has no photographs of its training to train on with
     return no_message_in(plan.recipe);
   } else {
-    Trainer<R, ThreadExecutor> trainer(data.settings, train.size(), data.extent.radius, executor);
+    Trainer<R, ThreadExecutor> trainer(data.settings, train->size(), data.extent.radius, executor);
     if constexpr (is_marked) set_watermark(trainer, marking_decoder(*mark, data.settings.mark.message), mark->bits);
     const Result<std::optional<double>> before = take_up(plan, data, trainer);
     if (!before) return before.error();
@@ -277,13 +256,9 @@ Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSettings& settings
       }
     } else if (!*before) {
       if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready) return ready.error();
-      if (trainer.far_points() != 0) {
-        plan.observer->on_warning(std::to_string(trainer.far_points()) + " of " +
-                                  std::to_string(data.dataset.points.size()) +
-                                  " points are outliers, far from the others, and are left out");
-      }
+      warn_of_far_points(plan, trainer.far_points(), data.dataset.points.size());
     }
-    return run_iterations(trainer, parts, *before);
+    return run_iterations<R>(trainer, *train, inputs, *before);
   }
 }
 

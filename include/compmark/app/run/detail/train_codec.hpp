@@ -94,8 +94,12 @@ inline Result<Done> choose_codec(TrainChoice& chosen, bool recipe_given) {
   for (const auto& [effect, kept] :
        {std::pair{"alpha", alpha}, std::pair{"masks", mask}, std::pair{"exposure", exposure},
         std::pair{"anti_aliasing", false}, std::pair{"far_field", false}}) {
-    if (!kept && std::erase(chosen.simulated, effect) != 0)
-      chosen.notes.push_back(std::string("effect ") + effect + " is left out: no recipe for this run has it");
+    if (kept || std::erase(chosen.simulated, effect) == 0) continue;
+    chosen.notes.push_back(std::string("effect ") + effect + " is left out: no recipe for this run has it" +
+                           (mask && std::string_view(effect) == "exposure"
+                                ? " together with a mask. A lens calls for one; colmap image_undistorter takes the "
+                                  "lens out (docs/capture.md)"
+                                : ""));
   }
   chosen.notes.push_back("recipe " + chosen.recipe);
   return Done{};
