@@ -153,8 +153,11 @@ void Progress::show(const ProgressLine& given) {
   if (start_ == Clock::time_point{}) {
     start_ = last_shown_ = rate_time_ = now;
     first_ = rate_iteration_ = line.iteration - 1;
+    for (const ProgressLine& old : before_) {  // of a resumed run: the time until its checkpoint counts too
+      if (old.iteration <= first_) seconds_before_ = old.seconds;
+    }
   }
-  line.seconds = seconds_between(start_, now);
+  line.seconds = seconds_before_ + seconds_between(start_, now);
   const bool last = line.iteration == line.total;
 
   logged_.add(line);

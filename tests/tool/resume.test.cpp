@@ -208,14 +208,20 @@ TEST_CASE("tool: what was cut at the end of a log or of a key's record is no lin
   REQUIRE(write_file(log, text + "{\"iteration\":4").ok());
   done(run + " --resume --out " + at("killed"));
   std::istringstream lines(testing::text_of(log));
-  int last = 0;
+  const auto lines_before = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+  std::vector<nlohmann::json> logged;
   for (std::string line; std::getline(lines, line);) {
-    const nlohmann::json json = nlohmann::json::parse(line, nullptr, false);
+    logged.push_back(nlohmann::json::parse(line, nullptr, false));
     INFO(line);
-    REQUIRE(json.is_object());
-    last = json["iteration"];
+    REQUIRE(logged.back().is_object());
   }
-  CHECK(last == 60);
+  CHECK(logged.back()["iteration"] == 60);
+  // The time until the checkpoint counts on, and does not begin anew.
+  REQUIRE(logged.size() > lines_before);
+  for (std::size_t i = 0; i < lines_before; ++i) {
+    if (logged[i]["iteration"] < logged[lines_before]["iteration"])
+      CHECK(logged[i]["seconds"] <= logged[lines_before]["seconds"]);
+  }
 
   // A record that has room for a part of a line alone.
   REQUIRE(write_key(at("full.key"), testing::fixed_key(1, 16)).ok());
