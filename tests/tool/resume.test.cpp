@@ -4,6 +4,7 @@
 // --resume where nothing is left to do: the run that is there is said to be finished and stays as it is, and options that are others are named.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/folder_lock.hpp>
 #include <compmark/io/owner_key.hpp>
