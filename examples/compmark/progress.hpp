@@ -85,7 +85,7 @@ class Progress {
   std::int64_t first_ = 0;               ///< iteration before the first one shown
   Clock::time_point start_{}, last_shown_{};
   double seconds_before_ = 0;  ///< of the same run, before it was resumed
-  double rate_ = 0;  ///< iterations per second, smoothed over about ten seconds
+  double rate_ = 0;            ///< iterations per second, smoothed over about ten seconds
   std::int64_t rate_iteration_ = 0;
   Clock::time_point rate_time_{};
 };
