@@ -25,7 +25,7 @@ TEST_CASE("scene/foreign: captures of other programs are named, with the way to 
       {"splat.ply", "ply\n", "splat", "photographs"},
       {"capture.mp4", "x", "video", "examples/capture.sh --video"},
       {"capture.zip", "PK", "packed", "unpack"},
-      {"images/a.png", "x", "no cameras", "colmap"},
+      {"images/a.png", "x", "no cameras", "COLMAP"},
       {"inner/transforms.json", "{}", "inner", "inner"},
       {"inner/sparse/0/images.txt", "", "inner", "inner"},
   };

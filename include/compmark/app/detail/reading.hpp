@@ -61,8 +61,8 @@ inline Result<Done> read_images(const ReadingSettings& settings, const FileDecod
   for (std::size_t i = 0; i < files->size() + settings.pictures.size(); ++i) {
     const bool given = i >= files->size();
     const std::string path = given ? settings.pictures[i - files->size()].name : (*files)[i].string();
-    const Result<OpenPicture> picture = given ? open_picture(settings.pictures[i - files->size()], settings)
-                                              : open_picture((*files)[i], settings);
+    const Result<OpenPicture> picture =
+        given ? open_picture(settings.pictures[i - files->size()], settings) : open_picture((*files)[i], settings);
     if (!picture) return picture.error();
     Result<ViewLogits> view = read_less(decoder, interference, picture->image(), path, context, executor);
     if (!view) return view.error();
