@@ -39,6 +39,7 @@ struct RegisterOptions {
   std::filesystem::path html;
   std::string behind = "black";
   bool whole_images = false;
+  std::size_t memory_budget_mb = PictureSettings{}.memory_budget_mb;
   RegisterSettings settings;
   std::size_t threads = 0;
 };
@@ -98,6 +99,7 @@ int run(const RegisterOptions& options) {
   PictureSettings reading;
   reading.background = color_of(options.behind).value_or(reading.background);
   reading.pages = !options.whole_images;
+  reading.memory_budget_mb = options.memory_budget_mb;
   for (const std::filesystem::path& file : *files) {
     const Result<OpenPicture> picture = open_picture(file, reading);
     if (!picture) return fail(picture.error());
@@ -168,6 +170,9 @@ Command add_register(Options& app) {
   background_option(app, options->behind);
   app.flag("--whole-images", options->whole_images,
            "look at image files whole, also at pages of which the picture would be looked at alone");
+  app.number("--memory-budget", options->memory_budget_mb, WholeRange{1, 1 << 24},
+             "MiB of memory for reading one image; larger ones are refused before they are decoded")
+      ->capture_default_str();
   app.number("--places", options->settings.places, WholeRange{1, 5000},
              "cameras that a picture is compared with: the model's, then drawn ones between and beyond")
       ->capture_default_str();

@@ -50,8 +50,8 @@ struct OpenPicture {
 [[nodiscard]] OpenPicture part_of(const OpenPicture& picture, const PictureBox& box);
 
 /// Reads an image file: 8 or 16 bits, grey, RGB, CMYK or a palette, turned upright as its EXIF entry says. An Error
-/// names the file, and the memory that it would take. Cost: 20 bytes a pixel while it is read, 12 after; looking for a
-/// page takes less time than decoding the file.
+/// names the file, and the memory that it would take. Cost: 20 bytes a pixel while it is read, 12 after; decoding, and
+/// a few passes over the pixels to look for a page.
 [[nodiscard]] Result<OpenPicture> open_picture(const std::filesystem::path& path, const PictureSettings& settings = {});
 /// The same of pixels in memory.
 [[nodiscard]] Result<OpenPicture> open_picture(const GivenPicture& given, const PictureSettings& settings = {});

@@ -67,9 +67,8 @@ std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo&
   if constexpr (!ExplicitModelRecipe<R>) {
     if (!info.views.empty() && std::all_of(info.views.begin(), info.views.end(), [](const auto& v) { return v.test; }))
       warnings.push_back(
-          "the file stores no training camera: colours are fitted over its test views; the model.safetensors of its "
-          "run "
-          "stores them");
+          "the file stores no training camera: colours are fitted over its test views; "
+          "the model.safetensors of its run stores them");
   }
   return warnings;
 }
