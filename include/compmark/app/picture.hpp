@@ -22,7 +22,7 @@
 
 namespace compmark {
 
-/// A picture in memory: rows of 8-bit values [height, width, channels], of grey, grey and alpha, RGB or RGBA. In reports
+/// A picture in memory: rows of 8-bit values [height, width, channels], grey, grey and alpha, RGB or RGBA. In reports
 /// its SHA-256 is that of these bytes.
 struct GivenPicture {
   std::string name;  ///< for the report
