@@ -194,6 +194,20 @@ TEST_CASE("scene/colmap: bad input is named by file, field and remedy") {
     std::filesystem::create_directories(folder.path() / "images");
     CHECK(names(error(), "images", "images", "put the photographs"));
   }
+  SUBCASE("the model's folder in place of the capture") {
+    put_colmap_binary(sparse, model);
+    for (const char* inner : {"sparse/0", "sparse"}) {
+      const Result<Dataset> dataset = open_dataset(folder.path() / inner, {});
+      REQUIRE(!dataset.ok());
+      CHECK(names(dataset.error(), inner, "images", "give "));
+      CHECK(dataset.error().remedy.find(std::filesystem::canonical(folder.path()).string() + ",") !=
+            std::string::npos);
+    }
+    std::filesystem::remove_all(folder.path() / "images");  // nobody has them: they are to be put somewhere
+    const Result<Dataset> nowhere = open_dataset(sparse, {});
+    REQUIRE(!nowhere.ok());
+    CHECK(names(nowhere.error(), "sparse/0", "images", "put the photographs"));
+  }
   SUBCASE("wrong proportions") {
     put_image(folder.path() / "images/view2.png", 12, 16);
     CHECK(names(error(), "view2.png", "image size", "neither cropped nor rotated"));

@@ -73,6 +73,19 @@ namespace detail {
                       (is_colmap(inner) ? ", or move its model to " + (folder / "sparse/0").string() : "")};
 }
 
+/// The capture that a COLMAP model without photographs belongs to: its parent folder or the one above (scene for
+/// scene/sparse/0). Empty if there is none.
+[[nodiscard]] inline std::filesystem::path capture_of_model(const std::filesystem::path& model) {
+  std::error_code status;
+  std::filesystem::path folder = std::filesystem::canonical(model, status);
+  if (status || !is_colmap(folder) || holds_images(folder)) return {};
+  for (int up = 0; up < 2; ++up) {
+    folder = folder.parent_path();
+    if (is_colmap(folder) && holds_images(folder)) return folder;
+  }
+  return {};
+}
+
 /// A file of poses under a name that is not looked for (transforms_test.json alone, Transforms.JSON, cameras.json);
 /// empty if there is none.
 [[nodiscard]] inline std::filesystem::path file_of_poses(const std::filesystem::path& folder) {
@@ -126,6 +139,10 @@ template <class Json>
     return fail(ErrorKind::not_found, "", "the folder is empty", "check the path of the dataset");
   if (status)
     return fail(ErrorKind::unreadable, "", "the folder cannot be read: " + status.message(), "check its permissions");
+  if (const std::filesystem::path capture = capture_of_model(folder); !capture.empty()) {
+    return fail(ErrorKind::not_found, "images", "is the COLMAP model of a capture, without its photographs",
+                "give " + capture.string() + ", which has both");
+  }
   const std::filesystem::path transforms = find_transforms(folder);
   const bool blender = transforms.filename() == "transforms_train.json";
   const bool has_sparse = std::filesystem::is_directory(folder / "sparse", status);
