@@ -200,8 +200,7 @@ TEST_CASE("scene/colmap: bad input is named by file, field and remedy") {
       const Result<Dataset> dataset = open_dataset(folder.path() / inner, {});
       REQUIRE(!dataset.ok());
       CHECK(names(dataset.error(), inner, "images", "give "));
-      CHECK(dataset.error().remedy.find(std::filesystem::canonical(folder.path()).string() + ",") !=
-            std::string::npos);
+      CHECK(dataset.error().remedy.find(std::filesystem::canonical(folder.path()).string() + ",") != std::string::npos);
     }
     std::filesystem::remove_all(folder.path() / "images");  // nobody has them: they are to be put somewhere
     const Result<Dataset> nowhere = open_dataset(sparse, {});
