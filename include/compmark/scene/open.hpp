@@ -78,7 +78,8 @@ namespace detail {
 [[nodiscard]] inline std::filesystem::path capture_of_model(const std::filesystem::path& model) {
   std::error_code status;
   std::filesystem::path folder = std::filesystem::canonical(model, status);
-  if (status || !is_colmap(folder) || holds_images(folder)) return {};
+  const bool holds_models = folder.filename() == "sparse" && is_colmap(folder.parent_path());  // sparse/0, sparse/1, …
+  if (status || !(holds_models || is_colmap(folder)) || holds_images(folder)) return {};
   for (int up = 0; up < 2; ++up) {
     folder = folder.parent_path();
     if (is_colmap(folder) && holds_images(folder)) return folder;
