@@ -11,6 +11,8 @@ if(PROJECT_IS_TOP_LEVEL)
       set(CMAKE_CXX_COMPILER_LAUNCHER "${COMPMARK_CCACHE}")
     endif()
   endif()
+  # These two are longer in the compiler than anything else, and are there already.
+  set_target_properties(compmark_app compmark_app_run PROPERTIES CXX_COMPILER_LAUNCHER "${CMAKE_CXX_COMPILER_LAUNCHER}")
   if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
     set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
   endif()
