@@ -22,7 +22,7 @@ struct RunSettings {
   std::optional<std::array<double, 3>> splat_up;  ///< of splats that are the data (DatasetSettings::splat_up)
   double downscale = 1;                           ///< the size of the photographs is divided by this
   std::optional<std::uint64_t> seed;              ///< of every random number; not set: the profile's
-  std::int64_t checkpoint_every = 1000;           ///< iterations
+  std::int64_t checkpoint_every = 1000;           ///< iterations, at least 1; the last one has a checkpoint anyway
   std::size_t memory_budget_mb = 0;               ///< MiB of memory for decoded photographs; 0: chosen by the library
   bool resume = false;                            ///< continue from the checkpoint in `out`
   bool force = false;                             ///< replace a finished run in `out`
@@ -48,6 +48,7 @@ struct MarkSettings {
   std::optional<double> by_cost;       ///< share of the draw of cameras that follows what the message costs there
   std::optional<double> orbit;         ///< share of the sampled views that orbit a training view
   std::optional<double> edits;         ///< share of the readings before which the render is edited (CommonEdits)
+  std::optional<double> one_part;      ///< share of the readings of one part of the picture (whole or middle)
   std::optional<double> lost_anchors;  ///< largest share of the anchors that is left out of a reading
   std::optional<std::int64_t> calibrate_steps;  ///< cadence of PosthocSettings::calibrate_steps_every
   std::int64_t message_every = 1;               ///< cadence
@@ -56,7 +57,7 @@ struct MarkSettings {
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !unmarked.empty() || period || tone || weight || margin ||
-           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || lost_anchors ||
+           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || one_part || lost_anchors ||
            calibrate_steps || message_every != 1 || for_compression;
   }
 };
