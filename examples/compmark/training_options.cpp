@@ -57,6 +57,10 @@ void bind_training(Options& app, TrainOptions& options) {
       ->check(CLI::IsMember(preset_names));
   app.number("--downscale", options.settings.downscale, downscale_range, "divide the size of the images by this")
       ->capture_default_str();
+  app.word(
+      "--coarse-to-fine", options.settings.coarse_to_fine,
+      "levels that look at smaller photographs first, as FACTOR:UNTIL: 2:0.6 halves their sides for the first 0.6 of "
+      "the iterations, 4:0.2,2:0.6 has two levels (default: none)");
   app.number("--seed", options.settings.seed, any_seed, "seed of every random number (default: the profile's)");
   app.number("--threads", options.run.threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();

@@ -346,6 +346,8 @@
 #include "compmark/splat/training/checkpoint.hpp"
 #include "compmark/splat/training/checkpoint_parts.hpp"
 #include "compmark/splat/training/checkpoint_state.hpp"
+#include "compmark/splat/training/coarse_images.hpp"
+#include "compmark/splat/training/coarse_to_fine.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/model_file.hpp"
 #include "compmark/splat/training/model_info.hpp"

@@ -32,10 +32,11 @@ struct OptionOfSetting {
   const char* setting;
   const char* option;
 };
-inline constexpr std::array<OptionOfSetting, 22> options_of_settings{{
+inline constexpr std::array<OptionOfSetting, 23> options_of_settings{{
     {"iterations", "--iterations"},
     {"seed", "--seed"},
     {"profile", "--profile"},
+    {"coarse_to_fine", "--coarse-to-fine"},
     {"max_anchors", "--max-anchors"},
     {"voxel_size", "--voxel-size"},
     {"background", "--background"},

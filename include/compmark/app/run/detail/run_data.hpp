@@ -15,6 +15,7 @@
 
 #include "compmark/app/capture.hpp"
 #include "compmark/app/dataset_views.hpp"
+#include "compmark/app/run/detail/in_file.hpp"
 #include "compmark/app/run/detail/run_plan.hpp"
 #include "compmark/app/run/detail/told.hpp"
 #include "compmark/app/run/mark_record.hpp"
@@ -27,6 +28,7 @@
 #include "compmark/scene/image_store.hpp"
 #include "compmark/scene/open.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
+#include "compmark/splat/training/coarse_to_fine.hpp"
 #include "compmark/splat/training/model_info.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/training_memory.hpp"
@@ -151,6 +153,9 @@ struct RunData {
               std::to_string(camera.height),
           "the decoder reads images of at least " + std::to_string(mark->decoder.minimum_size()) + " pixels a side"};
     }
+    const std::string& name = run.dataset.views[run.train.index[i]].name;
+    if (Result<Done> fits = check_coarse_size(run.settings.coarse_to_fine.largest(), camera, name); !fits)
+      return in_option(fits.error(), "--coarse-to-fine");
     Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     if (Result<Done> loaded = views->load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
       return loaded.error();

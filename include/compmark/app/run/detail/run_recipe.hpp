@@ -34,6 +34,7 @@
 #include "compmark/splat/export/explicit_splats.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
 #include "compmark/splat/training/model_file.hpp"
+#include "compmark/splat/training/run_policies.hpp"
 #include "compmark/splat/training/trainer.hpp"
 #include "compmark/watermark/embed/base_model.hpp"
 #include "compmark/watermark/embed/posthoc_embedding.hpp"
@@ -182,6 +183,7 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
   constexpr bool is_rounded = is_marked && present<typename R::EntropyModel>;
   ThreadExecutor& executor = *plan.executor;
 
+  if (Result<Done> fits = check_coarse_to_fine<R>(settings); !fits) return in_option(fits.error(), "--coarse-to-fine");
   TrainSettings wanted = settings;
   Result<std::optional<LoadedModel<Source>>> read = load_source<Source>(plan, is_rounded, wanted);
   if (!read) return read.error();
