@@ -36,6 +36,7 @@
 #include "compmark/splat/training/model_file.hpp"
 #include "compmark/splat/training/run_policies.hpp"
 #include "compmark/splat/training/trainer.hpp"
+#include "compmark/watermark/baselines/unmarked_views.hpp"
 #include "compmark/watermark/embed/base_model.hpp"
 #include "compmark/watermark/embed/posthoc_embedding.hpp"
 
@@ -181,6 +182,7 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
   constexpr bool is_marked = present<typename R::MessageDecoder>;
   constexpr bool is_fitted = requires { R::is_fitted; };
   constexpr bool is_rounded = is_marked && present<typename R::EntropyModel>;
+  constexpr bool on_unmarked = requires { R::targets_unmarked; };
   ThreadExecutor& executor = *plan.executor;
 
   if (Result<Done> fits = check_coarse_to_fine<R>(settings); !fits) return in_option(fits.error(), "--coarse-to-fine");
@@ -230,7 +232,7 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
     if constexpr (is_marked || is_fitted) loop.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
     return Done{};
   };
-  if constexpr (is_marked) {
+  if constexpr (is_marked && present<typename R::Embedder> && !on_unmarked) {
     if (data.settings.mark.posthoc.fidelity > 0) {
       PosthocEmbedding<R, ThreadExecutor> embedding(data.settings, executor);
       set_watermark(embedding, marking_decoder(*mark, data.settings.mark.message), mark->bits);
@@ -246,7 +248,10 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
     return no_message_in(plan.recipe);
   } else {
     Trainer<R, ThreadExecutor> trainer(data.settings, train->size(), data.extent.radius, executor);
-    if constexpr (is_marked) set_watermark(trainer, marking_decoder(*mark, data.settings.mark.message), mark->bits);
+    if constexpr (is_marked) {
+      using Reading = typename R::MessageDecoder;
+      set_watermark(trainer, marking_decoder<Reading>(*mark, data.settings.mark.message), mark->bits);
+    }
     const Result<std::optional<EarlierPart>> before = take_up(plan, data, trainer);
     if (!before) return before.error();
     if (!*before && loaded) {
@@ -258,7 +263,13 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
         return in_file(ready.error(), plan.data);
       warn_of_far_points(plan, trainer.far_points(), data.dataset.points.size());
     }
-    return run_iterations<R>(trainer, *train, inputs, *before);
+    if constexpr (on_unmarked) {
+      COMPMARK_ASSERT(loaded.has_value(), "run_recipe: this mark is hidden in a finished model");
+      UnmarkedViews<Source, LensViews<RecipeLens<R>>, ThreadExecutor> unmarked(loaded->model, *train, executor);
+      return run_iterations<R>(trainer, unmarked, inputs, *before);
+    } else {
+      return run_iterations<R>(trainer, *train, inputs, *before);
+    }
   }
 }
 
