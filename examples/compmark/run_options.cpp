@@ -94,9 +94,6 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
              "share of the readings before which the render is edited, as pictures are on their way (resized, turned, "
              "cropped, other colours, softer, noisy, JPEG), so that the mark is learned to survive it (default: 0.7 "
              "with the decoder of the program, else 0)");
-  app.number("--one-part", options.one_part, share_range,
-             "share of the readings that look at one part of the picture, the whole or its middle, drawn at random, "
-             "in place of both: half the time of a reading (default: 0)");
   app.number("--lost-anchors", options.lost_anchors, RealRange{0, 0.9},
              "largest share of the anchors that is left out of a reading, in one reading of three, so that the mark is "
              "learned to survive pruning (default: 0)");

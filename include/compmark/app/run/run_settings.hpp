@@ -48,7 +48,6 @@ struct MarkSettings {
   std::optional<double> by_cost;       ///< share of the draw of cameras that follows what the message costs there
   std::optional<double> orbit;         ///< share of the sampled views that orbit a training view
   std::optional<double> edits;         ///< share of the readings before which the render is edited (CommonEdits)
-  std::optional<double> one_part;      ///< share of the readings of one part of the picture (whole or middle)
   std::optional<double> lost_anchors;  ///< largest share of the anchors that is left out of a reading
   std::optional<std::int64_t> calibrate_steps;  ///< cadence of PosthocSettings::calibrate_steps_every
   std::int64_t message_every = 1;               ///< cadence
@@ -57,7 +56,7 @@ struct MarkSettings {
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !unmarked.empty() || period || tone || weight || margin ||
-           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || one_part || lost_anchors ||
+           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || lost_anchors ||
            calibrate_steps || message_every != 1 || for_compression;
   }
 };

@@ -51,8 +51,7 @@ struct MessageSettings {
   double image_weight = 1;            ///< of every other loss once the message has begun
   bool sum = false;                   ///< the loss is the sum over the bits, as in the paper, and not their mean
   bool own_scale = false;             ///< logit_scale is that of the profile, whatever a decoder file states
-  double edited_share = 0;    ///< of the readings, before which a picture is edited where the decoder can do that
-  double one_part_share = 0;  ///< of the readings, of one part of the picture, drawn, where the decoder reads several
+  double edited_share = 0;  ///< of the readings, before which a picture is edited where the decoder can do that
 
   friend bool operator==(const MessageSettings&, const MessageSettings&) = default;
 };

@@ -71,7 +71,6 @@ template <class Json = nlohmann::json>
     if (m.message.sum) mark["message_sum"] = true;
     if (m.message.own_scale) mark["own_logit_scale"] = true;
     if (m.message.edited_share != 0) mark["edited_share"] = m.message.edited_share;
-    if (m.message.one_part_share != 0) mark["one_part_share"] = m.message.one_part_share;
     if (m.posthoc.lost_anchors != 0) mark["lost_anchors"] = m.posthoc.lost_anchors;
     if (m.posthoc.draw_by_cost != 0) mark["draw_by_cost"] = m.posthoc.draw_by_cost;
     if (m.posthoc.orbit_share != 0) mark["orbit_share"] = m.posthoc.orbit_share;

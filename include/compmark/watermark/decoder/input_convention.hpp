@@ -66,10 +66,6 @@ struct ReadParts {
   static constexpr std::size_t most = 2;
   std::array<PictureBox, most> boxes{};
   std::size_t count = 1;
-  /// One of them alone; `share` in [0, 1) says which, each for as much of the range.
-  [[nodiscard]] ReadParts one(double share) const {
-    return {{boxes[static_cast<std::size_t>(share * static_cast<double>(count))]}, 1};
-  }
 };
 /// A part with a side below `least` pixels is not read.
 template <class T>

@@ -12,7 +12,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <type_traits>
 #include <utility>
@@ -20,7 +19,6 @@
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
-#include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/gelu.hpp"
 #include "compmark/watermark/decoder/decoder_convolution.hpp"
@@ -69,7 +67,6 @@ class NetworkDecoder {
     };
     std::array<Reading, ReadParts::most> readings;
     ReadParts parts;
-    std::optional<double> drawn_part;    ///< draw_part(): the next passes read one part alone, this far along the list
     std::array<FeatureMaps<T>, 2> maps;  ///< values, then gradients: of this layer and the next
     typename Kernel<T>::Scratch convolution;
     Buffer<double> features;
@@ -104,21 +101,11 @@ class NetworkDecoder {
   /// Smaller images would leave a kernel that sees more border than image, or a layer without a position.
   [[nodiscard]] int minimum_size() const { return minimum_size_; }
 
-  /// Of a picture that is read in several parts (whole and middle) the next passes of the context read one, drawn from
-  /// the stream; with nullptr, as at first, all of them. While a mark is learned one part an iteration costs half as
-  /// much, and its gradient is that of the mean of all parts on the average (up to the loss's curvature). Takes one
-  /// random number, `number`.
-  void draw_part(Context& context, const Random* random, std::uint64_t number = 0) const {
-    context.drawn_part.reset();
-    if (random != nullptr) context.drawn_part = static_cast<double>(random->uniform(number));
-  }
-
   /// Fills features() means over positions and parts of the image, before the head: what whitening statistics are made
   /// of.
   template <Executor E>
   void forward_features(ImageView<const T> image, std::span<double> features, Context& context, E& executor) const {
     context.parts = read_parts(input(), image, minimum_size());
-    if (context.drawn_part) context.parts = context.parts.one(*context.drawn_part);
     run(image, 0, features, context, executor, false);
     if (context.parts.count == 1) return;
     context.part_features.resize(features.size());

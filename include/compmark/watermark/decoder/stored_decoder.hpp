@@ -7,7 +7,6 @@
 // Cost: one branch a call. A program that knows its decoder names the type instead and has its sizes checked.
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -15,7 +14,6 @@
 #include <variant>
 
 #include "compmark/core/executor.hpp"
-#include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/watermark/decoder/concept.hpp"
@@ -93,15 +91,6 @@ class StoredDecoder<T, Kernel, DecoderFormats<Formats...>> {
       } else {
         return 1;
       }
-    });
-  }
-
-  /// One part of the picture is read in the next passes, where the kind reads several (NetworkDecoder::draw_part).
-  void draw_part(Context& context, const Random* random, std::uint64_t number = 0) const {
-    visit([&]<class Format>(const detail::DecoderOf<Format>& held) {
-      auto& scratch = static_cast<detail::DecoderScratch<Format>&>(context).scratch;
-      if constexpr (requires { held.decoder.draw_part(scratch, random, number); })
-        held.decoder.draw_part(scratch, random, number);
     });
   }
 

@@ -42,9 +42,7 @@ struct EditChain {
     std::array<Buffer<T>, count> gradients;              ///< behind each edit
   };
 
-  /// What draw() takes of a stream.
-  static constexpr std::uint64_t random_numbers = 1 + count * (random_numbers_of_an_edit + 1);
-  /// Draws which edits there are, and what of each.
+  /// Draws which edits there are, and what of each. Takes 1 + 17 count random numbers.
   template <class T>
   static void draw(const Settings& settings, const Random& random, Context<T>& context) {
     const bool any = random.uniform(0) >= settings.none;
@@ -128,8 +126,7 @@ struct EditChain {
 using CommonEdits = EditChain<RotationEdit, CropEdit, ResizeEdit, ToneEdit, BlurEdit, NoiseEdit, JpegEdit>;
 
 /// A message decoder that sees edited pictures where the caller draws them (draw_edits), and the picture itself where
-/// not. It is frozen as any decoder; its files are those of `Decoder`. In a share of the drawn readings, `one_part`, it
-/// reads one part of the picture alone, where it reads several (NetworkDecoder::draw_part), at half the cost.
+/// not. It is frozen as any decoder; its files are those of `Decoder`.
 template <class Decoder, class Edits>
 class EditedDecoder {
  public:
@@ -141,23 +138,16 @@ class EditedDecoder {
   };
 
   EditedDecoder() = default;
-  EditedDecoder(Decoder decoder, typename Edits::Settings settings,
-                double one_part = 0)  // NOLINT(google-explicit-constructor)
+  EditedDecoder(Decoder decoder, typename Edits::Settings settings)  // NOLINT(google-explicit-constructor)
       : decoder_(std::move(decoder)),
-        settings_(std::move(settings)),
-        one_part_(one_part) {}
+        settings_(std::move(settings)) {}
 
   [[nodiscard]] int bits() const { return decoder_.bits(); }
   [[nodiscard]] int minimum_size() const { return decoder_.minimum_size(); }
   [[nodiscard]] const Decoder& decoder() const { return decoder_; }
 
-  /// The edits of the next passes of this context, and the part that they read, drawn from a stream; without one the
-  /// picture is not edited, and all of it is read.
+  /// The edits of the next passes of this context, drawn from a stream; without one the picture is not edited.
   void draw_edits(Context& context, const Random* random) const {
-    if constexpr (requires { decoder_.draw_part(context.decoder, random, Edits::random_numbers); }) {
-      const bool alone = random != nullptr && random->uniform(Edits::random_numbers) < one_part_;
-      decoder_.draw_part(context.decoder, alone ? random : nullptr, Edits::random_numbers + 1);
-    }
     if (random != nullptr) {
       Edits::draw(settings_, *random, context.edits);
     } else {
@@ -180,7 +170,6 @@ class EditedDecoder {
  private:
   Decoder decoder_;
   typename Edits::Settings settings_;
-  double one_part_ = 0;
 };
 
 }  // namespace compmark

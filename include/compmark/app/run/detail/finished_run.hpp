@@ -32,7 +32,7 @@ struct OptionOfSetting {
   const char* setting;
   const char* option;
 };
-inline constexpr std::array<OptionOfSetting, 23> options_of_settings{{
+inline constexpr std::array<OptionOfSetting, 22> options_of_settings{{
     {"iterations", "--iterations"},
     {"seed", "--seed"},
     {"profile", "--profile"},
@@ -53,7 +53,6 @@ inline constexpr std::array<OptionOfSetting, 23> options_of_settings{{
     {"mark.draw_by_cost", "--sample-by-loss"},
     {"mark.orbit_share", "--orbit"},
     {"mark.edited_share", "--edits"},
-    {"mark.one_part_share", "--one-part"},
     {"mark.lost_anchors", "--lost-anchors"},
     {"mark.hold_steps_every", "--calibrate-steps"},
 }};

@@ -39,7 +39,7 @@ template <class Decoder = MarkingDecoder>
 [[nodiscard]] Decoder marking_decoder(const RunMark& mark, const MessageSettings& settings) {
   CommonEdits::Settings edits;
   edits.none = 1 - settings.edited_share;
-  return {mark.decoder, edits, settings.one_part_share};
+  return {mark.decoder, edits};
 }
 
 /// Whether a decoder was trained for every scene, and reads the subject of a picture. What its marks are learned with
@@ -168,7 +168,6 @@ inline void take_universal(MarkSettings& mark) {
   if (options.by_cost) mark.posthoc.draw_by_cost = *options.by_cost;
   if (options.orbit) mark.posthoc.orbit_share = *options.orbit;
   if (options.edits) mark.message.edited_share = *options.edits;
-  if (options.one_part) mark.message.one_part_share = *options.one_part;
   if (options.lost_anchors) mark.posthoc.lost_anchors = *options.lost_anchors;
   if (options.calibrate_steps) mark.posthoc.calibrate_steps_every = *options.calibrate_steps;
   if (options.fall) mark.posthoc.fidelity_fall = *options.fall;
