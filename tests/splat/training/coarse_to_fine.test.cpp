@@ -100,13 +100,13 @@ CoarsePicture render_cloud(GaussianBatch<double>& batch, const Camera<double>& c
                                              context, executor));
   return picture;
 }
-/// The blur of a coarse projection, coarse pixels^2, that shows Gaussians of 0.3 fine pixels^2 after the box filter: a box
-/// of k pixels adds (k^2 - 1) / 12 fine pixels^2 to the variance of what it averages.
+/// The blur of a coarse projection, coarse pixels^2, that shows Gaussians of 0.3 fine pixels^2 after the box filter: a
+/// box of k pixels adds (k^2 - 1) / 12 fine pixels^2 to the variance of what it averages.
 double box_blur(int factor) {
   const double squared = factor * factor;
   return (0.3 + (squared - 1) / 12) / squared;
 }
-double rms(const CoarsePicture& a, const CoarsePicture& b) {
+double picture_rms(const CoarsePicture& a, const CoarsePicture& b) {
   REQUIRE(a.values.size() == b.values.size());
   double sum = 0;
   for (std::size_t i = 0; i < a.values.size(); ++i) sum += (a.values[i] - b.values[i]) * (a.values[i] - b.values[i]);
@@ -136,13 +136,13 @@ TEST_CASE("training/coarse_to_fine: a coarse render is the box-filtered fine one
     const ImageView<double> filtered = make_coarse(TargetPlanes<double>{fine.view()}, factor);
     CoarsePicture wanted{filtered.width, filtered.height, {}};
     wanted.values.assign(filtered.data, filtered.data + filtered.size());
-    const double right = rms(wanted, render_cloud(batch, coarse, box_blur(factor)));
+    const double right = picture_rms(wanted, render_cloud(batch, coarse, box_blur(factor)));
     const auto wrong = [&](auto&& change, double blur) {
       Camera<double> other = coarse;
       change(other);
-      return rms(wanted, render_cloud(batch, other, blur));
+      return picture_rms(wanted, render_cloud(batch, other, blur));
     };
-    const double kept = rms(wanted, render_cloud(batch, coarse, 0.3));
+    const double kept = picture_rms(wanted, render_cloud(batch, coarse, 0.3));
     MESSAGE("factor ", factor, ": ", right, ", with the blur that training keeps ", kept);
     CHECK(right < 1e-3);  // measured 3.8e-4 to 4.5e-4
     CHECK(kept < 2e-3);   // measured 7.4e-4 to 9.4e-4

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Coarse images first. In the first part of a run a scene has no detail yet, and an iteration at half the size costs a
-// quarter of the pixels. So a run may look at its photographs at a fraction of their size first (coarse_images.hpp), and
-// at their own size from then on. The camera is then that of the coarse pixels. Thresholds of growing need no change:
-// screen-space gradients are in units of the image, and the loss is a mean over its pixels. The blur of the projection
-// stays as many pixels^2, wider than the box filter of the photographs: measured to be the better choice, and to grow
-// fewer anchors (docs/notebook/measured.md). Cost: a comparison an iteration.
+// Coarse images first. In the first part of a run a scene has no detail yet, and an iteration at half the size has a
+// quarter of the pixels. So a run may look at its photographs at a fraction of their size first (coarse_images.hpp),
+// and at their own size from then on. The camera is then that of the coarse pixels. Thresholds of growing need no
+// change: screen-space gradients are in units of the image, and the loss is a mean over its pixels. The blur of the
+// projection stays as many pixels^2, wider than the box filter of the photographs: measured to be the better choice
+// (docs/notebook/measured.md). Cost: a comparison an iteration.
 #pragma once
 
 #include <algorithm>
