@@ -89,6 +89,7 @@ TEST_CASE("tool: a finished training that is resumed is left alone, and says whi
   const std::string again = run + " --seed 4";
   check_finished(again, at("run"),
                  {{"--max-anchors 100", "--max-anchors was 0 and is 100"},
+                  {"--coarse-to-fine 2:0.5", "--coarse-to-fine was not set and is [[2,0.5]]"},
                   {"--downscale 2", "--downscale (an image's size) was 40 x 40 and is 20 x 20"},
                   {"--background white", "--background was [0.0,0.0,0.0] and is [1.0,1.0,1.0]"},
                   {"--recipe scaffold", "--recipe"},

@@ -510,6 +510,11 @@ TEST_CASE("tool: bad options, an unwritable output and a damaged model are one e
                 {"--profile", "nobody", "scaffold"});
   check_refused(tool("train --data " + scene() + " --out " + at("x") + " --recipe nothing"), {"recipe", "nothing"});
   check_refused(tool("train --data " + scene() + " --out " + at("x") + " --max-anchors 3"), {"max_anchors"});
+  for (const char* levels : {"2", "2:1", "1:0.5", "2:0.2,4:0.6"})
+    check_refused(tool("train --data " + scene() + " --out " + at("x") + " --coarse-to-fine " + levels),
+                  {"--coarse-to-fine"});
+  check_refused(tool("train --data " + scene() + " --out " + at("x") + " --coarse-to-fine 16:0.5"),
+                {"--coarse-to-fine", "makes its photograph of"});
   write_text(at("a-file"), "text");
   check_refused(tool("train --data " + scene() + " --out " + at("a-file")), {"a-file"});
   check_refused(tool("train --data " + scene() + " --out /proc/nowhere"), {"/proc/nowhere"});

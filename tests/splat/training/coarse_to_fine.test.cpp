@@ -100,7 +100,13 @@ CoarsePicture render_cloud(GaussianBatch<double>& batch, const Camera<double>& c
                                              context, executor));
   return picture;
 }
-double rms(const CoarsePicture& a, const CoarsePicture& b) {
+/// The blur of a coarse projection, coarse pixels^2, that shows Gaussians of 0.3 fine pixels^2 after the box filter: a
+/// box of k pixels adds (k^2 - 1) / 12 fine pixels^2 to the variance of what it averages.
+double box_blur(int factor) {
+  const double squared = factor * factor;
+  return (0.3 + (squared - 1) / 12) / squared;
+}
+double picture_rms(const CoarsePicture& a, const CoarsePicture& b) {
   REQUIRE(a.values.size() == b.values.size());
   double sum = 0;
   for (std::size_t i = 0; i < a.values.size(); ++i) sum += (a.values[i] - b.values[i]) * (a.values[i] - b.values[i]);
@@ -130,43 +136,21 @@ TEST_CASE("training/coarse_to_fine: a coarse render is the box-filtered fine one
     const ImageView<double> filtered = make_coarse(TargetPlanes<double>{fine.view()}, factor);
     CoarsePicture wanted{filtered.width, filtered.height, {}};
     wanted.values.assign(filtered.data, filtered.data + filtered.size());
-    const double right = rms(wanted, render_cloud(batch, coarse, coarse_blur(0.3, factor)));
+    const double right = picture_rms(wanted, render_cloud(batch, coarse, box_blur(factor)));
     const auto wrong = [&](auto&& change, double blur) {
       Camera<double> other = coarse;
       change(other);
-      return rms(wanted, render_cloud(batch, other, blur));
+      return picture_rms(wanted, render_cloud(batch, other, blur));
     };
-    MESSAGE("factor ", factor, ": ", right);
-    CHECK(right < 1e-3);
+    const double kept = picture_rms(wanted, render_cloud(batch, coarse, 0.3));
+    MESSAGE("factor ", factor, ": ", right, ", with the blur that training keeps ", kept);
+    CHECK(right < 1e-3);  // measured 3.8e-4 to 4.5e-4
+    CHECK(kept < 2e-3);   // measured 7.4e-4 to 9.4e-4
     // Centres of pixels at whole numbers, as other programs have them: half a fine pixel less half a coarse one.
-    CHECK(wrong([&](Camera<double>& c) { c.cx -= 0.5 - 0.5 / factor; }, coarse_blur(0.3, factor)) > 5 * right);
+    CHECK(wrong([&](Camera<double>& c) { c.cx -= 0.5 - 0.5 / factor; }, box_blur(factor)) > 5 * right);
     // The rounded size as if nothing were left over.
     if (camera.width % factor != 0)
-      CHECK(wrong([&](Camera<double>& c) { c = camera.resized(c.width, c.height); }, coarse_blur(0.3, factor)) >
-            2 * right);
-  }
-}
-
-TEST_CASE("training/coarse_to_fine: the blur of a coarse projection stands for the box filter") {
-  CHECK(coarse_blur(0.3, 1) == 0.3);
-  constexpr double focal = 300;
-  Camera<double> camera;
-  camera.width = camera.height = 144;
-  camera.fx = camera.fy = focal;
-  camera.cx = camera.cy = 72;
-  for (const int factor : {2, 4}) {
-    CAPTURE(factor);
-    Camera<double> coarse = camera;
-    make_coarse(coarse, factor);
-    GaussianBatch<double> batch = coarse_cloud(1.0 * factor, focal / 4);
-    CoarsePicture fine = render_cloud(batch, camera, 0.3);
-    const ImageView<double> filtered = make_coarse(TargetPlanes<double>{fine.view()}, factor);
-    CoarsePicture wanted{filtered.width, filtered.height, {}};
-    wanted.values.assign(filtered.data, filtered.data + filtered.size());
-    const double adapted = rms(wanted, render_cloud(batch, coarse, coarse_blur(0.3, factor)));
-    const double kept = rms(wanted, render_cloud(batch, coarse, 0.3));
-    MESSAGE("factor ", factor, ": ", adapted, ", with the blur of full size ", kept);
-    CHECK(adapted < 0.6 * kept);
+      CHECK(wrong([&](Camera<double>& c) { c = camera.resized(c.width, c.height); }, box_blur(factor)) > 2 * right);
   }
 }
 
@@ -228,7 +212,6 @@ TEST_CASE("training/coarse_to_fine: a run learns from coarse images, then from w
     const bool coarse = report->iteration <= 60;
     CHECK(trainer.image().width == (coarse ? 24 : 48));
     CHECK(trainer.target().height == (coarse ? 20 : 40));
-    CHECK(trainer.model().render.blur_variance == settings.blur_variance);
     (report->iteration <= 10 ? first : last) +=
         report->iteration > 10 && report->iteration <= 110 ? 0 : report->loss.total;
   }

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Coarse images first. In the first part of a run a scene has no detail yet, and an iteration at half the size costs a
-// quarter of the pixels. So a run may look at its photographs at a fraction of their size first (coarse_images.hpp), and
-// at their own size from then on. What a coarse iteration sees of a Gaussian is the box-filtered image of the fine one:
-// the camera is that of the coarse pixels, and the blur of the projection stands for the filter (coarse_blur()).
-// Thresholds of growing need no change: screen-space gradients are in units of the image, and the loss is a mean over
-// its pixels. Cost: a comparison an iteration.
+// Coarse images first. In the first part of a run a scene has no detail yet, and an iteration at half the size has a
+// quarter of the pixels. So a run may look at its photographs at a fraction of their size first (coarse_images.hpp),
+// and at their own size from then on. The camera is then that of the coarse pixels. Thresholds of growing need no
+// change: screen-space gradients are in units of the image, and the loss is a mean over its pixels. The blur of the
+// projection stays as many pixels^2, wider than the box filter of the photographs: measured to be the better choice
+// (docs/notebook/measured.md). Cost: a comparison an iteration.
 #pragma once
 
 #include <algorithm>
@@ -63,13 +63,6 @@ inline void make_coarse(Camera<double>& camera, int factor) {
   if (factor == 1) return;
   const int width = camera.width / factor, height = camera.height / factor;
   camera = camera.cropped(0, 0, width * factor, height * factor).resized(width, height);
-}
-
-/// The blur of a projection, in coarse pixels^2, whose image is that of `blur` (pixels^2) after the box filter: a box
-/// of k pixels adds (k^2 - 1) / 12 pixels^2 to the variance of what it averages, and a coarse pixel^2 is k^2 of them.
-[[nodiscard]] constexpr double coarse_blur(double blur, int factor) {
-  const double squared = static_cast<double>(factor) * factor;
-  return (blur + (squared - 1) / 12) / squared;
 }
 
 /// An Error if these levels are none.

@@ -154,8 +154,6 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     const auto behind = Pipeline<R>::background(model.render, phases_);
     if (Result<Done> loaded = target_.load(views, report.view, camera, behind, factor); !loaded) return loaded.error();
     make_coarse(camera, factor);
-    const double blur_variance = model.render.blur_variance;
-    model.render.blur_variance = coarse_blur(blur_variance, factor);
 
     this->prepare_model(t, model);
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_, phases_);
@@ -164,7 +162,6 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     report.loss = pipeline_.loss(target_.view(), weights, context_, *executor_);
     pipeline_.backward(model, camera, report.view, context_, *executor_);
     control_density(t, camera, report);
-    model.render.blur_variance = blur_variance;  // the stages may render other views, which are not coarse
     const TrainingPass<Pipeline<R>, Model<R>, Views, E> pass{
         pipeline_, model, views, report.view, settings_.seed, t, phases_, *executor_, report.adjusted};
     Stages::forward(
