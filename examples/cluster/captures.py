@@ -31,6 +31,7 @@ GIVEN = {
     "--downscale": "the column downscale says it",
     "--codec": "--config codec=... says it for all scenes",
     "--threads": "--config threads=... says it for all scenes",
+    "--checkpoint-every": "--config checkpoint_every=... says it for all scenes",
     "--decoder": "claim, train and verify have to read with the same one, which is the program's",
     "--json-log": "each scene has a log of its own",
     "--resume": "a scene is always resumed",

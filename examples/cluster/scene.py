@@ -109,8 +109,11 @@ class Scene:
         if before:
             before()
         command = [self.options.compmark, *words]
+        # What follows changes no result, and so makes no step run again.
         if name not in ("probe", "keygen", "claim"):
             command += ["--threads", str(self.options.threads)]
+        if name == "train":
+            command += ["--checkpoint-every", str(self.options.checkpoint_every)]
         began, processors = time.monotonic(), self.children_seconds()
         with open(self.file(LOG), "ab") as log:
             log.write(f"\n$ {shlex.join(command)}\n".encode())
@@ -243,6 +246,7 @@ def options_of(words):
     parser.add_argument("--codec", default="hac")
     parser.add_argument("--bits", type=int, default=48, help="length of the message of a new key")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--checkpoint-every", type=int, default=200, help="iterations that a killed job loses at most")
     parser.add_argument("--compmark", default="compmark", help="the program")
     options = parser.parse_args(words)
     options.make_key = options.key is None
