@@ -11,7 +11,7 @@ for program in snakemake python3 setsid; do
 done
 scratch=$(mktemp -d)
 group=''
-trap '[ -z "$group" ] || kill -9 -- "-$group" 2>/dev/null || true; rm -rf "$scratch"' EXIT
+trap '[ -z "$group" ] || kill -9 "-$group" 2>/dev/null || true; rm -rf "$scratch"' EXIT
 cd "$scratch"
 export PYTHONDONTWRITEBYTECODE=1 XDG_CACHE_HOME="$scratch/cache"
 fail() {
@@ -31,19 +31,19 @@ column() {
   awk -F '\t' -v name="$1" 'NR == 1 { for (i = 1; i <= NF; ++i) if ($i == name) column = i; next } { print $column }' \
     batch/scenes.tsv | tr '\n' ' '
 }
-line() { printf '%s\t%s\t%s\t%s\n' "$@"; }
+line() { printf '%s\t%s\t%s\t%s\t%s\n' "$@"; }
 
 mkdir captures captures/none
 for seed in 1 2; do
   "$tool" scene --out captures/$seed --width 48 --height 48 --train 10 --test 2 --seed $seed >/dev/null
 done
-options="--iterations 100 --mark-iterations 40 --voxel-size 0"
+options="--mark-iterations 20 --voxel-size 0"
 table=captures.tsv
 {
-  line name capture seed options
-  line first captures/1 11 "$options"
-  line second captures/2 12 "$options"
-  line none captures/none '' ''
+  line name capture seed iterations options
+  line first captures/1 11 100 "$options"
+  line second captures/2 12 100 "$options"
+  line none captures/none '' '' ''
 } >$table
 
 # A table with a fault runs nothing, and is told in a line.
@@ -66,7 +66,7 @@ until [ -f batch/scenes/first/run/unmarked/checkpoint.safetensors ]; do
   kill -0 $group 2>/dev/null || fail "the call ended before it was killed"
   sleep 0.1
 done
-kill -9 -- -$group
+kill -9 "-$group"
 wait $group 2>/dev/null || true
 group=''
 cp -p batch/keys/first.key first.key
