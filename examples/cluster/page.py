@@ -24,8 +24,8 @@ import scene as job
 
 SILENT = 12 * job.HEARTBEAT  # seconds after which a job that said nothing is taken for killed
 ORDER = ("failed", "killed", "ended", "running", "not begun", "finished")
-FIGURES = ("psnr", "psnr_cost_vs_unmarked", "bytes", "bits_right", "bits", "p_value", "verdict", "views", "seconds",
-           "processor_seconds", "sessions", "threads", "peak_memory_mb")
+FIGURES = ("psnr", "psnr_cost_vs_unmarked", "bytes", "bits_right", "bits", "p_value", "verdict", "standing", "views",
+           "seconds", "processor_seconds", "sessions", "threads", "peak_memory_mb")
 # What a row links to, where it is there. The proof names the message: the page is the owner's.
 LINKS = (("report", "run/report.html"), ("figures", "evaluation.html"), ("proof", "proof.json"),
          ("claim", "owner.claim"), ("file", "run/model.cmk"), ("log", job.LOG))
@@ -38,10 +38,13 @@ font:15px/1.5 system-ui,sans-serif}
 h1{margin:0;font-size:28px} h2{margin:36px 0 12px;font-size:18px} p.sub{margin:2px 0 20px;color:var(--soft)}
 .figures{display:flex;flex-wrap:wrap;gap:10px}
 .figures div{background:var(--panel);border:1px solid var(--line);border-radius:8px;padding:10px 16px}
-.figures b{display:block;font-size:21px;font-variant-numeric:tabular-nums} .figures span{color:var(--soft);font-size:13px}
+.figures b{display:block;font-size:21px;font-variant-numeric:tabular-nums}
+.figures span{color:var(--soft);font-size:13px}
 .scroll{overflow-x:auto} table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
-td,th{padding:4px 12px 4px 0;border-bottom:1px solid var(--line);text-align:left;vertical-align:middle;white-space:nowrap}
-td.n,th.n{text-align:right} td.why{white-space:normal;overflow-wrap:anywhere} td img{height:56px;display:block;border-radius:4px}
+td,th{padding:4px 12px 4px 0;border-bottom:1px solid var(--line);text-align:left;vertical-align:middle;
+white-space:nowrap}
+td.n,th.n{text-align:right} td.why{white-space:normal;overflow-wrap:anywhere}
+td img{height:56px;display:block;border-radius:4px}
 .bad{color:var(--bad);font-weight:600} a{color:inherit}
 """
 
@@ -138,7 +141,8 @@ def cells(row):
         yield "n", number(row["bytes"], ",")
         yield "n", "" if row["bits"] is None else f"{row['bits_right']} of {row['bits']}"
         yield "n", number(row["p_value"], ".1e")
-        verdict = html.escape(str(row["verdict"]).replace("_", " "))
+        verdict = str(row["verdict"]).replace("_", " ")
+        verdict = html.escape(verdict + (", conditionally" if row["standing"] == "conditional" else ""))
         yield "", verdict if row["verdict"] == "detected" else f'<span class="bad">{verdict}</span>'
     yield "n", duration(row["seconds"])
     yield "n", duration(row["processor_seconds"])
@@ -157,8 +161,9 @@ def page(rows, title):
     text = ('<!doctype html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width,initial-scale=1">'
             f"<title>{html.escape(title)}</title><style>{STYLE}</style></head><body>\n<h1>{html.escape(title)}</h1>"
-            f'<p class="sub">{time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}. Figures are of the files, decoded and '
-            "read by other processes. Proofs name the messages: this page is for the owner.</p>\n"
+            f'<p class="sub">{time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}. Figures are of the files, decoded '
+            "and read by other processes. Detected, conditionally: a proof if the claim was published before anything "
+            "that shows the scene. Proofs name the messages: this page is for the owner.</p>\n"
             '<div class="figures">')
     text += "".join(f"<div><b>{value}</b><span>{name}</span></div>" for name, value in tiles) + "</div>\n"
     text += '<h2>Scenes</h2><div class="scroll"><table><tr>'
@@ -191,8 +196,8 @@ def write(scenes, out, title):
             file.write(text)
         os.replace(part, os.path.join(out, name))
     sums = data["totals"]
-    return (f"{sums['scenes']} scenes: {sums['finished']} finished, {sums['detected']} of them with their mark detected, "
-            f"{sums['failed']} failed, {sums['scenes'] - sums['finished'] - sums['failed']} not finished; "
+    return (f"{sums['scenes']} scenes: {sums['finished']} finished, {sums['detected']} of them with their mark "
+            f"detected, {sums['failed']} failed, {sums['scenes'] - sums['finished'] - sums['failed']} not finished; "
             f"the page: {os.path.join(out, 'index.html')}")
 
 

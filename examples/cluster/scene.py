@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: 2026 The CompMark authors
 # SPDX-License-Identifier: Apache-2.0
-"""One scene from its photographs to its proof, as a job of the Snakefile: probe, keygen, claim, train, evaluate, render, verify.
+"""One scene from its photographs to its proof, as a job of the Snakefile.
 
-What a killed job had done is kept. status.json says which steps are done and what they took, and is written every few
-seconds, so that a job that nobody could stop in order is known too; a training goes on from its checkpoint. result.json,
-the only file that Snakemake knows of, comes last. A step is done again if its command is another one, and then all that
-follow it. Exit status: 0, also if the message is not detected, which is a result; 1 if a step failed; 2 for wrong words.
+The steps are probe, keygen, claim, train, evaluate, render and verify. What a killed job had done is kept: status.json
+says which steps are done and what they took, and is written every few seconds, so that a job that nobody could stop in
+order is known too. A training goes on from its checkpoint. A step is done again if its command is another one, and then
+all that follow it. result.json, the only file that Snakemake knows of, comes last.
+
+Exit status: 0, also if the message is not detected, which is a result; 1 if a step failed; 2 for wrong words.
 """
 
 import argparse
@@ -185,11 +187,13 @@ class Scene:
             self.step("keygen", ["keygen", "--bits", str(options.bits), "--note", options.name, "--out", key], [])
         # The same claim is written again, another one is refused.
         self.step("claim", ["claim", "--key", key, "--out", claim], ["owner.claim"])
-        words = ["train", "--data", capture, "--out", self.file("run"), "--codec", options.codec, "--key", key, "--resume"]
+        words = ["train", "--data", capture, "--out", self.file("run"), "--codec", options.codec, "--key", key,
+                 "--resume"]
         for option in ("seed", "iterations", "downscale"):
             if getattr(options, option) is not None:
                 words += ["--" + option, getattr(options, option)]
-        self.step("train", words + shlex.split(options.options), ["run/model.cmk", "run/results.json", "run/report.html"])
+        self.step("train", words + shlex.split(options.options),
+                  ["run/model.cmk", "run/results.json", "run/report.html"])
         # A capture without test views is measured in its training views.
         split = "test" if read_json(self.file("probe.json")).get("views_test") else "train"
         words = ["evaluate", "--model", model, "--data", capture, "--split", split, "--key", key,
@@ -223,6 +227,7 @@ class Scene:
             "bits": proof.get("bits"),
             "p_value": proof.get("p_value"),
             "verdict": proof.get("verdict"),
+            "standing": proof.get("proof", {}).get("standing"),
             "seconds": round(sum(step["seconds"] for step in steps), 1),
             "processor_seconds": round(sum(step["processor_seconds"] for step in steps), 1),
             "sessions": max(step["sessions"] for step in steps),

@@ -23,8 +23,8 @@ same() { [ "$2" = "$3" ] || fail "$1: '$2', not '$3'"; }
 # Words of snakemake; all that a call prints is in calls.log.
 call() {
   status=0
-  snakemake --snakefile "$source/examples/cluster/Snakefile" --cores 2 --nocolor --keep-going "$@" --config table="$table" \
-    out=batch compmark="$tool" checkpoint_every=20 >>calls.log 2>&1 || status=$?
+  snakemake --snakefile "$source/examples/cluster/Snakefile" --cores 2 --keep-going "$@" \
+    --config table="$table" out=batch compmark="$tool" checkpoint_every=20 >>calls.log 2>&1 || status=$?
 }
 # A column of the table of results, by name.
 column() {

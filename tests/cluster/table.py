@@ -35,7 +35,9 @@ case $step in
   probe) echo '{"views_test": 2}' ;;
   keygen) (umask 077 && echo secret >"$out") ;;
   claim) echo claim >"$out" ;;
-  train) mkdir -p "$out" && for file in model.cmk results.json report.html unmarked.cmk; do echo "$step" >"$out/$file"; done ;;
+  train)
+    mkdir -p "$out"
+    for file in model.cmk results.json report.html unmarked.cmk; do echo "$step" >"$out/$file"; done ;;
   evaluate) echo '{"psnr": 30.25, "psnr_cost_vs_unmarked": 0.125}' >"$json" && : >"$html" ;;
   render) mkdir "$out" && : >"$out/a.png" ;;
   verify) echo '{"verdict": "not_detected", "matches": 25, "bits": 48, "p_value": 0.4}' >"$json"; exit 1 ;;
@@ -161,7 +163,8 @@ class Jobs(Folder):
     def test_from_the_key_to_the_proof_and_not_again(self):
         code, steps, row = self.job("--seed", "5", "--options=--lambda 0.002")
         self.assertEqual((code, steps), (0, STEPS))
-        self.assertEqual((row["state"], row["verdict"], row["bits_right"], row["psnr"]), ("finished", "not_detected", 25, 30.25))
+        self.assertEqual((row["state"], row["verdict"], row["bits_right"], row["psnr"]),
+                         ("finished", "not_detected", 25, 30.25))
         self.assertEqual(row["bytes"], len("train\n"))
         self.assertEqual(row["picture"], "renders/a.png")
         self.assertEqual(stat.S_IMODE(os.stat(self.path("out", "keys", "fox.key")).st_mode), 0o600)
@@ -230,11 +233,12 @@ class Pages(Folder):
             scene.write_json(self.path("out", "scenes", name, "status.json"), status)
         scene.write_json(self.path("out", "scenes", "done", "result.json"), {
             "psnr": 31.126, "psnr_cost_vs_unmarked": None, "bytes": 1234567, "bits_right": 48, "bits": 48,
-            "p_value": 3.6e-15, "verdict": "detected", "seconds": 90, "processor_seconds": 3600, "picture": "renders/a b.png"})
+            "p_value": 3.6e-15, "verdict": "detected", "standing": "conditional", "seconds": 90,
+            "processor_seconds": 3600, "picture": "renders/a b.png"})
         self.write("out/scenes/done/proof.json", "{}")
         self.assertEqual(page.main([table, self.path("out")]), 0)
         text = self.read("out/index.html")
-        for piece in ("31.13", "1,234,567", "48 of 48", "3.6e-15", "detected", "90 s", "a &lt;b&gt; &amp; c",
+        for piece in ("31.13", "1,234,567", "48 of 48", "3.6e-15", "detected, conditionally", "90 s", "a &lt;b&gt; &amp; c",
                       "failed in train", "killed in render", "not begun", 'href="scenes/done/proof.json"',
                       'src="scenes/done/renders/a%20b.png"'):
             self.assertIn(piece, text)
