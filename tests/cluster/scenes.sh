@@ -7,7 +7,7 @@
 set -eu
 tool=$1 source=$2
 for program in snakemake python3 setsid; do
-  command -v $program >/dev/null 2>&1 || { echo "skipped: no $program" && exit 0; }
+  command -v "$program" >/dev/null 2>&1 || { echo "skipped: no $program" && exit 0; }
 done
 scratch=$(mktemp -d)
 group=''
