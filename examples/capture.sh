@@ -90,6 +90,7 @@ choose_frames() {
 extract_frames() {
   rm -rf "$out/images.part" && mkdir "$out/images.part" || return
   ffmpeg -nostdin -v error -i "$video" -map 0:v:0 -filter_script:v "$work/choice.txt" -fps_mode passthrough -q:v 2 "$out/images.part/%04d.jpg" || return
+  rm -rf "$out/images" # of a step that was stopped before it was done
   mv "$out/images.part" "$out/images"
 }
 export QT_QPA_PLATFORM=offscreen # COLMAP asks for a display, and needs none
@@ -116,6 +117,7 @@ turn_upright() {
     mkdir -p "$upright" || return
     colmap model_orientation_aligner --image_path "$out/images" --input_path "$model" --output_path "$upright" --method IMAGE-ORIENTATION || return
   done
+  rm -rf "$out/sparse"
   mv "$out/sparse.part" "$out/sparse"
 }
 
@@ -129,10 +131,11 @@ step upright "which way is up" turn_upright
 taken=$(find "$out/images" -name '*.jpg' | wc -l | tr -d ' ')
 most=0
 for model in "$out/sparse"/*/; do
-  colmap model_analyzer --path "$model" >"$work/model.txt" 2>&1
-  value() { sed -n "s/^$1: //p" "$work/model.txt"; }
-  say "model $(basename "$model"): $(value 'Registered images') of $taken frames, $(value Points) points, reprojection error $(value 'Mean reprojection error')"
-  [ "$(value 'Registered images')" -le "$most" ] || most=$(value 'Registered images')
+  colmap model_analyzer --path "$model" >"$work/model.txt" 2>&1 || { cat "$work/model.txt" >&2; exit 1; }
+  value() { sed -n "s/^\(.*\] \)\{0,1\}$1: //p" "$work/model.txt" | head -n 1; } # newer versions put time and place before it
+  images=$(value 'Registered images')
+  say "model $(basename "$model"): $images of $taken frames, $(value Points) points, reprojection error $(value 'Mean reprojection error')"
+  [ "${images:-0}" -le "$most" ] || most=$images
 done
 echo "next: compmark probe --data $out"
 if [ $((2 * most)) -lt "$taken" ]; then

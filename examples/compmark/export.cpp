@@ -62,6 +62,8 @@ class ExportLines final : public ExportObserver {
                   written.format == SplatFormat::spz ? std::to_string(written.version).c_str() : "",
                   static_cast<unsigned long long>(written.bytes));
       for (const std::string& note : written.notes) std::fprintf(stderr, "compmark: warning: %s\n", note.c_str());
+      if (written.format == SplatFormat::spz && written.version == 4 && options_.spz_version == 0)
+        std::printf("note: a viewer that reads SPZ up to version 3 alone, as Spark does, needs --spz-version 3\n");
     }
   }
 

@@ -96,19 +96,32 @@ int run(const RegisterOptions& options) {
   page.renders = "render at the camera that was found, in the tone of the picture";
   ReportGrid grid{"Pictures", {"picture", "verdict", "likeness", "uncertainty, pixels", "focal length, pixels"}, {}};
   std::size_t found_count = 0;
+  bool left_out = false;
+  // A picture that cannot be read, or is too small. The others are looked at all the same.
+  const auto leave_out = [&](const std::filesystem::path& file, Error error) {
+    if (error.file.empty()) error.file = file.string();
+    const std::string name = file.filename().string();
+    std::printf("%-32s left out\n", name.c_str());
+    json["pictures"].push_back({{"name", name}, {"found", false}, {"error", error.line()}});
+    if (!options.html.empty()) grid.rows.push_back({name, error.line(), "", "", ""});
+    print_warning(error.line());
+    left_out = true;
+  };
   PictureSettings reading;
   reading.background = color_of(options.behind).value_or(reading.background);
   reading.pages = !options.whole_images;
   reading.memory_budget_mb = options.memory_budget_mb;
   for (const std::filesystem::path& file : *files) {
     const Result<OpenPicture> picture = open_picture(file, reading);
-    if (!picture) return fail(picture.error());
+    if (!picture) {
+      leave_out(file, picture.error());
+      continue;
+    }
     const ImageView<const float> image = picture->image();
     const Result<Registration> found = register_picture(*model, *places, image, options.settings, executor);
     if (!found) {
-      Error error = found.error();
-      if (error.file.empty()) error.file = file.string();
-      return fail(error);
+      leave_out(file, found.error());
+      continue;
     }
     const std::string name = file.filename().string();
     nlohmann::ordered_json entry{
@@ -153,6 +166,7 @@ int run(const RegisterOptions& options) {
     if (Result<Done> written = write_report(options.html, page); !written) return fail(written.error());
   }
   std::printf("%zu of %zu found\n", found_count, files->size());
+  if (left_out) return failure;
   return found_count == files->size() ? success : not_detected;
 }
 

@@ -4,8 +4,11 @@
 
 #include "decoder_choice.hpp"
 
+#include <optional>
+#include <string>
 #include <vector>
 
+#include "nearest_word.hpp"
 #include "presets.hpp"
 #include "run_folder.hpp"
 
@@ -57,6 +60,10 @@ void bind_training(Options& app, TrainOptions& options) {
       ->check(CLI::IsMember(preset_names));
   app.number("--downscale", options.settings.downscale, downscale_range, "divide the size of the images by this")
       ->capture_default_str();
+  app.word(
+      "--coarse-to-fine", options.settings.coarse_to_fine,
+      "levels that look at smaller photographs first, as FACTOR:UNTIL: 2:0.6 halves their sides for the first 0.6 of "
+      "the iterations, 4:0.2,2:0.6 has two levels (default: none)");
   app.number("--seed", options.settings.seed, any_seed, "seed of every random number (default: the profile's)");
   app.number("--threads", options.run.threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
@@ -163,6 +170,10 @@ void bind_options(Options& app, EmbedOptions& options) {
   add_finished_model_options(app, options.settings, options.run);
   add_splat_up(app, options.settings.splat_up);
   add_mark_options(app, options.settings.mark, true);
+  app.word("--method", options.method,
+           "compmark, or as a published baseline hides its message, to compare with (docs/baselines.md): waterf or "
+           "guardsplat, in models of the recipe scaffold")
+      ->capture_default_str();
   app.word("--distortion", options.distortion,
            "how training replaces the quantizer of a codec before it reads the message: round "
            "(as the file does), noise (as wide as a step) or none")
@@ -178,9 +189,28 @@ void bind_options(Options& app, EmbedOptions& options) {
   });
 }
 
+namespace {
+
+Error unknown_method(const std::string& name) {
+  const std::vector<std::string> known(embed_method_names.begin(), embed_method_names.end());
+  std::string all;
+  for (const std::string& one : known) all += (all.empty() ? "" : ", ") + one;
+  const std::string nearest = nearest_word(name, known);
+  return {ErrorKind::invalid,
+          {},
+          "--method",
+          "\"" + name + "\" is none of " + all,
+          nearest.empty() ? "give one of them" : "did you mean " + nearest + "?"};
+}
+
+}  // namespace
+
 Result<Done> complete(const Options& /*app*/, EmbedOptions& options) {
   if (options.distortion == "noise") options.settings.distortion = EmbedDistortion::noise;
   if (options.distortion == "none") options.settings.distortion = EmbedDistortion::none;
+  const std::optional<EmbedMethod> method = embed_method(options.method);
+  if (!method) return unknown_method(options.method);
+  options.settings.method = *method;
   return choose_decoder(options.settings.mark);
 }
 

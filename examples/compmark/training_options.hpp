@@ -30,6 +30,7 @@ struct EmbedOptions {
   compmark::EmbedSettings settings;
   RunOptions run;
   std::string distortion = "round";
+  std::string method = "compmark";
 };
 struct FitCodecOptions {
   compmark::FitCodecSettings settings;

@@ -239,7 +239,8 @@ class Pages(Folder):
         self.assertEqual(page.main([table, self.path("out")]), 0)
         text = self.read("out/index.html")
         for piece in ("31.13", "1,234,567", "48 of 48", "3.6e-15", "detected, conditionally", "90 s",
-                      "a &lt;b&gt; &amp; c", "failed in train", "killed in render", "not begun", 'href="scenes/done/proof.json"',
+                      "a &lt;b&gt; &amp; c", "failed in train", "killed in render", "not begun",
+                      'href="scenes/done/proof.json"',
                       'src="scenes/done/renders/a%20b.png"'):
             self.assertIn(piece, text)
         self.assertNotIn("<b> & c", text)

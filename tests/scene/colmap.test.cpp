@@ -199,10 +199,21 @@ TEST_CASE("scene/colmap: bad input is named by file, field and remedy") {
     for (const char* inner : {"sparse/0", "sparse"}) {
       const Result<Dataset> dataset = open_dataset(folder.path() / inner, {});
       REQUIRE(!dataset.ok());
-      CHECK(names(dataset.error(), inner, "images", "give "));
+      CHECK(names(dataset.error(), inner, "", "give "));
       CHECK(dataset.error().remedy.find(std::filesystem::canonical(folder.path()).string() + ",") != std::string::npos);
     }
-    std::filesystem::remove_all(folder.path() / "images");  // nobody has them: they are to be put somewhere
+    // Photographs that are elsewhere, by a link, are as good; a model that has its own is a capture.
+    const std::filesystem::path elsewhere = folder.path().string() + "_photographs";
+    std::filesystem::rename(folder.path() / "images", elsewhere);
+    std::filesystem::create_directory_symlink(elsewhere, folder.path() / "images");
+    const Result<Dataset> linked = open_dataset(sparse, {});
+    REQUIRE(!linked.ok());
+    CHECK(names(linked.error(), "sparse/0", "", "give "));
+    std::filesystem::create_directory_symlink(elsewhere, sparse / "images");
+    CHECK(open_dataset(sparse, {}).ok());
+    std::filesystem::remove(sparse / "images");
+    std::filesystem::remove_all(elsewhere);
+    std::filesystem::remove(folder.path() / "images");  // nobody has them: they are to be put somewhere
     const Result<Dataset> nowhere = open_dataset(sparse, {});
     REQUIRE(!nowhere.ok());
     CHECK(names(nowhere.error(), "sparse/0", "images", "put the photographs"));

@@ -63,6 +63,17 @@ TEST_CASE("register finds the cameras of renders, says what is of another scene,
   CHECK(testing::times_in(page, "data:image/png") == 3 * 4);
   CHECK(page.find("not of this scene") != std::string::npos);
 
+  // A picture that is too small is left out, and said; the others are told all the same.
+  REQUIRE(write_png(folder.path / "renders" / "tiny.png", ImageView<const float>{noise.data(), 3, 16, 16}).ok());
+  const Outcome rest =
+      tool("register --places 40" + model + " --images " + at("renders") + " --json " + at("rest.json"));
+  CHECK(rest.code == 2);
+  CHECK(rest.text.find("4 of 6 found") != std::string::npos);
+  const nlohmann::json tiny = json_of(at("rest.json"))["pictures"][4];
+  CHECK(tiny["name"] == "tiny.png");
+  CHECK(tiny["error"].get<std::string>().find("16 x 16") != std::string::npos);
+  CHECK(json_of(at("rest.json"))["pictures"][3]["found"] == true);
+
   check_refused(tool("register" + model + " --images " + at("nothing")), {"nothing"});
   check_refused(tool("register" + model + " --images " + at("renders") + " --json " + at("run/model.safetensors")),
                 {"--json"});

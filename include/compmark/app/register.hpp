@@ -21,6 +21,7 @@
 
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/register_render.hpp"
+#include "compmark/core/config.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
@@ -78,6 +79,7 @@ struct RegisterPicture {
 [[nodiscard]] inline double register_native_focal(const AnyModel& model) {
   std::vector<double> focal;
   for (const StoredView& view : model.info().views) focal.push_back(view.camera.fx);
+  COMPMARK_ASSERT(!focal.empty(), "register_native_focal: places are of a model with cameras");
   std::nth_element(focal.begin(), focal.begin() + static_cast<std::ptrdiff_t>(focal.size() / 2), focal.end());
   return focal[focal.size() / 2];
 }
@@ -163,6 +165,7 @@ inline constexpr int register_least_side = 32;
                  "is " + std::to_string(picture.width) + " x " + std::to_string(picture.height) +
                      " pixels, too little to find a camera",
                  "give pictures of at least " + std::to_string(register_least_side) + " pixels a side"};
+  if (places.empty()) return Registration{};
   const int longest = std::max(picture.width, picture.height);
   // Mirrored pictures are candidates like the others.
   std::vector<float> turned;

@@ -17,7 +17,8 @@
 #endif
 
 /// Of a function that runs once in a run or an iteration and computes little: it opens a file, it words an error. It is
-/// compiled for size: run_recipe had half the code, of 47 recipes, and app_run as a whole a twentieth less.
+/// compiled for size, and whatever leads to it is taken for unlikely: no kernel calls one. The code of app_run became a
+/// twentieth smaller (docs/notebook/measured.md).
 #define COMPMARK_ONCE __attribute__((cold))
 
 /// Kernels are written once as small functions and must be inlined into one loop to be fast.

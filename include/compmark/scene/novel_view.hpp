@@ -23,8 +23,8 @@
 
 namespace compmark {
 
-/// `from` moved towards `to` by `fraction` in [0, 1]: at 0 it is `from` to the bit, at 1 it stands and looks as `to`
-/// does. Works on LensCamera too; the lens stays.
+/// `from` moved towards `to` by `fraction`: at 0 it is `from` to the bit, at 1 it stands and looks as `to` does (half a
+/// turn away it looks as `from`), above 1 it is beyond. Works on LensCamera too; the lens stays.
 template <class AnyCamera>
 [[nodiscard]] AnyCamera camera_between(const AnyCamera& from, const AnyCamera& to, double fraction) {
   AnyCamera camera = from;

@@ -49,7 +49,9 @@ namespace detail {
 [[nodiscard]] inline std::filesystem::path folder_of_capture(const std::filesystem::path& folder) {
   std::vector<std::pair<int, std::filesystem::path>> folders;
   std::error_code status;
-  for (std::filesystem::recursive_directory_iterator i(folder, status), end; !status && i != end; i.increment(status)) {
+  const auto past_the_closed = std::filesystem::directory_options::skip_permission_denied;  // lost+found and its like
+  for (std::filesystem::recursive_directory_iterator i(folder, past_the_closed, status), end; !status && i != end;
+       i.increment(status)) {
     if (!folder_exists(i->path())) continue;
     folders.emplace_back(i.depth(), i->path());
     if (i.depth() == 2) i.disable_recursion_pending();
@@ -73,16 +75,23 @@ namespace detail {
                       (is_colmap(inner) ? ", or move its model to " + (folder / "sparse/0").string() : "")};
 }
 
+/// Whether photographs are where the readers look for them; folders may be links.
+[[nodiscard]] inline bool has_photographs(const std::filesystem::path& folder) {
+  const Result<std::filesystem::path> images = image_folder(folder);
+  return images && holds_images(*images);
+}
+
 /// The capture that a COLMAP model without photographs belongs to: its parent folder or the one above (scene for
-/// scene/sparse/0). Empty if there is none.
+/// scene/sparse/0). Empty if there is none, or if the folder is a capture itself.
 [[nodiscard]] inline std::filesystem::path capture_of_model(const std::filesystem::path& model) {
   std::error_code status;
   std::filesystem::path folder = std::filesystem::canonical(model, status);
   const bool holds_models = folder.filename() == "sparse" && is_colmap(folder.parent_path());  // sparse/0, sparse/1, …
-  if (status || !(holds_models || is_colmap(folder)) || holds_images(folder)) return {};
+  if (status || !(holds_models || is_colmap(folder)) || has_photographs(folder)) return {};
+  if (!find_transforms(folder).empty()) return {};
   for (int up = 0; up < 2; ++up) {
     folder = folder.parent_path();
-    if (is_colmap(folder) && holds_images(folder)) return folder;
+    if (is_colmap(folder) && has_photographs(folder)) return folder;
   }
   return {};
 }
@@ -141,7 +150,7 @@ template <class Json>
   if (status)
     return fail(ErrorKind::unreadable, "", "the folder cannot be read: " + status.message(), "check its permissions");
   if (const std::filesystem::path capture = capture_of_model(folder); !capture.empty()) {
-    return fail(ErrorKind::not_found, "images", "is the COLMAP model of a capture, without its photographs",
+    return fail(ErrorKind::not_found, "", "is the COLMAP model of a capture, without its photographs",
                 "give " + capture.string() + ", which has both");
   }
   const std::filesystem::path transforms = find_transforms(folder);

@@ -14,6 +14,7 @@
 #include <optional>
 #include <vector>
 
+#include "compmark/math/robust_ball.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/splat_table.hpp"
 
@@ -124,11 +125,7 @@ struct SplatBulk {
   SplatBulk bulk;
   if (rows.empty()) return bulk;
   std::vector<double> values(rows.size());
-  const auto at = [&](double part) {
-    const auto place = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), place, values.end());
-    return *place;
-  };
+  const auto at = [&](double part) { return detail::lower_quantile(values, part); };
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (std::size_t i = 0; i < rows.size(); ++i) values[i] = static_cast<double>(table.mean[axis][rows[i]]);
     bulk.center[axis] = at(0.5);

@@ -116,7 +116,25 @@ TEST_CASE("app/run/train: a page that fails leaves the run unfinished, and it ca
   told.refuse_page = false;
   settings.resume = true;
   REQUIRE(train_scene(settings, executor, told).ok());
-  CHECK(told.beginnings.back().iteration == 20);
+  CHECK(told.beginnings.back().iteration == 30);  // to its end: nothing is trained twice
+  CHECK(told.progress.size() == 30);
+}
+
+TEST_CASE("app/run/train: a test photograph that cannot be read is named before the training") {
+  const testing::SmallCapture scene("compmark-run-test-photograph");
+  ThreadExecutor executor(1);
+  KeepingObserver told;
+  std::filesystem::path photograph;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(scene.data)) {
+    const std::string path = entry.path().string();
+    if (path.find("test") != std::string::npos && path.ends_with(".png")) photograph = entry.path();
+  }
+  REQUIRE_FALSE(photograph.empty());
+  std::filesystem::resize_file(photograph, std::filesystem::file_size(photograph) / 2);  // the header is good
+  const Result<RunOutcome> outcome = train_scene(scene.training("run"), executor, told);
+  REQUIRE_FALSE(outcome.ok());
+  CHECK(outcome.error().file.find(photograph.filename().string()) != std::string::npos);
+  CHECK(told.progress.empty());
 }
 
 TEST_CASE("app/run/train: wrong settings are refused before anything is written") {
@@ -140,6 +158,7 @@ TEST_CASE("app/run/train: wrong settings are refused before anything is written"
     s.recipe.clear();
     s.for_fit_codec = true;
   });
+  refused("--checkpoint-every", [](TrainSceneSettings& s) { s.checkpoint_every = 0; });
   refused("--key", [](TrainSceneSettings& s) { s.mark.weight = 1; });
   CHECK(told.progress.empty());
 }

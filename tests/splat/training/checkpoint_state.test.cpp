@@ -9,6 +9,7 @@
 #include <compmark/core/executor.hpp>
 #include <compmark/splat/training/checkpoint.hpp>
 #include <compmark/splat/training/trainer.hpp>
+#include <cstdint>
 #include <limits>
 #include <string>
 #include <utility>
@@ -64,6 +65,9 @@ TEST_CASE("training/checkpoint_state: numbers that no run can have are refused b
   CHECK(refused([](auto& state) { state.growth.statistics.gradient_sum[3] = -2; }) == "growth.gradient_sum");
   CHECK(refused([](auto& state) { state.iteration = -1; }) == "iteration");
   CHECK(refused([](auto& state) { state.iteration = 301; }) == "iteration");
+  for (const Revival bad : {Revival{9, 0}, Revival{0, 9}, Revival{-1, 0}, Revival{std::int64_t{1} << 62, 0}})
+    CHECK(refused([&](auto& state) { state.revival = bad; }) == "progress.revival");
+  CHECK(refused([](auto& state) { state.revival = {8, 1}; }).empty());
   for (const double seconds : {-1.0, std::numeric_limits<double>::infinity()}) CHECK(!refused(none, seconds).empty());
   // A sum that is no number is growing's to drop (docs/spec/numerics.md, AN5), and the greatest counts of this run are
   // its own.
@@ -72,4 +76,15 @@ TEST_CASE("training/checkpoint_state: numbers that no run can have are refused b
           state.optimizer.steps[1] = 8;
           state.growth.statistics.visits[3] = 8;
         }).empty());
+
+  // Figures that the state does not hold come back as they were; what is no list of a few finite numbers is refused.
+  const auto figures = [&](std::vector<double> kept) {
+    REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1, std::move(kept)).ok());
+    return read_checkpoint<Run>(path, settings, ModelInfo{});
+  };
+  CHECK(figures({})->figures.empty());
+  CHECK(figures({0.1, -3e-7})->figures == std::vector<double>{0.1, -3e-7});
+  const auto wrong = figures({0.1, std::numeric_limits<double>::quiet_NaN()});
+  REQUIRE_FALSE(wrong.ok());
+  CHECK(wrong.error().field == "progress.figures");
 }

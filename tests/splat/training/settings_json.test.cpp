@@ -81,17 +81,26 @@ struct ChangeOne {
     auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13] = rate;
     all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13);
   }
+  void operator()(CoarseLevel& level) {
+    auto& [factor, until] = level;
+    all(factor, until);
+  }
+  void operator()(CoarseToFine& coarse) {
+    auto& [levels] = coarse;
+    for (CoarseLevel& level : levels) (*this)(level);
+  }
   void operator()(TrainSettings& settings) {
     auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13, f14, f15, f16, f17, f18, f19, f20, f21, f22, f23,
-           f24, f25, f26, f27, f28, effects, mark, rate] = settings;
+           f24, f25, f26, f27, f28, coarse, effects, mark, rate] = settings;
     all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13, f14, f15, f16, f17, f18, f19, f20, f21, f22, f23,
-        f24, f25, f26, f27, f28, effects, mark, rate);
+        f24, f25, f26, f27, f28, coarse, effects, mark, rate);
   }
 };
 
 /// Settings whose effects, mark and rate are named already: the first change of one alone would name them.
 TrainSettings named() {
   TrainSettings settings;
+  settings.coarse_to_fine.levels = {{4, 0.2}, {2, 0.6}};
   settings.effects.space_radius = 3;
   settings.mark.identity = "a key";
   settings.rate.sample = 0.25;
@@ -120,7 +129,8 @@ TEST_CASE("training/settings_json: what is as the profile has it is not named") 
     CAPTURE(profile);
     const std::optional<TrainSettings> settings = profile_settings(profile);
     REQUIRE(settings.has_value());
-    for (const char* key : {"effects", "mark", "rate"}) CHECK_FALSE(settings_json(*settings).contains(key));
+    for (const char* key : {"coarse_to_fine", "effects", "mark", "rate"})
+      CHECK_FALSE(settings_json(*settings).contains(key));
   }
-  for (const char* key : {"effects", "mark", "rate"}) CHECK(settings_json(named()).contains(key));
+  for (const char* key : {"coarse_to_fine", "effects", "mark", "rate"}) CHECK(settings_json(named()).contains(key));
 }

@@ -151,10 +151,12 @@ TEST_CASE("watermark/proof/standing: the report says it in its last lines and in
   const Verification found = verified(48);
   const auto text = [&](const ProofBasis& basis) { return report_text(found, standing_of(found, basis)); };
   CHECK(text(claimed()).find("\nDETECTED, conditionally: ") != std::string::npos);
-  CHECK(text(claimed()).find("if the claim was published before anything that shows this scene") != std::string::npos);
+  CHECK(text(claimed()).find("if the claim was published before anybody else had anything that shows this scene") !=
+        std::string::npos);
   const ProofBasis dated = stamped();
   CHECK(text(dated).find("\nDETECTED, a proof: ") != std::string::npos);
-  CHECK(text(dated).find("if 2026-11-28T03:34:28Z is before anything that shows this scene") != std::string::npos);
+  CHECK(text(dated).find("if 2026-11-28T03:34:28Z is before anybody else had anything that shows this scene") !=
+        std::string::npos);
   CHECK(text(shipped()).find("\nDETECTED: ") != std::string::npos);
   CHECK(text(shipped()).find("\nstanding    evidence; ") != std::string::npos);
   CHECK(text({}).find("DETECTED") == std::string::npos);

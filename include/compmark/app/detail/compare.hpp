@@ -48,7 +48,7 @@ struct Counterparts {
 
 [[nodiscard]] inline Error other_views(const std::filesystem::path& path, const std::filesystem::path& first) {
   return {ErrorKind::invalid, path.string(), "views",
-          "differ, in number, place or size, from those of " + first.string(), "compare models of one capture"};
+          "differ, in number, size or lens, from those of " + first.string(), "compare models of one capture"};
 }
 
 /// Names by which people tell the models apart: model.safetensors lies in every run.
@@ -190,7 +190,8 @@ class ModelComparer {
   [[nodiscard]] static bool same_views(const DatasetViews& a, const DatasetViews& b) {
     bool same = a.size() == b.size();
     for (std::size_t i = 0; same && i < a.size(); ++i)
-      same = a.camera(i).width == b.camera(i).width && a.camera(i).height == b.camera(i).height;
+      same = a.camera(i).width == b.camera(i).width && a.camera(i).height == b.camera(i).height &&
+             (a.lens(i) == b.lens(i) || (is_pinhole(a.lens(i)) && is_pinhole(b.lens(i))));
     return same;
   }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <string>
 #include <type_traits>
@@ -44,6 +45,10 @@ std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo&
     std::snprintf(text, sizeof text, "%g", x);
     return std::string(text);
   };
+  const auto exact = [](double x) {  // the shortest text that is read back as x: the export is put back by it
+    std::array<char, 32> text{};
+    return std::string(text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr);
+  };
   if (draws_filtered<R>()) {
     warnings.push_back("the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
                        " pixels^2 that keeps the energy of a splat), " +
@@ -61,8 +66,8 @@ std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo&
         "and measured without distortion");
   }
   if (info.origin != std::array<double, 3>{0, 0, 0}) {
-    warnings.push_back("positions are relative to (" + number(info.origin[0]) + ", " + number(info.origin[1]) + ", " +
-                       number(info.origin[2]) + ") of the dataset's coordinates, which single precision cannot hold");
+    warnings.push_back("positions are relative to (" + exact(info.origin[0]) + ", " + exact(info.origin[1]) + ", " +
+                       exact(info.origin[2]) + ") of the dataset's coordinates, which single precision cannot hold");
   }
   if constexpr (!ExplicitModelRecipe<R>) {
     if (!info.views.empty() && std::all_of(info.views.begin(), info.views.end(), [](const auto& v) { return v.test; }))

@@ -73,7 +73,7 @@ COMPMARK_APP_INLINE Result<OpenPicture> open_picture(const std::filesystem::path
     picture.sha256 = Sha256{}.update(*bytes).hex();
     Result<ImageBytes> image = decode_image(*bytes, path.string());
     if (!image) return image.error();
-    *bytes = {};
+    std::vector<std::byte>().swap(*bytes);  // an assignment would keep the memory
     *image = turned(std::move(*image), info->orientation);
     picture.width = image->width;
     picture.height = image->height;

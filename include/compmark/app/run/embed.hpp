@@ -3,13 +3,15 @@
 //
 // Hides a message in a finished model. A residual of the features trains alone, and the source model is not changed.
 // Without a decoder one is fitted to the scene first. With a fidelity of 0 the whole model trains on instead, with the
-// photographs it was trained on: nothing grows, and the learning rates are small.
+// photographs it was trained on: nothing grows, and the learning rates are small. By the method of a baseline it is
+// hidden as others hide theirs, for comparison (docs/baselines.md).
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 
 #include "compmark/app/compiled.hpp"
+#include "compmark/app/run/embed_method.hpp"
 #include "compmark/app/run/run_observer.hpp"
 #include "compmark/app/run/run_settings.hpp"
 #include "compmark/core/result.hpp"
@@ -31,6 +33,7 @@ struct EmbedSettings : RunSettings {
   MarkSettings mark;
   std::int64_t iterations = 0;  ///< 0: 2000; for a codec 4000, or 8000 with a decoder that is not fitted to the scene
   EmbedDistortion distortion = EmbedDistortion::round;  ///< of models for a codec; others have `round` alone
+  EmbedMethod method = EmbedMethod::compmark;           ///< baselines mark models of the recipe scaffold alone
 };
 
 /// Writes the marked model.safetensors, results.json, verification.json and mark.json into `out`, a decoder where none

@@ -69,6 +69,7 @@ struct RunResults {
   std::optional<double> rate_lambda;            ///< of a run for a codec
   std::vector<std::string> effects;             ///< names of the scene effects that the recipe models
   std::optional<WatermarkMetrics> watermark;    ///< not in the file of an unmarked run
+  std::string method;                           ///< of a mark in a finished model (embed_method.hpp); else empty
   std::optional<CompressedMetrics> compressed;  ///< not in the file of a run without a codec
   std::string identity;                         ///< JSON: the settings of the run, and digests of the files it read
 };

@@ -22,7 +22,7 @@ struct RunSettings {
   std::optional<std::array<double, 3>> splat_up;  ///< of splats that are the data (DatasetSettings::splat_up)
   double downscale = 1;                           ///< the size of the photographs is divided by this
   std::optional<std::uint64_t> seed;              ///< of every random number; not set: the profile's
-  std::int64_t checkpoint_every = 1000;           ///< iterations
+  std::int64_t checkpoint_every = 1000;           ///< iterations, at least 1; the last one has a checkpoint anyway
   std::size_t memory_budget_mb = 0;               ///< MiB of memory for decoded photographs; 0: chosen by the library
   bool resume = false;                            ///< continue from the checkpoint in `out`
   bool force = false;                             ///< replace a finished run in `out`

@@ -29,7 +29,8 @@ struct TrainSceneSettings : RunSettings {
   bool for_fit_codec = false;        ///< without effects that fit_codec does not support
   double rate_lambda = 0.001;        ///< with a codec: loss of one bit more a scalar
   std::int64_t iterations = 30000;
-  std::size_t max_anchors = 0;       ///< 0: no limit
+  std::string coarse_to_fine;   ///< levels at which coarse photographs train first (coarse_to_fine_of); empty: none
+  std::size_t max_anchors = 0;  ///< 0: no limit
   std::optional<double> voxel_size;  ///< in units of the dataset; 0 or less: measured; not set: the profile's
   std::optional<std::array<float, 3>> background;  ///< behind transparent photographs; not set: black, or as measured
   std::string effects = "auto";                    ///< scene effects to model: auto, none, or names with commas

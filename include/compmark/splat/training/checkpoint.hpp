@@ -28,16 +28,19 @@ template <class Loop>
 struct Checkpoint {
   typename Loop::State state;
   ModelInfo info;
-  double seconds = 0;  ///< training time so far, for the report
+  double seconds = 0;           ///< training time so far, for the report
+  std::vector<double> figures;  ///< as they were given to write_checkpoint
 };
 
 /// Writes the state under a temporary name and renames: a run killed while writing keeps its previous checkpoint.
+/// `figures` are at most eight finite numbers of the last iteration that the state does not hold.
 template <class State, class Json = nlohmann::json>
 [[nodiscard]] COMPMARK_ONCE Result<Done> write_checkpoint(const std::filesystem::path& path, const State& state,
                                                           const TrainSettings& settings, const ModelInfo& info,
-                                                          double seconds) {
+                                                          double seconds, std::vector<double> figures = {}) {
   SafetensorsWriter writer;
-  detail::CheckpointProgress progress{state.iteration, seconds, {}};
+  COMPMARK_ASSERT(figures.size() <= detail::most_figures, "write_checkpoint: at most eight figures");
+  detail::CheckpointProgress progress{state.iteration, seconds, {}, std::move(figures)};
   if constexpr (requires { state.revival; }) progress.revival = state.revival;
   detail::add_common<typename std::remove_cvref_t<decltype(state.model.arena)>::Scalar,
                      std::remove_cvref_t<decltype(state.optimizer)>, Json>(
@@ -72,6 +75,7 @@ template <class Loop, class Json = nlohmann::json>
   Checkpoint<Loop> checkpoint;
   checkpoint.info = std::move(model->info);
   checkpoint.seconds = progress->seconds;
+  checkpoint.figures = progress->figures;
   typename Loop::State& state = checkpoint.state;
   state.model = std::move(model->model);
   state.iteration = progress->iteration;

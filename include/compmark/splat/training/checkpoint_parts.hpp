@@ -53,10 +53,6 @@ void for_each_statistic(Statistics& statistics, F&& f) {
   f("growth.gradient_count", statistics.gradient_count);
 }
 
-}  // namespace detail
-
-namespace detail {
-
 // The parts of a checkpoint that are the same for every recipe, compiled once and not for each.
 
 /// The finished iterations of a run.
@@ -64,7 +60,10 @@ struct CheckpointProgress {
   std::int64_t iteration = 0;
   double seconds = 0;
   Revival revival;
+  std::vector<double> figures;  ///< of the last iteration, which whoever wrote them knows
 };
+/// So many figures a checkpoint may have.
+inline constexpr std::size_t most_figures = 8;
 
 template <class T, class Moments, class Json>
 void add_common(SafetensorsWriter& writer, const ParameterArena<T>& arena, const ModelNumbers& numbers,
@@ -74,6 +73,7 @@ void add_common(SafetensorsWriter& writer, const ParameterArena<T>& arena, const
   json["iteration"] = progress.iteration;
   json["seconds"] = progress.seconds;
   add_revival(json, progress.revival);
+  if (!progress.figures.empty()) json["figures"] = progress.figures;
   writer.metadata = {{"format", "compmark.checkpoint"},
                      {"version", "1"},
                      {"info", info_text(numbers, info)},
@@ -209,15 +209,23 @@ template <class Json = nlohmann::json>
   const Json json = json_from<Json>(*text);
   if (!json.is_object() || !json.value("iteration", Json()).is_number_integer() ||
       !json.value("seconds", Json()).is_number()) {
-    return other_run(file, "__metadata__.progress", "lacks iteration or seconds");
+    return no_state(file, "__metadata__.progress", "lacks iteration or seconds");
   }
   CheckpointProgress progress{
-      json["iteration"].template get<std::int64_t>(), json["seconds"].template get<double>(), {}};
-  if (!read_revival(json, progress.revival)) return other_run(file, "progress.revival", "is no two counts");
+      json["iteration"].template get<std::int64_t>(), json["seconds"].template get<double>(), {}, {}};
   if (progress.iteration < 0 || progress.iteration > iterations)
-    return other_run(file, "iteration", "is outside the run");
+    return no_state(file, "iteration", "is outside the run");
+  if (!read_revival(json, progress.iteration, progress.revival))
+    return no_state(file, "progress.revival", "is not two counts of this run's iterations");
   if (!(progress.seconds >= 0) || !std::isfinite(progress.seconds))
-    return other_run(file, "seconds", "are no time that a run has taken");
+    return no_state(file, "seconds", "are no time that a run has taken");
+  const Json figures = json.value("figures", Json::array());
+  const auto is_figure = [](const Json& one) { return one.is_number() && std::isfinite(one.template get<double>()); };
+  if (!figures.is_array() || figures.size() > most_figures || !std::all_of(figures.begin(), figures.end(), is_figure)) {
+    return no_state(file, "progress.figures",
+                    "is not a list of at most " + std::to_string(most_figures) + " finite numbers");
+  }
+  progress.figures = figures.template get<std::vector<double>>();
   return progress;
 }
 
@@ -278,7 +286,7 @@ template <class Statistics>
   column.resize(count);
   if (Result<Done> read = read_column(file, name, std::span<double>(column)); !read) return read;
   if (!std::all_of(column.begin(), column.end(), [](double number) { return std::isfinite(number); }))
-    return other_run(file, name, "holds a number that is none");
+    return other_run(file, name, "holds a number that is not finite");
   if (std::all_of(column.begin(), column.end(), [none](double number) { return number == none; })) column.clear();
   return Done{};
 }

@@ -27,13 +27,15 @@ template <class Json>
 void add_revival(Json& progress, const Revival& revival) {
   if (revival != Revival{}) progress["revival"] = {revival.empty, revival.revivals};
 }
-/// Reads the same. False: what is there is no two counts.
+/// Reads the same. False: what is there is not two counts of so many iterations.
 template <class Json>
-[[nodiscard]] bool read_revival(const Json& progress, Revival& revival) {
+[[nodiscard]] bool read_revival(const Json& progress, std::int64_t iteration, Revival& revival) {
   const Json counts = progress.value("revival", Json());
   if (counts.is_null()) return true;
-  if (!counts.is_array() || counts.size() != 2 || !counts[0].is_number_unsigned() || !counts[1].is_number_unsigned())
-    return false;
+  const auto is_count = [iteration](const Json& one) {
+    return one.is_number_unsigned() && one.template get<std::uint64_t>() <= static_cast<std::uint64_t>(iteration);
+  };
+  if (!counts.is_array() || counts.size() != 2 || !is_count(counts[0]) || !is_count(counts[1])) return false;
   revival = {counts[0].template get<std::int64_t>(), counts[1].template get<std::int64_t>()};
   return true;
 }

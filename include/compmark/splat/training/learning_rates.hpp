@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "compmark/core/parameters.hpp"
 #include "compmark/splat/optim/phases.hpp"
@@ -25,6 +26,13 @@ namespace compmark {
   const double unit = schedule.unit == RateUnit::scene_extent ? scene_extent : 1;
   const std::int64_t from = scale_iteration(schedule.decays_from, iterations);
   return LogLinear{schedule.initial * unit, schedule.final * unit, iterations - from}.value(t - from);
+}
+
+/// Those of all blocks.
+inline void learning_rates(const ArenaLayout& layout, std::int64_t iterations, double scene_extent, std::int64_t t,
+                           std::vector<double>& rates) {
+  rates.clear();
+  for (const auto& block : layout.blocks()) rates.push_back(learning_rate(block.schedule, iterations, scene_extent, t));
 }
 
 /// Replaces the schedules that the stages of `model` declared by those of a run, where `settings` has numbers for the

@@ -6,11 +6,14 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <type_traits>
 
 #include "compmark/core/absent.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/splat/anchor/frequency_selector.hpp"
 #include "compmark/splat/optim/phases.hpp"
+#include "compmark/splat/training/coarse_to_fine.hpp"
 #include "compmark/splat/training/recipe.hpp"
 #include "compmark/splat/training/settings.hpp"
 
@@ -56,6 +59,26 @@ template <Recipe R>
   } else {
     return {};
   }
+}
+
+/// An Error if the coarse levels of a run are none, or if its message would be read in coarse images: a decoder reads
+/// pictures of the size that is shipped.
+template <Recipe R>
+[[nodiscard]] Result<Done> check_coarse_to_fine(const TrainSettings& run) {
+  if (Result<Done> fits = check_coarse_to_fine(run.coarse_to_fine); !fits) return fits;
+  if constexpr (present<typename R::MessageDecoder>) {
+    const std::int64_t message = scale_iteration(run.mark.message.after, run.iterations);
+    const std::int64_t coarse = run.coarse_to_fine.last_iteration(run.iterations);
+    if (coarse > message) {
+      return Error{ErrorKind::unsupported,
+                   {},
+                   "coarse_to_fine",
+                   "looks at coarse images until iteration " + std::to_string(coarse) +
+                       ", and the message is read after iteration " + std::to_string(message),
+                   "end the last level before the message begins, or mark the finished model"};
+    }
+  }
+  return Done{};
 }
 
 /// Of a recipe with an HsvLoss.

@@ -13,6 +13,8 @@
 #include <string>
 #include <string_view>
 
+#include "compmark/splat/training/coarse_to_fine.hpp"
+
 namespace compmark {
 
 /// Initial and final learning rate; equal means constant. Log-linear in between (docs/spec/method.md, 3.2).
@@ -202,6 +204,8 @@ struct TrainSettings {
   double near_plane = 0.2;
   double blur_variance = 0.3;
   std::array<float, 3> background{0, 0, 0};
+
+  CoarseToFine coarse_to_fine;  ///< sizes at which the photographs are looked at; by default their own alone
 
   EffectNumbers effects;
   MarkNumbers mark;

@@ -45,6 +45,8 @@ template <class Json = nlohmann::json>
   json["near_plane"] = s.near_plane;
   json["blur_variance"] = s.blur_variance;
   json["background"] = s.background;
+  for (const CoarseLevel& level : s.coarse_to_fine.levels)
+    json["coarse_to_fine"].push_back({level.factor, level.until});
   // Named only where they were changed: a run without effects has the bytes it had before there were any.
   if (s.effects != EffectNumbers{}) {
     Json& effects = json["effects"];

@@ -25,6 +25,7 @@
 #include "compmark/splat/anchor/initialise.hpp"
 #include "compmark/splat/optim/concept.hpp"
 #include "compmark/splat/optim/phases.hpp"
+#include "compmark/splat/training/coarse_to_fine.hpp"
 #include "compmark/splat/training/learning_rates.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/observer.hpp"
@@ -82,6 +83,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   /// there is, an Error of kind `exhausted`, before they are taken.
   [[nodiscard]] COMPMARK_ONCE Result<Done> initialise(std::span<const std::array<float, 3>> points,
                                                       const MemoryBudget& memory = {}) {
+    if (Result<Done> fits = check_coarse_to_fine<R>(settings_); !fits) return fits.error();
     if (Result<Done> room = check_cloud_memory(points.size(), memory); !room) return room.error();
     InitialiseSettings initial;
     initial.voxel_size = settings_.voxel_size;
@@ -144,12 +146,16 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     static_assert(Loop::template has_cameras_of_recipe<Views>,
                   "Trainer: this recipe projects through a lens, so views.camera(i) must return LensCamera (see "
                   "scene/lens_camera.hpp)");
-    learning_rates(t);
     Model<R>& model = state_.model;
-    const ViewCamera<R> camera = views.camera(report.view);
+    learning_rates(model.arena.layout(), settings_.iterations, scene_extent_, t, rates_);
+    ViewCamera<R> camera = views.camera(report.view);
+    const int factor = settings_.coarse_to_fine.factor(t, settings_.iterations);
     this->set_phases(t);
     const auto behind = Pipeline<R>::background(model.render, phases_);
-    if (Result<Done> loaded = target_.load(views, report.view, camera, behind); !loaded) return loaded.error();
+    if (Result<Done> loaded = target_.load(views, report.view, camera, behind, factor); !loaded) return loaded.error();
+    make_coarse(camera, factor);
+    const double blur_variance = model.render.blur_variance;
+    model.render.blur_variance = coarse_blur(blur_variance, factor);
 
     this->prepare_model(t, model);
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_, phases_);
@@ -158,6 +164,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     report.loss = pipeline_.loss(target_.view(), weights, context_, *executor_);
     pipeline_.backward(model, camera, report.view, context_, *executor_);
     control_density(t, camera, report);
+    model.render.blur_variance = blur_variance;  // the stages may render other views, which are not coarse
     const TrainingPass<Pipeline<R>, Model<R>, Views, E> pass{
         pipeline_, model, views, report.view, settings_.seed, t, phases_, *executor_, report.adjusted};
     Stages::forward(
@@ -276,14 +283,6 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
       return true;
     }
     return false;
-  }
-
-  void learning_rates(std::int64_t t) {
-    const ArenaLayout& layout = state_.model.arena.layout();
-    rates_.assign(layout.blocks().size(), 0.0);
-    for (std::size_t b = 0; b < rates_.size(); ++b) {
-      rates_[b] = learning_rate(layout.blocks()[b].schedule, settings_.iterations, scene_extent_, t);
-    }
   }
 
   double scene_extent_ = 1;

@@ -106,11 +106,11 @@ template <SecretKey K>
     // Older than the scene: who has seen it can make an "unmarked" model of it, or try keys on it.
     standing.kind = basis.dated.empty() ? StandingKind::conditional : StandingKind::proof;
     standing.reason = basis.dated.empty()
-                          ? "if the claim was published before anything that shows this scene: look its SHA-256 up "
-                            "where it was"
+                          ? "if the claim was published before anybody else had anything that shows this scene: look "
+                            "its SHA-256 up where it was"
                           : "if " + basis.dated +
-                                " is before anything that shows this scene, and the signature of the time stamp holds: "
-                                "openssl ts -verify checks it";
+                                " is before anybody else had anything that shows this scene, and the signature of the "
+                                "time stamp holds: openssl ts -verify checks it";
     // A file that was made after the key can hold its message (a bias); a date of key and file together does not tell.
     if (!basis.decoder_shipped || basis.subtracts_file) {
       standing.kind = StandingKind::conditional;
@@ -140,6 +140,7 @@ template <class Json>
   json["decoder"] = basis.decoder_shipped ? "shipped" : basis.decoder_claimed ? "claimed" : "unknown";
   json["claim"] = {{"sha256", detail::text_or_null<Json>(basis.claim_sha256)},
                    {"dated", detail::text_or_null<Json>(basis.dated)}};
+  if (!basis.dated.empty()) json["claim"]["stamp_signature"] = "not checked";  // openssl ts -verify does
   json["keys_a_cheat_could_try"] = basis.claimed && basis.decoder_claimed ? 1 : basis.keys_to_try;
   json["p_value_if_tried"] = standing.p_tried;
   return json;
@@ -160,8 +161,9 @@ template <class Json>
     case StandingKind::proof:
       break;
   }
-  text.replace(0, std::string_view("DETECTED").size(),
-               standing.kind == StandingKind::proof ? "DETECTED, a proof" : "DETECTED, conditionally");
+  text.replace(
+      0, std::string_view("DETECTED").size(),
+      standing.kind == StandingKind::proof ? "DETECTED, a proof if the time stamp holds" : "DETECTED, conditionally");
   return text + "standing    a proof " + standing.reason + "\n";
 }
 

@@ -15,10 +15,12 @@
 #include "compmark/app/compress.hpp"
 #include "compmark/app/files.hpp"
 #include "compmark/app/recipe_names.hpp"
+#include "compmark/app/run/detail/embed_baseline.hpp"
 #include "compmark/app/run/detail/embed_decoder.hpp"
 #include "compmark/app/run/detail/run_any.hpp"
 #include "compmark/app/run/embed.hpp"
 #include "compmark/io/splat/read_splat.hpp"
+#include "compmark/watermark/baselines/frozen_model.hpp"
 
 namespace compmark {
 namespace detail {
@@ -32,11 +34,7 @@ namespace detail {
   settings.mark.hsv.after = 0;
   settings.mark.frequency.after = 0;
   if (settings.mark.posthoc.fidelity > 0) {
-    for (LearningRate* rate :
-         {&settings.offset, &settings.feature, &settings.scaling, &settings.mlp_opacity, &settings.mlp_covariance,
-          &settings.mlp_color, &settings.feature_bank, &settings.appearance, &settings.effects.exposure}) {
-      *rate = {0, 0};
-    }
+    settings = with_frozen_model(settings);
     // A model for a codec is read as its file is: rounded from the first iteration on, with a fixed context.
     RateNumbers& rate = settings.rate;
     rate.mask = rate.grid = rate.context = {0, 0};
@@ -121,6 +119,10 @@ namespace detail {
   const bool fitted = plan.mark.decoder.empty() || fitted_decoder(plan.mark.decoder);
   const bool universal = !fitted && universal_decoder(plan.mark.decoder);
   if (plan.iterations == 0) plan.iterations = coded && !universal ? (fitted ? 4000 : 8000) : 2000;
+  const bool baseline = by_baseline(plan);
+  if (baseline) {
+    if (Result<Done> can = can_mark_by_baseline(plan, distortion == EmbedDistortion::round); !can) return can.error();
+  }
   if (Result<Done> can = can_mark_finished(plan); !can) return can.error();
   if (Result<Done> fits = check_to_fit(plan.mark); !fits) return fits.error();
   plan.recipe = marking_recipe(*recipe);
@@ -146,10 +148,10 @@ namespace detail {
   if (plan.seed) settings.seed = *plan.seed;
   const bool own_unmarked = plan.mark.unmarked.empty();
   if (own_unmarked) plan.mark.unmarked = plan.model;
-  settings.mark = posthoc_mark();
+  settings.mark = baseline ? baseline_mark(*plan.method) : posthoc_mark();
   // what each was measured with (docs/notebook/watermark_experiments.md)
-  settings.mark.residual.learning_rate = fitted ? 0.006 : universal ? 0.01 : 0.001;
-  if (universal) {
+  if (!baseline) settings.mark.residual.learning_rate = fitted ? 0.006 : universal ? 0.01 : 0.001;
+  if (universal && !baseline) {
     settings.mark.posthoc.fidelity = 1600;
     settings.mark.posthoc.draw_by_cost = 1;
     settings.mark.posthoc.orbit_share = 0.5;
@@ -170,6 +172,7 @@ namespace detail {
   if (!digest) return digest.error();
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
   if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
+  if (baseline) settings.mark.identity += name_of(*plan.method);
   if (coded && own_unmarked) {
     if (Result<Done> held = hold_run(plan); !held) return held.error();
     const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
@@ -182,6 +185,7 @@ namespace detail {
     }
   }
   settings = embed_settings(settings, distortion);
+  if (baseline) return run_baseline(plan, settings, *mark);
   return coded ? run_any_coded(plan, settings, &*mark) : run_any_marked(plan, settings, *mark);
 }
 
@@ -194,6 +198,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> embed_message(const EmbedSettings& settin
   plan.model = settings.model;
   plan.mark = settings.mark;
   plan.iterations = settings.iterations;
+  plan.method = settings.method;
   plan.executor = &executor;
   plan.observer = &observer;
   return detail::embed_plan(std::move(plan), settings.distortion);

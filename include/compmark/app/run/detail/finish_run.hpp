@@ -126,6 +126,7 @@ struct RunEnd {
   if (!identity) return identity.error();
   results.identity = std::move(*identity);
   results.effects = run.info.effects;
+  if (plan.method) results.method = name_of(*plan.method);
   // Post-hoc embedding has no rate in its loss, so no lambda is recorded.
   const bool rates = mark == nullptr || mark->read_only || plan.model.empty();
   if (coded && rates) results.rate_lambda = settings.rate.lambda;

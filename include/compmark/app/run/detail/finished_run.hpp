@@ -32,10 +32,11 @@ struct OptionOfSetting {
   const char* setting;
   const char* option;
 };
-inline constexpr std::array<OptionOfSetting, 21> options_of_settings{{
+inline constexpr std::array<OptionOfSetting, 22> options_of_settings{{
     {"iterations", "--iterations"},
     {"seed", "--seed"},
     {"profile", "--profile"},
+    {"coarse_to_fine", "--coarse-to-fine"},
     {"max_anchors", "--max-anchors"},
     {"voxel_size", "--voxel-size"},
     {"background", "--background"},
@@ -159,6 +160,10 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   const nlohmann::json now = json_from<nlohmann::json>(*identity);
   const nlohmann::json before = json_from<nlohmann::json>(results->identity);
   differences.values("the recipe (--recipe, --codec, --effects)", info->recipe, run.info.recipe);
+  if (plan.method) {  // earlier versions had one
+    const std::string method = results->method.empty() ? std::string(name_of(EmbedMethod::compmark)) : results->method;
+    differences.values("--method", method, std::string(name_of(*plan.method)));
+  }
   if (before.is_object()) {
     nlohmann::json files = before.value("files", nlohmann::json::object());
     if (files.contains("--twin")) files["--unmarked"] = files["--twin"];  // as the option was called

@@ -14,5 +14,10 @@ namespace compmark::detail {
   error.file = file.string();
   return error;
 }
+/// The same of a setting that the tool has an option for.
+[[nodiscard]] inline Error in_option(Error error, const char* option) {
+  error.field = option;
+  return error;
+}
 
 }  // namespace compmark::detail

@@ -15,6 +15,7 @@
 
 #include "compmark/app/capture.hpp"
 #include "compmark/app/dataset_views.hpp"
+#include "compmark/app/run/detail/in_file.hpp"
 #include "compmark/app/run/detail/run_plan.hpp"
 #include "compmark/app/run/detail/told.hpp"
 #include "compmark/app/run/mark_record.hpp"
@@ -27,6 +28,7 @@
 #include "compmark/scene/image_store.hpp"
 #include "compmark/scene/open.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
+#include "compmark/splat/training/coarse_to_fine.hpp"
 #include "compmark/splat/training/model_info.hpp"
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/training_memory.hpp"
@@ -62,6 +64,13 @@ struct RunData {
 /// Opens the data and makes the folder of the run; `settings` become those of these data.
 [[nodiscard]] inline Result<std::unique_ptr<RunData>> open_run(const RunPlan& plan, TrainSettings settings,
                                                                const RunNeeds& needs, const SourceModel& source) {
+  if (plan.checkpoint_every < 1) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--checkpoint-every",
+                 "is " + std::to_string(plan.checkpoint_every) + ", and is a number of iterations from 1",
+                 "leave it out for the default"};
+  }
   auto run = std::make_unique<RunData>();
   run->model = plan.out / "model.safetensors";
   run->checkpoint = plan.out / "checkpoint.safetensors";
@@ -117,8 +126,17 @@ struct RunData {
   return run;
 }
 
-/// Decodes every image once, so that a bad one is named before hours of work, and compares the data with the source
-/// model's.
+/// The views that are trained on, then those that are measured.
+[[nodiscard]] inline std::vector<std::pair<DatasetViews*, std::size_t>> all_views(RunData& run) {
+  std::vector<std::pair<DatasetViews*, std::size_t>> result;
+  for (DatasetViews* views : {&run.train, &run.test}) {
+    for (std::size_t i = 0; i < views->size(); ++i) result.emplace_back(views, i);
+  }
+  return result;
+}
+
+/// Decodes every image once, those that are measured in the end too, so that a bad one is named before hours of work,
+/// and compares the data with the source model's.
 [[nodiscard]] inline Result<Done> check_run(const RunPlan& plan, RunData& run, const SourceModel& source,
                                             const RunMark* mark) {
   if (mark != nullptr && !mark->read_only) warn_of_record(mark->key_file, plan.out, warnings_of(*plan.observer));
@@ -126,17 +144,20 @@ struct RunData {
     return Error{ErrorKind::invalid, plan.data.string(), "train split", "holds no view",
                  "give at least one training image"};
   }
-  for (std::size_t i = 0; i < run.train.size(); ++i) {
-    const Camera<double> camera = run.train.camera(i);
+  for (const auto& [views, i] : all_views(run)) {
+    const Camera<double> camera = views->camera(i);
     if (mark != nullptr && std::min(camera.width, camera.height) < mark->decoder.minimum_size()) {
       return Error{
           ErrorKind::invalid, plan.data.string(), "image size",
-          "of view " + run.dataset.views[run.train.index[i]].name + " is " + std::to_string(camera.width) + " x " +
+          "of view " + run.dataset.views[views->index[i]].name + " is " + std::to_string(camera.width) + " x " +
               std::to_string(camera.height),
           "the decoder reads images of at least " + std::to_string(mark->decoder.minimum_size()) + " pixels a side"};
     }
+    const std::string& name = run.dataset.views[run.train.index[i]].name;
+    if (Result<Done> fits = check_coarse_size(run.settings.coarse_to_fine.largest(), camera, name); !fits)
+      return in_option(fits.error(), "--coarse-to-fine");
     Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    if (Result<Done> loaded = run.train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
+    if (Result<Done> loaded = views->load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
       return loaded.error();
   }
   if (Result<Done> counted = check_weights(run.dataset, *run.store); !counted) return counted.error();

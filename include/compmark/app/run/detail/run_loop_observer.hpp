@@ -12,6 +12,8 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "compmark/app/evaluate.hpp"
 #include "compmark/app/run/run_observer.hpp"
@@ -29,7 +31,8 @@ struct TrainObserver {
   std::int64_t checkpoint_every = 1000;
   std::filesystem::path checkpoint;
   double seconds_before = 0;
-  double begin = 0;  ///< by the clock of `told`
+  double begin = 0;                            ///< by the clock of `told`
+  std::optional<StepSummary> distortion_step;  ///< of the last iteration, where a layer tells it
   bool stopped = false;
   std::optional<Error> failure;
   double last_psnr = 0;
@@ -56,9 +59,17 @@ struct TrainObserver {
     const MarkReport mark = mark_report(trainer);
     if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
     if (!tell(line, report)) return false;
+    if constexpr (requires { trainer.context(); } && has_stage<typename TrainerType::Stages, DistortionStage>) {
+      distortion_step = trainer.pipeline().template stage<DistortionStage>().step_summary(
+          trainer.context().template of<DistortionStage>());
+    }
     const bool stop = stopped || failure;
-    if (stop || (report.iteration % checkpoint_every == 0 && report.iteration < report.total)) {
-      if (Result<Done> written = write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds());
+    // After the last one too: what comes then (files, figures, a page) may fail, and is made again without training.
+    if (stop || report.iteration % checkpoint_every == 0 || report.iteration == report.total) {
+      std::vector<double> figures;
+      if (distortion_step) figures = {distortion_step->mean, distortion_step->median};
+      if (Result<Done> written =
+              write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds(), std::move(figures));
           !written) {
         failure = written.error();
         return false;

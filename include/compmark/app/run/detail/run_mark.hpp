@@ -32,9 +32,11 @@ namespace compmark::detail {
   return file && file->metadata.contains("centres");
 }
 
-/// What reads the renders of a run that hides a message: the decoder, before which renders are edited.
+/// What reads the renders of a run that hides a message: the decoder, before which renders are edited. A recipe's
+/// MessageDecoder is this one or another that is made of the decoder of the file and the edits.
 using MarkingDecoder = EditedDecoder<FileDecoder, CommonEdits>;
-[[nodiscard]] inline MarkingDecoder marking_decoder(const RunMark& mark, const MessageSettings& settings) {
+template <class Decoder = MarkingDecoder>
+[[nodiscard]] Decoder marking_decoder(const RunMark& mark, const MessageSettings& settings) {
   CommonEdits::Settings edits;
   edits.none = 1 - settings.edited_share;
   return {mark.decoder, edits};

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "compmark/app/capture.hpp"
+#include "compmark/app/run/embed_method.hpp"
 #include "compmark/app/run/run_folder.hpp"
 #include "compmark/app/run/run_observer.hpp"
 #include "compmark/app/run/run_settings.hpp"
@@ -31,6 +32,7 @@ struct RunPlan : RunSettings {
   std::vector<std::string> simulated;  ///< effects of the recipe
   std::vector<std::string> notes;      ///< why it was chosen, told when the run starts
   MarkSettings mark;
+  std::optional<EmbedMethod> method;   ///< of a mark that is hidden in a finished model
   std::filesystem::path model;         ///< the finished model that is marked, or that a codec is fitted to
   std::shared_ptr<const void> folder;  ///< holds `out` against other runs (run_folder.hpp)
   ThreadExecutor* executor = nullptr;

@@ -34,7 +34,9 @@
 #include "compmark/splat/export/explicit_splats.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
 #include "compmark/splat/training/model_file.hpp"
+#include "compmark/splat/training/run_policies.hpp"
 #include "compmark/splat/training/trainer.hpp"
+#include "compmark/watermark/baselines/unmarked_views.hpp"
 #include "compmark/watermark/embed/base_model.hpp"
 #include "compmark/watermark/embed/posthoc_embedding.hpp"
 
@@ -84,15 +86,15 @@ struct SourceRecipe<R> {
   using Type = typename R::Base;
 };
 
-/// Loads the checkpoint of a resumed run and returns its seconds so far; nothing if the run begins.
+/// Loads the checkpoint of a resumed run and returns what it had told so far; nothing if the run begins.
 template <class Loop>
-COMPMARK_ONCE Result<std::optional<double>> take_up(const RunPlan& plan, const RunData& data, Loop& loop) {
-  if (!std::filesystem::exists(data.checkpoint)) return std::optional<double>();
+COMPMARK_ONCE Result<std::optional<EarlierPart>> take_up(const RunPlan& plan, const RunData& data, Loop& loop) {
+  if (!std::filesystem::exists(data.checkpoint)) return std::optional<EarlierPart>();
   if (!plan.resume) return unfinished_run(data.checkpoint);
   Result<Checkpoint<Loop>> restored = read_checkpoint<Loop>(data.checkpoint, data.settings, data.info);
   if (!restored) return restored.error();
   loop.restore(std::move(restored->state));
-  return std::optional(restored->seconds);
+  return std::optional(EarlierPart{restored->seconds, std::move(restored->figures)});
 }
 
 /// The files of a finished model, in which the mark, if there is one, is a part of its features. Sets `end.coded` of a
@@ -110,7 +112,7 @@ template <class Source, bool coded, class M>
   }
   if constexpr (coded) {
     Result<CodecModel> file = coded_model(model, data.info);
-    if (!file) return file.error();
+    if (!file) return in_file(file.error(), data.model);
     // The steps of the training, not those that would suit the marked symbols a little better.
     if (*inputs.unmarked_file) keep_context(**inputs.unmarked_file, *file);
     end.coded = std::move(*file);
@@ -118,22 +120,18 @@ template <class Source, bool coded, class M>
   return Done{};
 }
 
-/// The iterations of a run that was begun or taken up after `seconds_before`, its files and its figures.
+/// The iterations of a run that was begun or taken up, its files and its figures.
 template <class R, class Loop, class Views>
 COMPMARK_ONCE Result<RunOutcome> run_iterations(Loop& loop, Views& train, const RunInputs& inputs,
-                                                const std::optional<double>& seconds_before) {
+                                                const std::optional<EarlierPart>& earlier) {
   using Source = typename SourceRecipe<R>::Type;
-  Result<TrainObserver> observer = begin_iterations(inputs, loop.state().iteration, seconds_before);
+  Result<TrainObserver> observer = begin_iterations(inputs, loop.state().iteration, earlier);
   if (!observer) return observer.error();
   const Result<Done> done = loop.run(train, *observer);
   Result<RunEnd> end = end_iterations(*inputs.plan, *observer, done, loop.finished(), loop.state().iteration);
   if (!end) return end.error();
   end->anchors = loop.model().anchor_count();
   end->voxel_size = loop.model().voxel_size;
-  if constexpr (requires { loop.context(); } && has_stage<typename Loop::Stages, DistortionStage>) {
-    end->distortion_step =
-        loop.pipeline().template stage<DistortionStage>().step_summary(loop.context().template of<DistortionStage>());
-  }
   if constexpr (requires { loop.state().revival; })
     end->revivals = static_cast<std::uint64_t>(loop.state().revival.revivals);
   constexpr bool coded = present<typename R::EntropyModel>;
@@ -184,8 +182,10 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
   constexpr bool is_marked = present<typename R::MessageDecoder>;
   constexpr bool is_fitted = requires { R::is_fitted; };
   constexpr bool is_rounded = is_marked && present<typename R::EntropyModel>;
+  constexpr bool on_unmarked = requires { R::targets_unmarked; };
   ThreadExecutor& executor = *plan.executor;
 
+  if (Result<Done> fits = check_coarse_to_fine<R>(settings); !fits) return in_option(fits.error(), "--coarse-to-fine");
   TrainSettings wanted = settings;
   Result<std::optional<LoadedModel<Source>>> read = load_source<Source>(plan, is_rounded, wanted);
   if (!read) return read.error();
@@ -226,16 +226,17 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
     if (Result<Done> room = check_training_memory(inputs.memory_shape, loaded->model.anchor_count(), memory); !room)
       return room;
     if constexpr (is_rounded) {  // what is trained is rounded as its file is
-      if (Result<Done> adopted = adopt_networks(*unmarked_file, loaded->model); !adopted) return adopted;
+      if (Result<Done> adopted = adopt_networks(*unmarked_file, loaded->model); !adopted)
+        return in_file(adopted.error(), plan.model);
     }
     if constexpr (is_marked || is_fitted) loop.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
     return Done{};
   };
-  if constexpr (is_marked) {
+  if constexpr (is_marked && present<typename R::Embedder> && !on_unmarked) {
     if (data.settings.mark.posthoc.fidelity > 0) {
       PosthocEmbedding<R, ThreadExecutor> embedding(data.settings, executor);
       set_watermark(embedding, marking_decoder(*mark, data.settings.mark.message), mark->bits);
-      const Result<std::optional<double>> before = take_up(plan, data, embedding);
+      const Result<std::optional<EarlierPart>> before = take_up(plan, data, embedding);
       if (!before) return before.error();
       if (!*before) {
         if (Result<Done> begun = begin_from(embedding); !begun) return begun.error();
@@ -247,18 +248,28 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
     return no_message_in(plan.recipe);
   } else {
     Trainer<R, ThreadExecutor> trainer(data.settings, train->size(), data.extent.radius, executor);
-    if constexpr (is_marked) set_watermark(trainer, marking_decoder(*mark, data.settings.mark.message), mark->bits);
-    const Result<std::optional<double>> before = take_up(plan, data, trainer);
+    if constexpr (is_marked) {
+      using Reading = typename R::MessageDecoder;
+      set_watermark(trainer, marking_decoder<Reading>(*mark, data.settings.mark.message), mark->bits);
+    }
+    const Result<std::optional<EarlierPart>> before = take_up(plan, data, trainer);
     if (!before) return before.error();
     if (!*before && loaded) {
       if constexpr (is_marked || is_fitted) {
         if (Result<Done> begun = begin_from(trainer); !begun) return begun.error();
       }
     } else if (!*before) {
-      if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready) return ready.error();
+      if (Result<Done> ready = trainer.initialise(data.dataset.points.position, memory); !ready)
+        return in_file(ready.error(), plan.data);
       warn_of_far_points(plan, trainer.far_points(), data.dataset.points.size());
     }
-    return run_iterations<R>(trainer, *train, inputs, *before);
+    if constexpr (on_unmarked) {
+      COMPMARK_ASSERT(loaded.has_value(), "run_recipe: this mark is hidden in a finished model");
+      UnmarkedViews<Source, LensViews<RecipeLens<R>>, ThreadExecutor> unmarked(loaded->model, *train, executor);
+      return run_iterations<R>(trainer, unmarked, inputs, *before);
+    } else {
+      return run_iterations<R>(trainer, *train, inputs, *before);
+    }
   }
 }
 

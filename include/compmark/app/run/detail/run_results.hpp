@@ -58,6 +58,7 @@ COMPMARK_APP_INLINE Result<Done> write_results(const std::filesystem::path& path
   if (const std::optional<StepSummary>& step = results.distortion_step)
     json["distortion_step"] = {{"mean", step->mean}, {"median", step->median}};
   if (results.rate_lambda) json["rate_lambda"] = *results.rate_lambda;
+  if (!results.method.empty()) json["method"] = results.method;
   if (results.watermark) add_mark(json, *results.watermark);
   if (results.compressed) {
     const CompressedMetrics& c = *results.compressed;
@@ -148,6 +149,7 @@ COMPMARK_APP_INLINE Result<RunResults> read_results(const std::filesystem::path&
     read(*json, "rate_lambda", lambda, "");
     results.rate_lambda = lambda;
   }
+  if (json->contains("method")) read(*json, "method", results.method, "");
   if (json->contains("bit_accuracy")) {
     const nlohmann::json& object = (*json)["bit_accuracy"];
     WatermarkMetrics m;

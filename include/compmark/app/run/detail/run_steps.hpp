@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "compmark/app/run/detail/finish_run.hpp"
 #include "compmark/app/run/detail/finished_run.hpp"
@@ -51,13 +52,19 @@ inline void warn_of_far_points(const RunPlan& plan, std::size_t far, std::size_t
                             " points are outliers, far from the others, and are left out");
 }
 
+/// What a run that is taken up had told when it was stopped.
+struct EarlierPart {
+  double seconds = 0;
+  std::vector<double> figures;  ///< of its last iteration (TrainObserver)
+};
+
 /// Tells that the iterations begin and returns what will observe them.
 [[nodiscard]] inline Result<TrainObserver> begin_iterations(const RunInputs& inputs, std::int64_t iteration,
-                                                            const std::optional<double>& seconds_before) {
+                                                            const std::optional<EarlierPart>& earlier) {
   const RunPlan& plan = *inputs.plan;
   RunObserver& told = *plan.observer;
   const RunData& data = *inputs.data;
-  const RunBeginning beginning{plan.out, iteration, data.settings.iterations, seconds_before.has_value()};
+  const RunBeginning beginning{plan.out, iteration, data.settings.iterations, earlier.has_value()};
   if (Result<Done> begun = told.on_begin(beginning); !begun) return begun.error();
   for (const std::string& note : plan.notes) told.on_note(note);
   TrainObserver observer;
@@ -71,7 +78,10 @@ inline void warn_of_far_points(const RunPlan& plan, std::size_t far, std::size_t
   };
   observer.checkpoint_every = plan.checkpoint_every;
   observer.checkpoint = data.checkpoint;
-  observer.seconds_before = seconds_before.value_or(0);
+  if (earlier) {
+    observer.seconds_before = earlier->seconds;
+    if (earlier->figures.size() == 2) observer.distortion_step = {earlier->figures[0], earlier->figures[1]};
+  }
   observer.patience = std::max<std::int64_t>(100, 2 * static_cast<std::int64_t>(data.train.size()));
   return observer;
 }
@@ -91,6 +101,7 @@ inline void warn_of_far_points(const RunPlan& plan, std::size_t far, std::size_t
   }
   RunEnd end;
   end.train_seconds = observer.seconds();
+  end.distortion_step = observer.distortion_step;
   end.peak_memory_mb = plan.observer->peak_memory_mb();
   return end;
 }

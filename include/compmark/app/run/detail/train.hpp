@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "compmark/app/run/detail/embed.hpp"
+#include "compmark/app/run/detail/in_file.hpp"
 #include "compmark/app/run/detail/train_codec.hpp"
 #include "compmark/app/run/train.hpp"
 
@@ -158,6 +159,9 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
     settings->rate.lambda = chosen.rate_lambda;
   }
   settings->iterations = chosen.iterations;
+  Result<CoarseToFine> coarse = coarse_to_fine_of(chosen.coarse_to_fine);
+  if (!coarse) return detail::in_option(coarse.error(), "--coarse-to-fine");
+  settings->coarse_to_fine = std::move(*coarse);
   settings->max_anchors = chosen.max_anchors;
   if (chosen.seed) settings->seed = *chosen.seed;
   if (chosen.voxel_size) settings->voxel_size = *chosen.voxel_size;
