@@ -120,7 +120,7 @@ struct RunData {
 /// Decodes every image once, so that a bad one is named before hours of work, and compares the data with the source
 /// model's.
 [[nodiscard]] inline Result<Done> check_run(const RunPlan& plan, RunData& run, const SourceModel& source,
-                                            const RunMark* mark) {
+                                            const RunMark* mark, int smallest_side) {
   if (mark != nullptr && !mark->read_only) warn_of_record(mark->key_file, plan.out, warnings_of(*plan.observer));
   if (run.train.size() == 0) {
     return Error{ErrorKind::invalid, plan.data.string(), "train split", "holds no view",
@@ -128,12 +128,11 @@ struct RunData {
   }
   for (std::size_t i = 0; i < run.train.size(); ++i) {
     const Camera<double> camera = run.train.camera(i);
-    if (mark != nullptr && std::min(camera.width, camera.height) < mark->decoder.minimum_size()) {
-      return Error{
-          ErrorKind::invalid, plan.data.string(), "image size",
-          "of view " + run.dataset.views[run.train.index[i]].name + " is " + std::to_string(camera.width) + " x " +
-              std::to_string(camera.height),
-          "the decoder reads images of at least " + std::to_string(mark->decoder.minimum_size()) + " pixels a side"};
+    if (std::min(camera.width, camera.height) < smallest_side) {
+      return Error{ErrorKind::invalid, plan.data.string(), "image size",
+                   "of view " + run.dataset.views[run.train.index[i]].name + " is " + std::to_string(camera.width) +
+                       " x " + std::to_string(camera.height),
+                   "the decoder reads images of at least " + std::to_string(smallest_side) + " pixels a side"};
     }
     Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     if (Result<Done> loaded = run.train.load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)
