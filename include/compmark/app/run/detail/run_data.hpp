@@ -118,7 +118,7 @@ struct RunData {
 }
 
 /// Decodes every image once, so that a bad one is named before hours of work, and compares the data with the source
-/// model's.
+/// model's. A side below `smallest_side` pixels, which the decoder does not read, is an error.
 [[nodiscard]] inline Result<Done> check_run(const RunPlan& plan, RunData& run, const SourceModel& source,
                                             const RunMark* mark, int smallest_side) {
   if (mark != nullptr && !mark->read_only) warn_of_record(mark->key_file, plan.out, warnings_of(*plan.observer));
