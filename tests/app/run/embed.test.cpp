@@ -2,14 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <compmark/app/run/embed.hpp>
 #include <compmark/app/run/fit_decoder.hpp>
 #include <compmark/app/run/mark_record.hpp>
+#include <compmark/app/run/run_results.hpp>
 #include <compmark/app/run/train.hpp>
 #include <compmark/app/verify.hpp>
+#include <compmark/io/safetensors.hpp>
 #include <compmark/io/splat/read_splat.hpp>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "app/run/small_run.hpp"
 #include "io/splat_writers.hpp"
@@ -106,6 +110,88 @@ TEST_CASE("app/run/embed: a run that is stopped and resumed ends in the same bit
   CHECK(testing::same_file(settings.out / "model.safetensors", unmarked.scene.folder.path / "whole/model.safetensors"));
 }
 
+TEST_CASE("app/run/embed: a baseline hides the message in its own way, and results.json says which") {
+  Unmarked unmarked("compmark-run-embed-baselines");
+  const Message message = message_of(unmarked.key);
+  const auto signal_in = [&](const std::filesystem::path& model) {
+    ReadingSettings reading;
+    reading.decoder = unmarked.decoder;
+    reading.model = model;
+    const auto read = verify_files(unmarked.key, reading, {}, unmarked.executor);
+    REQUIRE_MESSAGE(read.ok(), read.error().line());
+    double sum = 0;
+    for (std::size_t b = 0; b < 8; ++b) sum += (message[b] ? 1 : -1) * read->verification.fused[b] / 8;
+    return sum;
+  };
+  const auto changed_in = [&](const std::filesystem::path& model) {
+    const auto before = read_safetensors(unmarked.model), after = read_safetensors(model);
+    REQUIRE(before.ok());
+    REQUIRE(after.ok());
+    std::vector<std::string> names;
+    for (const auto& [name, tensor] : before->tensors) {
+      const auto other = after->tensors.find(name);
+      REQUIRE(other != after->tensors.end());
+      const bool same =
+          std::equal(tensor.data.begin(), tensor.data.end(), other->second.data.begin(), other->second.data.end());
+      if (!same && name != "info") names.push_back(name);
+    }
+    CHECK(before->tensors.size() == after->tensors.size());
+    return names;
+  };
+  const double before = signal_in(unmarked.model);
+  CAPTURE(before);
+  for (const EmbedMethod method : {EmbedMethod::waterf, EmbedMethod::guardsplat, EmbedMethod::compmark}) {
+    const std::string name(name_of(method));
+    CAPTURE(name);
+    EmbedSettings settings = unmarked.embedding(name);
+    settings.method = method;
+    if (method == EmbedMethod::guardsplat) settings.mark.weight = 1;  // 150 iterations of 48 x 48 pixels
+    const Result<RunOutcome> outcome = embed_message(settings, unmarked.executor, unmarked.told);
+    REQUIRE_MESSAGE(outcome.ok(), outcome.error().line());
+    CHECK(outcome->results.method == name);
+    const Result<RunResults> written = read_results(settings.out / "results.json");
+    REQUIRE(written.ok());
+    CHECK(written->method == name);
+    const double after = signal_in(outcome->model);
+    CAPTURE(after);
+    CHECK(after > before + 0.2);
+    const std::vector<std::string> changed = changed_in(outcome->model);
+    // Everything but the places of the anchors, or the features alone.
+    if (method == EmbedMethod::waterf) {
+      CHECK(changed.size() > 5);
+    } else {
+      CHECK(changed.size() == 1);
+    }
+  }
+  // A finished run of one method is no run of another.
+  EmbedSettings other = unmarked.embedding("waterf");
+  other.method = EmbedMethod::guardsplat;
+  other.resume = true;
+  const Result<RunOutcome> refused = embed_message(other, unmarked.executor, unmarked.told);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().problem.find("--method") != std::string::npos);
+}
+
+TEST_CASE("app/run/embed: a baseline that is stopped and resumed ends in the same bits") {
+  Unmarked unmarked("compmark-run-embed-baseline-resume");
+  for (const EmbedMethod method : {EmbedMethod::waterf, EmbedMethod::guardsplat}) {
+    const std::string name(name_of(method));
+    CAPTURE(name);
+    KeepingObserver first, second;
+    EmbedSettings settings = unmarked.embedding(name + "-whole");
+    settings.method = method;
+    settings.iterations = 40;
+    REQUIRE(embed_message(settings, unmarked.executor, second).ok());
+    settings.out = unmarked.scene.folder.path / (name + "-parts");
+    first.stop_after = 17;
+    CHECK(embed_message(settings, unmarked.executor, first).error().kind == ErrorKind::cancelled);
+    settings.resume = true;
+    REQUIRE(embed_message(settings, unmarked.executor, second).ok());
+    CHECK(testing::same_file(settings.out / "model.safetensors",
+                             unmarked.scene.folder.path / (name + "-whole") / "model.safetensors"));
+  }
+}
+
 TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused with the option's name") {
   Unmarked unmarked("compmark-run-embed-wrong");
   const auto field_of = [&](auto change) {
@@ -123,6 +209,18 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
           s.mark.fidelity = 0;
           s.mark.fall = 1;
         }) == "--fidelity-fall");
+  // What a baseline has no use for.
+  const auto field_of_baseline = [&](auto change) {
+    return field_of([&](EmbedSettings& s) {
+      s.method = EmbedMethod::guardsplat;
+      change(s.mark);
+    });
+  };
+  CHECK(field_of_baseline([](MarkSettings& m) { m.fidelity = 100; }) == "--fidelity");
+  CHECK(field_of_baseline([](MarkSettings& m) { m.orbit = 0.5; }) == "--orbit");
+  CHECK(field_of_baseline([](MarkSettings& m) { m.margin = 2; }) == "--message-margin");
+  CHECK(field_of_baseline([](MarkSettings& m) { m.lost_anchors = 0.5; }) == "--lost-anchors");
+  CHECK(field_of_baseline([](MarkSettings& m) { m.for_compression = true; }) == "--for-compression");
 }
 
 TEST_CASE("app/run/embed: the splats of another program are marked as they are, without photographs") {

@@ -27,6 +27,7 @@ TEST_CASE("app/run/run_results: results.json comes back as it was written; anoth
   results.rate_lambda = 0.002;
   results.effects = {"masks"};
   results.watermark = WatermarkMetrics{0.99, 0.95, 4, 1e-9, 1e-4, 0.25, 45.0};
+  results.method = "waterf";
   results.compressed.emplace().bytes = 77;
   results.identity = R"({"settings":{"seed":3}})";
   REQUIRE(write_results(path, results).ok());
@@ -41,6 +42,7 @@ TEST_CASE("app/run/run_results: results.json comes back as it was written; anoth
   CHECK(read->watermark->p_value == 1e-9);
   CHECK(read->watermark->psnr_marked_vs_unmarked == 45.0);
   CHECK(read->compressed->bytes == 77);
+  CHECK(read->method == "waterf");
   CHECK(nlohmann::json::parse(read->identity) == nlohmann::json::parse(results.identity));
 
   auto json = *read_json<nlohmann::ordered_json>(path);

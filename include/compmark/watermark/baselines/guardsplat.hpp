@@ -8,8 +8,8 @@
 //
 // Differs from the paper: its decoder reads CLIP features, ours is any MessageDecoder; its image loss has LPIPS beside
 // L1 and SSIM, ours has none; it offsets spherical harmonics, and anchors have features. A trained feature reaches the
-// shape and opacity of Gaussians too, which the paper's offsets leave alone. One view makes an iteration, not a batch of
-// 16. docs/baselines.md says why, and what it measures.
+// shape and opacity of Gaussians too, which the paper's offsets leave alone. One view makes an iteration, not a batch
+// of 16. docs/baselines.md says why, and what it measures.
 //
 //   recipes::GuardSplat<Base, Decoder>   Base with FeatureOffset, a message, and the loss that holds the offset
 //   guardsplat_settings(settings)        its numbers

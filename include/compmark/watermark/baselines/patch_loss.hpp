@@ -4,8 +4,8 @@
 // The patch loss of WateRF (Jang et al., CVPR 2024, "Patch loss"): a picture is cut into patches of 64 x 64 = 4096
 // pixels, the rays that one deferred backward pass takes, and each patch adds
 //   0.1 mean |x - y| + 0.06 (1 - SSIM(x, y)) + 0.02 TV(x),
-// TV(x) the mean square difference of neighbours, down and to the right. Windows and neighbours end at a patch's border.
-// The loss of a picture is the sum over its patches, as gradients of patches add up; a patch that the border cuts counts
+// TV(x) the mean square difference of neighbours, down and to the right. Windows and neighbours end where a patch does.
+// The loss of a picture is the sum over its patches, as gradients of patches add up; one that the border cuts counts
 // by its pixels. Differs from the paper: patches are squares for the SSIM to see, where rays were taken in rows.
 // Cost: that of one pass of L1 and SSIM over the picture, and a copy.
 #pragma once

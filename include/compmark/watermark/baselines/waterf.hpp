@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The baseline WateRF (Jang et al., CVPR 2024), made for radiance fields, on anchors as the CompMarkGS paper (ICLR 2026)
-// compares itself with it: everything in a finished model trains on, at small rates and without growing, and the message
+// The baseline WateRF (Jang et al., CVPR 2024), made for radiance fields, on anchors as the CompMarkGS paper compares
+// itself with it (ICLR 2026): everything in a finished model trains on, at small rates, without growing. The message
 // is read through the low band of two wavelet levels. The loss of an iteration is
 //   l (1 - SSIM) + (1 - l) cross entropy of the bits + the patch loss (patch_loss.hpp),
 // render against photograph, with a share l = 0.1.

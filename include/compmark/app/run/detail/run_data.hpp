@@ -136,9 +136,10 @@ struct RunData {
 }
 
 /// Decodes every image once, those that are measured in the end too, so that a bad one is named before hours of work,
-/// and compares the data with the source model's.
+/// and compares the data with the source model's. A side below `smallest_side` pixels, which the decoder does not
+/// read, is an error.
 [[nodiscard]] inline Result<Done> check_run(const RunPlan& plan, RunData& run, const SourceModel& source,
-                                            const RunMark* mark) {
+                                            const RunMark* mark, int smallest_side) {
   if (mark != nullptr && !mark->read_only) warn_of_record(mark->key_file, plan.out, warnings_of(*plan.observer));
   if (run.train.size() == 0) {
     return Error{ErrorKind::invalid, plan.data.string(), "train split", "holds no view",
@@ -146,15 +147,14 @@ struct RunData {
   }
   for (const auto& [views, i] : all_views(run)) {
     const Camera<double> camera = views->camera(i);
-    if (mark != nullptr && std::min(camera.width, camera.height) < mark->decoder.minimum_size()) {
-      return Error{
-          ErrorKind::invalid, plan.data.string(), "image size",
-          "of view " + run.dataset.views[views->index[i]].name + " is " + std::to_string(camera.width) + " x " +
-              std::to_string(camera.height),
-          "the decoder reads images of at least " + std::to_string(mark->decoder.minimum_size()) + " pixels a side"};
+    const std::string& name = run.dataset.views[views->index[i]].name;
+    if (std::min(camera.width, camera.height) < smallest_side) {
+      return Error{ErrorKind::invalid, plan.data.string(), "image size",
+                   "of view " + name + " is " + std::to_string(camera.width) + " x " + std::to_string(camera.height),
+                   "the decoder reads images of at least " + std::to_string(smallest_side) + " pixels a side"};
     }
-    const std::string& name = run.dataset.views[run.train.index[i]].name;
-    if (Result<Done> fits = check_coarse_size(run.settings.coarse_to_fine.largest(), camera, name); !fits)
+    const int factor = views == &run.train ? run.settings.coarse_to_fine.largest() : 1;  // what is measured is whole
+    if (Result<Done> fits = check_coarse_size(factor, camera, name); !fits)
       return in_option(fits.error(), "--coarse-to-fine");
     Buffer<float> scratch(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     if (Result<Done> loaded = views->load(i, {scratch.data(), 3, camera.height, camera.width}); !loaded)

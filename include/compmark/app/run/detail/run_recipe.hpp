@@ -204,7 +204,10 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
     if (!finished) return finished.error();
     if (*finished) return std::move(**finished);
   }
-  if (Result<Done> usable = check_run(plan, data, source, mark); !usable) return usable.error();
+  int smallest_side = mark != nullptr ? mark->decoder.minimum_size() : 0;
+  if constexpr (is_marked)
+    smallest_side = marking_decoder<typename R::MessageDecoder>(*mark, data.settings.mark.message).minimum_size();
+  if (Result<Done> usable = check_run(plan, data, source, mark, smallest_side); !usable) return usable.error();
   std::optional<CodecModel> unmarked_file;  // what a file of the model says that a mark is hidden in
   if constexpr (is_rounded) {
     if (loaded) {
