@@ -154,7 +154,7 @@ TEST_CASE("watermark/proof/standing: the report says it in its last lines and in
   CHECK(text(claimed()).find("if the claim was published before anybody else had anything that shows this scene") !=
         std::string::npos);
   const ProofBasis dated = stamped();
-  CHECK(text(dated).find("\nDETECTED, a proof: ") != std::string::npos);
+  CHECK(text(dated).find("\nDETECTED, a proof if the time stamp holds: ") != std::string::npos);
   CHECK(text(dated).find("if 2026-11-28T03:34:28Z is before anybody else had anything that shows this scene") !=
         std::string::npos);
   CHECK(text(shipped()).find("\nDETECTED: ") != std::string::npos);
