@@ -96,7 +96,7 @@ row "time, without the build" "$(date +%s | LC_ALL=C awk -v begin="$begin" '{ pr
 echo
 echo "the report: $out/run/report.html"
 echo "the codec:  $out/before_and_after.html"
-echo "the proof:  $out/proof.json, with the claim $out/owner.claim, which an owner publishes before the file"
+echo "the proof:  $out/proof.json, with the claim $out/owner.claim, which an owner publishes before anybody else has the scene"
 echo "the file:   $small"
 echo "its images: $renders"
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ] && command -v xdg-open >/dev/null 2>&1; then

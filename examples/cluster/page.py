@@ -94,12 +94,17 @@ def collect(scenes, out):
     return rows
 
 
+def is_detected(row):
+    """Whether the mark was read, and could not have been made so."""
+    return row["verdict"] == "detected" and row["standing"] != "not_a_proof"
+
+
 def totals(rows):
     finished = [row for row in rows if row["state"] == "finished"]
     return {
         "scenes": len(rows),
         **{state.replace(" ", "_"): sum(row["state"] == state for row in rows) for state in ORDER},
-        "detected": sum(row["verdict"] == "detected" for row in finished),
+        "detected": sum(is_detected(row) for row in finished),
         "bytes": sum(row["bytes"] or 0 for row in finished),
         "processor_hours": round(sum(row["processor_seconds"] or 0 for row in rows) / 3600, 3),
     }
@@ -141,9 +146,9 @@ def cells(row):
         yield "n", number(row["bytes"], ",")
         yield "n", "" if row["bits"] is None else f"{row['bits_right']} of {row['bits']}"
         yield "n", number(row["p_value"], ".1e")
-        verdict = str(row["verdict"]).replace("_", " ")
+        verdict = "not a proof" if row["standing"] == "not_a_proof" else str(row["verdict"]).replace("_", " ")
         verdict = html.escape(verdict + (", conditionally" if row["standing"] == "conditional" else ""))
-        yield "", verdict if row["verdict"] == "detected" else f'<span class="bad">{verdict}</span>'
+        yield "", verdict if is_detected(row) else f'<span class="bad">{verdict}</span>'
     yield "n", duration(row["seconds"])
     yield "n", duration(row["processor_seconds"])
     yield "n", number(row["peak_memory_mb"], ",")
@@ -162,8 +167,8 @@ def page(rows, title):
             '<meta name="viewport" content="width=device-width,initial-scale=1">'
             f"<title>{html.escape(title)}</title><style>{STYLE}</style></head><body>\n<h1>{html.escape(title)}</h1>"
             f'<p class="sub">{time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}. Figures are of the files, decoded '
-            "and read by other processes. Detected, conditionally: a proof if the claim was published before anything "
-            "that shows the scene. Proofs name the messages: this page is for the owner.</p>\n"
+            "and read by other processes. Detected, conditionally: a proof if the claim was published before "
+            "anybody else had anything that shows the scene. Proofs name the messages: this page is for the owner.</p>\n"
             '<div class="figures">')
     text += "".join(f"<div><b>{value}</b><span>{name}</span></div>" for name, value in tiles) + "</div>\n"
     text += '<h2>Scenes</h2><div class="scroll"><table><tr>'

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// compmark claim: the line that an owner publishes before a marked model, so that what verify says later is a proof.
+// compmark claim: the line that an owner publishes before anybody else has the scene, so that what verify says later is a proof.
 #include <compmark/app/proof.hpp>
 #include <cstdio>
 #include <memory>
@@ -39,7 +39,8 @@ int claim(ClaimOptions& options) {
   const std::string file = options.out.string();
   std::printf("%s%s: sha256 %s\n", made->text().c_str(), file.c_str(), to_hex(made->digest()).c_str());
   std::printf(
-      "Publish this SHA-256, or the file, where others date it, before the marked model. A time-stamping authority "
+      "Publish this SHA-256, or the file, where others date it, before anybody else has anything of the scene. A "
+      "time-stamping authority "
       "answers\n  openssl ts -query -data %s -sha256 -cert -out request.tsq\n"
       "and its answer, if there is one, is --time-stamp ANSWER when you verify.\n"
       "next: compmark train --data SCENE --out RUN --key %s\n"

@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
   add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);
   add("info", "print the contents and the digest of a model file", tool::add_info);
   add("keygen", "make an owner's key", tool::add_keygen);
-  add("claim", "write the line that an owner publishes before a marked model", tool::add_claim);
+  add("claim", "write the line that an owner publishes before anybody else has the scene", tool::add_claim);
   add("extract", "read the bits of a model's renders or of images", tool::add_extract);
   add("verify", "test whether a key's message is in a model or in images, with a p-value", tool::add_verify);
   add("certify", "verify, and write a record of it for somebody else", tool::add_certify);

@@ -80,7 +80,7 @@ constexpr GroupedOption grouped_options[] = {
     {"--crop", expert_group},           {"--measure", expert_group},
     {"--measure-steps", expert_group},  {"--symmetric", expert_group},
     {"--keep-networks", expert_group},  {"--keep-positions", expert_group},
-    {"--coarse-to-fine", expert_group},
+    {"--coarse-to-fine", expert_group}, {"--method", message_group},
 };
 
 }  // namespace

@@ -27,7 +27,7 @@ void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& opti
            "the images may have been mirrored: read them both ways, which counts as two tests");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.reads("--claim", options->proof.claim, InputKind::claim,
-            "the claim that was published before the images (compmark claim)");
+            "the claim that was published before others had the scene (compmark claim)");
   app.reads("--time-stamp", options->proof.time_stamp, InputKind::time_stamp,
             "the claim's time stamp, as an authority answered it (RFC 3161)");
   app.flag("--any-decoder", options->any_decoder,

@@ -4,6 +4,7 @@
 
 #include <compmark/app/any_model.hpp>
 #include <compmark/app/files.hpp>
+#include <compmark/app/run/detail/train_effects.hpp>
 #include <compmark/app/run/train.hpp>
 #include <cstddef>
 #include <filesystem>
@@ -118,6 +119,29 @@ TEST_CASE("app/run/train: a page that fails leaves the run unfinished, and it ca
   REQUIRE(train_scene(settings, executor, told).ok());
   CHECK(told.beginnings.back().iteration == 30);  // to its end: nothing is trained twice
   CHECK(told.progress.size() == 30);
+}
+
+TEST_CASE("app/run/train: a run that is marked afterwards is resumed with the recipe of its unmarked model") {
+  const testing::SmallCapture scene("compmark-run-exposed-mark");
+  ThreadExecutor executor(2);
+  KeepingObserver told;
+  TrainSceneSettings unmarked = scene.training("run/unmarked");
+  unmarked.recipe.clear();
+  unmarked.effects = "exposure";
+  REQUIRE(train_scene(unmarked, executor, told).ok());
+  TrainSceneSettings mark = scene.training("mark");  // a mark's checkpoint is of a recipe without exposures
+  told.stop_after = 3;
+  REQUIRE_FALSE(train_scene(mark, executor, told).ok());
+  std::filesystem::rename(mark.out / "checkpoint.safetensors", scene.folder.path / "run/checkpoint.safetensors");
+  detail::TrainChoice chosen;
+  static_cast<TrainSceneSettings&>(chosen) = scene.training("run");
+  chosen.recipe.clear();
+  chosen.resume = true;
+  chosen.mark.key = scene.key;
+  const Result<bool> begun = detail::continue_begun(chosen);
+  REQUIRE(begun.ok());
+  CHECK(*begun);
+  CHECK(chosen.recipe == "scaffold+exposure");
 }
 
 TEST_CASE("app/run/train: a test photograph that cannot be read is named before the training") {

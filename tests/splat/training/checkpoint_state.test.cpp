@@ -77,14 +77,12 @@ TEST_CASE("training/checkpoint_state: numbers that no run can have are refused b
           state.growth.statistics.visits[3] = 8;
         }).empty());
 
-  // Figures that the state does not hold come back as they were; what is no list of a few finite numbers is refused.
+  // Figures that the state does not hold come back as they were. One that is not finite makes no checkpoint unreadable.
   const auto figures = [&](std::vector<double> kept) {
     REQUIRE(write_checkpoint(path, trainer.state(), settings, ModelInfo{}, 1, std::move(kept)).ok());
     return read_checkpoint<Run>(path, settings, ModelInfo{});
   };
   CHECK(figures({})->figures.empty());
   CHECK(figures({0.1, -3e-7})->figures == std::vector<double>{0.1, -3e-7});
-  const auto wrong = figures({0.1, std::numeric_limits<double>::quiet_NaN()});
-  REQUIRE_FALSE(wrong.ok());
-  CHECK(wrong.error().field == "progress.figures");
+  CHECK(figures({0.1, std::numeric_limits<double>::quiet_NaN()})->figures.empty());
 }

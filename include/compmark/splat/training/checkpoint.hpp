@@ -7,6 +7,8 @@
 // are compared first.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -33,13 +35,14 @@ struct Checkpoint {
 };
 
 /// Writes the state under a temporary name and renames: a run killed while writing keeps its previous checkpoint.
-/// `figures` are at most eight finite numbers of the last iteration that the state does not hold.
+/// `figures` are at most eight numbers of the run that the state does not hold; if one is not finite, none is kept.
 template <class State, class Json = nlohmann::json>
 [[nodiscard]] COMPMARK_ONCE Result<Done> write_checkpoint(const std::filesystem::path& path, const State& state,
                                                           const TrainSettings& settings, const ModelInfo& info,
                                                           double seconds, std::vector<double> figures = {}) {
   SafetensorsWriter writer;
   COMPMARK_ASSERT(figures.size() <= detail::most_figures, "write_checkpoint: at most eight figures");
+  if (!std::all_of(figures.begin(), figures.end(), [](double x) { return std::isfinite(x); })) figures.clear();
   detail::CheckpointProgress progress{state.iteration, seconds, {}, std::move(figures)};
   if constexpr (requires { state.revival; }) progress.revival = state.revival;
   detail::add_common<typename std::remove_cvref_t<decltype(state.model.arena)>::Scalar,

@@ -60,7 +60,7 @@ struct CheckpointProgress {
   std::int64_t iteration = 0;
   double seconds = 0;
   Revival revival;
-  std::vector<double> figures;  ///< of the last iteration, which whoever wrote them knows
+  std::vector<double> figures;  ///< whoever wrote them knows what they are
 };
 /// So many figures a checkpoint may have.
 inline constexpr std::size_t most_figures = 8;

@@ -12,7 +12,6 @@
 #include <functional>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "compmark/app/evaluate.hpp"
@@ -31,6 +30,7 @@ struct TrainObserver {
   std::int64_t checkpoint_every = 1000;
   std::filesystem::path checkpoint;
   double seconds_before = 0;
+  double peak_before_mb = 0;
   double begin = 0;                            ///< by the clock of `told`
   std::optional<StepSummary> distortion_step;  ///< of the last iteration, where a layer tells it
   bool stopped = false;
@@ -41,6 +41,19 @@ struct TrainObserver {
   std::function<Result<Done>(std::size_t anchors, std::size_t grown)> growth;  ///< checks that there is memory for more
 
   [[nodiscard]] double seconds() const { return seconds_before + told->seconds() - begin; }
+  [[nodiscard]] double peak_memory_mb() const { return std::max(peak_before_mb, told->peak_memory_mb()); }
+  /// What a checkpoint keeps of the run beside its state.
+  [[nodiscard]] std::vector<double> figures() const {
+    std::vector<double> kept{peak_memory_mb()};
+    if (distortion_step) kept.insert(kept.end(), {distortion_step->mean, distortion_step->median});
+    return kept;
+  }
+  /// Takes up what figures() gave.
+  void take_up(double seconds_so_far, const std::vector<double>& kept) {
+    seconds_before = seconds_so_far;
+    if (!kept.empty()) peak_before_mb = kept[0];
+    if (kept.size() == 3) distortion_step = {kept[1], kept[2]};
+  }
 
   template <class TrainerType>
   COMPMARK_ONCE bool on_iteration(const TrainerType& trainer, const IterationReport& report) {
@@ -59,18 +72,18 @@ struct TrainObserver {
     const MarkReport mark = mark_report(trainer);
     if (mark.bits != 0) line.bit_accuracy = static_cast<double>(mark.matches) / static_cast<double>(mark.bits);
     if (!tell(line, report)) return false;
-    if constexpr (requires { trainer.context(); } && has_stage<typename TrainerType::Stages, DistortionStage>) {
-      distortion_step = trainer.pipeline().template stage<DistortionStage>().step_summary(
-          trainer.context().template of<DistortionStage>());
-    }
-    const bool stop = stopped || failure;
+    const bool stop = stopped || failure, last = report.iteration == report.total;
     // After the last one too: what comes then (files, figures, a page) may fail, and is made again without training.
-    if (stop || report.iteration % checkpoint_every == 0 || report.iteration == report.total) {
-      std::vector<double> figures;
-      if (distortion_step) figures = {distortion_step->mean, distortion_step->median};
-      if (Result<Done> written =
-              write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds(), std::move(figures));
-          !written) {
+    if (stop || last || report.iteration % checkpoint_every == 0) {
+      if constexpr (requires { trainer.context(); } && has_stage<typename TrainerType::Stages, DistortionStage>) {
+        distortion_step = trainer.pipeline().template stage<DistortionStage>().step_summary(
+            trainer.context().template of<DistortionStage>());
+      }
+      const Result<Done> written =
+          write_checkpoint(checkpoint, trainer.state(), trainer.settings(), *info, seconds(), figures());
+      if (!written && last && !stop) {  // the model that comes is smaller, and what counts
+        told->on_warning(written.error().line());
+      } else if (!written) {
         failure = written.error();
         return false;
       }

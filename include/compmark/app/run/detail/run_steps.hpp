@@ -55,7 +55,7 @@ inline void warn_of_far_points(const RunPlan& plan, std::size_t far, std::size_t
 /// What a run that is taken up had told when it was stopped.
 struct EarlierPart {
   double seconds = 0;
-  std::vector<double> figures;  ///< of its last iteration (TrainObserver)
+  std::vector<double> figures;  ///< TrainObserver::figures
 };
 
 /// Tells that the iterations begin and returns what will observe them.
@@ -78,10 +78,7 @@ struct EarlierPart {
   };
   observer.checkpoint_every = plan.checkpoint_every;
   observer.checkpoint = data.checkpoint;
-  if (earlier) {
-    observer.seconds_before = earlier->seconds;
-    if (earlier->figures.size() == 2) observer.distortion_step = {earlier->figures[0], earlier->figures[1]};
-  }
+  if (earlier) observer.take_up(earlier->seconds, earlier->figures);
   observer.patience = std::max<std::int64_t>(100, 2 * static_cast<std::int64_t>(data.train.size()));
   return observer;
 }
@@ -102,7 +99,7 @@ struct EarlierPart {
   RunEnd end;
   end.train_seconds = observer.seconds();
   end.distortion_step = observer.distortion_step;
-  end.peak_memory_mb = plan.observer->peak_memory_mb();
+  end.peak_memory_mb = observer.peak_memory_mb();
   return end;
 }
 

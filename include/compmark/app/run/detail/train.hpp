@@ -150,6 +150,8 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
                  "unknown profile \"" + chosen.profile + "\"",
                  "choose scaffold, hac, official or paper"};
   }
+  Result<CoarseToFine> coarse = coarse_to_fine_of(chosen.coarse_to_fine);
+  if (!coarse) return detail::in_option(coarse.error(), "--coarse-to-fine");
   const bool recipe_given = !chosen.recipe.empty();
   if (Result<Done> fits = detail::choose_effects(chosen, executor); !fits) return fits.error();
   if (Result<Done> fits = detail::choose_codec(chosen, recipe_given); !fits) return fits.error();
@@ -159,8 +161,6 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
     settings->rate.lambda = chosen.rate_lambda;
   }
   settings->iterations = chosen.iterations;
-  Result<CoarseToFine> coarse = coarse_to_fine_of(chosen.coarse_to_fine);
-  if (!coarse) return detail::in_option(coarse.error(), "--coarse-to-fine");
   settings->coarse_to_fine = std::move(*coarse);
   settings->max_anchors = chosen.max_anchors;
   if (chosen.seed) settings->seed = *chosen.seed;

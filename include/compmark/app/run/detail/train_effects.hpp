@@ -46,12 +46,17 @@ struct TrainChoice : TrainSceneSettings {
 /// A resumed run keeps its recipe, effects and background, whatever a probe would measure now. False if there is no run
 /// to resume, or if the command gives other ones.
 inline Result<bool> continue_begun(TrainChoice& chosen) {
-  std::filesystem::path checkpoint = chosen.out / "checkpoint.safetensors";
-  if (!std::filesystem::exists(checkpoint) && marks_afterwards(chosen))
-    checkpoint = chosen.out / unmarked_folder / "checkpoint.safetensors";
-  if (!chosen.resume || !chosen.recipe.empty() || chosen.effects != "auto" || !std::filesystem::exists(checkpoint))
-    return false;
-  const Result<SafetensorsFile> file = read_safetensors(checkpoint);
+  if (!chosen.resume || !chosen.recipe.empty() || chosen.effects != "auto") return false;
+  // Of a run that is marked afterwards the unmarked model says it: a mark's checkpoint has no exposures.
+  std::filesystem::path begun = chosen.out / "checkpoint.safetensors";
+  if (marks_afterwards(chosen)) {
+    for (const char* name : {"model.safetensors", "checkpoint.safetensors"}) {
+      const std::filesystem::path unmarked = chosen.out / unmarked_folder / name;
+      if (std::filesystem::exists(unmarked)) begun = unmarked;
+    }
+  }
+  if (!std::filesystem::exists(begun)) return false;
+  const Result<SafetensorsFile> file = read_safetensors(begun);
   if (!file) return file.error();
   const Result<std::string> text = file->text_of("info");
   if (!text) return text.error();
