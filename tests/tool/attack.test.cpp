@@ -187,7 +187,8 @@ TEST_CASE("tool: evaluate reads after an attack what verify reads from the pictu
           doctest::Approx(read["bit_accuracy"]["mean"].get<double>()).epsilon(1e-9));
   }
   CHECK(report["attacks"][3]["bit_accuracy"] == report["bit_accuracy"]);  // nothing was done to them
-  CHECK(report["attacks"][0]["p_value"] != report["p_value"]);            // the control: this scene's mark feels JPEG
+  // The control: this scene's mark feels JPEG. (All views together may say as many bits after it.)
+  CHECK(report["attacks"][0]["bit_accuracy"] != report["bit_accuracy"]);
   CHECK(testing::text_of(at("after.csv")).find("saturation:0") != std::string::npos);
   check_refused(tool(evaluate + words), {"--key", "is missing"});
   check_refused(tool(evaluate + key + " --attack poster"), {"attack", "none of crop"});

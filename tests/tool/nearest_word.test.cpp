@@ -49,11 +49,6 @@ TEST_CASE("tool: a mistyped command or option is answered with the nearest one, 
   check_refused(tool("verify --key=x --imagse=y"), {"--imagse", "did you mean --images?"});
   check_refused(tool("train --banana"), {"--banana", "is no option", "compmark train --help"});
   check_refused(tool("info a b c --model d"), {});
-  // The files of a command are looked at after its words.
-  const std::string embed = "embed --model docs/app.md --data docs --out /nowhere --key docs/app.md --method ";
-  check_refused(tool(embed + "watref"),
-                {"--method", "\"watref\" is none of compmark, waterf, guardsplat", "did you mean waterf?"});
-  check_refused(tool(embed + "banana"), {"--method", "\"banana\"", "give one of them"});
   const compmark::testing::Outcome version = tool("--version");
   CHECK(version.code == 0);
   CHECK(version.text.find("compmark 0.") == 0);
