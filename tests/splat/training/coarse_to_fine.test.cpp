@@ -26,6 +26,7 @@
 #include <utility>
 #include <vector>
 
+#include "support/growing_run.hpp"
 #include "support/small_scene.hpp"
 
 namespace {
@@ -65,18 +66,8 @@ struct CoarseEffectViews : BlobViews {
   }
 };
 
-/// A short run with growing and pruning.
 TrainSettings coarse_run(std::vector<CoarseLevel> levels) {
-  TrainSettings settings;
-  settings.iterations = 120;
-  settings.seed = 5;
-  settings.grow_interval = 10;
-  settings.statistics_after = 1000;
-  settings.grow_after = 2000;
-  settings.grow_until = 25000;
-  settings.gradient_threshold = 1e-5;
-  settings.voxel_size = 0.05;
-  settings.init_factor = 4;
+  TrainSettings settings = compmark::testing::growing_run(120);
   settings.coarse_to_fine.levels = std::move(levels);
   return settings;
 }

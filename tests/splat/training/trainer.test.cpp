@@ -16,6 +16,7 @@
 #include <new>
 #include <vector>
 
+#include "support/growing_run.hpp"
 #include "support/small_scene.hpp"
 
 #if defined(__SANITIZE_ADDRESS__)
@@ -62,20 +63,7 @@ using compmark::testing::cloud;
 
 struct GrownRecipe : DefaultRecipe<float, compmark::testing::scene_shape> {};
 
-/// A short run in which growing and pruning happen many times: every window of the 30,000 is there, 50 times shorter.
-TrainSettings short_run() {
-  TrainSettings settings;
-  settings.iterations = 300;
-  settings.seed = 5;
-  settings.grow_interval = 10;
-  settings.statistics_after = 1000;
-  settings.grow_after = 2000;
-  settings.grow_until = 25000;
-  settings.gradient_threshold = 1e-5;
-  settings.voxel_size = 0.05;
-  settings.init_factor = 4;
-  return settings;
-}
+TrainSettings short_run() { return compmark::testing::growing_run(300); }
 
 template <class E>
 struct Run {

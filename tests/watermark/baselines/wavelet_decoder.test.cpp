@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What WateRF reads and adds: the low band against its formula, the reading's and the patch loss's gradients.
+// What WateRF reads and adds: the low band against its formula, and the reading's gradient.
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <compmark/core/executor.hpp>
 #include <compmark/core/random.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/testing/gradient.hpp>
 #include <compmark/testing/mark_laws.hpp>
-#include <compmark/watermark/baselines/patch_loss.hpp>
 #include <compmark/watermark/baselines/wavelet_decoder.hpp>
 #include <compmark/watermark/baselines/wavelet_low.hpp>
 #include <cstddef>
@@ -19,16 +19,11 @@
 #include <string>
 #include <vector>
 
+#include "watermark/baselines/random_picture.hpp"
+
 namespace {
 
 using namespace compmark;
-
-std::vector<double> random_picture(int height, int width, std::uint64_t seed) {
-  const Random random(seed, 0, random_stage("test picture"));
-  std::vector<double> picture(3 * static_cast<std::size_t>(height) * static_cast<std::size_t>(width));
-  for (std::size_t i = 0; i < picture.size(); ++i) picture[i] = random.uniform(i);
-  return picture;
-}
 
 /// The published formula, pixel by pixel: the filter of ten taps as it is printed, with its leading zero, and the
 /// periodic convolution y(k) = sum_i f_i x((2 k + 5 - i) mod N).
@@ -97,7 +92,7 @@ TEST_CASE("baselines/wavelet: the low band of two levels is the published formul
     const int height = high, width = wide;
     CAPTURE(height);
     CAPTURE(width);
-    const std::vector<double> picture = random_picture(height, width, 1);
+    const std::vector<double> picture = testing::random_picture(height, width, 1);
     SerialExecutor serial;
     WaveletLow<double> first, second;
     const int h1 = WaveletLow<double>::size(height), w1 = WaveletLow<double>::size(width);
@@ -126,7 +121,7 @@ TEST_CASE("baselines/wavelet: a flat picture stays what it is, and the adjoint i
   band.forward({flat.data(), 3, height, width}, {low.data(), 3, h, w}, serial);
   for (const double value : low) CHECK(value == doctest::Approx(0.75).epsilon(1e-12));
 
-  const std::vector<double> x = random_picture(height, width, 2), y = random_picture(h, w, 3);
+  const std::vector<double> x = testing::random_picture(height, width, 2), y = testing::random_picture(h, w, 3);
   std::vector<double> back(x.size(), 0.0);
   band.forward({x.data(), 3, height, width}, {low.data(), 3, h, w}, serial);
   band.adjoint({y.data(), 3, h, w}, {back.data(), 3, height, width}, serial);
@@ -142,7 +137,7 @@ TEST_CASE("baselines/wavelet: the reading obeys the laws of a message decoder, i
   CHECK(testing::message_decoder_laws(reading, 16, 20) == "");
   CHECK(testing::message_decoder_laws(reading, 13, 9) == "");
   // The control: the gradient of the band of one level is not that of two.
-  const std::vector<double> kept = random_picture(16, 16, 4);
+  const std::vector<double> kept = testing::random_picture(16, 16, 4);
   std::vector<double> picture = kept, gradient(kept.size(), 0.0), logits(2);
   const ImageView<const double> view{picture.data(), 3, 16, 16};
   SerialExecutor serial;
@@ -157,50 +152,4 @@ TEST_CASE("baselines/wavelet: the reading obeys the laws of a message decoder, i
     return logits[0] + logits[1];
   };
   CHECK(testing::gradient_law(loss, picture, gradient) != "");
-}
-
-TEST_CASE("baselines/patch_loss: its gradient, its sum over patches, and a picture that equals its target") {
-  // Patches of 8: whole ones, and parts at the right and at the bottom.
-  PatchLoss<double> patches;
-  patches.settings.side = 8;
-  const int height = 19, width = 21;
-  std::vector<double> rendered = random_picture(height, width, 5), gradient(rendered.size(), 0.0);
-  const std::vector<double> target = random_picture(height, width, 6);
-  PatchLoss<double>::Context context;
-  SerialExecutor serial;
-  const ImageView<const double> seen{rendered.data(), 3, height, width}, wanted{target.data(), 3, height, width};
-  std::vector<double> ignored(rendered.size());
-  const auto loss = [&] {
-    return 0.7 * patches.forward_backward(seen, wanted, 0.7, {ignored.data(), 3, height, width}, context, serial);
-  };
-  patches.forward_backward(seen, wanted, 0.7, {gradient.data(), 3, height, width}, context, serial);
-  CHECK(testing::gradient_law(loss, rendered, gradient) == "");
-  std::vector<double> wrong = gradient;
-  for (double& value : wrong) value *= 1.01;
-  CHECK(testing::gradient_law(loss, rendered, wrong) != "");
-  // Gradients are added.
-  std::vector<double> twice = gradient;
-  patches.forward_backward(seen, wanted, 0.7, {twice.data(), 3, height, width}, context, serial);
-  for (std::size_t i = 0; i < twice.size(); ++i) CHECK(twice[i] == doctest::Approx(2 * gradient[i]).epsilon(1e-12));
-
-  // Of a picture that equals its target only the total variation is left, and a flat one has none.
-  const double alone = patches.forward_backward(wanted, wanted, 1, {ignored.data(), 3, height, width}, context, serial);
-  PatchLoss<double> plain = patches;
-  plain.settings.total_variation = 0;
-  CHECK(plain.forward_backward(wanted, wanted, 1, {ignored.data(), 3, height, width}, context, serial) ==
-        doctest::Approx(0).epsilon(1e-12));
-  CHECK(alone > 0);
-  const std::vector<double> flat(rendered.size(), 0.5);
-  const ImageView<const double> even{flat.data(), 3, height, width};
-  CHECK(patches.forward_backward(even, even, 1, {ignored.data(), 3, height, width}, context, serial) ==
-        doctest::Approx(0).epsilon(1e-12));
-
-  // L1 alone is the whole picture's mean times its patches, parts counted by their pixels.
-  PatchLoss<double> differences;
-  differences.settings = {1, 0, 0, 8};
-  double mean = 0;
-  for (std::size_t i = 0; i < target.size(); ++i) mean += std::abs(rendered[i] - target[i]);
-  mean /= static_cast<double>(target.size());
-  CHECK(differences.forward_backward(seen, wanted, 1, {ignored.data(), 3, height, width}, context, serial) ==
-        doctest::Approx(mean * height * width / 64.0).epsilon(1e-9));
 }
