@@ -182,9 +182,9 @@ TEST_CASE("training/coarse_to_fine: levels end where they say, and none is full 
   const CoarseToFine two{{{4, 0.2}, {2, 0.6}}};
   CHECK(two.largest() == 4);
   CHECK(two.last_iteration(100) == 60);
-  for (const auto& [t, factor] : {std::pair{1, 4}, {20, 4}, {21, 2}, {60, 2}, {61, 1}, {100, 1}}) {
-    CAPTURE(t);
-    CHECK(two.factor(t, 100) == factor);
+  for (const auto& expected : {std::pair{1, 4}, {20, 4}, {21, 2}, {60, 2}, {61, 1}, {100, 1}}) {
+    CAPTURE(expected.first);
+    CHECK(two.factor(expected.first, 100) == expected.second);
   }
 }
 
@@ -192,29 +192,29 @@ TEST_CASE("training/coarse_to_fine: what is no level is refused with what would 
   CHECK(*coarse_to_fine_of("") == CoarseToFine{});
   CHECK(*coarse_to_fine_of("2:0.6") == CoarseToFine{{{2, 0.6}}});
   CHECK(*coarse_to_fine_of("4:0.2,2:0.6") == CoarseToFine{{{4, 0.2}, {2, 0.6}}});
-  for (const auto& [text, piece] : {std::pair{"2", "\"2\" is no level"},
-                                    {"2:", "\"2:\""},
-                                    {":0.5", "\":0.5\""},
-                                    {"2:0.5x", "\"2:0.5x\""},
-                                    {"2:0.5,", "\"\" is no level"},
-                                    {"two:0.5", "\"two:0.5\""},
-                                    {"2.5:0.5", "\"2.5:0.5\""},
-                                    {"1:0.5", "by 1"},
-                                    {"0:0.5", "by 0"},
-                                    {"-2:0.5", "by -2"},
-                                    {"17:0.5", "by 17"},
-                                    {"2:0", "at 0.0"},
-                                    {"2:1", "at 1.0"},
-                                    {"2:-1", "at -1.0"},
-                                    {"2:nan", "at nan"},
-                                    {"2:0.2,4:0.6", "factor of 2"},
-                                    {"4:0.6,2:0.2", "factor of 4"},
-                                    {"2:0.2,2:0.6", "factor of 2"}}) {
-    CAPTURE(text);
-    const Result<CoarseToFine> refused = coarse_to_fine_of(text);
+  for (const auto& wrong : {std::pair{"2", "\"2\" is no level"},
+                            {"2:", "\"2:\""},
+                            {":0.5", "\":0.5\""},
+                            {"2:0.5x", "\"2:0.5x\""},
+                            {"2:0.5,", "\"\" is no level"},
+                            {"two:0.5", "\"two:0.5\""},
+                            {"2.5:0.5", "\"2.5:0.5\""},
+                            {"1:0.5", "by 1"},
+                            {"0:0.5", "by 0"},
+                            {"-2:0.5", "by -2"},
+                            {"17:0.5", "by 17"},
+                            {"2:0", "at 0.0"},
+                            {"2:1", "at 1.0"},
+                            {"2:-1", "at -1.0"},
+                            {"2:nan", "at nan"},
+                            {"2:0.2,4:0.6", "factor of 2"},
+                            {"4:0.6,2:0.2", "factor of 4"},
+                            {"2:0.2,2:0.6", "factor of 2"}}) {
+    CAPTURE(wrong.first);
+    const Result<CoarseToFine> refused = coarse_to_fine_of(wrong.first);
     REQUIRE_FALSE(refused.ok());
     CHECK(refused.error().field == "coarse_to_fine");
-    CHECK(refused.error().problem.find(piece) != std::string::npos);
+    CHECK(refused.error().problem.find(wrong.second) != std::string::npos);
     CHECK_FALSE(refused.error().remedy.empty());
   }
 }
