@@ -3,7 +3,7 @@
 //
 // A codec of one's own: whole numbers of base steps, in as many bytes as they need, without a context. It is written,
 // read and described by the functions that the shipped codecs go through, and no file of the library is edited for it;
-// to ship it is two edits, its name in codecs.hpp and its header in compmark.hpp, and a third for the recipe of the tool.
+// to ship it is two edits, its name in codecs.hpp and its header in codec.hpp, and a third for the recipe of the tool.
 #include "compmark/codec/container/codecs.hpp"
 
 #include <doctest/doctest.h>

@@ -3,7 +3,7 @@
 //
 // A message decoder of one's own, with files of its own kind: the means of blocks of an image, along patterns of a key.
 // It obeys the laws, is written, is read beside the shipped kinds, and reads what was hidden in a picture. Nothing of
-// the library is edited for it; to ship one is two edits, its kind in decoder_formats.hpp and its header in compmark.hpp.
+// the library is edited for it; to ship one is two edits, its kind in decoder_formats.hpp and its header in watermark.hpp.
 #include <doctest/doctest.h>
 
 #include <algorithm>
