@@ -9,7 +9,7 @@ optional="libzstd-dev libwebp-dev" # SPZ 4, and SOG files with WebP images
 needed="g++ cmake ninja-build pkg-config git libeigen3-dev libstb-dev nlohmann-json3-dev libnanoflann-dev libcli11-dev doctest-dev libbenchmark-dev libxtensor-dev"
 if [ "${1:-}" = ci ]; then
   needed="$needed clang-14 clang-format-14 libclang-rt-14-dev libomp-14-dev libtbb-dev ccache valgrind universal-ctags"
-  optional="$optional chromium-headless-shell python3-numpy mandoc" # what needs them is skipped without
+  optional="$optional chromium-headless-shell python3-numpy mandoc doxygen" # what needs them is skipped without
 fi
 
 if ! command -v dpkg-query >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>&1; then
