@@ -41,19 +41,20 @@ tree=$scratch/tree
 planted() { # planted WHAT: the tree as it stands is refused
   if sh "$tree/docs/site/build.sh" "$tree/site" >"$scratch/log" 2>&1; then fail "not seen: $1"; fi
 }
+name=one.md page=$tree/docs/$name
 mkdir -p "$tree/docs/notebook" "$tree/include/compmark" "$tree/bindings/c"
 cp -r "$source/docs/site" "$tree/docs/site"
 cp "$source/include/compmark/version.hpp" "$tree/include/compmark"
 echo '/* one */' >"$tree/bindings/c/compmark.h"
-for page in CHANGELOG CONTRIBUTING SECURITY; do printf '# %s\n' "$page" >"$tree/$page.md"; done
-printf '# Main\n\n[one](docs/one.md), [its end](docs/one.md#the-end)\n' >"$tree/README.md"
-printf '# One\n\n## The end\n\n`\\no_such <b` and \\no_such and a@b.\n' >"$tree/docs/one.md"
+for top in CHANGELOG CONTRIBUTING SECURITY; do printf '# %s\n' "$top" >"$tree/$top.md"; done
+printf '# Main\n\n[one](%s), [its end](%s#the-end)\n' "docs/$name" "docs/$name" >"$tree/README.md"
+printf '# One\n\n## The end\n\n`\\no_such <b` and \\no_such and a@b.\n' >"$page"
 sh "$tree/docs/site/build.sh" "$tree/site" >"$scratch/log" 2>&1 || { cat "$scratch/log"; fail "the sound tree is refused"; }
-printf '# One\n\n## The end of it\n' >"$tree/docs/one.md"
+printf '# One\n\n## The end of it\n' >"$page"
 planted "a link to a heading that is not there"
-printf '# One\n\n## The end\n\n[two](two.md)\n' >"$tree/docs/one.md"
+printf '# One\n\n## The end\n\n[two](two.md)\n' >"$page"
 planted "a link to a page that is not there"
-printf '# One\n\n## The end\n\n![picture](none.png)\n' >"$tree/docs/one.md"
+printf '# One\n\n## The end\n\n![picture](none.png)\n' >"$page"
 sh "$tree/docs/site/build.sh" "$tree/site" >"$scratch/log" 2>&1 || { cat "$scratch/log"; fail "a picture is Doxygen's to look for"; }
 dead_links "$tree/site/html" | grep -q 'leads to none.png' || fail "not seen: a picture that is not there"
 echo "the site is whole; three planted faults were seen"
