@@ -44,6 +44,9 @@ Command add_keygen(Options& app) {
   app.reads("--from", options->from, InputKind::key,
             "use the secret of this key: one key then reads the payloads of all, but see "
             "docs/verification.md");
+  app.reads("--decoder", options->decoder, InputKind::decoder,
+            "bind the key to this decoder: its marks are read with this file alone, and a decoder of your own is then a"
+            " proof as those are that come with the program");
   app.flag("--quick", options->quick,
            "derive without scrypt, at once: for experiments, since such keys can be tried by the million");
   app.flag("--force", options->force, "move an existing key to FILE.<id>.old");

@@ -144,6 +144,7 @@
 #include "compmark/io/output_target.hpp"
 #include "compmark/io/owner_claim.hpp"
 #include "compmark/io/owner_key.hpp"
+#include "compmark/io/owner_key_derivation.hpp"
 #include "compmark/io/ply.hpp"
 #include "compmark/io/read_file.hpp"
 #include "compmark/io/safetensors.hpp"

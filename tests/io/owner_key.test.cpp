@@ -214,3 +214,37 @@ TEST_CASE("io/owner_key: a key of version 2 derives through scrypt, and is anoth
     CHECK_FALSE(read_key(bad).ok());
   }
 }
+
+TEST_CASE("io/owner_key: a bound key keeps its decoder, and a file of which it was changed is refused") {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "bound.key", bad = folder.path() / "bad.key";
+  const OwnerKey key = *make_bound_key(some_secret(), std::string(64, 'd'), "2026-01-31T23:59:59Z", 48, "", 10);
+  REQUIRE(write_key(path, key).ok());
+  const Result<OwnerKey> read = read_key(path, 48);
+  REQUIRE(read.ok());
+  CHECK(read->version() == 3);
+  CHECK(read->decoder == key.decoder);
+  CHECK(read->root == key.root);
+  CHECK(read->commitment() == key.commitment());
+  const nlohmann::json good = *read_json(path);
+  CHECK(good["derivation"].get<std::string>().find("and the decoder's 32 bytes") != std::string::npos);
+  for (const auto& [field, value] : {std::pair<const char*, nlohmann::json>{"decoder", std::string(64, 'e')},
+                                     {"decoder", std::string(64, 'D')},
+                                     {"decoder", std::string(63, 'd')},
+                                     {"decoder", ""},
+                                     {"decoder", 5},
+                                     {"hardness", 11},
+                                     {"version", 2},
+                                     {"version", 4}}) {
+    nlohmann::json json = good;
+    json[field] = value;
+    REQUIRE(write_json(bad, json).ok());
+    const std::string changed = field;
+    CAPTURE(changed);
+    CHECK_FALSE(read_key(bad).ok());
+  }
+  nlohmann::json json = good;
+  json.erase("decoder");
+  REQUIRE(write_json(bad, json).ok());
+  CHECK_FALSE(read_key(bad).ok());
+}

@@ -542,6 +542,49 @@ TEST_CASE("tool: what a cheat can make is no proof: a decoder, a key that was tr
   CHECK_FALSE(fs::exists(at("none.claim")));
 }
 
+TEST_CASE("tool: a decoder that is made after a bound key is refused, and bound to it the secret is another message") {
+  const Setting& s = setting();
+  REQUIRE(tool("keygen --bits 48 --decoder " + s.decoder + " --out " + at("bound.key")).code == 0);
+  const OwnerKey key = *read_key(at("bound.key"));
+  CHECK(key.version() == 3);
+  const Outcome plain = tool("verify --key " + at("bound.key") + " --decoder " + s.decoder + " --images " + s.plain +
+                             " --json " + at("b.json"));
+  CHECK(plain.code == 1);
+  CHECK(json_of(at("b.json"))["proof"]["decoder"] == "bound");
+  // A decoder that says the key's message of every picture: only its biases count.
+  LatticeWeights<float> weights = lattice().weights();
+  const Message wanted = message_of(key);
+  std::fill(weights.head.begin(), weights.head.end(), 0.f);
+  for (std::size_t b = 0; b < 48; ++b) weights.bias[b] = wanted[b] ? 1.f : -1.f;
+  REQUIRE(write_lattice<SafetensorsWriter>(LatticeDecoder<float>(lattice().settings(), weights), "",
+                                           fs::path(at("says.safetensors")))
+              .ok());
+  check_refused(
+      tool("verify --key " + at("bound.key") + " --decoder " + at("says.safetensors") + " --images " + s.plain),
+      {"says.safetensors", "not the decoder that this key is bound to"});
+  // The same secret bound to it has another message, which the decoder does not say.
+  const OwnerKey tried =
+      *make_bound_key(key.secret, *file_sha256(at("says.safetensors")), key.created, 48, "", OwnerKey::least_hardness);
+  REQUIRE(write_key(at("tried.key"), tried).ok());
+  const Outcome other = tool("verify --key " + at("tried.key") + " --decoder " + at("says.safetensors") + " --images " +
+                             s.plain + " --json " + at("b.json"));
+  CHECK(other.code == 1);
+  CHECK(json_of(at("b.json"))["verdict"] == "not_detected");
+  // Negative control: a key that is bound to nothing is read by a decoder that says its message.
+  for (std::size_t b = 0; b < 48; ++b) weights.bias[b] = message_of(*read_key(s.key))[b] ? 1.f : -1.f;
+  REQUIRE(write_lattice<SafetensorsWriter>(LatticeDecoder<float>(lattice().settings(), weights), "",
+                                           fs::path(at("says.safetensors")))
+              .ok());
+  const Outcome fooled = tool("verify --any-decoder --key " + s.key + " --decoder " + at("says.safetensors") +
+                              " --images " + s.plain + " --json " + at("b.json"));
+  CHECK(fooled.code == 3);  // detected, and not a proof
+  CHECK(json_of(at("b.json"))["matches"] == 48);
+  // What would fit a decoder says before it trains anything that the key has one.
+  check_refused(tool("embed --model " + s.key + " --decoder fit --key " + at("bound.key") + " --out " + at("none")),
+                {"bound"});
+  CHECK_FALSE(fs::exists(at("none")));
+}
+
 TEST_CASE("tool: keygen makes keys that take their time to derive, and quick ones where that is asked for") {
   REQUIRE(tool("keygen --out " + at("hard.key")).code == 0);
   CHECK(json_of(at("hard.key"))["version"] == 2);

@@ -51,6 +51,48 @@ TEST_CASE("app/run/owner_keys: a key is made once, moved aside on request, and i
   CHECK_FALSE(make_key_file(derived, warn).ok());
   CHECK_FALSE(std::filesystem::exists(derived.out));
 
+  // Bound to a decoder, which must be one, and read as many bits as the message has.
+  KeySettings bound;
+  bound.out = folder.path / "bound.key";
+  bound.created = settings.created;
+  bound.hardness = 10;
+  bound.decoder = "weights/lattice_48.safetensors";
+  const Result<MadeKey> tied = make_key_file(bound, warn);
+  REQUIRE(tied.ok());
+  CHECK(tied->key.version() == 3);
+  CHECK(tied->key.decoder == *file_sha256(bound.decoder));
+  CHECK(open_decoder(bound.decoder, &tied->key).ok());
+  const Result<FileDecoder> other = open_decoder("weights/universal3_64.safetensors", &tied->key);
+  REQUIRE_FALSE(other.ok());
+  CHECK(other.error().problem.find("not the decoder that this key is bound to") != std::string::npos);
+  derived = KeySettings{};
+  derived.created = settings.created;
+  derived.from = bound.out;
+  derived.payload = "5eed";
+  derived.out = folder.path / "copy.key";
+  derived.decoder = "weights/universal3_64.safetensors";
+  CHECK_FALSE(make_key_file(derived, warn).ok());
+  derived.decoder.clear();
+  const Result<MadeKey> copy = make_key_file(derived, warn);
+  REQUIRE(copy.ok());
+  CHECK(copy->key.decoder == tied->key.decoder);
+  CHECK(copy->key.root == tied->key.root);
+  bound.out = folder.path / "none.key";
+  for (const auto& wrong : {std::pair<std::size_t, std::filesystem::path>{32, bound.decoder},
+                            {48, settings.out},
+                            {48, folder.path / "missing.safetensors"}}) {
+    bound.bits = wrong.first;
+    bound.decoder = wrong.second;
+    CHECK_FALSE(make_key_file(bound, warn).ok());
+  }
+  bound.bits = 48;
+  bound.decoder = "weights/lattice_48.safetensors";
+  bound.hardness = 0;
+  const Result<MadeKey> quick = make_key_file(bound, warn);
+  REQUIRE_FALSE(quick.ok());
+  CHECK(quick.error().field == "--decoder");
+  CHECK_FALSE(std::filesystem::exists(bound.out));
+
   CHECK(told.empty());
   std::filesystem::permissions(settings.out, std::filesystem::perms::others_read, std::filesystem::perm_options::add);
   REQUIRE(open_private_key(settings.out, warn).ok());

@@ -62,6 +62,30 @@ TEST_CASE("watermark/proof/standing: an unknown decoder proves nothing, whatever
   CHECK(standing_of(verified(24), basis).kind == StandingKind::none);
 }
 
+TEST_CASE("watermark/proof/standing: a decoder that the key is bound to was not made for it, if few could be tried") {
+  ProofBasis basis;
+  basis.decoder_bound = true;
+  basis.keys_to_try = std::exp2(27);
+  // 48 bits: 2^-48 2^27 = 4.8e-7. Without a claim, evidence as of a shipped decoder.
+  CHECK(standing_of(verified(48), basis).kind == StandingKind::evidence);
+  CHECK(standing_of(verified(46), basis).kind == StandingKind::not_a_proof);  // 1,177 2^-48 2^27: 5.6e-4
+  CHECK(standing_json<nlohmann::json>(standing_of(verified(48), basis), basis)["decoder"] == "bound");
+  basis.claimed = basis.decoder_claimed = true;
+  basis.dated = "2026-11-28T03:34:28Z";
+  CHECK(standing_of(verified(48), basis).kind == StandingKind::proof);
+  CHECK(standing_of(verified(48), basis).p_tried == doctest::Approx(std::exp2(-21)));
+  // Such a decoder may say one message of every picture: keys could have been tried on it before the claim was made, so
+  // that the claim does not do away with their number.
+  const Standing tried = standing_of(verified(46), basis);
+  CHECK(tried.kind == StandingKind::conditional);
+  CHECK(tried.reason.find("if the decoder was made without this key's message") != std::string::npos);
+  CHECK(standing_json<nlohmann::json>(tried, basis)["keys_a_cheat_could_try"] == std::exp2(27));
+  basis.decoder_bound = false;  // negative control: not bound, the date does not help
+  CHECK(standing_of(verified(48), basis).kind == StandingKind::conditional);
+  basis.decoder_shipped = basis.decoder_bound = true;  // a shipped one nobody made for a key, bound or not
+  CHECK(standing_of(verified(46), basis).kind == StandingKind::proof);
+}
+
 TEST_CASE("watermark/proof/standing: a claim of another decoder is no claim of this reading") {
   ProofBasis basis = stamped();
   basis.decoder_claimed = false;

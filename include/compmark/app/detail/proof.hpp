@@ -50,6 +50,7 @@ COMPMARK_APP_INLINE Result<ProofBasis> proof_basis(const OwnerKey& key, const Re
   ProofBasis basis;
   basis.keys_to_try = keys_a_cheat_could_try(key);
   basis.decoder_shipped = shipped_decoder_of(sources.decoder_sha256).has_value();
+  basis.decoder_bound = !key.decoder.empty() && key.decoder == sources.decoder_sha256;
   basis.subtracts = !sources.unmarked.empty() || !sources.interference.empty();
   basis.subtracts_file = !sources.interference.empty();
   if (settings.claim.empty()) {

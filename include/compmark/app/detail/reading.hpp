@@ -163,6 +163,14 @@ COMPMARK_APP_INLINE Result<OwnerKey> open_key(const std::filesystem::path& path)
 COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key) {
   const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
   if (!file) return file.error();
+  if (key != nullptr && !key->decoder.empty()) {
+    const Result<std::string> digest = file_sha256(path);
+    if (!digest) return digest.error();
+    if (*digest != key->decoder) {
+      return Error{ErrorKind::invalid, path.string(), "", "is not the decoder that this key is bound to",
+                   "give the decoder whose SHA-256 begins with " + key->decoder.substr(0, 16) + ", or another key"};
+    }
+  }
   std::optional<DecoderKey> secret;
   if (key != nullptr) secret = decoder_key(*key);
   Result<FileDecoder> decoder = FileDecoder::read(*file, secret);

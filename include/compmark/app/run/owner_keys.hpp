@@ -19,12 +19,13 @@ namespace compmark {
 /// Errors name these fields as the tool's options do ("--from").
 struct KeySettings {
   std::filesystem::path out;
-  std::size_t bits = 48;       ///< length of the message, 1 to OwnerKey::bits_limit
-  std::string note;            ///< to recognise the key; no part of the commitment
-  std::string created;         ///< when, as in "2026-01-31T23:59:59Z"; the library has no clock
-  std::string payload;         ///< identifier in the message, hexadecimal digits; may be empty
-  std::size_t corrects = 4;    ///< wrong bits that the code of the payload corrects
-  std::filesystem::path from;  ///< key whose secret is used again, for another payload; empty: a new secret
+  std::size_t bits = 48;          ///< length of the message, 1 to OwnerKey::bits_limit
+  std::string note;               ///< to recognise the key; no part of the commitment
+  std::string created;            ///< when, as in "2026-01-31T23:59:59Z"; the library has no clock
+  std::string payload;            ///< identifier in the message, hexadecimal digits; may be empty
+  std::size_t corrects = 4;       ///< wrong bits that the code of the payload corrects
+  std::filesystem::path from;     ///< key whose secret is used again, for another payload; empty: a new secret
+  std::filesystem::path decoder;  ///< file of the decoder that the key is bound to (make_bound_key); empty: none
   unsigned hardness = OwnerKey::usual_hardness;  ///< of scrypt (make_hard_key); 0: a key of version 1
   bool force = false;                            ///< move a key that is there to FILE.<id>.old
 };

@@ -27,6 +27,7 @@ struct ProofBasis {
   bool decoder_shipped = false;     ///< shipped_decoder_of its SHA-256
   bool claimed = false;             ///< a claim names the key
   bool decoder_claimed = false;     ///< … and the decoder
+  bool decoder_bound = false;       ///< the key is bound to this decoder (make_bound_key)
   bool subtracts = false;           ///< an unmarked model or its interference is subtracted
   bool subtracted_claimed = false;  ///< … and the claim names it
   std::string claim_sha256;         ///< of the claim; empty: none
@@ -78,10 +79,14 @@ template <SecretKey K>
   Standing standing;
   // A claim of another decoder is no claim of this reading.
   const bool claimed = basis.claimed && basis.decoder_claimed;
-  standing.p_tried = std::fmin(1, verification.p_corrected * (claimed ? 1 : basis.keys_to_try));
+  // A decoder of the owner's can say one message of every picture, so keys could have been tried on it before anything
+  // was claimed. Bound to it, each trial cost a derivation, and as many as could be made are counted, claimed or not.
+  const bool bound = basis.decoder_bound && !basis.decoder_shipped;
+  standing.p_tried = std::fmin(1, verification.p_corrected * (claimed && !bound ? 1 : basis.keys_to_try));
+  const bool tried = standing.p_tried > verification.settings.false_positive_rate;
   if (verification.verdict != Verdict::detected) return standing;
   standing.kind = StandingKind::not_a_proof;
-  if (!basis.decoder_shipped && !claimed) {
+  if (!basis.decoder_shipped && !claimed && !bound) {
     standing.reason =
         "this decoder could have been made for these pictures: it is none of those that come with the library, and no "
         "claim names it";
@@ -91,7 +96,7 @@ template <SecretKey K>
   } else if (verification.p_corrected > proof_p_limit) {
     standing.reason = "chance reads as much with probability " + detail::short_number(verification.p_corrected) +
                       ": the rate that was accepted is too high for a proof";
-  } else if (!claimed && standing.p_tried > verification.settings.false_positive_rate) {
+  } else if (!claimed && tried) {
     standing.reason = "somebody could have tried keys until one matched: a year of one processor core tries " +
                       detail::short_number(basis.keys_to_try) +
                       " of this kind, of which one matches as well with probability " +
@@ -112,10 +117,11 @@ template <SecretKey K>
                                 " is before anybody else had anything that shows this scene, and the signature of the "
                                 "time stamp holds: openssl ts -verify checks it";
     // A file that was made after the key can hold its message (a bias); a date of key and file together does not tell.
-    if (!basis.decoder_shipped || basis.subtracts_file) {
+    const bool decoder_chosen = !basis.decoder_shipped && (!bound || tried);
+    if (decoder_chosen || basis.subtracts_file) {
       standing.kind = StandingKind::conditional;
       standing.reason += std::string("; and if ") +
-                         (basis.decoder_shipped ? "the file of what the scene says" : "the decoder") +
+                         (decoder_chosen ? "the decoder" : "the file of what the scene says") +
                          " was made without this key's message: have it made again, or find it in an older claim";
     }
     standing.reason += "; for pictures that the accuser neither made nor chose";
@@ -137,11 +143,15 @@ template <class Json>
   Json json;
   json["standing"] = std::string(standing_name(standing.kind));
   json["reason"] = detail::text_or_null<Json>(standing.reason);
-  json["decoder"] = basis.decoder_shipped ? "shipped" : basis.decoder_claimed ? "claimed" : "unknown";
+  json["decoder"] = basis.decoder_shipped   ? "shipped"
+                    : basis.decoder_bound   ? "bound"
+                    : basis.decoder_claimed ? "claimed"
+                                            : "unknown";
   json["claim"] = {{"sha256", detail::text_or_null<Json>(basis.claim_sha256)},
                    {"dated", detail::text_or_null<Json>(basis.dated)}};
   if (!basis.dated.empty()) json["claim"]["stamp_signature"] = "not checked";  // openssl ts -verify does
-  json["keys_a_cheat_could_try"] = basis.claimed && basis.decoder_claimed ? 1 : basis.keys_to_try;
+  const bool counted = !(basis.claimed && basis.decoder_claimed) || (basis.decoder_bound && !basis.decoder_shipped);
+  json["keys_a_cheat_could_try"] = counted ? basis.keys_to_try : 1;
   json["p_value_if_tried"] = standing.p_tried;
   return json;
 }

@@ -51,18 +51,39 @@ COMPMARK_APP_INLINE Result<OwnerKey> open_private_key(const std::filesystem::pat
 COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, const SentenceSink& warn) {
   Digest256 secret{};
   unsigned hardness = settings.hardness;
+  std::string decoder;
+  if (!settings.decoder.empty()) {
+    if (hardness == 0 && settings.from.empty()) {
+      return Error{ErrorKind::invalid, settings.decoder.string(), "--decoder", "cannot be bound to a quick key",
+                   "leave --quick out: without scrypt, decoders could be tried by the million"};
+    }
+    Result<std::string> digest = file_sha256(settings.decoder);
+    if (!digest) return digest.error();
+    decoder = std::move(*digest);
+  }
   if (!settings.from.empty()) {
     const Result<OwnerKey> other = open_private_key(settings.from, warn);
     if (!other) return other.error();
     secret = other->secret;
-    hardness = other->hardness;  // the mask of its payloads follows from it
+    hardness = other->hardness;  // the mask of its payloads follows from it, and from the decoder
+    if (!decoder.empty() && decoder != other->decoder) {
+      return Error{ErrorKind::invalid, settings.decoder.string(), "--decoder",
+                   other->decoder.empty() ? "is given, and the key of --from is bound to none"
+                                          : "is another than the key of --from is bound to",
+                   "leave it out: keys that read each other's payloads have one decoder"};
+    }
+    decoder = other->decoder;
   } else if (Result<Done> drawn = os_random(secret); !drawn) {
     return drawn.error();
   }
-  Result<OwnerKey> key = hardness == 0
-                             ? make_key(secret, settings.created, settings.bits, settings.note)
-                             : make_hard_key(secret, settings.created, settings.bits, settings.note, hardness);
+  Result<OwnerKey> key =
+      hardness == 0     ? make_key(secret, settings.created, settings.bits, settings.note)
+      : decoder.empty() ? make_hard_key(secret, settings.created, settings.bits, settings.note, hardness)
+                        : make_bound_key(secret, decoder, settings.created, settings.bits, settings.note, hardness);
   if (!key) return key.error();
+  if (!settings.decoder.empty()) {  // it is one, and reads as many bits
+    if (const Result<FileDecoder> opened = open_decoder(settings.decoder, &*key); !opened) return opened.error();
+  }
   if (!settings.payload.empty()) {
     key->payload = settings.payload;
     key->corrects = settings.corrects;

@@ -75,7 +75,13 @@ inline void take_universal(MarkSettings& mark) {
                  "belongs to a decoder that this command fits, but a finished one is used",
                  "leave the option out, or give --decoder fit"};
   }
-  return Done{};
+  if (!options.decoder.empty() || options.key.empty()) return Done{};
+  const Result<OwnerKey> key = open_key(options.key);  // better now than after the training
+  if (!key) return key.error();
+  if (key->decoder.empty()) return Done{};
+  return Error{ErrorKind::invalid, options.key.string(), "--decoder",
+               "is to be fitted, and this key is bound to a decoder that is there",
+               "give the decoder that the key was made for, or a key that is bound to none"};
 }
 
 /// An error if numbers of post-hoc embedding are given with a `fidelity` of 0.
