@@ -277,10 +277,20 @@ TEST_CASE("app/run/embed: the splats of another program are marked as they are, 
   CHECK(with_mark->verification.evidence.matches >= 6);
   CHECK(lean > 0.5);
 
-  // marked.ply holds the same Gaussians: places and sizes of the file that came, other colours.
+  // marked.ply holds the same Gaussians: places and sizes of the file that came, other colours. It has harmonics of the
+  // degree that came, and all of the mark: what it has not was not moved.
   const Result<SplatFile> marked = read_splat(settings.out / "marked.ply");
   REQUIRE_MESSAGE(marked.ok(), marked.error().line());
   REQUIRE(marked->table.count == table.count);
+  CHECK(marked->table.degree == 1);
+  reading.model = settings.out / "marked.ply";
+  const auto of_file = verify_files(*key, reading, {}, executor);
+  REQUIRE_MESSAGE(of_file.ok(), of_file.error().line());
+  double lean_of_file = 0;  // at full size
+  for (std::size_t b = 0; b < 8; ++b) lean_of_file += (message[b] ? 1 : -1) * of_file->verification.fused[b] / 8;
+  CAPTURE(lean_of_file);
+  CHECK(of_file->verification.evidence.matches >= 6);
+  CHECK(lean_of_file > 0.25);
   double moved = 0, recoloured = 0;
   for (std::size_t i = 0; i < table.count; ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) {

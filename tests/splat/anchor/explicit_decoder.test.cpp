@@ -140,6 +140,21 @@ TEST_CASE("anchor/explicit_decoder: zeros are what 3DGS begins with, and the fil
   CHECK(std::as_const(scene.out).columns().color[0][0] == doctest::Approx(0.5 + sh_constant).epsilon(1e-12));
 }
 
+TEST_CASE("anchor/explicit_decoder: harmonics above a degree are cleared, in every channel, and nothing else") {
+  using Layout = ExplicitLayout<3>;
+  for (int degree = 0; degree <= 3; ++degree) {
+    CAPTURE(degree);
+    std::vector<double> rows(2 * Layout::width);
+    for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = 1 + static_cast<double>(i);
+    Layout::clear_harmonics_above(degree, MatrixView<double>{rows.data(), 2, Layout::width});
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const std::size_t column = i % Layout::width;
+      const bool above = column >= Layout::color && (column - Layout::color) % Layout::coefficients >= sh_count(degree);
+      CHECK(rows[i] == (above ? 0.0 : 1 + static_cast<double>(i)));
+    }
+  }
+}
+
 TEST_CASE("anchor/explicit_decoder: same bits at any number of threads; rows that are not visible are not touched") {
   ExplicitScene<float, 3> one(5000), many(5000);
   SerialExecutor serial;

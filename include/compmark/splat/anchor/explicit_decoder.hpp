@@ -27,6 +27,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/core/views.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/splat/anchor/concept.hpp"
 #include "compmark/splat/anchor/decoder_shape.hpp"
@@ -43,6 +44,19 @@ struct ExplicitLayout {
   static constexpr double opacity_unit = 5, opacity_zero = -2.1972245773362196;  // ln(0.1 / 0.9)
   static constexpr double rotation_unit = 2.0 / 15;
   [[nodiscard]] static constexpr double color_unit(std::size_t i) { return i == 0 ? 1.0 / 3 : 1.0 / 60; }
+
+  /// Zeroes the coefficients above `degree` in every row of [N, width].
+  template <class T>
+  static void clear_harmonics_above(int degree, MatrixView<T> rows) {
+    const std::size_t kept = sh_count(degree);
+    if (kept >= coefficients) return;
+    for (std::size_t row = 0; row < rows.rows; ++row) {
+      for (std::size_t channel = 0; channel < 3; ++channel) {
+        T* const of_channel = rows.row(row) + color + channel * coefficients;
+        std::fill(of_channel + kept, of_channel + coefficients, T(0));
+      }
+    }
+  }
 };
 
 template <class T, int sh_degree = 3>

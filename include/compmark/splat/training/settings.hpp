@@ -111,6 +111,9 @@ struct ResidualSettings {
   double learning_rate = 0.0015;
   double decay = 1;        ///< of that rate, over the iterations in which the residual trains
   std::int64_t after = 0;  ///< the residual is zero until here, and the run to the bit that of the unmarked model
+  /// Of explicit Gaussians that are marked post hoc: spherical harmonics above this degree stay as they are, since the
+  /// file that is written has none. 3: all of them move.
+  int harmonics = 3;
 
   friend bool operator==(const ResidualSettings&, const ResidualSettings&) = default;
 };

@@ -92,6 +92,7 @@ template <class Json = nlohmann::json>
     mark["residual_rate"] = m.residual.learning_rate;
     mark["residual_decay"] = m.residual.decay;
     mark["residual_after"] = m.residual.after;
+    if (m.residual.harmonics != 3) mark["residual_harmonics"] = m.residual.harmonics;
     mark["distortion_rate"] = m.distortion.learning_rate;
     mark["feature_noise"] = m.distortion.feature_noise;
     mark["scaling_noise"] = m.distortion.scaling_noise;

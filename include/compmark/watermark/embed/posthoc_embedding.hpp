@@ -22,6 +22,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/splat/export/explicit_splats.hpp"
 #include "compmark/splat/optim/concept.hpp"
 #include "compmark/splat/training/learning_rates.hpp"
 #include "compmark/splat/training/model.hpp"
@@ -131,6 +132,11 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     report.forward =
         reading_.read_held(pipeline_, model, views, report.view, settings_.seed, t, schedule_, phases_, *executor_);
     const BlockHandle residual = model.template blocks<EmbedderStage>().residual;
+    if constexpr (ExplicitModelRecipe<R>) {  // what the file that is written will not have carries nothing
+      if constexpr (R::Embedder::target == AnchorAttribute::feature)
+        R::GaussianDecoder::Layout::clear_harmonics_above(settings_.mark.residual.harmonics,
+                                                          model.arena.gradients(residual));
+    }
     this->rates_.assign(model.arena.layout().blocks().size(), 0.0);
     // Unlike the published training loop this one steps in its last iteration too.
     this->rates_[residual.index] =

@@ -114,6 +114,11 @@ namespace detail {
     if (!splats) return no_photographs();
     plan.data = plan.model;  // seen by cameras round it
   }
+  if (splats) {
+    const Result<SplatFile> file = read_splat(plan.model);
+    if (!file) return file.error();
+    plan.harmonics = file->table.degree;
+  }
   take_universal(plan.mark);
   const bool coded = is_coded_recipe(*recipe);
   const bool fitted = plan.mark.decoder.empty() || fitted_decoder(plan.mark.decoder);
@@ -157,6 +162,7 @@ namespace detail {
     settings.mark.posthoc.orbit_share = 0.5;
     settings.mark.message.edited_share = 0.7;
   }
+  settings.mark.residual.harmonics = plan.harmonics;
   if (Result<Done> fits = check_step_rate(plan.mark, false); !fits) return fits.error();
   Result<RunMark> mark = load_mark(plan.mark, settings, *plan.executor, warnings_of(observer));
   if (!mark) return mark.error();

@@ -33,6 +33,7 @@ struct RunPlan : RunSettings {
   std::vector<std::string> notes;      ///< why it was chosen, told when the run starts
   MarkSettings mark;
   std::optional<EmbedMethod> method;   ///< of a mark that is hidden in a finished model
+  int harmonics = 3;                   ///< degree of the splat file that is marked
   std::filesystem::path model;         ///< the finished model that is marked, or that a codec is fitted to
   std::shared_ptr<const void> folder;  ///< holds `out` against other runs (run_folder.hpp)
   ThreadExecutor* executor = nullptr;

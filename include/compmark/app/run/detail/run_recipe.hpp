@@ -107,8 +107,9 @@ template <class Source, bool coded, class M>
   if constexpr (ExplicitModelRecipe<Source>) {  // as it came: for every viewer
     std::vector<std::string> comments;
     if (data.dataset.splat_up) comments.push_back(splat_up_comment(*data.dataset.splat_up));
-    if (Result<Done> written = write_splat_ply(plan.out / splat_file_name, explicit_splats(model), comments); !written)
-      return written;
+    SplatTable table = explicit_splats(model);
+    table.limit_degree(plan.harmonics);
+    if (Result<Done> written = write_splat_ply(plan.out / splat_file_name, table, comments); !written) return written;
   }
   if constexpr (coded) {
     Result<CodecModel> file = coded_model(model, data.info);
