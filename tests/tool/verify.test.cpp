@@ -6,6 +6,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <compmark/app/files.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/image_file.hpp>
 #include <compmark/io/json_file.hpp>

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <compmark/app/files.hpp>
 #include <compmark/app/reading.hpp>
 #include <compmark/app/run/owner_keys.hpp>
 #include <filesystem>
