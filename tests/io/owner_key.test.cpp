@@ -138,7 +138,7 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   for (const char* field : {"format", "version", "secret", "created", "bits", "commitment", "id"})
     refused(field, [&](nlohmann::json& json) { json.erase(field); });
   refused("format", [](nlohmann::json& json) { json["format"] = "something"; });
-  refused("version", [](nlohmann::json& json) { json["version"] = 3; });
+  refused("version", [](nlohmann::json& json) { json["version"] = 4; });
   refused("version", [](nlohmann::json& json) { json["version"] = 0; });
   refused("hardness", [](nlohmann::json& json) { json["version"] = 2; });
   refused("hardness", [](nlohmann::json& json) { json["hardness"] = 10; });
