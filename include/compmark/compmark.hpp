@@ -257,6 +257,7 @@
 #include "compmark/codec/integer/integer_network.hpp"
 #include "compmark/codec/integer/integer_quantize.hpp"
 #include "compmark/codec/integer/intra_context.hpp"
+#include "compmark/codec/integer/near_anchors.hpp"
 #include "compmark/codec/rate/concept.hpp"
 #include "compmark/codec/rate/context_network.hpp"
 #include "compmark/codec/rate/gaussian_rate.hpp"

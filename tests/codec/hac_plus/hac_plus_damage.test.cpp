@@ -82,10 +82,8 @@ TEST_CASE("hac_plus/hac_plus_damage: weights that are not those of the encoder a
   std::vector<std::byte> bytes = detail::encode_intra(context);
   REQUIRE(bytes[0] == std::byte{1});
   detail::BitsOut bits;
-  std::vector<std::int16_t> zeros(2 * (16 + IntraContext::weights(16)), 0);
-  for (auto [first, count] : {std::pair{0, 16}, {16, 16}, {32, 120}, {152, 120}})
-    detail::code_integers(
-        bits, std::span(zeros).subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(count)), 1);
+  IntraContext zeros = IntraContext::none(16);
+  for (auto* part : IntraContext::parts(zeros)) detail::code_integers(bits, std::span<std::int16_t>(*part), 1);
   bytes = bits.finish();
   bytes.insert(bytes.begin(), std::byte{1});
   CHECK(intra_error(bytes).problem.find("zero") != std::string::npos);

@@ -28,7 +28,9 @@ IntraSample pairs(std::size_t anchors, double share) {
       sample.predicted.push_back({0, 2048 * 2});
       sample.symbol.push_back(static_cast<std::int32_t>(std::lround(4 * deviation)));
       sample.coded.push_back(1);
+      sample.near.push_back(0);
     }
+    sample.has_near.push_back(0);
   }
   return sample;
 }
@@ -52,6 +54,22 @@ TEST_CASE("hac_plus/intra_fit: finds nothing in scalars that say nothing of one 
   CHECK(std::abs(int{fitted.spread[0]}) <= 1);
   const double saved = (intra_bits(tables, IntraContext::none(2), sample) - intra_bits(tables, fitted, sample)) / 4000;
   CHECK(std::abs(saved) < 0.01);
+}
+
+TEST_CASE("hac_plus/intra_fit: finds what the anchors beside an anchor say") {
+  const GaussianTables tables;
+  const Random random(9, 2, random_stage("intra fit test"));
+  IntraSample sample = pairs(4000, 0);
+  for (std::size_t i = 0; i < sample.near.size(); ++i) {  // half of the deviation, and as much of their own
+    sample.near[i] = static_cast<std::int16_t>(std::lround(512 * (sample.symbol[i] / 8.0 + 0.5 * random.normal(i))));
+    sample.has_near[i / 2] = 1;
+  }
+  const IntraContext fitted = fit_intra(sample);
+  // n = z / 2 + v / 2 for z, v of deviation 1: the best guess of z is n, and leaves sqrt(1 / 2) of its deviation.
+  CHECK(std::abs(int{fitted.near[0]} - 32) <= 2);
+  CHECK(std::abs(int{fitted.near[1]} - 32) <= 2);
+  const double saved = (intra_bits(tables, IntraContext::none(2), sample) - intra_bits(tables, fitted, sample)) / 4000;
+  CHECK(std::abs(saved - 1) < 0.05);
 }
 
 TEST_CASE("hac_plus/intra_fit: the derivatives of a bin's probability are those of differences") {

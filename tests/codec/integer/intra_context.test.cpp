@@ -20,7 +20,7 @@ IntraContext random_intra(std::size_t channels, std::uint64_t seed) {
   const Random random(seed, channels, random_stage("intra context"));
   IntraContext context = IntraContext::none(channels);
   std::uint64_t draw = 0;
-  for (auto* part : {&context.mean, &context.spread, &context.mean_bias, &context.spread_bias}) {
+  for (auto* part : IntraContext::parts(context)) {
     for (std::int16_t& weight : *part) weight = static_cast<std::int16_t>(std::lround(4 * random.normal(draw++)));
   }
   return context;
@@ -60,7 +60,10 @@ TEST_CASE("integer/intra_context: a state tells what the formulas of its header 
   const Random random(4, 1, random_stage("intra context"));
   IntraState state(context);
   for (std::uint64_t anchor = 0; anchor < 200; ++anchor) {
-    state.begin();
+    std::vector<std::int16_t> near;
+    for (std::size_t t = 0; anchor != 0 && t < channels; ++t)
+      near.push_back(static_cast<std::int16_t>(random.bits(1'000'000 + anchor * channels + t) % 1025 - 512));
+    state.begin(near);
     std::vector<double> z(channels, 0), size(channels, 0);
     for (std::size_t t = 0; t < channels; ++t) {
       const std::uint64_t draw = (anchor * channels + t) * 4;
@@ -70,6 +73,10 @@ TEST_CASE("integer/intra_context: a state tells what the formulas of its header 
       const double table = static_cast<double>(HashPrediction::table(predicted.level)) + GaussianTables::least_level;
       const double sigma = std::exp2(table / 8), e = std::sqrt(sigma * sigma + 1 / 12.0);
       double mean = context.mean_bias[t], level = context.spread_bias[t];
+      if (!near.empty()) {
+        mean += context.near[t] * near[t] / 512.0;
+        level += context.near_spread[t] * (std::abs(near[t] / 512.0) - 0.5);
+      }
       for (std::size_t s = 0; s < t; ++s) {
         const std::size_t at = context.row(s) + t - s - 1;
         mean += context.mean[at] * z[s];

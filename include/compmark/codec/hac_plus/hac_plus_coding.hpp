@@ -20,6 +20,7 @@
 #include "compmark/codec/container/chunk_coding.hpp"
 #include "compmark/codec/container/mask_coding.hpp"
 #include "compmark/codec/integer/intra_context.hpp"
+#include "compmark/codec/integer/near_anchors.hpp"
 #include "compmark/core/result.hpp"
 
 namespace compmark::detail {
@@ -57,12 +58,14 @@ template <class Predictor>
   std::vector<SymbolModel> models;
   std::vector<std::int32_t> symbols;
   IntraState state(intra);
+  NearAnchors near(intra.channels);
   const std::size_t n = rows.voxels.size(), k = static_cast<std::size_t>(coder.offset_count);
   for_predicted(predictor, n, [&](std::size_t anchor, std::size_t lane) {
     for (std::size_t o = 0; o < k; ++o) {
       if ((rows.mask[anchor] >> o & 1u) == 0) std::fill_n(rows.offset.data() + (anchor * k + o) * 3, 3, 0.0f);
     }
-    state.begin();
+    near.begin(rows.voxels[anchor]);
+    state.begin(near.near());
     visit_predicted(rows, anchor, coder.offset_count, predictor, lane,
                     [&](int group, std::size_t channel, int index, const HashPrediction& predicted, float& value) {
                       const auto g = static_cast<std::size_t>(group);
@@ -74,7 +77,7 @@ template <class Predictor>
                       chunk.bits[g] += ideal_bits(coder.tables, models.back(), symbol);
                       symbols.push_back(symbol);
                       value = symbol_value(symbol, index, coder.base_step[g]);
-                      state.tell(channel, predicted, symbol);
+                      near.keep(channel, state.tell(channel, predicted, symbol));
                     });
   });
   chunk.mask = encode_masks(rows.mask, coder.offset_count);
@@ -104,16 +107,18 @@ template <class Predictor>
   std::vector<std::int32_t> symbols;
   symbols.reserve(count);
   IntraState state(intra);
+  NearAnchors near(intra.channels);
   bool whole = true;
   for_predicted(predictor, n, [&](std::size_t anchor, std::size_t lane) {
-    state.begin();
+    near.begin(rows.voxels[anchor]);
+    state.begin(near.near());
     visit_predicted(rows, anchor, coder.offset_count, predictor, lane,
                     [&](int group, std::size_t channel, int index, const HashPrediction& predicted, float& value) {
                       const std::int32_t symbol = reader.next(state.model(channel, predicted));
                       symbols.push_back(symbol);
                       whole = whole && symbol <= greatest_symbol && symbol >= (group == 1 ? 0 : -greatest_symbol);
                       value = symbol_value(symbol, index, coder.base_step[static_cast<std::size_t>(group)]);
-                      state.tell(channel, predicted, symbol);
+                      near.keep(channel, state.tell(channel, predicted, symbol));
                     });
   });
   if (const Result<Done> finished = reader.finish(symbols); !finished) return finished.error();

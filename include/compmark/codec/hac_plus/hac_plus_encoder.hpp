@@ -24,30 +24,39 @@ namespace compmark {
 
 namespace detail {
 
-/// The symbols of every so-many-th panel of a model's anchors, at most about `most` anchors.
+/// The symbols of every so-many-th panel of a model's anchors, at most about `most` anchors; the chunks are those of the
+/// file, for the anchors beside an anchor.
 template <class Predictor>
 [[nodiscard]] IntraSample sample_intra(CodecModel& coded, Predictor& predictor, std::size_t most) {
   IntraSample sample;
   sample.channels = coded.heads().channels();
-  const std::size_t n = coded.anchors(), stride = (n / most + 1) * integer_panel;
+  const std::size_t n = coded.anchors(), stride = n / most + 1;
   const ChunkRows rows = chunk_rows(coded, 0, n);
-  for (std::size_t first = 0; first < n; first += stride) {
-    const std::size_t count = std::min<std::size_t>(integer_panel, n - first);
-    predictor.look(first, count);
-    for (std::size_t lane = 0; lane < count; ++lane) {
-      const std::size_t at = sample.symbol.size();
-      sample.symbol.resize(at + sample.channels);
-      sample.predicted.resize(at + sample.channels);
-      sample.coded.resize(at + sample.channels);
-      visit_predicted(rows, first + lane, coded.offset_count, predictor, lane,
-                      [&](int group, std::size_t channel, int index, const HashPrediction& predicted, float value) {
-                        sample.predicted[at + channel] = predicted;
-                        sample.symbol[at + channel] =
-                            symbol_of(value, index, coded.base_step[static_cast<std::size_t>(group)]).first;
-                        sample.coded[at + channel] = 1;
-                      });
-    }
-  }
+  NearAnchors near(sample.channels);
+  std::vector<std::int32_t> symbol(sample.channels);
+  std::vector<HashPrediction> prediction(sample.channels);
+  std::vector<std::uint8_t> is_coded(sample.channels);
+  for_predicted(predictor, n, [&](std::size_t anchor, std::size_t lane) {
+    if (anchor % static_cast<std::size_t>(coded.chunk_anchors) == 0) near = NearAnchors(sample.channels);
+    near.begin(rows.voxels[anchor]);
+    std::fill(is_coded.begin(), is_coded.end(), std::uint8_t{0});
+    visit_predicted(rows, anchor, coded.offset_count, predictor, lane,
+                    [&](int group, std::size_t c, int index, const HashPrediction& predicted, float value) {
+                      const double base_step = coded.base_step[static_cast<std::size_t>(group)];
+                      prediction[c] = predicted;
+                      symbol[c] = symbol_of(value, index, base_step).first;
+                      is_coded[c] = 1;
+                      near.keep(c, symbol_deviation(predicted, symbol[c]));
+                    });
+    if (anchor / integer_panel % stride != 0) return;
+    sample.symbol.insert(sample.symbol.end(), symbol.begin(), symbol.end());
+    sample.predicted.insert(sample.predicted.end(), prediction.begin(), prediction.end());
+    sample.coded.insert(sample.coded.end(), is_coded.begin(), is_coded.end());
+    const std::span<const std::int16_t> around = near.near();
+    sample.near.insert(sample.near.end(), around.begin(), around.end());
+    sample.near.resize(sample.symbol.size(), std::int16_t{0});
+    sample.has_near.push_back(around.empty() ? 0 : 1);
+  });
   return sample;
 }
 
@@ -106,7 +115,7 @@ template <Executor E>
     intra = detail::choose_intra(coded, tables, predictor);
   }
   writer.add_context(HacPlusFormat::intra, detail::encode_intra(intra),
-                     2 * (IntraContext::weights(channels) + channels));
+                     2 * IntraContext::weights(channels) + 4 * channels);
   Result<std::vector<CodecTensor>> renderers = writer.add_renderers();
   if (!renderers) return renderers.error();
   coded.networks = std::move(*renderers);

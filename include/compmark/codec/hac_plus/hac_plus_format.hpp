@@ -30,8 +30,8 @@ struct HacPlusFormat : HacFormat {
 
 namespace detail {
 
-/// INTR: u8 0 (all weights are zero) or 1; then the biases of means and of spreads and the weights of means and of
-/// spreads, row by row, as integers in one stream of bits.
+/// INTR: u8 0 (all weights are zero) or 1; then the biases of means and of spreads, the weights of near anchors for
+/// means and for spreads, and those of scalars for means and for spreads, row by row, as integers in one stream of bits.
 [[nodiscard]] inline std::vector<std::byte> encode_intra(const IntraContext& context) {
   ByteWriter writer;
   const bool none = context == IntraContext::none(context.channels);
@@ -39,8 +39,7 @@ namespace detail {
   if (none) return writer.take();
   BitsOut bits;
   IntraContext copy = context;
-  for (auto* part : {&copy.mean_bias, &copy.spread_bias, &copy.mean, &copy.spread})
-    code_integers(bits, std::span<std::int16_t>(*part), 1);
+  for (auto* part : IntraContext::parts(copy)) code_integers(bits, std::span<std::int16_t>(*part), 1);
   writer.put(bits.finish());
   return writer.take();
 }
@@ -54,10 +53,9 @@ namespace detail {
   IntraContext context = IntraContext::none(channels);
   if (kind == 1) {
     BitsIn bits(reader.take(reader.left()));
-    for (auto* part : {&context.mean_bias, &context.spread_bias, &context.mean, &context.spread})
-      code_integers(bits, std::span<std::int16_t>(*part), 1);
+    for (auto* part : IntraContext::parts(context)) code_integers(bits, std::span<std::int16_t>(*part), 1);
     if (!bits.complete()) return bad_section("INTR", "its weights do not end where their bytes do");
-    for (const auto* part : {&context.mean_bias, &context.spread_bias, &context.mean, &context.spread}) {
+    for (const auto* part : IntraContext::parts(context)) {
       for (const std::int16_t weight : *part) {
         if (std::abs(int{weight}) > IntraContext::greatest_weight)
           return bad_section("INTR", std::to_string(weight) + " is not a weight of -127 to 127");

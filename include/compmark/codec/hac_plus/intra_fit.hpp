@@ -29,7 +29,12 @@ struct IntraSample {
   std::vector<HashPrediction> predicted;  ///< [anchors, channels]
   std::vector<std::int32_t> symbol;       ///< the same
   std::vector<std::uint8_t> coded;        ///< the same: 0 for masked offsets
+  std::vector<std::int16_t> near;         ///< the same: NearAnchors::near()
+  std::vector<std::uint8_t> has_near;     ///< [anchors]
 
+  [[nodiscard]] std::span<const std::int16_t> near_of(std::size_t anchor) const {
+    return std::span<const std::int16_t>(near).subspan(anchor * channels, has_near[anchor] != 0 ? channels : 0);
+  }
   [[nodiscard]] std::size_t anchors() const { return channels == 0 ? 0 : symbol.size() / channels; }
 };
 
@@ -102,7 +107,7 @@ template <class Tables>
   IntraState state(context);
   double bits = 0;
   for (std::size_t anchor = 0; anchor < sample.anchors(); ++anchor) {
-    state.begin();
+    state.begin(sample.near_of(anchor));
     for (std::size_t c = 0; c < sample.channels; ++c) {
       const std::size_t i = anchor * sample.channels + c;
       if (sample.coded[i] == 0) continue;
@@ -119,11 +124,14 @@ template <class Tables>
   IntraContext context = IntraContext::none(channels);
   if (anchors == 0 || channels > settings.most_channels) return context;
   const float pull = static_cast<float>(settings.pull);
-  detail::IntraWeights mean(count, pull), spread(count, pull), mean_bias(channels, 0), spread_bias(channels, 0);
+  detail::IntraWeights mean(count, pull), spread(count, pull), mean_bias(channels, 0), spread_bias(channels, 0),
+      near(channels, 0), near_spread(channels, 0);
   std::vector<float> z(channels), size(channels), guess(channels), surprise(channels), d_guess(channels),
       d_surprise(channels);
+  std::vector<float> n(channels), near_size(channels);
   constexpr float deviation_unit = 1.0f / (1 << IntraContext::deviation_bits), bin_unit = 1.0f / 32,
-                  usual = IntraContext::usual_deviation * deviation_unit, greatest = 10;
+                  usual = IntraContext::usual_deviation * deviation_unit,
+                  usual_near = IntraContext::usual_near * deviation_unit, greatest = 10;
   const auto floor = static_cast<float>(settings.floor);
   const auto row_of = [&](std::vector<float>& weights, std::size_t s) { return weights.data() + context.row(s); };
   for (std::size_t step = 0; step < settings.samples; ++step) {
@@ -134,6 +142,15 @@ template <class Tables>
       const std::size_t first = anchor * channels;
       guess = mean_bias.value;
       surprise = spread_bias.value;
+      std::fill(n.begin(), n.end(), 0.0f);
+      std::fill(near_size.begin(), near_size.end(), 0.0f);
+      const std::span<const std::int16_t> around = sample.near_of(anchor);
+      for (std::size_t t = 0; t < around.size(); ++t) {
+        n[t] = static_cast<float>(around[t]) * deviation_unit;
+        near_size[t] = std::abs(n[t]) - usual_near;
+        guess[t] += near.value[t] * n[t];
+        surprise[t] += near_spread.value[t] * near_size[t];
+      }
       for (std::size_t s = 0; s < channels; ++s) {
         z[s] = size[s] = d_guess[s] = d_surprise[s] = 0;
         if (sample.coded[first + s] == 0) continue;
@@ -162,6 +179,8 @@ template <class Tables>
       for (std::size_t s = 0; s < channels; ++s) {
         mean_bias.gradient[s] += d_guess[s];
         spread_bias.gradient[s] += d_surprise[s];
+        near.gradient[s] += d_guess[s] * n[s];
+        near_spread.gradient[s] += d_surprise[s] * near_size[s];
         if (sample.coded[first + s] == 0) continue;
         float *const a = row_of(mean.gradient, s), *const b = row_of(spread.gradient, s);
         const float *const g = d_guess.data() + s + 1, *const v = d_surprise.data() + s + 1;
@@ -177,13 +196,15 @@ template <class Tables>
         settings.rate * 0.5 * (1 + std::cos(std::numbers::pi * done / static_cast<double>(settings.samples))));
     const auto correction1 = static_cast<float>(1 - std::pow(0.9, done)),
                correction2 = static_cast<float>(1 - std::pow(0.99, done));
-    for (detail::IntraWeights* part : {&mean, &spread, &mean_bias, &spread_bias})
+    for (detail::IntraWeights* part : {&mean, &spread, &mean_bias, &spread_bias, &near, &near_spread})
       part->step(rate, static_cast<float>(settings.anchors), correction1, correction2);
   }
   context.mean = mean.rounded();
   context.spread = spread.rounded();
   context.mean_bias = mean_bias.rounded();
   context.spread_bias = spread_bias.rounded();
+  context.near = near.rounded();
+  context.near_spread = near_spread.rounded();
   return context;
 }
 

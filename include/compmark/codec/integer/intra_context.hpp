@@ -1,14 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context inside an anchor, in whole numbers: each scalar is expected where the scalars before it say, beside what
+// The context inside an anchor and beside it, in whole numbers: each scalar is expected where the scalars before it say, beside what
 // the hash grid says. HAC++ (TPAMI 2025) has a network for each of five chunks of the features; this is its limit of
 // chunks of one scalar with a linear predictor, which is the triangular form of a KLT, over features, scales and
 // offsets together. For the scalar t of an anchor, with the mean m (1/32 bins) and the level L (256 levels of 1/8
-// octave) that the hash grid predicts, and the deviations z of the scalars s < t of the same anchor that are coded:
+// octave) that the hash grid predicts, the deviations z of the scalars s < t of the same anchor that are coded, and the
+// mean deviation n(t) in this scalar of the anchors next to this one (near_anchors.hpp):
 //   z(s) = (32 symbol - m) / e(L), held in +-4          Q9; e(L) = sqrt(sigma^2 + 1/12), what rounding adds included
-//   m'   = m + e(L) (b(t) + sum A(t, s) z(s))           a straighter guess
-//   L'   = L + c(t) + sum B(t, s) (|z(s)| - 0.8)        octaves: surprises come together
+//   m'   = m + e(L) (b(t) + a(t) n(t) + sum A(t, s) z(s))                    a straighter guess
+//   L'   = L + c(t) + d(t) (|n(t)| - 0.5) + sum B(t, s) (|z(s)| - 0.8)       octaves: surprises come together
 // Weights are Q5 in 8 bits, so that no sum of them can overflow 32 bits and nothing has to be checked at load. What a
 // masked offset would say is left out. Cost: P^2 products of 16 bits an anchor for P scalars, ~1 us.
 #pragma once
@@ -31,12 +32,13 @@ namespace compmark {
 struct IntraContext {
   static constexpr int weight_bits = 5, deviation_bits = 9;  ///< fraction bits of weights, of z
   static constexpr std::int32_t greatest_weight = 127, greatest_deviation = 4 << deviation_bits;
-  static constexpr std::int32_t usual_deviation = 410;  ///< 0.8, the mean of |z|
+  static constexpr std::int32_t usual_deviation = 410, usual_near = 256;  ///< 0.8 and 0.5: means of |z|, of |n|
 
   std::size_t channels = 0;                          ///< P = D + 6 + 3 K; 0: the encoder is to find the weights
   std::vector<std::int16_t> mean;                    ///< A, [P (P - 1) / 2]
   std::vector<std::int16_t> spread;                  ///< B, the same
   std::vector<std::int16_t> mean_bias, spread_bias;  ///< b, c [P]
+  std::vector<std::int16_t> near, near_spread;       ///< a, d [P]
 
   [[nodiscard]] static constexpr std::size_t weights(std::size_t channels) {
     return channels == 0 ? 0 : channels * (channels - 1) / 2;
@@ -50,8 +52,14 @@ struct IntraContext {
     context.mean.assign(weights(channels), 0);
     context.spread = context.mean;
     context.mean_bias.assign(channels, 0);
-    context.spread_bias = context.mean_bias;
+    context.spread_bias = context.near = context.near_spread = context.mean_bias;
     return context;
+  }
+  /// All arrays, in the order of files.
+  template <class Context>
+  [[nodiscard]] static auto parts(Context& context) {
+    return std::array{&context.mean_bias,   &context.spread_bias, &context.near,
+                      &context.near_spread, &context.mean,        &context.spread};
   }
   friend bool operator==(const IntraContext&, const IntraContext&) = default;
 };
@@ -129,11 +137,15 @@ class IntraState {
         guess_(context.channels),
         surprise_(context.channels) {}
 
-  /// The next anchor.
-  void begin() {
+  /// The next anchor. `near`: n of each channel, Q9, or nothing.
+  void begin(std::span<const std::int16_t> near = {}) {
     for (std::size_t t = 0; t < context_->channels; ++t) {
       guess_[t] = context_->mean_bias[t] * (1 << IntraContext::deviation_bits);
       surprise_[t] = context_->spread_bias[t] * (1 << IntraContext::deviation_bits);
+    }
+    for (std::size_t t = 0; t < near.size(); ++t) {
+      guess_[t] += context_->near[t] * near[t];
+      surprise_[t] += context_->near_spread[t] * (std::abs(int{near[t]}) - IntraContext::usual_near);
     }
   }
   /// The model of scalar t after all before it were told.
@@ -147,8 +159,8 @@ class IntraState {
                 std::clamp<std::int64_t>(level, HashPrediction::least_level, HashPrediction::greatest_level)))),
             static_cast<std::int32_t>(std::clamp(mean, -mean_limit, mean_limit))};
   }
-  /// Scalar s is coded. Scalars that are not coded are not told.
-  void tell(std::size_t s, const HashPrediction& predicted, std::int32_t symbol) {
+  /// Scalar s is coded: returns its z. Scalars that are not coded are not told.
+  std::int32_t tell(std::size_t s, const HashPrediction& predicted, std::int32_t symbol) {
     const std::int32_t z = detail::symbol_deviation(predicted, symbol),
                        size = std::abs(z) - IntraContext::usual_deviation;
     const std::size_t first = s + 1, count = context_->channels - first;
@@ -159,6 +171,7 @@ class IntraState {
       guess[i] += mean[i] * z;
       surprise[i] += spread[i] * size;
     }
+    return z;
   }
 
  private:
