@@ -68,7 +68,7 @@ TEST_CASE("integer/intra_context: a state tells what the formulas of its header 
     for (std::size_t t = 0; t < channels; ++t) {
       const std::uint64_t draw = (anchor * channels + t) * 4;
       const HashPrediction predicted{static_cast<std::int32_t>(std::lround(300 * random.normal(draw))),
-                                     static_cast<std::int32_t>(std::lround(3000 * random.normal(draw + 1)))};
+                                     static_cast<std::int32_t>(std::lround(20'000 * random.uniform(draw + 1))) - 6400};
       if (random.uniform(draw + 2) < 0.2) continue;  // not coded
       const double table = static_cast<double>(HashPrediction::table(predicted.level)) + GaussianTables::least_level;
       const double sigma = std::exp2(table / 8), e = std::sqrt(sigma * sigma + 1 / 12.0);
