@@ -21,7 +21,7 @@ using namespace compmark;
 
 struct CompressOptions {
   std::filesystem::path model, out, json;
-  std::string cameras = "test", networks = "half";
+  std::string codec = "trained", cameras = "test", networks = "half";
   std::size_t threads = 0;
 };
 
@@ -31,6 +31,7 @@ int compress(const CompressOptions& options) {
   settings.cameras = options.cameras == "none"  ? StoredCameras::none
                      : options.cameras == "all" ? StoredCameras::all
                                                 : StoredCameras::test;
+  settings.intra = options.codec == "hac_plus";
   ThreadExecutor executor(options.threads);
   tell_threads(executor, options.threads);
   const Result<CodecReport> report = compress_file(options.model, options.out, settings, executor);
@@ -84,6 +85,11 @@ Command add_compress(Options& app) {
             "model.safetensors of a run with --codec, or of fit-codec")
       ->required();
   app.writes("--out", options->out, OutputKind::compressed, "compressed file (.cmk)")->required();
+  app.word("--codec", options->codec,
+           "trained: the codec that the model was trained for; hac_plus: a model that was trained for hac in fewer "
+           "bytes, the decoded model is the same")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"trained", "hac_plus"}));
   app.word("--cameras", options->cameras, "cameras of the model that the file stores, 144 bytes each")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "test", "all"}));

@@ -18,6 +18,7 @@
 #include "compmark/codec/container/container.hpp"
 #include "compmark/codec/context_gs/context_gs_format.hpp"
 #include "compmark/codec/hac/hac_format.hpp"
+#include "compmark/codec/hac_plus/hac_plus_format.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/io/read_file.hpp"
 
@@ -30,6 +31,7 @@ inline const char* section_purpose(std::uint32_t section) {
   if (section == F::geometry) return "positions";
   if (section == F::mask) return "offset masks";
   if (section == HacFormat::hash) return "hash grid";
+  if (section == HacPlusFormat::intra) return "context inside anchors";
   if (section == F::levels) return "levels";
   if (section == F::prior) return "prior of the hyperprior";
   if (section == F::hyperprior) return "hyperprior";

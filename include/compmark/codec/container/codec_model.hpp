@@ -23,6 +23,7 @@
 #include "compmark/codec/context_gs/context_gs_integers.hpp"
 #include "compmark/codec/integer/integer_context.hpp"
 #include "compmark/codec/integer/integer_quantize.hpp"
+#include "compmark/codec/integer/intra_context.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/math/morton.hpp"
 
@@ -87,6 +88,8 @@ struct CodecModel {
   std::optional<IntegerContext> context;
   std::optional<TrainedContextGs> trained_gs;  ///< ContextGS
   std::optional<IntegerContextGs> context_gs;
+  /// Beside the first or the second: the codec is HAC-plus. Without weights, encoding finds them.
+  std::optional<IntraContext> intra;
 
   std::vector<CodecTensor> networks;  ///< what renders, by name
   std::map<std::string, CodecValue> metadata;
@@ -95,6 +98,7 @@ struct CodecModel {
   [[nodiscard]] std::size_t anchors() const { return voxels.size(); }
   [[nodiscard]] ContextHeads heads() const { return {feature_dim, 6, 3 * offset_count}; }
   [[nodiscard]] ContainerProfile profile() const {
+    if (intra) return ContainerProfile::hac_plus;
     return trained_gs || context_gs ? ContainerProfile::context_gs : ContainerProfile::hac;
   }
 };

@@ -28,6 +28,8 @@
 #include "compmark/codec/context_gs/context_gs_encoder.hpp"
 #include "compmark/codec/hac/hac_decoder.hpp"
 #include "compmark/codec/hac/hac_encoder.hpp"
+#include "compmark/codec/hac_plus/hac_plus_decoder.hpp"
+#include "compmark/codec/hac_plus/hac_plus_encoder.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/result.hpp"
 
@@ -49,7 +51,7 @@ struct HacCodec {
   static constexpr ContainerProfile profile = ContainerProfile::hac;
   static constexpr const char* name = "hac";
   static constexpr const CodecSections& sections = HacFormat::sections;
-  [[nodiscard]] static bool codes(const CodecModel& model) { return model.trained || model.context; }
+  [[nodiscard]] static bool codes(const CodecModel& model) { return !model.intra && (model.trained || model.context); }
   template <Executor E>
   [[nodiscard]] static Result<CodecEncoded> encode(const CodecModel& model, const CodecEncodeSettings& settings,
                                                    E& executor) {
@@ -66,7 +68,9 @@ struct ContextGsCodec {
   static constexpr ContainerProfile profile = ContainerProfile::context_gs;
   static constexpr const char* name = "context_gs";
   static constexpr const CodecSections& sections = ContextGsFormat::sections;
-  [[nodiscard]] static bool codes(const CodecModel& model) { return model.trained_gs || model.context_gs; }
+  [[nodiscard]] static bool codes(const CodecModel& model) {
+    return !model.intra && (model.trained_gs || model.context_gs);
+  }
   template <Executor E>
   [[nodiscard]] static Result<CodecEncoded> encode(const CodecModel& model, const CodecEncodeSettings& settings,
                                                    E& executor) {
@@ -76,6 +80,23 @@ struct ContextGsCodec {
   [[nodiscard]] static Result<CodecDecoded> decode(std::span<const std::byte> bytes, const std::string& path,
                                                    const CodecDecodeSettings& settings, E& executor) {
     return decode_context_gs(bytes, path, settings, executor);
+  }
+};
+
+struct HacPlusCodec {
+  static constexpr ContainerProfile profile = ContainerProfile::hac_plus;
+  static constexpr const char* name = "hac_plus";
+  static constexpr const CodecSections& sections = HacPlusFormat::sections;
+  [[nodiscard]] static bool codes(const CodecModel& model) { return model.intra.has_value(); }
+  template <Executor E>
+  [[nodiscard]] static Result<CodecEncoded> encode(const CodecModel& model, const CodecEncodeSettings& settings,
+                                                   E& executor) {
+    return encode_hac_plus(model, settings, executor);
+  }
+  template <Executor E>
+  [[nodiscard]] static Result<CodecDecoded> decode(std::span<const std::byte> bytes, const std::string& path,
+                                                   const CodecDecodeSettings& settings, E& executor) {
+    return decode_hac_plus(bytes, path, settings, executor);
   }
 };
 
@@ -111,6 +132,6 @@ struct CodecList {
 };
 
 /// All codecs that CompMark writes and reads.
-using ShippedCodecs = CodecList<HacCodec, ContextGsCodec>;
+using ShippedCodecs = CodecList<HacCodec, ContextGsCodec, HacPlusCodec>;
 
 }  // namespace compmark

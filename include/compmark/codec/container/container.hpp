@@ -44,7 +44,7 @@ namespace compmark {
   return name;
 }
 
-enum class ContainerProfile : std::uint32_t { hac = 1, context_gs = 2 };
+enum class ContainerProfile : std::uint32_t { hac = 1, context_gs = 2, hac_plus = 3 };
 
 struct ContainerFormat {
   static constexpr std::array<std::uint8_t, 8> magic{0x89, 'C', 'M', 'K', 0x0D, 0x0A, 0x1A, 0x0A};

@@ -115,6 +115,7 @@ inline void leave_room_for_steps(CodecModel& file) {
 inline void keep_context(const CodecModel& file, CodecModel& coded) {
   coded.context = file.context;
   coded.context_gs = file.context_gs;
+  if (file.intra) coded.intra.emplace();  // its weights are found anew: they are those of the attributes
   const std::optional<TrainedContextGs>& trained = coded.trained_gs;
   if (!trained || !coded.context_gs) return;
   for (std::size_t level = 0; level < IntegerContextGs::levels; ++level) {

@@ -33,6 +33,7 @@ namespace compmark {
 struct CodedModelSettings {
   TensorStorage networks = TensorStorage::half;
   StoredCameras cameras = StoredCameras::test;
+  bool intra = false;  ///< the codec is HAC-plus, which codes what was trained for HAC
 };
 
 namespace detail {
@@ -103,6 +104,10 @@ template <Recipe R>
   }
 
   if (const Result<Done> stored = detail::store_context(model, coded); !stored) return stored.error();
+  if (settings.intra && !coded.trained)
+    return detail::coded_error("recipe", info.recipe + " is not trained for hac, whose models hac_plus codes",
+                               "train with --codec hac");
+  if (settings.intra) coded.intra.emplace();
 
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
     if (part.kind != RowKind::fixed || part.role == BlockRole::context) continue;
