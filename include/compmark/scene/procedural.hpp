@@ -132,18 +132,16 @@ class ProceduralScene {
     const Vector3 to_lamp = lamp_[light_sample % light_samples] - hit.point;
     const Vector3 light = normalized(to_lamp);
     const double facing = dot(hit.normal, light);
-    const Vector3 lifted = hit.point + hit.normal * 1e-6;
-    const bool lit = facing > 0 && !occluded(lifted, light);
+    const bool lit = facing > 0 && !occluded(hit.point + hit.normal * 1e-6, light);
     const double sky = 0.5 + 0.5 * hit.normal[2];
     Vector3 radiance =
         albedo * (Vector3{0.42, 0.46, 0.54} * sky + Vector3{0.19, 0.17, 0.15} * (1 - sky)) * ambient_occlusion(hit);
     if (lit) {
       radiance = radiance + albedo * Vector3{0.82, 0.77, 0.70} * facing;
       const double towards = dot(hit.normal, normalized(light - direction));
-      if (towards > 0 && object.material.specular > 0) {
-        const double highlight = std::pow(towards, object.material.shininess);
-        radiance = radiance + Vector3{1, 1, 1} * (object.material.specular * highlight);
-      }
+      if (towards > 0 && object.material.specular > 0)
+        radiance =
+            radiance + Vector3{1, 1, 1} * (object.material.specular * std::pow(towards, object.material.shininess));
     }
     return radiance;
   }
