@@ -9,7 +9,7 @@
 # is whatever the command that failed gave, 2 for a word that is no option.
 set -eu
 here=$(pwd)
-data='' out='' iterations=4000 downscale=1 mark_iterations='' voxel_size=''
+data='' out='' iterations='' downscale=1 mark_iterations='' mark_rate='' voxel_size=''
 usage='[--data capture] [--downscale by] [--out folder] [--iterations number] [--mark-iterations number] [--voxel-size length]'
 while [ $# -gt 0 ]; do
   case $1 in
@@ -47,9 +47,12 @@ mkdir -p "$out"
 if [ -z "$data" ]; then
   data=$out/scene
   voxel_size=${voxel_size:-0} # its points lie on its surfaces, as densely as they should
-  mark_iterations=${mark_iterations:-1500} # enough for every bit of every view
+  iterations=${iterations:-3000}
+  mark_iterations=${mark_iterations:-1000} # few and fast: docs/notebook/measured.md has what that costs
+  mark_rate=0.02
   "$compmark" scene --out "$data" --width 400 --height 400 --train 60 --test 8
 else
+  iterations=${iterations:-4000}
   "$compmark" probe --data "$data"
 fi
 split=test # what is measured; a capture without test views is measured in its training views
@@ -57,7 +60,7 @@ case $("$compmark" probe --data "$data" --json) in *'"views_test": 0,'*) split=t
 [ -f "$out/owner.key" ] || "$compmark" keygen --bits 48 --out "$out/owner.key"
 "$compmark" claim --key "$out/owner.key" --out "$out/owner.claim"
 "$compmark" train --data "$data" --downscale "$downscale" --out "$out/run" --iterations "$iterations" ${voxel_size:+--voxel-size "$voxel_size"} \
-  --codec hac --lambda 0.001 --key "$out/owner.key" ${mark_iterations:+--mark-iterations "$mark_iterations"} --resume
+  --codec hac --lambda 0.001 --key "$out/owner.key" ${mark_iterations:+--mark-iterations "$mark_iterations"} ${mark_rate:+--message-rate "$mark_rate"} --resume
 small=$out/run/model.cmk
 unmarked=$out/run/unmarked.cmk
 echo

@@ -39,6 +39,7 @@
 #include "compmark/math/mirror.hpp"
 #include "compmark/math/monotone_cubic.hpp"
 #include "compmark/math/morton.hpp"
+#include "compmark/math/normals.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/math/resize_adjoint.hpp"
 #include "compmark/math/robust_ball.hpp"
@@ -120,6 +121,7 @@
 #include "compmark/scene/transforms_split.hpp"
 #include "compmark/scene/turn.hpp"
 #include "compmark/scene/undistort.hpp"
+#include "compmark/scene/value_noise.hpp"
 #include "compmark/scene/view_reader.hpp"
 #include "compmark/scene/views_around.hpp"
 

@@ -201,6 +201,35 @@ TEST_CASE("scene/procedural: same seed, same pixels, for any number of threads; 
   }
 }
 
+TEST_CASE("scene/procedural: shadows are those of rays against all objects; a memory of the noise changes no colour") {
+  const ProceduralScene scene(3);
+  const Random random(1, 0, random_stage("shadow test"));
+  ProceduralScene::NoiseMemory memory;
+  int shadowed = 0, open = 0, colours = 0;
+  Vector3 last;
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    const auto u = [&](std::uint64_t k) { return 2 * random.uniform(6 * i + k) - 1; };
+    const Vector3 from = normalized({u(0), u(1), std::abs(u(2))}) * 3.0;
+    const Vector3 towards = normalized(Vector3{u(3), u(4), 0.4 * u(5) - 0.3} - from);
+    const std::optional<SceneHit> hit = scene.trace(from, towards);
+    if (!hit) continue;
+    const Vector3 lifted = hit->point + hit->normal * 1e-6;
+    const Vector3 direction = normalized(Vector3{u(1), u(2), u(3)});
+    const std::optional<SceneHit> blocker = scene.trace(lifted, direction);
+    CAPTURE(i);
+    CHECK(scene.occluded(lifted, direction) == (blocker && blocker->distance < 10));
+    (blocker ? shadowed : open) += 1;
+    const Vector3 alone = scene.shade(*hit, towards, i);
+    const Vector3 remembered = scene.shade(*hit, towards, i, memory);
+    for (std::size_t c = 0; c < 3; ++c) CHECK(alone[c] == remembered[c]);
+    colours += alone.x != last.x ? 1 : 0;
+    last = alone;
+  }
+  CHECK(shadowed > 1000);
+  CHECK(open > 1000);
+  CHECK(colours > 1000);  // the comparison is not one of constants
+}
+
 TEST_CASE("scene/procedural: other people's folders are left alone, our own is written again") {
   const TemporaryFolder folder;
   ProceduralSettings settings = small_settings();

@@ -5,7 +5,8 @@
 // Gaussian blur, and a blur that also thins out are all of this kind, and so the gradient of each is the transposed
 // map, exactly: g_x = V^T g H. A table holds, for every output place, one run of input places and its weights; what a
 // filter reads beyond the border is folded back (mirrored without repeating the edge), so that a constant image stays
-// constant. Cost: taps multiply-adds an output place and pass; rows first.
+// constant. Cost: taps multiply-adds an output place and pass; rows first. Along a row the places of a blur or a crop that
+// have the same weights are made side by side, as lanes, each with its terms in the order they have one by one.
 #pragma once
 
 #include <algorithm>
@@ -29,6 +30,8 @@ struct RunTable {
   int taps = 0;
   std::vector<int> first;
   std::vector<T> weight;
+  /// Outputs [alike_begin, alike_end) have the same weights, and each run begins one place after the one before.
+  int alike_begin = 0, alike_end = 0;
 
   [[nodiscard]] int output() const { return static_cast<int>(first.size()); }
 
@@ -56,6 +59,7 @@ struct RunTable {
       }
       table.first.push_back(start);
     }
+    table.find_alike();
     return table;
   }
 
@@ -67,6 +71,7 @@ struct RunTable {
     table.taps = 1;
     for (int i = 0; i < count; ++i) table.first.push_back(begin + i);
     table.weight.assign(static_cast<std::size_t>(count), T(1));
+    table.find_alike();
     return table;
   }
   /// Bilinear with antialiasing: a triangle as wide as the coarser of the two grids.
@@ -87,6 +92,18 @@ struct RunTable {
   }
 
  private:
+  /// The longest such range round the middle, where no border is near.
+  void find_alike() {
+    const auto follows = [&](int i) {  // output i is like i - 1
+      const T* const own = weight.data() + static_cast<std::size_t>(i) * static_cast<std::size_t>(taps);
+      return first[static_cast<std::size_t>(i)] == first[static_cast<std::size_t>(i) - 1] + 1 &&
+             std::equal(own, own + taps, own - taps);
+    };
+    alike_begin = output() / 2;
+    alike_end = alike_begin + 1;
+    while (alike_end < output() && follows(alike_end)) ++alike_end;
+    while (alike_begin > 0 && follows(alike_begin)) --alike_begin;
+  }
   /// Mirror without repeating the edge, as often as needed.
   [[nodiscard]] static int folded(int k, int input) {
     if (input == 1) return 0;
@@ -146,23 +163,49 @@ struct SeparableMap {
       for (std::size_t x = 0; x < columns; ++x) sums[x] += w * row[x];
     }
     T* target = output.row(c, y);
-    for (int x = 0; x < output.width; ++x) {
-      const T* w = row_weights(horizontal, x);
-      const T* source = sums + horizontal.first[static_cast<std::size_t>(x)];
-      T sum(0);
-      for (int t = 0; t < horizontal.taps; ++t) sum += w[t] * source[t];
-      target[x] = sum;
+    const auto one_by_one = [&](int begin, int end) {
+      for (int x = begin; x < end; ++x) {
+        const T* w = row_weights(horizontal, x);
+        const T* source = sums + horizontal.first[static_cast<std::size_t>(x)];
+        T sum(0);
+        for (int t = 0; t < horizontal.taps; ++t) sum += w[t] * source[t];
+        target[x] = sum;
+      }
+    };
+    one_by_one(0, horizontal.alike_begin);
+    if (const std::size_t alike = alike_count(); alike > 0) {
+      T* const out = target + horizontal.alike_begin;
+      const T* const source = sums + horizontal.first[static_cast<std::size_t>(horizontal.alike_begin)];
+      const T* const w = row_weights(horizontal, horizontal.alike_begin);
+      std::fill_n(out, alike, T(0));
+      for (std::size_t t = 0; t < static_cast<std::size_t>(horizontal.taps); ++t) {
+        for (std::size_t x = 0; x < alike; ++x) out[x] += w[t] * source[x + t];
+      }
     }
+    one_by_one(horizontal.alike_end, output.width);
   }
   void scatter_row(ImageView<const T> gradient, int c, int y, ImageView<T> input_gradient, T* sums) const {
     const std::size_t columns = static_cast<std::size_t>(input_gradient.width);
     std::fill_n(sums, columns, T(0));
     const T* source = gradient.row(c, y);
-    for (int x = 0; x < gradient.width; ++x) {
-      const T* w = row_weights(horizontal, x);
-      T* target = sums + horizontal.first[static_cast<std::size_t>(x)];
-      for (int t = 0; t < horizontal.taps; ++t) target[t] += w[t] * source[x];
+    const auto one_by_one = [&](int begin, int end) {
+      for (int x = begin; x < end; ++x) {
+        const T* w = row_weights(horizontal, x);
+        T* target = sums + horizontal.first[static_cast<std::size_t>(x)];
+        for (int t = 0; t < horizontal.taps; ++t) target[t] += w[t] * source[x];
+      }
+    };
+    one_by_one(0, horizontal.alike_begin);
+    if (const std::size_t alike = alike_count(); alike > 0) {
+      const T* const slope = source + horizontal.alike_begin;
+      T* const target = sums + horizontal.first[static_cast<std::size_t>(horizontal.alike_begin)];
+      const T* const w = row_weights(horizontal, horizontal.alike_begin);
+      // The last weight first: an input place then adds its outputs in the order of x, as one by one.
+      for (std::size_t t = static_cast<std::size_t>(horizontal.taps); t-- > 0;) {
+        for (std::size_t x = 0; x < alike; ++x) target[x + t] += w[t] * slope[x];
+      }
     }
+    one_by_one(horizontal.alike_end, gradient.width);
     const T* weight = row_weights(vertical, y);
     for (int t = 0; t < vertical.taps; ++t) {
       const T w = weight[t];
@@ -170,6 +213,9 @@ struct SeparableMap {
       T* row = input_gradient.row(c, vertical.first[static_cast<std::size_t>(y)] + t);
       for (std::size_t x = 0; x < columns; ++x) row[x] += w * sums[x];
     }
+  }
+  [[nodiscard]] std::size_t alike_count() const {
+    return static_cast<std::size_t>(horizontal.alike_end - horizontal.alike_begin);
   }
   [[nodiscard]] static const T* row_weights(const RunTable<T>& table, int i) {
     return table.weight.data() + static_cast<std::size_t>(i) * static_cast<std::size_t>(table.taps);

@@ -20,6 +20,7 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/scene/solid.hpp"
+#include "compmark/scene/value_noise.hpp"
 
 namespace compmark {
 
@@ -48,11 +49,19 @@ struct SceneHit {
   std::size_t object = 0;
 };
 
-/// The scene of a seed: seeds differ in the pattern of the veins and in nothing else. Cost of a ray: ~0.2 us with its
+/// The scene of a seed: seeds differ in the pattern of the veins and in nothing else. Cost of a ray: ~0.15 us with its
 /// shadow.
 class ProceduralScene {
  public:
-  explicit ProceduralScene(std::uint64_t seed = 0) : noise_(seed, 0, random_stage("procedural texture")) { build(); }
+  static constexpr std::size_t light_samples = 16;
+
+  explicit ProceduralScene(std::uint64_t seed = 0) : noise_(Random(seed, 0, random_stage("procedural texture"))) {
+    build();
+  }
+
+  /// Lattice cells of the noise: marble has five octaves, wood three and its grain, the cloth two. The colours are the
+  /// same with a new memory for every sample and with one for a whole picture. Belongs to one thread.
+  using NoiseMemory = std::array<ValueNoise::Cell, 11>;
 
   [[nodiscard]] const std::vector<SceneObject>& objects() const { return objects_; }
 
@@ -78,7 +87,7 @@ class ProceduralScene {
   /// Bit i is set if object i may be hit by a ray from `origin` that leaves `direction` by at most `spread` (a tangent,
   /// small).
   [[nodiscard]] std::uint32_t candidates(const Vector3& origin, const Vector3& direction, double spread) const {
-    static_assert(sizeof(std::uint32_t) * 8 >= 12, "one bit for each of the twelve objects");
+    static_assert(sizeof(std::uint32_t) * 8 >= object_count, "one bit for each object");
     std::uint32_t bits = 0;
     for (std::size_t i = 0; i < objects_.size(); ++i) {
       const Vector3 to = objects_[i].solid.center() - origin;
@@ -90,36 +99,67 @@ class ProceduralScene {
     return bits;
   }
 
+  /// Whether anything stands within 10 units of a ray with unit direction. The bounding spheres of all objects are
+  /// tried first, as lanes.
+  [[nodiscard]] bool occluded(const Vector3& origin, const Vector3& direction) const {
+    std::array<double, object_count> near;
+    for (std::size_t i = 0; i < object_count; ++i) {
+      const double x = origin.x - centers_[0][i], y = origin.y - centers_[1][i], z = origin.z - centers_[2][i];
+      const double along = x * direction.x + y * direction.y + z * direction.z;
+      const double distance2 = x * x + y * y + z * z;
+      // In front, or the ray starts within. The margin lets no hit go by that Solid::intersect would find.
+      const double ahead = along < 0 ? along * along : 0.0;
+      near[i] = bound2_[i] * (1 + 1e-9) + 1e-9 - (distance2 - ahead);
+    }
+    for (std::size_t i = 0; i < object_count; ++i) {
+      if (near[i] > 0 && objects_[i].solid.intersect(origin, direction, 10.0)) return true;
+    }
+    return false;
+  }
+
   /// Linear radiance at a hit towards `direction` reversed. `light_sample` in [0, light_samples) picks a place on the
   /// lamp's disc, so that the samples of one pixel together make a soft shadow.
   [[nodiscard]] Vector3 shade(const SceneHit& hit, const Vector3& direction, std::size_t light_sample) const {
+    NoiseMemory memory;
+    return shade(hit, direction, light_sample, memory);
+  }
+
+  /// The same with a memory, which is for this scene alone.
+  [[nodiscard]] Vector3 shade(const SceneHit& hit, const Vector3& direction, std::size_t light_sample,
+                              NoiseMemory& memory) const {
     const SceneObject& object = objects_[hit.object];
-    const Vector3 albedo = color(object, hit);
-    const Vector3 to_lamp = lamp_position(light_sample) - hit.point;
+    const Vector3 albedo = color(object, hit, memory);
+    const Vector3 to_lamp = lamp_[light_sample % light_samples] - hit.point;
     const Vector3 light = normalized(to_lamp);
     const double facing = dot(hit.normal, light);
-    const Vector3 lifted = hit.point + hit.normal * 1e-6;
-    const bool lit = facing > 0 && !occluded(lifted, light);
+    const bool lit = facing > 0 && !occluded(hit.point + hit.normal * 1e-6, light);
     const double sky = 0.5 + 0.5 * hit.normal[2];
     Vector3 radiance =
         albedo * (Vector3{0.42, 0.46, 0.54} * sky + Vector3{0.19, 0.17, 0.15} * (1 - sky)) * ambient_occlusion(hit);
     if (lit) {
       radiance = radiance + albedo * Vector3{0.82, 0.77, 0.70} * facing;
-      const double highlight =
-          std::pow(std::max(0.0, dot(hit.normal, normalized(light - direction))), object.material.shininess);
-      radiance = radiance + Vector3{1, 1, 1} * (object.material.specular * highlight);
+      const double towards = dot(hit.normal, normalized(light - direction));
+      if (towards > 0 && object.material.specular > 0)
+        radiance =
+            radiance + Vector3{1, 1, 1} * (object.material.specular * std::pow(towards, object.material.shininess));
     }
     return radiance;
   }
 
-  static constexpr std::size_t light_samples = 16;
-
  private:
   static constexpr double table = -0.55;  // height of the turntable's top
+  static constexpr std::size_t object_count = 12;
 
-  void add(const Solid& solid, const Material& material) { objects_.push_back({solid, material}); }
+  void add(const Solid& solid, const Material& material) {
+    const std::size_t i = objects_.size();
+    objects_.push_back({solid, material});
+    for (std::size_t c = 0; c < 3; ++c) centers_[c][i] = solid.center()[c];
+    bound2_[i] = solid.bounding_radius() * solid.bounding_radius();
+    inner2_[i] = solid.inner_radius() * solid.inner_radius();
+  }
 
   void build() {
+    for (std::size_t sample = 0; sample < light_samples; ++sample) lamp_[sample] = lamp_position(sample);
     add(Solid::cylinder({0, 0, table - 0.05}, 1.12, 0.05),
         {Texture::turntable, {0.42, 0.40, 0.37}, {0.25, 0.24, 0.235}, 72, 0.03, 20});
     add(Solid::sphere({-0.40, 0.42, table + 0.40}, 0.40),
@@ -149,63 +189,38 @@ class ProceduralScene {
     return Vector3{2.2, -2.6, 4.2} + Vector3{radius * std::cos(angle), radius * std::sin(angle), 0};
   }
 
-  [[nodiscard]] bool occluded(const Vector3& origin, const Vector3& direction) const {
-    for (const SceneObject& object : objects_) {
-      if (object.solid.intersect(origin, direction, 10.0)) return true;
-    }
-    return false;
-  }
-
   /// Smooth darkening near other solids, from their bounding spheres (exact for spheres above the horizon): 1 - sum cos
-  /// (r / d)^2.
+  /// (r / d)^2. The turntable, object 0, darkens nothing.
   [[nodiscard]] double ambient_occlusion(const SceneHit& hit) const {
-    double open = 1;
-    for (std::size_t i = 1; i < objects_.size(); ++i) {
-      if (i == hit.object) continue;
-      const Solid& solid = objects_[i].solid;
-      const Vector3 to = solid.center() - hit.point;
-      const double d2 = dot(to, to);
-      const double r = solid.inner_radius();
-      const double cosine = dot(hit.normal, to) / std::sqrt(d2);
-      if (cosine > 0) open *= 1 - 0.8 * cosine * std::min(1.0, r * r / d2);
+    std::array<double, object_count> factors;
+    for (std::size_t i = 0; i < object_count; ++i) {
+      const double x = centers_[0][i] - hit.point.x, y = centers_[1][i] - hit.point.y, z = centers_[2][i] - hit.point.z;
+      const double d2 = x * x + y * y + z * z;
+      const double cosine = (hit.normal.x * x + hit.normal.y * y + hit.normal.z * z) / std::sqrt(d2);
+      factors[i] = cosine > 0 ? 1 - 0.8 * cosine * std::min(1.0, inner2_[i] / d2) : 1.0;
     }
+    double open = 1;
+    for (std::size_t i = 1; i < object_count; ++i) open *= i == hit.object ? 1.0 : factors[i];
     return open;
   }
 
-  [[nodiscard]] Vector3 color(const SceneObject& object, const SceneHit& hit) const;
+  [[nodiscard]] Vector3 color(const SceneObject& object, const SceneHit& hit, NoiseMemory& memory) const;
 
-  /// Value noise in [0, 1], trilinear with smoothed weights: C1, keyed by lattice place.
-  [[nodiscard]] double noise(const Vector3& p) const {
-    std::array<std::int64_t, 3> cell{};
-    std::array<double, 3> t{};
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double floor = std::floor(p[c]);
-      cell[c] = static_cast<std::int64_t>(floor);
-      const double u = p[c] - floor;
-      t[c] = u * u * (3 - 2 * u);
-    }
-    double sum = 0;
-    for (unsigned corner = 0; corner < 8; ++corner) {
-      double weight = 1;
-      std::uint64_t place = 0;
-      for (std::size_t c = 0; c < 3; ++c) {
-        const std::uint64_t bit = (corner >> c) & 1u;
-        weight *= bit != 0 ? t[c] : 1 - t[c];
-        place = place * 4096 + (static_cast<std::uint64_t>(cell[c] + 2048) + bit);
-      }
-      sum += weight * noise_.uniform(place);
-    }
-    return sum;
-  }
-  [[nodiscard]] double turbulence(Vector3 p, int octaves) const {
+  /// Octave i remembers in memory[first + i].
+  [[nodiscard]] double turbulence(Vector3 p, std::size_t octaves, NoiseMemory& memory, std::size_t first) const {
     double sum = 0;
     double amplitude = 0.5;
-    for (int i = 0; i < octaves; ++i, amplitude *= 0.5, p = p * 2.03) sum += amplitude * noise(p);
+    for (std::size_t i = 0; i < octaves; ++i, amplitude *= 0.5, p = p * 2.03)
+      sum += amplitude * noise_.at(p, memory[first + i]);
     return sum;
   }
 
-  Random noise_;
+  ValueNoise noise_;
   std::vector<SceneObject> objects_;
+  std::array<Vector3, light_samples> lamp_;
+  // Of the objects: centres by component, squared radii of the bounding spheres and of those that stand for the bulk.
+  std::array<std::array<double, object_count>, 3> centers_{};
+  std::array<double, object_count> bound2_{}, inner2_{};
 };
 
 namespace detail {
@@ -217,39 +232,41 @@ namespace detail {
 [[nodiscard]] inline bool odd(double x) { return std::fmod(std::abs(std::floor(x)), 2.0) == 1.0; }
 }  // namespace detail
 
-inline Vector3 ProceduralScene::color(const SceneObject& object, const SceneHit& hit) const {
+inline Vector3 ProceduralScene::color(const SceneObject& object, const SceneHit& hit, NoiseMemory& memory) const {
   using std::numbers::pi;
   const Material& m = object.material;
   const Vector3 local = object.solid.to_local(hit.point);
-  const double angle = std::atan2(local[1], local[0]) / (2 * pi);  // turns
+  const auto angle = [&] { return std::atan2(local[1], local[0]) / (2 * pi); };  // turns
   switch (m.texture) {
     case Texture::plain:
       return m.first;
     case Texture::checker: {  // around the side by angle, on the lid by plane coordinates
       const bool lid = std::abs(hit.normal[2]) > 0.5;
-      const double u = lid ? local[0] * m.frequency : angle * 2 * m.frequency;
+      const double u = lid ? local[0] * m.frequency : angle() * 2 * m.frequency;
       const double v = (lid ? local[1] : local[2]) * m.frequency * (lid ? 1 : 1.45);
       return detail::odd(u) != detail::odd(v) ? m.first : m.second;
     }
     case Texture::stripes:
       return detail::odd((local[0] + local[1] + local[2]) * m.frequency) ? m.first : m.second;
     case Texture::bands:
-      return detail::mix(m.first, m.second, 0.5 + 0.5 * std::sin(2 * pi * m.frequency * angle));
+      return detail::mix(m.first, m.second, 0.5 + 0.5 * std::sin(2 * pi * m.frequency * angle()));
     case Texture::marble: {
-      const double vein = std::sin(pi * m.frequency * (local[0] + local[2] + 1.9 * turbulence(local * 4.1, 5)));
+      const double vein =
+          std::sin(pi * m.frequency * (local[0] + local[2] + 1.9 * turbulence(local * 4.1, 5, memory, 0)));
       return detail::mix(m.second, m.first, std::pow(std::abs(vein), 0.55));
     }
     case Texture::wood: {
       const double ring = std::hypot(local[0] + 0.15, local[1] - 0.1) +
-                          0.05 * turbulence({local[0] * 9, local[1] * 9, local[2] * 1.7}, 3);
+                          0.05 * turbulence({local[0] * 9, local[1] * 9, local[2] * 1.7}, 3, memory, 5);
       const double t = ring * m.frequency - std::floor(ring * m.frequency);
-      return detail::mix(m.first, m.second, t * t) * (0.8 + 0.4 * noise({local[0] * 60, local[1] * 60, local[2] * 5}));
+      return detail::mix(m.first, m.second, t * t) *
+             (0.8 + 0.4 * noise_.at({local[0] * 60, local[1] * 60, local[2] * 5}, memory[8]));
     }
     case Texture::turntable: {  // degree marks at the rim, a fine checker in the middle, speckled cloth between
       const double radius = std::hypot(local[0], local[1]);
-      const double speckle = 0.88 + 0.24 * turbulence(local * 38.0, 2);
+      const double speckle = 0.88 + 0.24 * turbulence(local * 38.0, 2, memory, 9);
       if (radius > 0.985 && radius < 1.09) {
-        const double turn = angle * m.frequency;
+        const double turn = angle() * m.frequency;
         const double tick = std::abs(turn - std::nearbyint(turn));
         const bool major = std::fmod(std::abs(std::nearbyint(turn)), 6.0) == 0.0;
         if (tick < (major ? 0.13 : 0.07) && radius > (major ? 1.0 : 1.04)) return {0.03, 0.03, 0.035};

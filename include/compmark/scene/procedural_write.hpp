@@ -118,6 +118,7 @@ template <Executor E>
   const double spread = (0.75 / camera.fx + 0.75 / camera.fy) * (is_pinhole(lens) ? 1 : 4);
   const Vector3 origin{camera.center_world[0], camera.center_world[1], camera.center_world[2]};
   executor.for_chunks(static_cast<std::size_t>(camera.height), 8, [&](std::size_t begin, std::size_t end, std::size_t) {
+    ProceduralScene::NoiseMemory memory;
     for (std::size_t y = begin; y < end; ++y) {
       for (std::size_t x = 0; x < width; ++x) {
         const std::optional<Vector3> middle =
@@ -133,8 +134,8 @@ template <Executor E>
           const std::optional<SceneHit> hit = direction ? scene.trace(origin, *direction, candidates) : std::nullopt;
           if (!hit) continue;
           // 7 is prime to 16: neighbouring samples look at distant parts of the lamp.
-          sum = sum +
-                scene.shade(*hit, *direction, static_cast<std::size_t>(7 * sample) % ProceduralScene::light_samples);
+          sum = sum + scene.shade(*hit, *direction,
+                                  static_cast<std::size_t>(7 * sample) % ProceduralScene::light_samples, memory);
           ++covered;
         }
         if (covered == 0) continue;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "compmark/core/random.hpp"
+#include "compmark/core/thread_executor.hpp"
 #include "compmark/testing/gradient.hpp"
 #include "compmark/watermark/pretrain/augmentation.hpp"
 #include "compmark/watermark/pretrain/dead_leaves.hpp"
@@ -88,9 +89,43 @@ TEST_CASE("pretrain/pretrain: a codec is passed straight through") {
 TEST_CASE("pretrain/pretrain: rotation turns counter-clockwise about the middle") {
   std::vector<double> pixels(11 * 11, 0.0), turned(11 * 11, 9.0);
   pixels[5 * 11 + 9] = 1;  // right of the middle
-  rotate_image<double>({pixels.data(), 1, 11, 11}, std::acos(-1.0) / 2, {turned.data(), 1, 11, 11});
+  SerialExecutor executor;
+  rotate_image<double>({pixels.data(), 1, 11, 11}, std::acos(-1.0) / 2, {turned.data(), 1, 11, 11}, executor);
   CHECK(turned[1 * 11 + 5] == doctest::Approx(1));  // above it
   CHECK(turned[5 * 11 + 9] == doctest::Approx(0).epsilon(1e-9));
+}
+
+TEST_CASE("pretrain/pretrain: a distortion has the same bits for any number of threads, there and back") {
+  constexpr int height = 131, width = 90;  // more than a chunk of each loop
+  const std::vector<float> pixels = [] {
+    std::vector<float> made;
+    for (const double v : values(3 * height * width, 12, 0, 1)) made.push_back(static_cast<float>(v));
+    return made;
+  }();
+  const ImageView<const float> image{pixels.data(), 3, height, width};
+  SerialExecutor serial;
+  ThreadExecutor threads(3);
+  const auto run = [&](const AugmentationDraw& draw, auto& executor) {
+    Augmenter<float> augmenter;
+    const auto codec = [](ImageView<const float> from, int, ImageView<float> to) {
+      std::copy_n(from.data, from.size(), to.data);
+    };
+    const auto seen = augmenter.forward(image, draw, codec, executor);
+    std::vector<float> all(seen.data, seen.data + seen.size());
+    std::vector<float> gradient(pixels.size(), 0.5f), slope(seen.size());
+    for (std::size_t i = 0; i < slope.size(); ++i) slope[i] = seen.data[i] - 0.3f;
+    augmenter.backward({slope.data(), 3, seen.height, seen.width}, {gradient.data(), 3, height, width}, executor);
+    all.insert(all.end(), gradient.begin(), gradient.end());
+    return all;
+  };
+  for (const AugmentationDraw& draw :
+       {drawn(Augmentation::noise, 0.1), drawn(Augmentation::brightness, 1.3), drawn(Augmentation::rotation, 0.4),
+        drawn(Augmentation::blur, 0.8), drawn(Augmentation::resize, 0.7), drawn(Augmentation::none, 0)}) {
+    CAPTURE(static_cast<int>(draw.kind));
+    const std::vector<float> alone = run(draw, serial);
+    CHECK(alone == run(draw, threads));
+    CHECK((draw.kind == Augmentation::none) == std::equal(pixels.begin(), pixels.end(), alone.begin()));
+  }
 }
 
 TEST_CASE("pretrain/pretrain: draws stay in their ranges, and kinds of weight zero are not drawn") {

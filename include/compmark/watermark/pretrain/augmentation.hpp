@@ -15,6 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <span>
 
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/config.hpp"
@@ -22,6 +23,7 @@
 #include "compmark/core/per_worker.hpp"
 #include "compmark/core/random.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/math/normals.hpp"
 #include "compmark/math/separable_map.hpp"
 #include "compmark/watermark/pretrain/rotation.hpp"
 
@@ -138,18 +140,25 @@ class Augmenter {
     if (separable()) {
       map_.apply(image, output, scratch_, executor);
     } else if (draw.kind == Augmentation::rotation) {
-      rotate_image(image, draw.amount, output);
+      rotate_image(image, draw.amount, output, executor);
     } else if (draw.kind == Augmentation::jpeg) {
       jpeg(image, static_cast<int>(draw.amount), output);
     } else {
       const Random random(draw.seed, 0, random_stage("mark/pretrain/noise"));
       const bool noise = draw.kind == Augmentation::noise, bright = draw.kind == Augmentation::brightness;
-      for (std::size_t i = 0; i < image.size(); ++i) {
-        T value = image.data[i];
-        if (noise) value += static_cast<T>(draw.amount * random.normal(i));
-        if (bright) value *= static_cast<T>(draw.amount);
-        output.data[i] = noise || bright ? std::clamp(value, T(0), T(1)) : value;
-      }
+      executor.for_chunks(image.size(), std::size_t{1} << 13, [&](std::size_t begin, std::size_t end, std::size_t) {
+        std::array<double, 256> normals{};
+        for (std::size_t from = begin; from < end; from += normals.size()) {
+          const std::size_t count = std::min(normals.size(), end - from);
+          if (noise) fill_normals(random, from, std::span<double>(normals).first(count));
+          for (std::size_t i = 0; i < count; ++i) {
+            T value = image.data[from + i];
+            if (noise) value += static_cast<T>(draw.amount * normals[i]);
+            if (bright) value *= static_cast<T>(draw.amount);
+            output.data[from + i] = noise || bright ? std::clamp(value, T(0), T(1)) : value;
+          }
+        }
+      });
     }
     return output;
   }
@@ -168,10 +177,12 @@ class Augmenter {
     }
     const bool clamped = draw_.kind == Augmentation::noise || draw_.kind == Augmentation::brightness;
     const T factor = draw_.kind == Augmentation::brightness ? static_cast<T>(draw_.amount) : T(1);
-    for (std::size_t i = 0; i < d_image.size(); ++i) {
-      if (clamped && !(output_[i] > T(0) && output_[i] < T(1))) continue;
-      d_image.data[i] += factor * d_output.data[i];
-    }
+    executor.for_chunks(d_image.size(), std::size_t{1} << 14, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (clamped && !(output_[i] > T(0) && output_[i] < T(1))) continue;
+        d_image.data[i] += factor * d_output.data[i];
+      }
+    });
   }
 
  private:
