@@ -24,8 +24,8 @@ namespace compmark {
 
 namespace detail {
 
-/// The symbols of every so-many-th panel of a model's anchors, at most about `most` anchors; the chunks are those of the
-/// file, for the anchors beside an anchor.
+/// The symbols of every so-many-th panel of a model's anchors, at most about `most` anchors. The chunks are those of
+/// the file, for the anchors beside an anchor.
 template <class Predictor>
 [[nodiscard]] IntraSample sample_intra(CodecModel& coded, Predictor& predictor, std::size_t most) {
   IntraSample sample;

@@ -31,7 +31,8 @@ struct HacPlusFormat : HacFormat {
 namespace detail {
 
 /// INTR: u8 0 (all weights are zero) or 1; then the biases of means and of spreads, the weights of near anchors for
-/// means and for spreads, and those of scalars for means and for spreads, row by row, as integers in one stream of bits.
+/// means and for spreads, and those of scalars for means and for spreads, row by row, as integers in one
+/// stream of bits.
 [[nodiscard]] inline std::vector<std::byte> encode_intra(const IntraContext& context) {
   ByteWriter writer;
   const bool none = context == IntraContext::none(context.channels);

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The context inside an anchor and beside it, in whole numbers: each scalar is expected where the scalars before it say, beside what
-// the hash grid says. HAC++ (TPAMI 2025) has a network for each of five chunks of the features; this is its limit of
-// chunks of one scalar with a linear predictor, which is the triangular form of a KLT, over features, scales and
-// offsets together. For the scalar t of an anchor, with the mean m (1/32 bins) and the level L (256 levels of 1/8
-// octave) that the hash grid predicts, the deviations z of the scalars s < t of the same anchor that are coded, and the
-// mean deviation n(t) in this scalar of the anchors next to this one (near_anchors.hpp):
+// The context inside an anchor and beside it, in whole numbers: each scalar is expected where the scalars before it
+// say, beside what the hash grid says. HAC++ (TPAMI 2025) has a network for each of five chunks of the features; this
+// is its limit of chunks of one scalar with a linear predictor, which is the triangular form of a KLT, over features,
+// scales and offsets together. For the scalar t of an anchor, with the mean m (1/32 bins) and the level L (256 levels
+// of 1/8 octave) that the hash grid predicts, the deviations z of the scalars s < t of the same anchor that are coded,
+// and the mean deviation n(t) in this scalar of the anchors next to this one (near_anchors.hpp):
 //   z(s) = (32 symbol - m) / e(L), held in +-4          Q9; e(L) = sqrt(sigma^2 + 1/12), what rounding adds included
 //   m'   = m + e(L) (b(t) + a(t) n(t) + sum A(t, s) z(s))                    a straighter guess
 //   L'   = L + c(t) + d(t) (|n(t)| - 0.5) + sum B(t, s) (|z(s)| - 0.8)       octaves: surprises come together
