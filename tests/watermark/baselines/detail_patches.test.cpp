@@ -54,6 +54,9 @@ TEST_CASE("baselines/detail_patches: the patch with the detail is found, and wha
   CHECK(patches.holds({16.0, 31.9}));
   CHECK_FALSE(patches.holds({15.9, 31.9}));
   CHECK_FALSE(patches.holds({16.0, 32.0}));
+  CHECK(DetailPatches(ImageView<const double>(image), 1e-3).holds({16.0, 31.9}));  // at least one
+  const ImageView<const double> small{picture.data(), 3, 15, 30};
+  CHECK(DetailPatches(small, 1).count() == 0);
   const DetailPatches all(ImageView<const double>(image), 1);
   CHECK(all.count() == 6);
   CHECK(all.holds({47.9, 0.0}));

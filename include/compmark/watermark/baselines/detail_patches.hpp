@@ -25,7 +25,8 @@ class DetailPatches {
  public:
   static constexpr int side = 16;
 
-  /// The `share` with the highest scores, rounded to the nearest; of equals the first.
+  /// The `share` with the highest scores, above 0 and at most 1: rounded to the nearest, and at least one patch; of
+  /// equals the first.
   template <class T>
   DetailPatches(ImageView<const T> image, double share) : across_(image.width / side),
                                                           down_(image.height / side) {
@@ -36,7 +37,8 @@ class DetailPatches {
     std::vector<std::size_t> order(scores.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return scores[a] > scores[b]; });
-    order.resize(static_cast<std::size_t>(std::llround(share * static_cast<double>(order.size()))));
+    const auto wanted = static_cast<std::size_t>(std::llround(share * static_cast<double>(order.size())));
+    order.resize(std::min(order.size(), std::max<std::size_t>(1, wanted)));
     marked_.assign(scores.size(), 0);
     for (const std::size_t patch : order) marked_[patch] = 1;
   }

@@ -3,13 +3,13 @@
 //
 // The baseline 3D-GSW (Jang et al., CVPR 2025, "Robust Watermark for 3D Gaussian Splatting"), on anchors. Before a
 // finished model is marked, anchors that carry next to nothing of its error are removed, and of those that carry little
-// the ones that draw where a render has much detail are split. Then everything trains on, at small rates; the message is
-// read through the low band of two wavelet levels. The loss of an iteration is
+// the ones that draw where a render has much detail are split. Then everything trains on; the message is read through
+// the low band of two wavelet levels. The loss of an iteration is
 //   0.2 L1 + (1 - SSIM) + 0.3 wavelet subbands (subband_loss.hpp) + 0.4 cross entropy of the bits,
-// render against photograph. Thresholds and weights are those of the released script, the share of patches is its
-// default. Differs from the paper: an anchor goes, or is split, by the largest contribution of its Gaussians; 1 - SSIM
-// is in the place of LPIPS-VGG, whose weights could not be had; its mask of the gradients is a constant factor of each
-// number, which Adam divides out, and is left out. docs/baselines.md says why, and what it measures.
+// render against photograph. Thresholds, weights and the share of patches are those of the released script. Differs from
+// the paper: an anchor goes, or is split, by the largest contribution of its Gaussians; 1 - SSIM is in the place of
+// LPIPS-VGG, whose weights could not be had; its mask of the gradients is a constant factor of each number, which Adam
+// divides out, and is left out. docs/baselines.md says why, and what it measures.
 //
 //   recipes::ThreeDGsw<Base, Decoder>   Base with a message read by Decoder, a WaveletDecoder, and the subband loss
 //   threedgsw_mark(), threedgsw_settings(settings)   its numbers
@@ -41,9 +41,9 @@ namespace compmark {
 
 /// What is removed, and what is split.
 struct ThreeDGswNumbers {
-  double removed = 1e-8;  ///< anchors with no larger contribution
-  double split = 8e-8;    ///< of the others those with no larger one, in a patch with much detail
-  double patches = 0.1;   ///< of a render, that have much detail
+  double removed = 1e-8;   ///< anchors with no larger contribution
+  double split = 8e-8;     ///< of the others those with no larger one, in a patch with much detail
+  double patches = 0.001;  ///< of a render, that have much detail
 };
 
 /// Rows of anchors, ascending.
@@ -116,7 +116,7 @@ struct ThreeDGsw : BaseRecipe {
   mark.message.lambda = 0.4;
   mark.message.image_weight = 1.2;
   mark.message.after = mark.message.ramp = 0;
-  mark.residual.learning_rate = 0.002;
+  mark.residual.learning_rate = 0.0075;
   return mark;
 }
 /// The losses of a run; its learning rates are the caller's.
