@@ -171,8 +171,8 @@ void bind_options(Options& app, EmbedOptions& options) {
   add_splat_up(app, options.settings.splat_up);
   add_mark_options(app, options.settings.mark, true);
   app.word("--method", options.method,
-           "compmark, or as a published baseline hides its message, to compare with (docs/baselines.md): waterf or "
-           "guardsplat, in models of the recipe scaffold")
+           "compmark, or as a published baseline hides its message, to compare with (docs/baselines.md): waterf, "
+           "guardsplat, gaussianmarker or 3dgsw, in models of the recipe scaffold")
       ->capture_default_str();
   app.word("--distortion", options.distortion,
            "how training replaces the quantizer of a codec before it reads the message: round "

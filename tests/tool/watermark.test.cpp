@@ -182,7 +182,8 @@ TEST_CASE("tool: embed marks a finished model and leaves the file it read as it 
   const std::string by_method = "embed --model " + at("dense/model.safetensors") + " --data " + setting().scene +
                                 " --out " + at("by_method") + " --key " + setting().key + " --method ";
   check_refused(tool(by_method + "watref"),
-                {"--method", "\"watref\" is none of compmark, waterf, guardsplat", "did you mean waterf?"});
+                {"--method", "\"watref\" is none of compmark, waterf, guardsplat, gaussianmarker, 3dgsw",
+                 "did you mean waterf?"});
   check_refused(tool(by_method + "banana"), {"--method", "\"banana\"", "give one of them"});
   // The published way, which trains on from the model, is still there.
   const Outcome published = tool("embed --iterations 20 --fidelity 0 --model " + at("dense/model.safetensors") +

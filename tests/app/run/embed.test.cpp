@@ -31,11 +31,14 @@ struct Unmarked {
   KeepingObserver told;
   std::filesystem::path model, decoder = scene.folder.path / "decoder.safetensors";
   OwnerKey key = scene.make_key();
+  std::size_t anchors = 0;
 
   explicit Unmarked(const std::string& name) : scene(name) {
     TrainSceneSettings training = scene.training("unmarked");
     training.iterations = 60;
-    REQUIRE(train_scene(training, executor, told).ok());
+    const Result<RunOutcome> trained = train_scene(training, executor, told);
+    REQUIRE(trained.ok());
+    anchors = trained->results.anchors;
     model = training.out / "model.safetensors";
     DecoderFileSettings fit;
     fit.model = model;
@@ -141,7 +144,8 @@ TEST_CASE("app/run/embed: a baseline hides the message in its own way, and resul
   };
   const double before = signal_in(unmarked.model);
   CAPTURE(before);
-  for (const EmbedMethod method : {EmbedMethod::waterf, EmbedMethod::guardsplat}) {
+  for (const EmbedMethod method :
+       {EmbedMethod::waterf, EmbedMethod::guardsplat, EmbedMethod::gaussianmarker, EmbedMethod::threedgsw}) {
     const std::string name(name_of(method));
     CAPTURE(name);
     EmbedSettings settings = unmarked.embedding(name);
@@ -157,12 +161,19 @@ TEST_CASE("app/run/embed: a baseline hides the message in its own way, and resul
     CAPTURE(after);
     CHECK(after > before + 0.2);
     const std::vector<std::string> changed = changed_in(outcome->model);
-    // Everything but the places of the anchors, or the features alone.
-    if (method == EmbedMethod::waterf) {
-      CHECK(changed.size() > 5);
-    } else {
+    // Everything but the places of the anchors, the features alone, or the anchors and no network; 3D-GSW removes
+    // anchors too.
+    const std::size_t anchors = outcome->results.anchors, host = unmarked.anchors;
+    if (method == EmbedMethod::guardsplat) {
       CHECK(changed.size() == 1);
+    } else if (method == EmbedMethod::gaussianmarker) {
+      CHECK(changed.size() == 4);
+      CHECK(anchors > host);
+      CHECK(anchors <= host + (host + 1) / 2);
+    } else {
+      CHECK(changed.size() > 5);
     }
+    if (method == EmbedMethod::waterf || method == EmbedMethod::guardsplat) CHECK(anchors == host);
   }
   // A finished run of one method is no run of another.
   EmbedSettings other = unmarked.embedding("waterf");
@@ -175,7 +186,8 @@ TEST_CASE("app/run/embed: a baseline hides the message in its own way, and resul
 
 TEST_CASE("app/run/embed: a baseline that is stopped and resumed ends in the same bits") {
   Unmarked unmarked("compmark-run-embed-baseline-resume");
-  for (const EmbedMethod method : {EmbedMethod::waterf, EmbedMethod::guardsplat}) {
+  for (const EmbedMethod method :
+       {EmbedMethod::waterf, EmbedMethod::guardsplat, EmbedMethod::gaussianmarker, EmbedMethod::threedgsw}) {
     const std::string name(name_of(method));
     CAPTURE(name);
     KeepingObserver first, second;

@@ -20,5 +20,7 @@ TEST_CASE("app/run/embed_method: a name is one method's, and no other word is a 
   CHECK(methods.size() == embed_method_names.size());
   CHECK(name_of(EmbedMethod::compmark) == "compmark");
   CHECK(name_of(EmbedMethod::guardsplat) == "guardsplat");
+  CHECK(name_of(EmbedMethod::gaussianmarker) == "gaussianmarker");
+  CHECK(name_of(EmbedMethod::threedgsw) == "3dgsw");
   for (const char* word : {"", "WateRF", "waterf ", "compmar"}) CHECK_FALSE(embed_method(word).has_value());
 }

@@ -8,7 +8,9 @@
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/recipes/marked.hpp>
 #include <compmark/splat/training/trainer.hpp>
+#include <compmark/watermark/baselines/gaussianmarker.hpp>
 #include <compmark/watermark/baselines/guardsplat.hpp>
+#include <compmark/watermark/baselines/threedgsw.hpp>
 #include <compmark/watermark/baselines/unmarked_views.hpp>
 #include <compmark/watermark/baselines/waterf.hpp>
 #include <compmark/watermark/embed/base_model.hpp>
@@ -29,7 +31,9 @@ using namespace compmark;
 using compmark::testing::BlobViews;
 using HostRecipe = compmark::testing::SmallRecipe;
 using GuardSplatted = recipes::GuardSplat<HostRecipe, LatticeDecoder<float>>;
+using GaussianMarked = recipes::GaussianMarker<HostRecipe, LatticeDecoder<float>>;
 using Waterfed = recipes::Waterf<HostRecipe, WaveletDecoder<LatticeDecoder<float>>>;
+using ThreeDGswed = recipes::ThreeDGsw<HostRecipe, WaveletDecoder<LatticeDecoder<float>>>;
 
 /// The mean over the bits and views of how far a model's renders lean towards the message: positive is right.
 template <class Decoder>
@@ -167,6 +171,92 @@ TEST_CASE("baselines/waterf: everything trains but the places of the anchors, an
   CHECK(compmark::testing::same_values(marked, embedded(60, one)));
 }
 
+TEST_CASE("baselines/gaussianmarker: copies of half of the anchors train, and all else keeps its bits") {
+  const BlobViews views;
+  ThreadExecutor two(2), one(1);
+  const auto host = compmark::testing::briefly_trained<HostRecipe>(views, two);
+  REQUIRE(host.ok());
+  const auto embedded = [&](ThreadExecutor& executor) {
+    TrainSettings settings = gaussianmarker_settings(small_numbers(gaussianmarker_mark(), 120));
+    settings.mark.message.lambda = 30;  // 40 x 48 pixels and 120 iterations
+    Trainer<GaussianMarked, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    set_watermark(trainer, compmark::testing::colours(), compmark::testing::eight_bits);
+    auto begun = GaussianMarked::begin(*host, views, 4, executor);
+    REQUIRE(begun.ok());
+    trainer.start_from(std::move(*begun));
+    REQUIRE(trainer.run(views));
+    return baked_model(trainer.model());
+  };
+  const Model<HostRecipe> marked = embedded(two);
+  const std::size_t rows = host->anchor_count(), copies = marked.anchor_count() - rows;
+  CHECK(copies > rows / 4);
+  CHECK(copies <= (rows + 1) / 2);
+  for (std::size_t b = 0; b < host->arena.layout().blocks().size(); ++b) {
+    const ArenaLayout::Block& block = host->arena.layout().blocks()[b];
+    CAPTURE(std::string(block.name));
+    const auto before = host->arena.values(BlockHandle{b}), after = marked.arena.values(BlockHandle{b});
+    CHECK(std::equal(before.flat().begin(), before.flat().end(), after.flat().begin()));  // the first rows, or all
+  }
+  // The copies have left their originals, but for the place.
+  const auto moved = [&](BlockHandle block) {
+    const auto before = host->arena.values(block), after = marked.arena.values(block);
+    std::size_t count = 0;
+    for (std::size_t i = rows; i < after.rows; ++i) {
+      bool found = false;
+      for (std::size_t row = 0; row < rows && !found; ++row)
+        found = std::equal(before.row(row), before.row(row) + before.columns, after.row(i));
+      if (!found) ++count;
+    }
+    return count;
+  };
+  CHECK(moved(host->anchors.position) == 0);
+  CHECK(moved(host->anchors.feature) > copies / 2);
+  CHECK(moved(host->anchors.offset) > copies / 2);
+  const auto decoder = compmark::testing::colours();
+  const double before = lean_of(*host, views, decoder, two), after = lean_of(marked, views, decoder, two);
+  CAPTURE(before);
+  CAPTURE(after);
+  CHECK(after > before + 0.05);
+  CHECK(compmark::testing::same_values(marked, embedded(one)));
+}
+
+TEST_CASE("baselines/3dgsw: a model that was pruned trains on, and the bits lean the right way") {
+  const BlobViews views;
+  ThreadExecutor two(2), one(1);
+  auto host = compmark::testing::briefly_trained<HostRecipe>(views, two);
+  REQUIRE(host.ok());
+  host->arena.values(host->anchors.position)(5, 1) = 1e4f;  // out of sight
+  const auto embedded = [&](std::int64_t iterations, ThreadExecutor& executor) {
+    const TrainSettings settings = threedgsw_settings(small_numbers(threedgsw_mark(), iterations));
+    Trainer<ThreeDGswed, ThreadExecutor> trainer(settings, views.size(), 1.0, executor);
+    set_watermark(trainer, WaveletDecoder<LatticeDecoder<float>>(compmark::testing::colours()),
+                  compmark::testing::eight_bits);
+    auto begun = ThreeDGswed::begin(*host, views, 4, executor);
+    REQUIRE(begun.ok());
+    trainer.start_from(std::move(*begun));
+    REQUIRE(trainer.run(views));
+    return baked_model(trainer.model());
+  };
+  const Model<HostRecipe> marked = embedded(60, two);
+  const auto hidden = [](const Model<HostRecipe>& model) {
+    const auto position = model.columns().position;
+    std::size_t count = 0;
+    for (std::size_t row = 0; row < position.rows; ++row) count += position(row, 1) > 1e3f ? 1 : 0;
+    return count;
+  };
+  CHECK(hidden(*host) == 1);
+  CHECK(hidden(marked) == 0);
+  CHECK(marked.anchor_count() >= host->anchor_count() - 1);  // the others draw, and some may be split
+  const WaveletDecoder<LatticeDecoder<float>> reading(compmark::testing::colours());
+  const double before = lean_of(*host, views, reading, two), after = lean_of(marked, views, reading, two);
+  CAPTURE(before);
+  CAPTURE(after);
+  CAPTURE(host->anchor_count());
+  CAPTURE(marked.anchor_count());
+  CHECK(after > before + 0.05);
+  CHECK(compmark::testing::same_values(marked, embedded(60, one)));
+}
+
 namespace {
 
 /// Bit b leans with the mean of channel b, as steeply as it is asked to.
@@ -199,8 +289,9 @@ using SmoothHost = compmark::testing::SmoothRecipe;
 }  // namespace
 
 TEST_CASE_TEMPLATE("baselines: the directional derivative of the whole loss equals central differences", R,
-                   recipes::GuardSplat<SmoothHost, MeanColours>,
-                   recipes::Waterf<SmoothHost, WaveletDecoder<MeanColours>>) {
+                   recipes::GuardSplat<SmoothHost, MeanColours>, recipes::GaussianMarker<SmoothHost, MeanColours>,
+                   recipes::Waterf<SmoothHost, WaveletDecoder<MeanColours>>,
+                   recipes::ThreeDGsw<SmoothHost, WaveletDecoder<MeanColours>>) {
   Model<R> model = compmark::testing::random_model<R>(24);
   const BlockHandle offset = model.arena.layout().find("anchor.residual");
   const Random random(8, 0, random_stage("test residual"));

@@ -13,11 +13,14 @@
 namespace compmark {
 
 enum class EmbedMethod {
-  compmark,   ///< post-hoc embedding (watermark/embed/posthoc_embedding.hpp)
-  waterf,     ///< everything trains on (watermark/baselines/waterf.hpp)
-  guardsplat  ///< free offsets beside frozen features (watermark/baselines/guardsplat.hpp)
+  compmark,        ///< post-hoc embedding (watermark/embed/posthoc_embedding.hpp)
+  waterf,          ///< everything trains on (watermark/baselines/waterf.hpp)
+  guardsplat,      ///< free offsets beside frozen features (watermark/baselines/guardsplat.hpp)
+  gaussianmarker,  ///< copies of uncertain anchors train (watermark/baselines/gaussianmarker.hpp)
+  threedgsw        ///< pruned and split, then everything trains on (watermark/baselines/threedgsw.hpp)
 };
-inline constexpr std::array<std::string_view, 3> embed_method_names{"compmark", "waterf", "guardsplat"};
+inline constexpr std::array<std::string_view, 5> embed_method_names{"compmark", "waterf", "guardsplat",
+                                                                    "gaussianmarker", "3dgsw"};
 
 [[nodiscard]] constexpr std::string_view name_of(EmbedMethod method) {
   return embed_method_names[static_cast<std::size_t>(method)];

@@ -13,7 +13,9 @@
 #include "compmark/app/run/detail/run_recipe.hpp"
 #include "compmark/app/run/embed_method.hpp"
 #include "compmark/recipes/scaffold.hpp"
+#include "compmark/watermark/baselines/gaussianmarker.hpp"
 #include "compmark/watermark/baselines/guardsplat.hpp"
+#include "compmark/watermark/baselines/threedgsw.hpp"
 #include "compmark/watermark/baselines/waterf.hpp"
 #include "compmark/watermark/edit/edit_chain.hpp"
 
@@ -54,16 +56,33 @@ namespace compmark::detail {
 }
 
 [[nodiscard]] inline MarkNumbers baseline_mark(EmbedMethod method) {
-  return method == EmbedMethod::waterf ? waterf_mark() : guardsplat_mark();
+  switch (method) {
+    case EmbedMethod::waterf:
+      return waterf_mark();
+    case EmbedMethod::gaussianmarker:
+      return gaussianmarker_mark();
+    case EmbedMethod::threedgsw:
+      return threedgsw_mark();
+    default:
+      return guardsplat_mark();
+  }
 }
 
 /// Hides `mark` in plan.model. `settings` are those of a mark in the loss of photographs: everything trains on.
 [[nodiscard]] inline Result<RunOutcome> run_baseline(const RunPlan& plan, const TrainSettings& settings,
                                                      const RunMark& mark) {
   using LowBandDecoder = EditedDecoder<WaveletDecoder<FileDecoder>, CommonEdits>;
-  if (*plan.method == EmbedMethod::waterf)
-    return run_recipe<recipes::Waterf<recipes::Scaffold, LowBandDecoder>>(plan, waterf_settings(settings), &mark);
-  return run_recipe<recipes::GuardSplat<recipes::Scaffold, MarkingDecoder>>(plan, guardsplat_settings(settings), &mark);
+  using Host = recipes::Scaffold;
+  switch (*plan.method) {
+    case EmbedMethod::waterf:
+      return run_recipe<recipes::Waterf<Host, LowBandDecoder>>(plan, waterf_settings(settings), &mark);
+    case EmbedMethod::gaussianmarker:
+      return run_recipe<recipes::GaussianMarker<Host, MarkingDecoder>>(plan, gaussianmarker_settings(settings), &mark);
+    case EmbedMethod::threedgsw:
+      return run_recipe<recipes::ThreeDGsw<Host, LowBandDecoder>>(plan, threedgsw_settings(settings), &mark);
+    default:
+      return run_recipe<recipes::GuardSplat<Host, MarkingDecoder>>(plan, guardsplat_settings(settings), &mark);
+  }
 }
 
 }  // namespace compmark::detail

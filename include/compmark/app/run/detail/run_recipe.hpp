@@ -233,7 +233,15 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
       if (Result<Done> adopted = adopt_networks(*unmarked_file, loaded->model); !adopted)
         return in_file(adopted.error(), plan.model);
     }
-    if constexpr (is_marked || is_fitted) loop.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
+    if constexpr (requires { R::prepares_host; }) {  // a baseline that adds anchors, or removes some, before it begins
+      auto prepared = R::begin(loaded->model, *train, data.settings.seed, executor);
+      if (!prepared) return in_file(prepared.error(), plan.data);
+      if (Result<Done> room = check_training_memory(inputs.memory_shape, prepared->anchor_count(), memory); !room)
+        return room;
+      loop.start_from(std::move(*prepared));
+    } else if constexpr (is_marked || is_fitted) {
+      loop.start_from(with_room_for_stages<R>(loaded->model, data.settings.seed));
+    }
     return Done{};
   };
   if constexpr (is_marked && present<typename R::Embedder> && !on_unmarked) {
