@@ -6,6 +6,8 @@
 // or the headers it uses.
 #pragma once
 
+#include "compmark/version.hpp"
+
 #include "compmark/codec.hpp"
 #include "compmark/fwd.hpp"
 #include "compmark/recipes/captures.hpp"
@@ -19,5 +21,4 @@
 #include "compmark/recipes/scaffold.hpp"
 #include "compmark/scene.hpp"
 #include "compmark/splat.hpp"
-#include "compmark/version.hpp"
 #include "compmark/watermark.hpp"

@@ -98,14 +98,14 @@ template <class Json = nlohmann::json>
   const Result<std::string> format = json_field<std::string>(*json, "format", file);
   if (!format || *format != OwnerKey::format)
     return fail(ErrorKind::malformed, "format", "is not that of a key file", "give the file that keygen wrote");
-  const Result<std::int64_t> version = json_field<std::int64_t>(*json, "version", file);
-  if (!version) return version.error();
-  if (*version < 1 || *version > OwnerKey::newest_version) {
-    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*version) + ", this program reads 1 to 3",
+  const Result<std::int64_t> written = json_field<std::int64_t>(*json, "version", file);
+  if (!written) return written.error();
+  if (*written < 1 || *written > OwnerKey::newest_version) {
+    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*written) + ", this program reads 1 to 3",
                 "use the program that wrote it, or a newer one");
   }
   std::size_t hardness = 0;
-  if (*version >= 2) {
+  if (*written >= 2) {
     const Result<std::size_t> number = json_field<std::size_t>(*json, "hardness", file);
     if (!number) return number.error();
     if (*number < OwnerKey::least_hardness || *number > OwnerKey::largest_hardness)
@@ -116,7 +116,7 @@ template <class Json = nlohmann::json>
   }
   std::string decoder;
   Digest256 decoder_digest{};
-  if (*version == 3) {
+  if (*written == 3) {
     const Result<std::string> digits = json_field<std::string>(*json, "decoder", file);
     if (!digits) return digits.error();
     if (digits->size() != 64 || !from_hex(*digits, decoder_digest) || to_hex(decoder_digest) != *digits)
@@ -190,7 +190,7 @@ template <class Json = nlohmann::json>
         "use a key and a decoder of one message length");
   }
   // Last: a damaged file costs no derivation.
-  if (*version == 3)
+  if (*written == 3)
     detail::derive_bound_root(*key, decoder_digest);
   else if (hardness != 0)
     scrypt(key->secret, bytes_of("compmark/key/v2"), ScryptCost{key->hardness, 8, 1}, key->root);

@@ -96,10 +96,10 @@ class SogParser {
       return error(ErrorKind::unsupported, "version", "is not told: the file is of version 1",
                    "export it again with a newer program, as version 2");
     }
-    const Result<int> version = json_field<int>(meta_, "version", name_);
-    if (!version) return version.error();
-    if (*version != 2)
-      return error(ErrorKind::unsupported, "version", "is " + std::to_string(*version) + ", not 2",
+    const Result<int> written = json_field<int>(meta_, "version", name_);
+    if (!written) return written.error();
+    if (*written != 2)
+      return error(ErrorKind::unsupported, "version", "is " + std::to_string(*written) + ", not 2",
                    "export it again as version 2");
     const Result<std::uint64_t> count = json_field<std::uint64_t>(meta_, "count", name_);
     if (!count) return count.error();

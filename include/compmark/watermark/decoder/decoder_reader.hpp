@@ -218,10 +218,10 @@ template <class TensorFile>
     if (format != decoder_format)
       reader.fail(ErrorKind::unsupported, "__metadata__.format",
                   "\"" + format.substr(0, 40) + "\" is not \"" + std::string(decoder_format) + "\"", reader.remedy);
-    const int version = reader.integer("format_version", 1, 1 << 30);
-    if (version > decoder_format_version)
+    const int written = reader.integer("format_version", 1, 1 << 30);
+    if (written > decoder_format_version)
       reader.fail(ErrorKind::unsupported, "__metadata__.format_version",
-                  std::to_string(version) + " is newer than this program's " + std::to_string(decoder_format_version),
+                  std::to_string(written) + " is newer than this program's " + std::to_string(decoder_format_version),
                   "use a newer program");
     const std::string kind = reader.text("kind");
     if (kind == "strided") {
