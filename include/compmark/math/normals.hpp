@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Many standard normals at once: those of Random::normal, by loops that a compiler turns into SIMD code in place of two
-// calls of the C library for each number. The logarithm is that of fdlibm (Sun Microsystems, 1993: log(1 + f) by s = f /
-// (2 + f) and a polynomial of degree 7 in s^2), the cosine a sine of the distance from a quarter turn by its series.
-// Both are accurate to rounding, so the numbers differ from Random::normal's by a few units of the last place of a
-// double, and depend on no C library. Cost: a seventh of Random::normal's with AVX2, ~10 ns a number.
+// calls of the C library for each number. The logarithm is that of the mantissa by the series of artanh, the cosine a
+// sine of the distance from a quarter turn by its series. Both are accurate to rounding, so the numbers differ from
+// Random::normal's by a few units of the last place of a double, and depend on no C library. Cost: a fifth of
+// Random::normal's with AVX2, ~8 ns a number.
 #pragma once
 
 #include <algorithm>
@@ -36,16 +36,14 @@ namespace detail {
   const double k = small_to_double(bits >> 52) - (upper ? 1022.0 : 1023.0);
   const double f = (upper ? 0.5 * mantissa : mantissa) - 1;
   const double s = f / (2 + f), z = s * s;
-  double r = 1.479819860511658591e-01;
-  r = 1.531383769920937332e-01 + z * r;
-  r = 1.818357216161805012e-01 + z * r;
-  r = 2.222219843214978396e-01 + z * r;
-  r = 2.857142874366239149e-01 + z * r;
-  r = 3.999999999940941908e-01 + z * r;
-  r = 6.666666666666735130e-01 + z * r;
-  const double half_square = 0.5 * f * f;
-  constexpr double ln2_high = 6.93147180369123816490e-01, ln2_low = 1.90821492927058770002e-10;
-  return k * ln2_high - ((half_square - (s * (half_square + z * r) + k * ln2_low)) - f);
+  // log(1 + f) = 2 artanh(s) = 2 s + s r, r the series below; |s| < 0.172, so that the next term is 2e-18 of the sum.
+  double r = 2 / 21.0;
+  for (const double odd : {19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0}) r = 2 / odd + z * r;
+  r *= z;
+  // 2 s = f - s f: what is rounded is smaller than f, which is exact. ln 2 in two parts, of which k times the first is
+  // exact.
+  constexpr double ln2_high = 0x1.62e42fefap-1, ln2_low = 0x1.cf79abc9e3b3ap-40;
+  return k * ln2_high + (f - (s * (f - r) - k * ln2_low));
 }
 
 /// cos(2 pi v) for v in (0, 1).
