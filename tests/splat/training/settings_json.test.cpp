@@ -66,8 +66,8 @@ struct ChangeOne {
     all(f0, f1, f2, f3, f4, f5, f6, f7, f8);
   }
   void operator()(ResidualSettings& residual) {
-    auto& [learning_rate, decay, after] = residual;
-    all(learning_rate, decay, after);
+    auto& [learning_rate, decay, after, harmonics] = residual;
+    all(learning_rate, decay, after, harmonics);
   }
   void operator()(DistortionSettings& distortion) {
     auto& [f0, f1, f2, f3, f4, f5, f6, f7, f8] = distortion;
