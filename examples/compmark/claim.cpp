@@ -23,6 +23,8 @@ struct ClaimOptions : ClaimSettings {
 };
 
 int claim(ClaimOptions& options) {
+  // Where a decoder was named, the commands that come next need it too.
+  const std::string decoder = options.decoder.empty() ? "" : " --decoder " + options.decoder.string();
   if (const Result<Done> chosen = choose_decoder(options.decoder, {}); !chosen) return fail(chosen.error());
   const Result<OwnerKey> key = load_key(options.key);
   if (!key) return fail(key.error());
@@ -43,9 +45,10 @@ int claim(ClaimOptions& options) {
       "time-stamping authority "
       "answers\n  openssl ts -query -data %s -sha256 -cert -out request.tsq\n"
       "and its answer, if there is one, is --time-stamp ANSWER when you verify.\n"
-      "next: compmark train --data SCENE --out RUN --key %s\n"
-      "then: compmark verify --images PICTURES --key %s --claim %s\n",
-      file.c_str(), options.key.string().c_str(), options.key.string().c_str(), file.c_str());
+      "next: compmark train --data SCENE --out RUN --key %s%s\n"
+      "then: compmark verify --images PICTURES --key %s%s --claim %s\n",
+      file.c_str(), options.key.string().c_str(), decoder.c_str(), options.key.string().c_str(), decoder.c_str(),
+      file.c_str());
   return success;
 }
 

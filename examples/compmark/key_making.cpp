@@ -37,7 +37,9 @@ Result<std::string> make_dated_key(KeySettings settings) {
           key.created + "\ncommitment  " + key.commitment() + "\n";
   if (key.corrects != 0)
     text += "payload     " + key.payload + ", up to " + std::to_string(key.corrects) + " wrong bits corrected\n";
-  text += "next: compmark claim --key " + settings.out.string() + " --out " + settings.out.string() +
+  text += "next: compmark claim --key " + settings.out.string() +
+          (settings.decoder.empty() ? "" : " --decoder " + settings.decoder.string()) + " --out " +
+          settings.out.string() +
           ".claim\n      Publish its SHA-256 where others date it, before anybody else has anything of the scene.\n";
   if (!match_threshold(key.bits, VerifySettings{}.false_positive_rate)) {
     print_warning(std::to_string(key.bits) + " bits can never be evidence at a false-positive rate of 1e-06");

@@ -545,7 +545,9 @@ TEST_CASE("tool: what a cheat can make is no proof: a decoder, a key that was tr
 
 TEST_CASE("tool: a decoder that is made after a bound key is refused, and bound to it the secret is another message") {
   const Setting& s = setting();
-  REQUIRE(tool("keygen --bits 48 --decoder " + s.decoder + " --out " + at("bound.key")).code == 0);
+  const Outcome made = tool("keygen --bits 48 --decoder " + s.decoder + " --out " + at("bound.key"));
+  REQUIRE(made.code == 0);
+  CHECK(made.text.find("compmark claim --key " + at("bound.key") + " --decoder " + s.decoder) != std::string::npos);
   const OwnerKey key = *read_key(at("bound.key"));
   CHECK(key.version() == 3);
   const Outcome plain = tool("verify --key " + at("bound.key") + " --decoder " + s.decoder + " --images " + s.plain +
