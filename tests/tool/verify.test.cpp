@@ -582,10 +582,6 @@ TEST_CASE("tool: a decoder that is made after a bound key is refused, and bound 
                               " --images " + s.plain + " --json " + at("b.json"));
   CHECK(fooled.code == 3);  // detected, and not a proof
   CHECK(json_of(at("b.json"))["matches"] == 48);
-  // What would fit a decoder says before it trains anything that the key has one.
-  check_refused(tool("embed --model " + s.key + " --decoder fit --key " + at("bound.key") + " --out " + at("none")),
-                {"bound"});
-  CHECK_FALSE(fs::exists(at("none")));
 }
 
 TEST_CASE("tool: keygen makes keys that take their time to derive, and quick ones where that is asked for") {

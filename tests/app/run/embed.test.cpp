@@ -226,6 +226,17 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
           s.mark.fidelity = 0;
           s.mark.fall = 1;
         }) == "--fidelity-fall");
+  // A decoder would be fitted, and the key is bound to one: told before anything is trained.
+  Digest256 secret{};
+  secret[3] = std::byte{5};
+  const auto bound =
+      make_bound_key(secret, std::string(64, 'a'), "2026-01-31T23:59:59Z", 8, "", OwnerKey::least_hardness);
+  const std::filesystem::path bound_file = unmarked.scene.folder.path / "bound.key";
+  REQUIRE(write_key(bound_file, *bound).ok());
+  CHECK(field_of([&](EmbedSettings& s) {
+          s.mark.key = bound_file;
+          s.mark.decoder.clear();
+        }) == "--decoder");
   // What a baseline has no use for.
   const auto field_of_baseline = [&](auto change) {
     return field_of([&](EmbedSettings& s) {
