@@ -138,6 +138,19 @@ void for_predicted(Predictor& predictor, std::size_t anchors, const Body& body) 
   }
 }
 
+/// The bytes and hashes of a chunk of which every symbol and its model are known.
+inline void write_chunk(const ChunkCoder& coder, std::span<const SymbolModel> models,
+                        std::span<const std::int32_t> symbols, const ChunkRows& rows, EncodedChunk& chunk) {
+  chunk.mask = encode_masks(rows.mask, coder.offset_count);
+  std::vector<std::uint8_t> stream;
+  encode_symbols(coder.tables, models, symbols, stream);
+  const std::span<const std::byte> bytes = std::as_bytes(std::span<const std::uint8_t>(stream));
+  chunk.stream.assign(bytes.begin(), bytes.end());
+  chunk.symbol_count = symbols.size();
+  chunk.symbol_hash = chunk_symbol_hash(symbols, rows);
+  chunk.value_hash = chunk_value_hash(rows);
+}
+
 /// Replaces the rows' values by the decoded ones and returns the bytes. `predictor` is PanelModels with two methods:
 /// look(first, count) evaluates the context for anchors of the chunk, and tell(anchor, channel, symbol, step index)
 /// gives it a coded feature or scale.
@@ -165,14 +178,7 @@ template <class Predictor>
                     if (group < 2) predictor.tell(anchor, channel, symbol, index);
                   });
   });
-  chunk.mask = encode_masks(rows.mask, coder.offset_count);
-  std::vector<std::uint8_t> stream;
-  encode_symbols(coder.tables, models, symbols, stream);
-  const std::span<const std::byte> bytes = std::as_bytes(std::span<const std::uint8_t>(stream));
-  chunk.stream.assign(bytes.begin(), bytes.end());
-  chunk.symbol_count = symbols.size();
-  chunk.symbol_hash = chunk_symbol_hash(symbols, rows);
-  chunk.value_hash = chunk_value_hash(rows);
+  write_chunk(coder, models, symbols, rows, chunk);
   return chunk;
 }
 

@@ -80,14 +80,7 @@ template <class Predictor>
                       near.keep(channel, state.tell(channel, predicted, symbol));
                     });
   });
-  chunk.mask = encode_masks(rows.mask, coder.offset_count);
-  std::vector<std::uint8_t> stream;
-  encode_symbols(coder.tables, models, symbols, stream);
-  const std::span<const std::byte> bytes = std::as_bytes(std::span<const std::uint8_t>(stream));
-  chunk.stream.assign(bytes.begin(), bytes.end());
-  chunk.symbol_count = symbols.size();
-  chunk.symbol_hash = chunk_symbol_hash(symbols, rows);
-  chunk.value_hash = chunk_value_hash(rows);
+  write_chunk(coder, models, symbols, rows, chunk);
   return chunk;
 }
 
